@@ -1,0 +1,1 @@
+"""The mathematics that the daemon and the offline tool share: SI units, float64, batches first `(N, ...)`."""

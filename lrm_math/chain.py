@@ -1,0 +1,252 @@
+"""The arm as a product of one-parameter motions ("slots"), and its frames and screws.
+
+Base: T(x, y, z) Rx(alpha) Ry(beta) Rz(gamma). Link i: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Tz(extra z) (modified DH,
+thesis section 4.1), then the bending of link i about its own x and y. Tool: Rx Ry Rz T(x, y, z).
+
+Whatever an effect does to the arm, it adds an amount (rad or m) to slots. A slot's amount is a float where it is the
+same for all poses, or an array `(N,)`; the same code serves both, so one pose costs scalar Python and a batch numpy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arm import BASE, TOOL, Arm, Placement
+
+Array: TypeAlias = NDArray[np.float64]
+Number: TypeAlias = "float | Array"
+Vector: TypeAlias = "list[Number]"
+
+X, Y, Z = 0, 1, 2
+PLANE = ((Y, Z), (Z, X), (X, Y))  # the two axes that a rotation about x, y, z mixes
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One elementary motion of the chain: a rotation (rad) or a translation (m) along one axis.
+
+    `joint` is the number from 0 of the joint angle that drives it, or None.
+    """
+
+    place: str
+    name: str
+    rotates: bool
+    axis: int
+    nominal: float
+    joint: int | None = None
+
+    @property
+    def key(self) -> str:
+        """`place.name`, for instance `joint2.theta`."""
+        return f"{self.place}.{self.name}"
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """A body as the chain sees it: it stands before slot number `before`, its centre of mass `com` (m) there."""
+
+    before: int
+    mass: float
+    com: tuple[float, float, float]
+    carries_payload: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """All slots from base to TCP and the bodies between them, ordered outwards.
+
+    `moved[k]`: the first body that slot k moves. `counted[k]`: the first body that the load of slot k counts; the two
+    differ only for arms whose file says that a body loads a joint that does not carry it.
+    """
+
+    dof: int
+    gravity: tuple[float, float, float]
+    slots: tuple[Slot, ...]
+    index: dict[str, int]
+    bodies: tuple[Attachment, ...]
+    moved: tuple[int, ...]
+    counted: tuple[int, ...]
+    frame_ends: tuple[int, ...]
+    joint_slots: tuple[int, ...]
+
+    def values(self, q: Sequence[Number]) -> list[Number]:
+        """Amount of every slot of the nominal arm at joint angles q, one float or `(N,)` per joint (rad)."""
+        return [slot.nominal if slot.joint is None else slot.nominal + q[slot.joint] for slot in self.slots]
+
+
+@lru_cache(maxsize=64)
+def chain_of(arm: Arm) -> Chain:
+    """The chain of an arm."""
+    slots = [*_base_slots(arm.base)]
+    frame_ends = [len(slots)]
+    for i in range(arm.dof):
+        slots += _link_slots(arm, i)
+        frame_ends.append(len(slots))
+        if i + 1 < arm.dof:
+            slots += [Slot(f"link{i + 1}", name, True, axis, 0.0) for name, axis in (("x", X), ("y", Y))]
+    slots += _tool_slots(arm.tool)
+    frame_ends.append(len(slots))
+    bodies = sorted(arm.bodies, key=lambda b: (b.frame, not b.near_end))
+    attachments = [
+        Attachment(frame_ends[b.frame] - (1 if b.near_end else 0), b.mass, b.com, b.carries_payload) for b in bodies
+    ]
+    moved = [sum(b.before <= k for b in attachments) for k in range(len(slots))]
+    loads = [_first_joint_loaded(k, slots, arm.dof) for k in range(len(slots))]
+    counted = [
+        min(moved[k], sum(b.loads_joint < joint for b in bodies)) if joint else moved[k] for k, joint in enumerate(loads)
+    ]
+    return Chain(
+        dof=arm.dof,
+        gravity=arm.gravity,
+        slots=tuple(slots),
+        index={slot.key: k for k, slot in enumerate(slots)},
+        bodies=tuple(attachments),
+        moved=tuple(moved),
+        counted=tuple(counted),
+        frame_ends=tuple(frame_ends),
+        joint_slots=tuple(k for k, slot in enumerate(slots) if slot.joint is not None),
+    )
+
+
+def _first_joint_loaded(k: int, slots: list[Slot], dof: int) -> int | None:
+    """Joint whose bodies slot k counts: its own for theta, the next one for a bending link; else what it moves."""
+    slot = slots[k]
+    if slot.joint is not None:
+        return slot.joint + 1
+    if slot.place.startswith("link"):
+        return min(int(slot.place.removeprefix("link")) + 1, dof)
+    return None
+
+
+def _base_slots(p: Placement) -> Iterable[Slot]:
+    for name, axis in (("x", X), ("y", Y), ("z", Z)):
+        yield Slot(BASE, name, False, axis, getattr(p, name))
+    for name, axis in (("alpha", X), ("beta", Y), ("gamma", Z)):
+        yield Slot(BASE, name, True, axis, getattr(p, name))
+
+
+def _link_slots(arm: Arm, i: int) -> Iterable[Slot]:
+    joint, place = arm.joints[i], f"joint{i + 1}"
+    yield Slot(place, "theta", True, Z, joint.theta, joint=i)
+    yield Slot(place, "d", False, Z, joint.d)
+    yield Slot(place, "a", False, X, joint.a)
+    yield Slot(place, "alpha", True, X, joint.alpha)
+    if joint.extra_z is not None:
+        yield Slot(place, "extra_z", False, Z, joint.extra_z)
+
+
+def _tool_slots(p: Placement) -> Iterable[Slot]:
+    for name, axis in (("alpha", X), ("beta", Y), ("gamma", Z)):
+        yield Slot(TOOL, name, True, axis, getattr(p, name))
+    for name, axis in (("x", X), ("y", Y), ("z", Z)):
+        yield Slot(TOOL, name, False, axis, getattr(p, name))
+
+
+def is_zero(value: Number) -> bool:
+    """True for the amount of a slot that does nothing, the same for all poses."""
+    return isinstance(value, float) and value == 0.0
+
+
+def trig(chain: Chain, values: Sequence[Number]) -> list[tuple[Number, Number] | None]:
+    """(cos, sin) of every rotating slot's amount; None for translations and for rotations by zero."""
+    return [trig_of(value) if slot.rotates else None for slot, value in zip(chain.slots, values, strict=True)]
+
+
+def trig_of(value: Number) -> tuple[Number, Number] | None:
+    """(cos, sin) of one angle, None for zero."""
+    if isinstance(value, float):
+        return None if value == 0.0 else (math.cos(value), math.sin(value))
+    return np.cos(value), np.sin(value)
+
+
+def pull_back(
+    chain: Chain, values: Sequence[Number], angles: Sequence[tuple[Number, Number] | None], start: int = 0
+) -> Vector:
+    """TCP position in the frame before slot `start`: the tip's origin carried inwards, three numbers (m)."""
+    p: Vector = [0.0, 0.0, 0.0]
+    for k in range(len(chain.slots) - 1, start - 1, -1):
+        slot = chain.slots[k]
+        if slot.rotates:
+            rotate(p, slot.axis, angles[k])
+        elif not is_zero(values[k]):
+            p[slot.axis] = p[slot.axis] + values[k]
+    return p
+
+
+def rotate(v: Vector, axis: int, angle: tuple[Number, Number] | None) -> None:
+    """Rotates three components in place about one axis: v <- R(axis, angle) v."""
+    if angle is not None:
+        c, s = angle
+        i, j = PLANE[axis]
+        v[i], v[j] = c * v[i] - s * v[j], s * v[i] + c * v[j]
+
+
+def rotate_inverse(v: Vector, axis: int, angle: tuple[Number, Number] | None) -> None:
+    """Rotates three components in place the other way: v <- R(axis, angle)ᵀ v."""
+    if angle is not None:
+        c, s = angle
+        i, j = PLANE[axis]
+        v[i], v[j] = c * v[i] + s * v[j], c * v[j] - s * v[i]
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """World-frame geometry met on the way from base to TCP, for N poses, components first for speed.
+
+    `axis`, `origin`: (S, 3, N), of every slot (unit vectors; m). `body`: (B, 3, N), centres of mass (m).
+    `frames`: (n + 2, 4, 3, N): columns x, y, z and origin of the frames base, after joint 1 … n, tool.
+    """
+
+    axis: Array
+    origin: Array
+    body: Array
+    frames: Array
+
+    @property
+    def tcp(self) -> Array:
+        """(3, N), TCP position (m)."""
+        return np.asarray(self.frames[-1, 3])
+
+
+def walk(chain: Chain, values: Sequence[Number], count: int) -> Walk:
+    """Carries the frame outwards through all slots for `count` poses."""
+    angles = trig(chain, values)
+    columns = [np.zeros((3, count)) for _ in range(3)]
+    for axis in (X, Y, Z):
+        columns[axis][axis] = 1.0
+    p = np.zeros((3, count))
+    axes, origins = np.empty((2, len(chain.slots), 3, count))
+    bodies = np.empty((len(chain.bodies), 3, count))
+    frames = np.empty((chain.dof + 2, 4, 3, count))
+    body = frame = 0
+    for k in range(len(chain.slots) + 1):
+        while body < len(chain.bodies) and chain.bodies[body].before == k:
+            bodies[body] = p + sum(c * column for c, column in zip(chain.bodies[body].com, columns, strict=True) if c)
+            body += 1
+        while frame < len(frames) and chain.frame_ends[frame] == k:
+            frames[frame, 0], frames[frame, 1], frames[frame, 2], frames[frame, 3] = *columns, p
+            frame += 1
+        if k == len(chain.slots):
+            return Walk(axes, origins, bodies, frames)
+        slot = chain.slots[k]
+        axes[k], origins[k] = columns[slot.axis], p
+        if slot.rotates:
+            rotate_inverse(columns, slot.axis, angles[k])  # type: ignore[arg-type]
+        elif not is_zero(values[k]):
+            p = p + values[k] * columns[slot.axis]
+    raise AssertionError("unreachable")
+
+
+def frames(chain: Chain, values: Sequence[Number], count: int) -> Array:
+    """Homogeneous frames (N, n + 2, 4, 4): base, after joint 1 … n, tool; m."""
+    out = np.zeros((count, chain.dof + 2, 4, 4))
+    out[..., 3, 3] = 1.0
+    out[..., :3, :] = walk(chain, values, count).frames.transpose(3, 0, 2, 1)
+    return out

@@ -1,0 +1,31 @@
+"""The catalogue: every effect that the tool knows, one small class each."""
+
+from __future__ import annotations
+
+from lrm_math.arm import Arm
+from lrm_math.effects.backlash import Backlash
+from lrm_math.effects.base import Effect, Parameter
+from lrm_math.effects.compliance import Compliance, LateralCompliance
+from lrm_math.effects.offsets import Offsets
+from lrm_math.errors import UnknownName
+
+CATALOGUE: tuple[type[Effect], ...] = (Offsets, Compliance, LateralCompliance, Backlash)
+
+
+def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> tuple[Effect, ...]:
+    """The effects that `id` (at all its places) or `id@place` means on this arm.
+
+    Raises:
+        UnknownName: no such effect, or it cannot act at that place; the message lists what there is.
+    """
+    effect_id, _, place = name.partition("@")
+    by_id = {effect.id: effect for effect in catalogue}
+    if effect_id not in by_id:
+        raise UnknownName("effect", effect_id, by_id)
+    places = by_id[effect_id].places(arm)
+    if place and place not in places:
+        raise UnknownName(f"place of effect {effect_id}", place, places)
+    return tuple(by_id[effect_id](arm, at) for at in ([place] if place else places))
+
+
+__all__ = ["CATALOGUE", "Effect", "Parameter", "effects_at"]

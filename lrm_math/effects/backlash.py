@@ -1,0 +1,60 @@
+"""Play in the gears of a joint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_math.arm import Arm
+from lrm_math.effects.base import Amounts, Effect, Parameter
+from lrm_math.poses import Poses
+
+
+@dataclass(frozen=True)
+class Backlash(Effect):
+    """Play of one joint, taken up on the side that gravity pulls to."""
+
+    id = "backlash"
+    cause = "Gears have play; gravity pushes the joint to one end of it and, when the torque changes sign, to the other."
+    formula = "δq = ½ b tanh(τ/τ0)"
+    source = "form after Slamani, Nubiola & Bonev 2012, smoothed at the change of sign"
+    needs = "torque of both signs at the joint"
+    follows_angles = False
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint."""
+        return arm.joint_names
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The whole play b, and the torque τ0 at which three quarters of it are taken up."""
+        return (
+            Parameter("b_rad", f"play of {self.place}, from end to end", 0.02, lower=0.0),
+            Parameter("tau0_Nm", "torque that takes up 76 % of the play", 0.02, lower=1e-4, fixed=0.02),
+        )
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The joint's angle."""
+        return (f"{self.place}.theta",)
+
+    @property
+    def feels(self) -> tuple[str, ...]:
+        """The joint's torque."""
+        return self.moves
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """½ b tanh(τ/τ0)."""
+        return (0.5 * p[0] * np.tanh(tau[0] / p[1]),)
+
+    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """½ tanh(τ/τ0) and −½ b τ/τ0² sech²(τ/τ0)."""
+        tanh = np.tanh(tau[0] / p[1])
+        return ((0.5 * tanh,), (-0.5 * p[0] * tau[0] / p[1] ** 2 * (1.0 - tanh**2),))
+
+    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """½ b/τ0 sech²(τ/τ0)."""
+        return ((0.5 * p[0] / p[1] * (1.0 - np.tanh(tau[0] / p[1]) ** 2),),)

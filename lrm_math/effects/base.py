@@ -1,0 +1,144 @@
+"""The contract of an effect: a named physical cause that, from parameters, makes small motions.
+
+An effect acts at one place of one arm. It names the slots of the chain that it moves, the slots whose load it feels,
+and its parameters; `motion` is its physics. Everything else (prediction, derivatives through the equilibrium, the fit)
+follows from these. Derivatives are central differences of `motion` unless the effect gives them; `motion` is a local
+formula that costs nothing, so these are accurate to about 1e-9 of the amount.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from lrm_math.arm import Arm
+from lrm_math.chain import Array, Number
+from lrm_math.poses import Poses
+
+UNIT_IN_SI = {"rad": 1.0, "mm": 1e-3, "g": 1e-3, "s": 1.0, "Nm": 1.0, "rad_per_Nm": 1.0, "Nm_per_rad": 1.0}
+Amounts = tuple[Number, ...]
+STEP = 6e-6  # cube root of the machine epsilon: the best step of a central difference
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number that the data may tell: its name with unit, what it means, its size and bounds in SI.
+
+    `typical`: the size one expects before measuring, used to scale the fit. `fixed`: the value of a shape parameter,
+    which is not fitted unless it is named; None for all others, whose value is 0 when not given.
+    """
+
+    name: str
+    meaning: str
+    typical: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    fixed: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """The unit in the name, for instance `rad_per_Nm`."""
+        return max((unit for unit in UNIT_IN_SI if self.name.endswith("_" + unit)), key=len)
+
+    @property
+    def si(self) -> float:
+        """What one of the file's unit is in SI."""
+        return UNIT_IN_SI[self.unit]
+
+    @property
+    def default(self) -> float:
+        """The value when none is given (SI)."""
+        return 0.0 if self.fixed is None else self.fixed
+
+
+@dataclass(frozen=True)
+class Effect(ABC):
+    """A physical cause at one `place` of one `arm`."""
+
+    arm: Arm
+    place: str
+
+    id: ClassVar[str]
+    cause: ClassVar[str]
+    formula: ClassVar[str]
+    source: ClassVar[str]
+    needs: ClassVar[str] = ""
+    online: ClassVar[bool] = True
+    """Whether the rover can compensate it: it depends on angles, load and direction only."""
+    follows_angles: ClassVar[bool] = True
+    """Whether `motion` depends on the commanded angles themselves, not only on loads."""
+
+    @classmethod
+    @abstractmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every place of this arm where the effect can act."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What may be fitted, in the order of `p`."""
+
+    @property
+    @abstractmethod
+    def moves(self) -> tuple[str, ...]:
+        """The slots that it moves, `place.name`."""
+
+    @property
+    def feels(self) -> tuple[str, ...]:
+        """The rotating slots whose load enters `motion`, in the order of `tau`."""
+        return ()
+
+    @abstractmethod
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """The amount added to each slot of `moves`: rad or m, each a float or (N,).
+
+        Args:
+            poses: N commanded poses.
+            tau: gravity's load on each slot of `feels`, N·m, each (N,).
+            p: the parameters' values in SI.
+        """
+
+    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """∂amount/∂p: for each parameter, one number or (N,) for each slot of `moves`."""
+        steps = [STEP * parameter.typical for parameter in self.parameters]
+        return tuple(
+            _difference(
+                self.motion(poses, tau, _changed(p, j, h)), self.motion(poses, tau, _changed(p, j, -h)), h
+            )
+            for j, h in enumerate(steps)
+        )
+
+    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """∂amount/∂tau: for each slot of `feels`, one number or (N,) for each slot of `moves`."""
+        return tuple(
+            _difference(
+                self.motion(poses, _changed(tau, j, STEP), p), self.motion(poses, _changed(tau, j, -STEP), p), STEP
+            )
+            for j in range(len(tau))
+        )
+
+    def d_q(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """∂amount/∂q at fixed loads: for each joint, one number or (N,) for each slot of `moves`."""
+        if not self.follows_angles:
+            return ((0.0,) * len(self.moves),) * self.arm.dof
+        return tuple(
+            _difference(
+                self.motion(poses.nudged(i, STEP), tau, p), self.motion(poses.nudged(i, -STEP), tau, p), STEP
+            )
+            for i in range(self.arm.dof)
+        )
+
+
+def _changed(values: Sequence[Number], j: int, step: float) -> tuple[Number, ...]:  # type: ignore[type-var]
+    return (*values[:j], values[j] + step, *values[j + 1 :])
+
+
+def _difference(plus: Amounts, minus: Amounts, h: float) -> Amounts:
+    return tuple((b - a) / (2.0 * h) for a, b in zip(minus, plus, strict=True))
+
+
+__all__ = ["Amounts", "Array", "Effect", "Number", "Parameter"]

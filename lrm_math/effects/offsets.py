@@ -1,0 +1,62 @@
+"""Level 2: what assembly and printing leave of the nominal geometry (thesis Table 4.3, 38 parameters for six joints)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from lrm_math.arm import BASE, TOOL, Arm
+from lrm_math.chain import chain_of
+from lrm_math.effects.base import Amounts, Effect, Parameter
+from lrm_math.poses import Poses
+
+ANGLE, LENGTH = 0.05, 0.005  # rad and m: sizes of assembly errors of a printed arm
+
+
+@dataclass(frozen=True)
+class Offsets(Effect):
+    """Constant errors added to the nominal dimensions of one link, the base or the tool."""
+
+    id = "offsets"
+    cause = "Parts are printed and screwed together a little longer, shorter or more twisted than drawn."
+    formula = "each nominal dimension + its own constant"
+    source = "Conenna 2024, Table 4.3; Hayati 1983"
+    follows_angles = False
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint, the base and the tool."""
+        return (*arm.joint_names, BASE, TOOL)
+
+    @cached_property
+    def _slots(self) -> tuple[str, ...]:
+        return tuple(slot.key for slot in chain_of(self.arm).slots if slot.place == self.place)
+
+    @cached_property
+    def _parameters(self) -> tuple[Parameter, ...]:
+        chain = chain_of(self.arm)
+        return tuple(
+            Parameter(f"{slot.name}_rad", f"error of the angle {slot.key}", ANGLE)
+            if slot.rotates
+            else Parameter(f"{slot.name}_mm", f"error of the length {slot.key}", LENGTH)
+            for slot in (chain.slots[chain.index[key]] for key in self._slots)
+        )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """One for each dimension at this place."""
+        return self._parameters
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """Every slot at this place."""
+        return self._slots
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """The offsets themselves."""
+        return tuple(p)
+
+    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """One for the parameter's own slot, zero for the others."""
+        return tuple(tuple(float(i == j) for i in range(len(p))) for j in range(len(p)))

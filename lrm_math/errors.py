@@ -1,0 +1,50 @@
+"""Every error a person may meet: one line that says what, where, and what would be right."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+
+class LrmError(Exception):
+    """The root of all errors that this software raises on purpose."""
+
+
+class FileError(LrmError):
+    """A file that cannot be taken as it is.
+
+    Attributes: `path`, `where` (row, column, joint or key, may be empty), `what`, `right` (what would be right).
+    """
+
+    def __init__(self, path: object, where: str, what: str, right: str = "") -> None:
+        self.path, self.where, self.what, self.right = str(path), where, what, right
+        super().__init__(": ".join(part for part in (self.path, where, what) if part) + (f"; {right}" if right else ""))
+
+
+class UnknownName(LrmError):
+    """A name that is not in the list of valid ones; carries `name` and `valid`."""
+
+    def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
+        self.name, self.valid = name, tuple(valid)
+        super().__init__(f"unknown {kind} '{name}'; {nearest(name, self.valid)}")
+
+
+class NotSettled(LrmError):
+    """An elastic equilibrium that fixed-point iteration did not reach; carries the `poses` (row numbers from 0)."""
+
+    def __init__(self, poses: Sequence[int], change_m: float, iterations: int) -> None:
+        self.poses, self.change_m, self.iterations = tuple(poses), change_m, iterations
+        others = f" and {len(poses) - 1} more" if len(poses) > 1 else ""
+        super().__init__(
+            f"row {poses[0] + 1}{others}: the elastic equilibrium does not settle (after {iterations} iterations the "
+            f"TCP still moves {change_m * 1e3:.3g} mm); compliances of printed arms are 0.02 to 0.2 rad/Nm"
+        )
+
+
+def nearest(name: str, valid: Sequence[str]) -> str:
+    """What to say of a wrong name: the closest valid ones first, then the whole list if it is short."""
+    close = difflib.get_close_matches(name, valid, n=3, cutoff=0.6)
+    if close:
+        hint = "did you mean " + " or ".join(close) + "?"
+        return hint if len(valid) > 12 else f"{hint} valid: {', '.join(valid)}"
+    return "valid: " + ", ".join(valid)

@@ -1,0 +1,216 @@
+"""Arm + effects + parameters -> TCP at elastic equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrm_math import statics
+from lrm_math.arm import Arm
+from lrm_math.chain import Array, Chain, Number, chain_of, pull_back, trig, trig_of
+from lrm_math.effects import Effect, Parameter
+from lrm_math.errors import LrmError, NotSettled, UnknownName
+from lrm_math.poses import Poses
+
+TOLERANCE = 1e-9
+"""m: the iteration ends when no TCP can still move more than this (DESIGN asks for 1e-6)."""
+PLAIN_ITERATIONS, MOST_ITERATIONS = 40, 200
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """An arm and what is wrong with it.
+
+    Attributes:
+        values: (P,), parameters of all effects in the order of `keys`, SI.
+        free: keys of the parameters that a fit may change; all others are held.
+    """
+
+    arm: Arm
+    effects: tuple[Effect, ...]
+    values: Array
+    free: tuple[str, ...] = ()
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The arm's slots."""
+        return chain_of(self.arm)
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """`effect.place.name_unit` of every parameter."""
+        return tuple(f"{e.id}.{e.place}.{p.name}" for e in self.effects for p in e.parameters)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Every parameter, in the order of `keys`."""
+        return tuple(p for e in self.effects for p in e.parameters)
+
+    @cached_property
+    def spans(self) -> tuple[slice, ...]:
+        """Where each effect's parameters stand in `values`."""
+        ends = np.cumsum([0, *(len(e.parameters) for e in self.effects)]).tolist()
+        return tuple(slice(a, b) for a, b in zip(ends, ends[1:], strict=False))
+
+    @cached_property
+    def felt(self) -> tuple[int, ...]:
+        """Slots whose load some effect feels, ascending."""
+        return tuple(sorted({self.chain.index[key] for e in self.effects for key in e.feels}))
+
+    def with_values(self, values: ArrayLike) -> Model:
+        """The same model with other parameter values (SI)."""
+        return replace(self, values=np.asarray(values, dtype=np.float64))
+
+    def value(self, key: str) -> float:
+        """One parameter's value (SI). Raises `UnknownName`."""
+        return float(self.values[self.position(key)])
+
+    def position(self, key: str) -> int:
+        """Where one parameter stands in `values`. Raises `UnknownName`."""
+        try:
+            return self.keys.index(key)
+        except ValueError:
+            raise UnknownName("parameter", key, self.keys) from None
+
+
+def model_of(arm: Arm, effects: Iterable[Effect], values: Mapping[str, float] | None = None) -> Model:
+    """A model from effects and parameter values by key (SI); those not given take their default.
+
+    Raises:
+        UnknownName: a key that no effect of the model has.
+        LrmError: an effect given twice, or a value that is not finite.
+    """
+    model = Model(arm, tuple(effects), np.empty(0))
+    twice = {key for key in model.keys if model.keys.count(key) > 1}
+    if twice:
+        raise LrmError(f"effect given twice: {sorted(twice)[0].rsplit('.', 1)[0]}")
+    filled = np.array([parameter.default for parameter in model.parameters], dtype=np.float64)
+    for key, value in (values or {}).items():
+        if not np.isfinite(value):
+            raise LrmError(f"parameter {key} = {value}; should be a finite number")
+        filled[model.position(key)] = value
+    return model.with_values(filled)
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """Where the arm comes to rest, for N poses.
+
+    Attributes:
+        slots: amount of every slot of the chain, nominal + all effects, each a float or (N,) (rad, m).
+        tau: load on each slot of `model.felt`, N·m, each (N,).
+        tcp: (N, 3), m, in the frame of measurement.
+        iterations: how many it took.
+    """
+
+    model: Model
+    poses: Poses
+    slots: tuple[Number, ...]
+    tau: tuple[Number, ...]
+    tcp: Array
+    iterations: int
+
+    def loads_on(self, slots: Sequence[int]) -> Array:
+        """(N, len(slots)), gravity's load on rotating slots given by number, ascending (N·m)."""
+        chain = self.model.chain
+        mass = statics.masses(chain, self.poses.payload)
+        loads = statics.loads(chain, self.slots, trig(chain, self.slots), mass, slots)
+        return np.stack([np.broadcast_to(load, len(self.poses)) for load in loads], axis=1)
+
+    @property
+    def joint_torque(self) -> Array:
+        """(N, n), gravity's torque on every joint axis (N·m), thesis Eq 2.48."""
+        return self.loads_on(self.model.chain.joint_slots)
+
+    @property
+    def base_moment(self) -> Array:
+        """(N,), gravity's moment about the base's y axis at the base's origin (N·m), thesis section 4.3."""
+        return np.asarray(self.loads_on([self.model.chain.index["base.beta"]])[:, 0])
+
+
+def equilibrium(
+    model: Model, poses: Poses, start: Equilibrium | None = None, tolerance: float = TOLERANCE
+) -> Equilibrium:
+    """Finds where the arm rests: effects move slots, that changes the loads, those change the effects.
+
+    Fixed-point iteration (thesis Figure 4.4), with half steps where whole ones do not settle.
+
+    Args:
+        start: an equilibrium of the same poses for nearby parameters, to start from.
+        tolerance: m, see `TOLERANCE`.
+
+    Raises:
+        NotSettled: naming the poses that did not come to rest.
+    """
+    chain, count = model.chain, len(poses)
+    rigid, elastic = _rigid_amounts(model, poses)
+    mass = statics.masses(chain, _constant_if_equal(poses.payload))
+    slots = list(rigid)
+    moving = sorted({chain.index[key] for e, _ in elastic for key in e.moves})
+    if start is not None:
+        for k in moving:
+            slots[k] = start.slots[k]
+    angles = trig(chain, slots)
+    tau: list[Number] = []
+    change = np.zeros(count)
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        tau = statics.loads(chain, slots, angles, mass, model.felt)
+        wanted = _elastic_amounts(model, poses, elastic, rigid, tau)
+        share = 1.0 if iteration <= PLAIN_ITERATIONS else 0.5
+        change = np.zeros(count)
+        for k in moving:
+            step = share * (wanted[k] - slots[k])
+            change += np.abs(step) * (_reach(model) if chain.slots[k].rotates else 1.0)
+            slots[k] = slots[k] + step
+            if chain.slots[k].rotates:
+                angles[k] = trig_of(slots[k])
+        worst = change.max(initial=0.0)
+        if worst <= tolerance * share:
+            tcp = pull_back(chain, slots, angles)
+            columns = np.stack([np.broadcast_to(component, count) for component in tcp], axis=1)
+            return Equilibrium(model, poses, tuple(slots), tuple(tau), columns, iteration)
+        if not np.isfinite(worst):
+            break
+    restless = np.flatnonzero(~(change <= tolerance))
+    raise NotSettled(restless.tolist(), float(change[restless].max()), iteration)
+
+
+def _rigid_amounts(model: Model, poses: Poses) -> tuple[list[Number], list[tuple[Effect, Array]]]:
+    """Slot amounts of the nominal arm and of every effect that feels no load; the effects that are left."""
+    chain = model.chain
+    slots = chain.values([poses.angle(i) for i in range(chain.dof)])
+    elastic = []
+    for effect, span in zip(model.effects, model.spans, strict=True):
+        if effect.feels:
+            elastic.append((effect, model.values[span]))
+            continue
+        for key, amount in zip(effect.moves, effect.motion(poses, (), model.values[span].tolist()), strict=True):
+            slots[chain.index[key]] = slots[chain.index[key]] + amount
+    return slots, elastic
+
+
+def _elastic_amounts(
+    model: Model, poses: Poses, elastic: list[tuple[Effect, Array]], rigid: list[Number], tau: list[Number]
+) -> dict[int, Number]:
+    load = dict(zip(model.felt, tau, strict=True))
+    index = model.chain.index
+    wanted: dict[int, Number] = {}
+    for effect, p in elastic:
+        felt = tuple(load[index[key]] for key in effect.feels)
+        for key, amount in zip(effect.moves, effect.motion(poses, felt, p.tolist()), strict=True):
+            k = index[key]
+            wanted[k] = wanted.get(k, rigid[k]) + amount
+    return wanted
+
+
+def _constant_if_equal(payload: Array) -> Number:
+    return float(payload[0]) if len(payload) and np.all(payload == payload[0]) else payload
+
+
+def _reach(model: Model) -> float:
+    """No rotation by 1 rad can move the TCP further than this (m): the stretched nominal arm, with a margin."""
+    return 1.2 * sum(abs(slot.nominal) for slot in model.chain.slots if not slot.rotates and slot.place != "base")

@@ -1,0 +1,62 @@
+"""What was commanded, pose by pose: the input of every model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lrm_math.errors import LrmError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """N commanded poses of an arm with n joints.
+
+    Attributes:
+        q: (N, n), commanded joint angles (rad).
+        payload: (N,), load carried (kg).
+        direction: (N, n), sign of the last move of each joint (−1, 0 unknown, +1), or None if the order is unknown.
+        t: (N,), time since the start (s), or None.
+        session: (N,), number of the power-on session, or None.
+        temperature: (N,), °C, or None.
+    """
+
+    q: Array
+    payload: Array
+    direction: Array | None = None
+    t: Array | None = None
+    session: Array | None = None
+    temperature: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.q.ndim != 2 or self.payload.shape != (len(self.q),):
+            raise LrmError(f"poses: q has shape {self.q.shape} and payload {self.payload.shape}; should be (N, n) and (N,)")
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def angle(self, joint: int) -> Array:
+        """(N,), commanded angle of joint number `joint` from 0 (rad)."""
+        return np.ascontiguousarray(self.q[:, joint])
+
+    def take(self, rows: ArrayLike) -> Poses:
+        """The poses of some rows (indices or a mask), in that order."""
+        chosen = np.asarray(rows)
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Poses(**{name: None if column is None else column[chosen] for name, column in columns.items()})
+
+    def nudged(self, joint: int, step: float) -> Poses:
+        """The same poses with one joint angle changed by `step` (rad)."""
+        q = self.q.copy()
+        q[:, joint] += step
+        return replace(self, q=q)
+
+
+def poses_of(q: ArrayLike, payload: ArrayLike = 0.0) -> Poses:
+    """Poses from angles (N, n) or (n,) in rad and payload in kg, one number or (N,)."""
+    angles = np.atleast_2d(np.asarray(q, dtype=np.float64))
+    return Poses(angles, np.broadcast_to(np.asarray(payload, dtype=np.float64), (len(angles),)).copy())

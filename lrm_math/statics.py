@@ -1,0 +1,141 @@
+"""Gravity's load on every slot of the chain, and how that load changes when slots move.
+
+The load of a slot is the generalised force tau = −∂V/∂s of gravity: for a rotation the moment about its axis (N·m),
+for a translation the force along it (N). Thesis Eqs 2.44 to 2.48 are the case of the joint axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lrm_math.chain import PLANE, Array, Chain, Number, Vector, Walk, is_zero, rotate, rotate_inverse
+
+
+def masses(chain: Chain, payload: Number) -> list[Number]:
+    """Mass of every body in chain order (kg), the payload (kg, float or `(N,)`) added to those that carry it."""
+    return [body.mass + payload if body.carries_payload else body.mass for body in chain.bodies]
+
+
+def loads(
+    chain: Chain,
+    values: Sequence[Number],
+    angles: Sequence[tuple[Number, Number] | None],
+    mass: Sequence[Number],
+    felt: Sequence[int],
+) -> list[Number]:
+    """Gravity's load on the rotating slots `felt` (ascending), N·m each.
+
+    Two recursions in the slots' own frames: gravity's direction outwards, the first mass moment Σ m c inwards.
+    """
+    gravity = _gravity_outwards(chain, angles, felt)
+    out: list[Number] = [0.0] * len(felt)
+    moment: Vector = [0.0, 0.0, 0.0]
+    carried: Number = 0.0
+    body, wanted = len(chain.bodies) - 1, len(felt) - 1
+    for k in range(len(chain.slots) - 1, (felt[0] if felt else 0) - 1, -1):
+        while body >= 0 and chain.bodies[body].before > k:
+            moment = [m + mass[body] * c if c else m for m, c in zip(moment, chain.bodies[body].com, strict=True)]
+            carried = carried + mass[body]
+            body -= 1
+        slot = chain.slots[k]
+        if slot.rotates:
+            rotate(moment, slot.axis, angles[k])
+        elif not is_zero(values[k]):
+            moment[slot.axis] = moment[slot.axis] + carried * values[k]
+        if wanted >= 0 and felt[wanted] == k:
+            counted = _with_bodies_behind(chain, values, angles, mass, k, moment)
+            i, j = PLANE[slot.axis]
+            g = gravity[wanted]
+            out[wanted] = counted[i] * g[j] - counted[j] * g[i]
+            wanted -= 1
+    return out
+
+
+def _gravity_outwards(
+    chain: Chain, angles: Sequence[tuple[Number, Number] | None], felt: Sequence[int]
+) -> list[Vector]:
+    g: Vector = list(chain.gravity)
+    seen: list[Vector] = []
+    for k in range((felt[-1] if felt else -1) + 1):
+        slot = chain.slots[k]
+        if len(seen) < len(felt) and felt[len(seen)] == k:
+            seen.append(list(g))
+        if slot.rotates:
+            rotate_inverse(g, slot.axis, angles[k])
+    return seen
+
+
+def _with_bodies_behind(
+    chain: Chain,
+    values: Sequence[Number],
+    angles: Sequence[tuple[Number, Number] | None],
+    mass: Sequence[Number],
+    k: int,
+    moment: Vector,
+) -> Vector:
+    """Adds the bodies that slot k counts although they stand behind it (the rig's bookkeeping of links 1, 3, 5)."""
+    for number in range(chain.counted[k], chain.moved[k]):
+        body = chain.bodies[number]
+        com: Vector = list(body.com)
+        for between in range(body.before, k):
+            slot = chain.slots[between]
+            if slot.rotates:
+                rotate_inverse(com, slot.axis, angles[between])
+            elif not is_zero(values[between]):
+                com[slot.axis] = com[slot.axis] - values[between]
+        moment = [m + mass[number] * c for m, c in zip(moment, com, strict=True)]
+    return moment
+
+
+def load_derivatives(chain: Chain, geometry: Walk, mass: Sequence[Number], felt: Sequence[int]) -> Array:
+    """∂tau_k/∂s_j for the rotating slots k in `felt` and every slot j: (K, S, N).
+
+    With a the axis of a slot, S the first mass moment that it carries about its origin, g gravity:
+    h = g × a (zero for a translation) and u = a × S (m a for a translation) give ∂tau_k/∂s_j = h_inner · u_outer,
+    the Hessian of −V. Bodies that a slot counts without moving them are corrected for.
+    """
+    K, J = len(felt), len(chain.slots)
+    g = np.array(chain.gravity)
+    rotates = np.array([slot.rotates for slot in chain.slots])
+    m, mc = _suffix_moments(geometry, mass)
+    carried = [_lever(geometry, j, m[chain.moved[j]], mc[chain.moved[j]], rotates[j]) for j in range(J)]
+    u = np.array(carried)
+    h = cross(np.broadcast_to(g[:, None], geometry.axis[0].shape), geometry.axis)
+    h[~rotates] = 0.0
+    out = np.empty((K, J, geometry.axis.shape[2]))
+    for row, k in enumerate(felt):
+        u_k = u[k]
+        if chain.counted[k] < chain.moved[k]:
+            u_k = _lever(geometry, k, m[chain.counted[k]], mc[chain.counted[k]], True)
+        np.einsum("jcn,cn->jn", h[:k], u_k, out=out[row, :k])
+        np.einsum("cn,jcn->jn", h[k], u[k:], out=out[row, k:])
+        for j in range(k):
+            if chain.counted[k] < chain.moved[j]:
+                left = _lever(geometry, j, m[chain.counted[k]], mc[chain.counted[k]], rotates[j]) - u[j]
+                out[row, j] -= np.einsum("cn,cn->n", h[k], left)
+    return out
+
+
+def _suffix_moments(geometry: Walk, mass: Sequence[Number]) -> tuple[list[Number], list[Number | Array]]:
+    """Total mass (kg) and world first moment (3, N) of all bodies from number b outwards, for b = 0 … B."""
+    m: list[Number] = [0.0]
+    mc: list[Number | Array] = [np.zeros_like(geometry.tcp)]
+    for number in range(len(mass) - 1, -1, -1):
+        m.append(m[-1] + mass[number])
+        mc.append(mc[-1] + mass[number] * geometry.body[number])
+    return m[::-1], mc[::-1]
+
+
+def _lever(geometry: Walk, j: int, m: Number, mc: Number | Array, rotates: bool) -> Array:
+    """∂(Σ m c)/∂s_j, (3, N): what a unit motion of slot j does to the first moment of the bodies given."""
+    axis = geometry.axis[j]
+    return cross(axis, mc - m * geometry.origin[j]) if rotates else np.asarray(m * axis)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product over the component axis, the last but one: (..., 3, N)."""
+    a0, a1, a2 = a[..., 0, :], a[..., 1, :], a[..., 2, :]
+    b0, b1, b2 = b[..., 0, :], b[..., 1, :], b[..., 2, :]
+    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-2)

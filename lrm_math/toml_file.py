@@ -1,0 +1,78 @@
+"""Strict TOML files: pydantic checks them, and whatever is wrong becomes one clear line."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+from lrm_math.errors import FileError, nearest
+
+
+class StrictSchema(BaseModel):
+    """A table of a file: unknown keys, wrong types and non-finite numbers are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+S = TypeVar("S", bound=StrictSchema)
+
+
+def read_toml(path: Path, schema: type[S]) -> S:
+    """Reads and checks one file. Raises `FileError` for the first fault found."""
+    return check(path, parse_toml(path), schema)
+
+
+def parse_toml(path: Path) -> dict[str, Any]:
+    """The raw tables of a TOML file. Raises `FileError` if it cannot be read or parsed."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise FileError(path, "", "no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(path, "", f"cannot be read ({error})") from None
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(path, "", f"not valid TOML: {error}") from None
+
+
+def check(path: Path, tables: dict[str, Any], schema: type[S]) -> S:
+    """Checks parsed tables against a schema. Raises `FileError` for the first fault found."""
+    try:
+        return schema.model_validate(tables)
+    except ValidationError as error:
+        faults = error.errors(include_url=False)
+        first = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
+        raise _file_error(path, first, schema, more=len(faults) - 1) from None
+
+
+def _file_error(path: Path, fault: ErrorDetails, schema: type[BaseModel], more: int) -> FileError:
+    *table, key = fault["loc"] or ("",)
+    where = " ".join(str(part + 1 if isinstance(part, int) else part) for part in table)
+    right = ""
+    match fault["type"]:
+        case "missing":
+            what = f"missing key {key}"
+        case "extra_forbidden":
+            what, right = f"unknown key {key}", nearest(str(key), _valid_keys(schema, table))
+        case _:
+            message = fault["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+            what, right = f"{key} = {fault['input']!r}", f"should be {message}"
+    return FileError(path, where, what + (f" (and {more} more faults)" if more else ""), right)
+
+
+def _valid_keys(schema: type[BaseModel], table: list[int | str]) -> tuple[str, ...]:
+    for part in table:
+        if isinstance(part, str) and part in schema.model_fields:
+            inner = _schemas_in(schema.model_fields[part].annotation)
+            if inner:
+                schema = inner[0]
+    return tuple(schema.model_fields)
+
+
+def _schemas_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [found for arg in get_args(annotation) for found in _schemas_in(arg)]
