@@ -1,1 +1,1 @@
-"""x"""
+"""The offline tool: identify the model from measured TCP positions, see where it fails."""
