@@ -49,7 +49,7 @@ def preference(model: Model, keys: Sequence[str]) -> list[str]:
     """The order in which parameters are taken in; of two that look alike the earlier one is kept.
 
     What matters most on such an arm comes first: compliances, the angles that servos are mounted at, where the base
-    stands; then lengths, twists and the tool, each from the base outwards; then the parameters of further effects.
+    and the tool stand; then lengths and twists, each from the base outwards; then the parameters of further effects.
     """
     ranks = [
         lambda place, name: name == "theta_rad",
@@ -57,7 +57,6 @@ def preference(model: Model, keys: Sequence[str]) -> list[str]:
         lambda place, name: place == "tool" and name.endswith("_mm"),
         lambda place, name: name in ("extra_z_mm", "a_mm", "d_mm"),
         lambda place, name: name == "alpha_rad" and place.startswith("joint"),
-        lambda place, name: place == "tool" and name.endswith("_mm"),
         lambda place, name: place == "base",
     ]
 
@@ -86,10 +85,7 @@ def identifiable(rest: Equilibrium, keys: Sequence[str], noise: float, sd: Array
     model = rest.model
     order = preference(model, keys)
     typical = np.array([model.parameters[model.position(key)].typical for key in order])
-    J = parameter_jacobian(rest, order) * typical
-    if sd is not None:
-        J = J * (np.sqrt(np.mean(sd**2)) / sd)[:, None, None]
-    columns = J.reshape(-1, len(order))
+    columns = (parameter_jacobian(rest, order) * typical * _weights(sd)).reshape(-1, len(order))
     basis = np.empty((columns.shape[0], 0))
     kept: list[int] = []
     dropped: list[tuple[int, float]] = []
@@ -106,6 +102,26 @@ def identifiable(rest: Equilibrium, keys: Sequence[str], noise: float, sd: Array
     held = [_describe(columns, typical, order, model, kept, j, remains, noise) for j, remains in dropped]
     chosen = {order[j] for j in kept}
     return Identifiable(tuple(key for key in model.keys if key in chosen), tuple(held))
+
+
+def expected_noise(rest: Equilibrium, keys: Sequence[str], tcp: Array, sd: Array | None = None) -> float:
+    """What a fit of `keys` would leave per axis (m), by one linear least-squares step from `rest`.
+
+    Args:
+        tcp: (N, 3), measured (m).
+    """
+    weights = _weights(sd)
+    typical = np.array([rest.model.parameters[rest.model.position(key)].typical for key in keys])
+    columns = (parameter_jacobian(rest, keys) * typical * weights).reshape(-1, len(keys))
+    residual = ((tcp - rest.tcp)[:, :, None] * weights).reshape(-1)
+    step, _, rank, _ = np.linalg.lstsq(columns, residual, rcond=ROUND_OFF)
+    left = residual - columns @ step
+    return float(np.sqrt(left @ left / max(len(left) - int(rank), 1)))
+
+
+def _weights(sd: Array | None) -> Array:
+    """Relative weight of each pose, (N, 1, 1), of mean square one in 1/sd's own sense; one where no sd is known."""
+    return np.ones((1, 1, 1)) if sd is None else (np.sqrt(np.mean(sd**2)) / sd)[:, None, None]
 
 
 def _describe(
@@ -157,7 +173,7 @@ def fit_identifiable(
     limits = signed or bounds_of(model, keys)
     by_key = {key: (low, high) for key, low, high in zip(keys, limits.lower, limits.upper, strict=True)}
     rest = equilibrium(model, data.poses)
-    noise = data.noise_sd or 0.0
+    noise = expected_noise(rest, keys, data.tcp, data.sd)
     seen: list[tuple[str, ...]] = []
     for _ in range(MOST_ROUNDS):
         choice = identifiable(rest, keys, noise, data.sd)

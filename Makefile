@@ -1,0 +1,40 @@
+# make demo   sets itself up, fits a data set, shows where the model fails   [DATA=measurements.csv ARM=arm]
+# make test   sets itself up, runs all tests
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+DATA ?= lrm_ident/examples/hidden-play.csv
+OUT ?= out
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint bench clean
+
+help: ## what there is to make
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+
+setup: $(VENV)/.ready ## a virtual environment with everything but the peers of the benchmark
+
+$(VENV)/.ready: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "needs Python 3.11 or later; set PYTHON=")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev]'
+	@touch $@
+
+demo: setup ## fit a data set and show where the model fails (DATA=, ARM=)
+	@mkdir -p $(OUT)
+	$(BIN)/lrm-ident fit $(DATA) $(if $(ARM),--arm $(ARM)) -o $(OUT)/model.toml --json $(OUT)/fit.json
+	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png
+
+test: setup lint ## all tests, after the linters
+	$(BIN)/python -m pytest
+
+lint: setup ## ruff and mypy --strict
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+bench: setup ## our figures beside the peers', as ratios
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev,bench]'
+	$(BIN)/python -m bench
+
+clean: ## removes what was built
+	rm -rf $(VENV) $(OUT) build dist *.egg-info

@@ -1,0 +1,101 @@
+"""From a fit to a model file: parameters, standard errors, provenance, and what each step left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import tomli_w
+
+from lrm_ident.compare import HeldOut
+from lrm_ident.dataset import Measurements
+from lrm_ident.figures_of_merit import figures
+from lrm_ident.fit import Fit
+from lrm_math.effects import Effect
+from lrm_math.model import Model
+from lrm_math.model_file import HistoryTable, ModelFile, ProvenanceTable, as_tables, parameter_tables
+
+
+def tool_version() -> str:
+    """`lrm-ident` and its version."""
+    try:
+        return f"lrm-ident {version('lrm-arm')}"
+    except PackageNotFoundError:
+        return "lrm-ident (not installed)"
+
+
+def model_file(
+    fit: Fit,
+    data: Measurements,
+    held_out: HeldOut,
+    arm: str,
+    step: str,
+    loss: str,
+    before: Sequence[HistoryTable] = (),
+) -> ModelFile:
+    """The model file of a fit, one entry added to the history that came `before`.
+
+    Args:
+        arm: name of a shipped arm or path of its file, as the model file shall name it.
+        step: what was done, in a few words.
+    """
+    model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
+    names, parameters = effect_names(model.effects), parameter_tables(model)
+    entry = HistoryTable(
+        step=step,
+        effects=names,
+        parameters=parameters,
+        fit_rms_mm=figures(fit.residual).rms * 1e3,
+        held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
+        date=date,
+    )
+    return ModelFile(
+        schema="lrm/model/1",
+        arm=arm,
+        effects=names,
+        parameters=parameters,
+        sigma=sigma_table(fit),
+        history=[*before, entry],
+        provenance=ProvenanceTable(
+            data=data.path.name, data_sha256=data.sha256, poses=len(data), tool=tool_version(), date=date, loss=loss
+        ),
+    )
+
+
+def effect_names(effects: Sequence[Effect]) -> list[str]:
+    """Effects as a model file names them: `id` where it stands at all its places, else `id@place`."""
+    names: list[str] = []
+    for effect in effects:
+        everywhere = {e.place for e in effects if e.id == effect.id} == set(type(effect).places(effect.arm))
+        name = effect.id if everywhere else f"{effect.id}@{effect.place}"
+        if name not in names:
+            names.append(name)
+    return names
+
+
+def sigma_table(fit: Fit) -> dict[str, float]:
+    """Standard errors of the free parameters in the file's units; parameters at a bound have none."""
+    model: Model = fit.model
+    return {
+        key: float(error) / model.parameters[model.position(key)].si
+        for key, error in zip(model.free, fit.standard_error, strict=True)
+        if key not in fit.at_bound
+    }
+
+
+def model_text(file: ModelFile) -> str:
+    """The file's TOML text."""
+    return tomli_w.dumps(as_tables(file))
+
+
+def arm_name_for(arm: str, folder: Path) -> str:
+    """How a model file in `folder` shall name an arm that was given on the command line: a path seen from there."""
+    path = Path(arm)
+    if path.suffix != ".toml":
+        return arm
+    try:
+        return path.resolve().relative_to(folder.resolve()).as_posix()
+    except ValueError:
+        return path.resolve().as_posix()

@@ -1,0 +1,176 @@
+"""What people read: tables for the terminal. Every picture of size is also a number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+
+from lrm_ident.compare import Comparison, Factor, HeldOut
+from lrm_ident.dataset import Measurements
+from lrm_ident.figures_of_merit import ErrorFigures, figures
+from lrm_ident.fit import Fit
+from lrm_ident.identifiability import Unidentifiable
+from lrm_math.model import Model
+
+BAR, FACTORS_SHOWN, STRONG = 20, 8, 0.95
+PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
+
+
+def error_table(nominal: ErrorFigures, fitted: ErrorFigures, held_out: HeldOut, title: str) -> RenderableType:
+    """Nominal, fit and held-out error side by side."""
+    table = Table(title=title, title_justify="left")
+    for name, justify in (("TCP error, mm", "left"), ("mean", "right"), ("RMS", "right"), ("max", "right"), ("SD", "right")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    table.add_row("nominal arm", *_mm(nominal))
+    table.add_row("model", *_mm(fitted))
+    if held_out.error is None:
+        return Group(table, f"held out: none, because {held_out.reason}")
+    table.add_row("held out (10 joint-space blocks)", *_mm(held_out.error))
+    return table
+
+
+def parameter_table(fit: Fit) -> Table:
+    """Estimates with standard errors; angles in degrees."""
+    table = Table(title=f"{len(fit.model.free)} parameters", title_justify="left")
+    table.add_column("parameter")
+    for name in ("value", "± standard error", "unit"):
+        table.add_column(name, justify="left" if name == "unit" else "right")
+    for key, error in zip(fit.model.free, fit.standard_error, strict=True):
+        scale, unit = _screen_unit(fit.model, key)
+        note = "at its bound" if key in fit.at_bound else f"± {error * scale:.4f}"
+        table.add_row(key.rsplit("_" + fit.model.parameters[fit.model.position(key)].unit, 1)[0],
+                      f"{fit.model.value(key) * scale:.4f}", note, unit)
+    return table
+
+
+def held_lines(model: Model, held: tuple[Unidentifiable, ...]) -> Iterator[str]:
+    """One line for every parameter that the data cannot tell."""
+    for parameter in held:
+        yield f"  {parameter.key}: {_why(model, parameter)}"
+
+
+def _why(model: Model, parameter: Unidentifiable) -> str:
+    if not parameter.combination or parameter.survival > 0.2:
+        scale, unit = _screen_unit(model, parameter.key)
+        return f"hardly moves the TCP (it would be known to ± {parameter.standard_error * scale:.3g} {unit})"
+    unit = model.parameters[model.position(parameter.key)].unit
+    parts = " and ".join(
+        f"{amount:+.4g} {model.parameters[model.position(key)].unit} of {key}" for key, amount in parameter.combination
+    )
+    like = "exactly" if parameter.survival < 1e-6 else "nearly"
+    return f"1 {unit} of it moves the TCP {like} like {parts}"
+
+
+def correlation_lines(fit: Fit) -> Iterator[str]:
+    """Pairs of parameters that the data can hardly tell apart."""
+    correlation = fit.correlation
+    for i in range(len(correlation)):
+        for j in range(i):
+            if abs(correlation[i, j]) > STRONG:
+                yield f"  {fit.model.free[j]} and {fit.model.free[i]}: {correlation[i, j]:+.3f}"
+
+
+def print_fit(
+    console: Console,
+    fit: Fit,
+    held: tuple[Unidentifiable, ...],
+    nominal: ErrorFigures,
+    held_out: HeldOut,
+    data: Measurements,
+) -> None:
+    """The result of `lrm-ident fit`."""
+    fitted = figures(fit.residual)
+    console.print(parameter_table(fit))
+    _print_list(console, "Held at zero, because these poses cannot tell them:", held_lines(fit.model, held))
+    _print_list(console, f"Correlated above {STRONG}:", correlation_lines(fit))
+    outliers = (
+        f"  pose {data.pose[row]}: {np.linalg.norm(fit.residual[row]) * 1e3:.1f} mm" for row in fit.outliers
+    )
+    _print_list(console, "Outliers (beyond 5 robust standard deviations; look at these measurements):", outliers)
+    console.print(error_table(nominal, fitted, held_out, f"{len(data)} poses, {len(fit.model.free)} parameters"))
+    console.print(
+        f"The mean error fell from {nominal.mean * 1e3:.2f} to {fitted.mean * 1e3:.2f} mm "
+        f"({100 * (1 - fitted.mean / nominal.mean):.0f} % less)"
+        + ("." if held_out.error is None else f"; on poses it never saw it is {held_out.error.mean * 1e3:.2f} mm.")
+    )
+
+
+def print_comparison(console: Console, comparison: Comparison, data: Measurements) -> None:
+    """The result of `lrm-ident compare`."""
+    free = len(comparison.rest.model.free)
+    title = f"{len(data)} poses, {free} parameters"
+    console.print(error_table(comparison.nominal, comparison.error, comparison.held_out, title))
+    console.print(_factor_table(comparison))
+    for factor in comparison.factors[:2]:
+        console.print(_group_table(factor))
+    console.print(_worst_table(comparison, data))
+
+
+def _factor_table(comparison: Comparison) -> Table:
+    table = Table(title="Where it fails: what the residual follows", title_justify="left")
+    for name in ("split by", "share explained", "", "worst group", "its RMS, mm", "poses"):
+        table.add_column(name, justify="right" if "mm" in name or name in ("share explained", "poses") else "left")
+    for factor in comparison.factors[:FACTORS_SHOWN]:
+        worst = factor.worst
+        table.add_row(
+            factor.name,
+            f"{100 * factor.share:.0f} %",
+            "█" * round(BAR * factor.share),
+            worst.label,
+            f"{worst.error.rms * 1e3:.2f}",
+            str(worst.count),
+        )
+    return table
+
+
+def _group_table(factor: Factor) -> Table:
+    table = Table(title=f"By {factor.name}", title_justify="left")
+    table.add_column("group")
+    for name in ("poses", "mean, mm", "RMS, mm", "max, mm", "mean residual x, y, z, mm"):
+        table.add_column(name, justify="right")
+    turns = factor.groups[0].acts_like is not None
+    if turns:
+        table.add_column(f"acts like, deg of joint {factor.name.split()[-1]}", justify="right")
+    for group in factor.groups:
+        mean, rms, largest, _ = _mm(group.error)
+        bias = " ".join(f"{component * 1e3:+6.2f}" for component in group.bias)
+        turn = [] if group.acts_like is None else [f"{np.degrees(group.acts_like):+.2f}"]
+        table.add_row(group.label, str(group.count), mean, rms, largest, bias, *turn)
+    return table
+
+
+def _worst_table(comparison: Comparison, data: Measurements) -> Table:
+    table = Table(title="The ten worst poses", title_justify="left")
+    for name in ("pose", "joint angles, deg", "load, g", "error, mm", "residual x, y, z, mm"):
+        table.add_column(name, justify="right")
+    for row in comparison.worst:
+        q = " ".join(f"{angle:6.1f}" for angle in np.degrees(data.poses.q[row]))
+        residual = comparison.residual[row] * 1e3
+        parts = " ".join(f"{component:+6.2f}" for component in residual)
+        table.add_row(
+            str(data.pose[row]), q, f"{data.poses.payload[row] * 1e3:.1f}", f"{np.linalg.norm(residual):.2f}", parts
+        )
+    return table
+
+
+def _print_list(console: Console, title: str, lines: Iterator[str]) -> None:
+    found = list(lines)
+    if found:
+        console.print(title, style="bold")
+        for line in found:
+            console.print(line, highlight=False)
+
+
+def _mm(error: ErrorFigures) -> tuple[str, str, str, str]:
+    return (f"{error.mean * 1e3:.2f}", f"{error.rms * 1e3:.2f}", f"{error.max * 1e3:.2f}", f"{error.sd * 1e3:.2f}")
+
+
+def _screen_unit(model: Model, key: str) -> tuple[float, str]:
+    """What to multiply an SI value by for the screen, and the unit to print."""
+    parameter = model.parameters[model.position(key)]
+    if parameter.unit == "rad":
+        return float(np.degrees(1.0)), "deg"
+    return 1.0 / parameter.si, PRETTY_UNIT.get(parameter.unit, parameter.unit)
