@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import typer
@@ -15,18 +14,34 @@ from rich.console import Console
 from rich.progress import Progress
 
 from lrm_ident import as_json
+from lrm_ident.cli_arguments import (
+    ArmName,
+    DataFile,
+    Effects,
+    FigureFile,
+    JsonFile,
+    LossName,
+    ModelOutput,
+    ModelPath,
+    Parameters,
+    PosesFile,
+    Start,
+    TableOutput,
+    Unbounded,
+)
 from lrm_ident.compare import compare as run_compare
 from lrm_ident.compare import try_held_out
 from lrm_ident.dataset import Measurements, load_measurements, load_poses, metadata_of
 from lrm_ident.figures_of_merit import figures
-from lrm_ident.fit import fit as run_fit
 from lrm_ident.fit import bounds_of, no_bounds
+from lrm_ident.fit import fit as run_fit
 from lrm_ident.history import arm_name_for, model_file, model_text
 from lrm_ident.identifiability import IdentifiedFit, fit_identifiable
 from lrm_ident.loss import Loss, loss_named
 from lrm_ident.options import chosen
+from lrm_ident.progress import Tick
 from lrm_ident.show import print_comparison, print_fit
-from lrm_ident.table_file import table_text
+from lrm_ident.table_file import Array, table_text
 from lrm_ident.write import write_text
 from lrm_math.arm import Arm
 from lrm_math.arm_file import load_arm
@@ -44,30 +59,20 @@ app = typer.Typer(
     help="Identify the model of a robot arm from measured TCP positions, and see where it fails.\n\n"
     "Start with: lrm-ident fit DATA.csv --arm lrm-lab -o model.toml, then lrm-ident compare model.toml DATA.csv",
 )
-out, log = Console(), Console(stderr=True)
-
-DataFile = Annotated[Path, typer.Argument(metavar="DATA", help="Measurements: CSV with pose, q1_deg.., x_mm, y_mm, z_mm.")]
-ModelPath = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file written by fit.")]
-ArmName = Annotated[str | None, typer.Option("--arm", help="A shipped arm (lrm-rover, lrm-lab) or a path to an arm file. "
-                                             "Default: the arm that the .toml file beside DATA names.")]
-JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the result for machines.")]
+out = Console(width=None if sys.stdout.isatty() else 100)
+log = Console(stderr=True)
 
 
 @app.command()
 def fit(
     data: DataFile,
     arm: ArmName = None,
-    effects: Annotated[str | None, typer.Option(help="Effects of the model, by commas: offsets, compliance, "
-                                                "lateral_compliance, backlash@joint2, ... "
-                                                "Default: offsets,compliance")] = None,
-    start: Annotated[Path | None, typer.Option(metavar="MODEL", help="Start from this model's values (and effects).")] = None,
-    parameters: Annotated[str, typer.Option(help="What to fit: 'identifiable' (whatever the data can tell), option1 to "
-                                            "option5 of the thesis, or keys and patterns by commas, for instance "
-                                            "'compliance.*,offsets.base.?_mm'.")] = "identifiable",
-    loss: Annotated[str, typer.Option(help="squared, huber or cauchy; the last two bear wrong measurements.")] = "squared",
-    unbounded: Annotated[bool, typer.Option("--unbounded", help="Allow values against physics, such as negative "
-                                            "compliances.")] = False,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
+    effects: Effects = None,
+    start: Start = None,
+    parameters: Parameters = "identifiable",
+    loss: LossName = "squared",
+    unbounded: Unbounded = False,
+    output: ModelOutput = None,
     json: JsonFile = None,
 ) -> None:
     """Fit the model of an arm to measurements: DATA -> MODEL.
@@ -97,26 +102,23 @@ def fit(
 
 
 @app.command()
-def predict(
-    model: ModelPath,
-    poses: Annotated[Path, typer.Argument(metavar="POSES", help="CSV with q1_deg.., optional payload_g.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="CSV", help="Where to write the predictions.")],
-    json: JsonFile = None,
-) -> None:
+def predict(model: ModelPath, poses: PosesFile, output: TableOutput, json: JsonFile = None) -> None:
     """Predict the TCP (mm) and gravity's joint torques (Nm) at commanded poses."""
     the_model = load_model(model)
     asked = load_poses(poses, the_model.arm)
     rest = equilibrium(the_model, asked)
     columns = _prediction(asked, rest.tcp, rest.joint_torque, rest.base_moment)
     if json:
-        rows = [dict(zip([c[0] for c in columns], row, strict=True)) for row in np.stack([c[1] for c in columns], 1).tolist()]
+        names = [name for name, _, _ in columns]
+        cells = np.stack([values for _, values, _ in columns], axis=1).tolist()
+        rows = [dict(zip(names, row, strict=True)) for row in cells]
         write_text(json, as_json.text({"schema": "lrm/prediction/1", "poses": rows}))
     write_text(output, table_text(columns))
     out.print(f"{len(asked)} predictions written to {output}")
 
 
 @app.command()
-def compare(model: ModelPath, data: DataFile, json: JsonFile = None) -> None:
+def compare(model: ModelPath, data: DataFile, json: JsonFile = None, figure: FigureFile = None) -> None:
     """Show where a model fails on measurements: by joint angle, torque, load, order, region; the worst poses.
 
     The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses.
@@ -129,6 +131,11 @@ def compare(model: ModelPath, data: DataFile, json: JsonFile = None) -> None:
     print_comparison(out, comparison, measured)
     if json:
         write_text(json, as_json.text(as_json.comparison_json(comparison, measured)))
+    if figure:
+        from lrm_ident.draw import draw_comparison  # matplotlib takes half a second to load
+
+        draw_comparison(comparison, measured, figure)
+        out.print(f"Figure written to {figure}")
 
 
 def _fit(model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool) -> IdentifiedFit:
@@ -161,7 +168,7 @@ def _arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
     if not data.exists():
         raise FileError(data, "", "no such file")
     if metadata is None or metadata.arm is None:
-        raise FileError(data, "", "no arm given", "name it with --arm, or as arm = \"…\" in the .toml file beside the data")
+        raise FileError(data, "", "no arm given", "name it with --arm, or as arm in the .toml file beside the data")
     return metadata.arm, load_arm(metadata.arm)
 
 
@@ -178,9 +185,7 @@ def _measurements(path: Path, arm: Arm) -> Measurements:
     return data
 
 
-def _prediction(
-    poses: Poses, tcp: np.ndarray, torque: np.ndarray, base_moment: np.ndarray
-) -> list[tuple[str, np.ndarray, int]]:
+def _prediction(poses: Poses, tcp: Array, torque: Array, base_moment: Array) -> list[tuple[str, Array, int]]:
     n = poses.q.shape[1]
     return [
         *((f"q{i + 1}_deg", np.degrees(poses.q[:, i]), 6) for i in range(n)),
@@ -192,7 +197,7 @@ def _prediction(
 
 
 @contextmanager
-def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
+def _progress(what: str) -> Iterator[Tick]:
     with Progress(console=log, transient=True, disable=not log.is_terminal) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, of: bar.update(task, completed=done, total=of)

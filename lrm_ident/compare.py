@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from lrm_ident.figures_of_merit import ErrorFigures, figures
 from lrm_ident.fit import Bounds
 from lrm_ident.folds import held_out
 from lrm_ident.loss import Loss
+from lrm_ident.progress import Tick, silent
 from lrm_math.derivatives import joint_jacobian
 from lrm_math.errors import LrmError
 from lrm_math.model import Equilibrium, Model, equilibrium, model_of
@@ -54,12 +56,17 @@ class Factor:
         return max(self.groups, key=lambda group: group.error.rms)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Held-out error, or the reason why there is none."""
+    """Held-out residual (N, 3) in m, or the reason why there is none."""
 
-    error: ErrorFigures | None
+    residual: Array | None
     reason: str = ""
+
+    @property
+    def error(self) -> ErrorFigures | None:
+        """Its figures."""
+        return None if self.residual is None else figures(self.residual)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +82,7 @@ class Comparison:
     worst: tuple[int, ...]
 
 
-def compare(
-    model: Model, data: Measurements, progress: Callable[[int, int], None] = lambda done, of: None
-) -> Comparison:
+def compare(model: Model, data: Measurements, progress: Tick = silent) -> Comparison:
     """Compares a model, as it is, with measurements; held out, its free parameters are refitted in every fold.
 
     Raises:
@@ -103,11 +108,11 @@ def try_held_out(
     data: Measurements,
     bounds: Bounds | None = None,
     loss: Loss | None = None,
-    progress: Callable[[int, int], None] = lambda done, of: None,
+    progress: Tick = silent,
 ) -> HeldOut:
     """Held-out error, or why it cannot be had (too few poses, a fold that does not converge)."""
     try:
-        return HeldOut(figures(held_out(model, data, bounds, loss, progress)))
+        return HeldOut(held_out(model, data, bounds, loss, progress))
     except LrmError as error:
         return HeldOut(None, str(error))
 
@@ -117,8 +122,9 @@ def _factors(rest: Equilibrium, data: Measurements, residual: Array) -> Iterator
     torque = rest.joint_torque
     for i in range(rest.model.arm.dof):
         turns = J[:, :, i]
-        yield _factor("angle", f"angle of joint {i + 1}", *_by_value(np.degrees(data.poses.q[:, i]), "°"), residual, turns)
-        yield _factor("torque", f"torque of joint {i + 1}", *_by_quantile(torque[:, i], " N·m"), residual, turns)
+        by_angle, by_torque = _by_value(np.degrees(data.poses.q[:, i]), "°"), _by_quantile(torque[:, i], " N·m")
+        yield _factor("angle", f"angle of joint {i + 1}", *by_angle, residual, turns)
+        yield _factor("torque", f"torque of joint {i + 1}", *by_torque, residual, turns)
     if np.ptp(data.poses.payload) > 0:
         yield _factor("load", "load", *_by_value(data.poses.payload * 1e3, " g"), residual)
     yield _factor("order", "order of measurement", *_by_order(data), residual)
@@ -174,7 +180,7 @@ def _cut(values: Array, edges: Array, unit: str) -> tuple[NDArray[np.int64], lis
     if len(edges) < 2:
         return np.zeros(len(values), dtype=np.int64), [f"{values[0]:.3g}{unit}"]
     group = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    return group, [f"{low:.3g} to {high:.3g}{unit}" for low, high in zip(edges, edges[1:], strict=False)]
+    return group, [f"{low:.3g} to {high:.3g}{unit}" for low, high in pairwise(edges)]
 
 
 def _by_order(data: Measurements) -> tuple[NDArray[np.int64], list[str]]:
@@ -191,5 +197,3 @@ def _by_octant(tcp: Array) -> tuple[NDArray[np.int64], list[str]]:
         for octant in range(8)
     ]
     return group, labels
-
-

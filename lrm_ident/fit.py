@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.dataset import Measurements
-from lrm_ident.loss import Loss, Squared, robust_scale
+from lrm_ident.loss import SQUARED, Loss, robust_scale
 from lrm_math.derivatives import parameter_jacobian
 from lrm_math.errors import LrmError, NotSettled
 from lrm_math.model import Equilibrium, Model, equilibrium
@@ -101,7 +101,7 @@ def fit(model: Model, data: Measurements, bounds: Bounds | None = None, loss: Lo
         NotSettled: the start has no elastic equilibrium.
     """
     check_enough(len(data), len(model.free))
-    return _Problem(model, data, bounds or bounds_of(model, model.free), loss or Squared()).solve()
+    return _Problem(model, data, bounds or bounds_of(model, model.free), SQUARED if loss is None else loss).solve()
 
 
 def check_enough(poses: int, parameters: int) -> None:
@@ -240,11 +240,11 @@ class _Problem:
 
 
 def _distance(state: _State) -> Array:
-    return np.sqrt((state.residual**2).sum(axis=1))
+    return np.asarray(np.linalg.norm(state.residual, axis=1))
 
 
 def _solve_damped(A: Array, diagonal: Array, damping: float, gradient: Array) -> Array:
     try:
-        return np.linalg.solve(A + np.diag(damping * np.maximum(diagonal, 1e-300)), gradient)
+        return np.asarray(np.linalg.solve(A + np.diag(damping * np.maximum(diagonal, 1e-300)), gradient))
     except np.linalg.LinAlgError:
         return gradient / np.maximum(diagonal, 1e-300) / (1.0 + damping)

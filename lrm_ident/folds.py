@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lrm_ident.dataset import Measurements
 from lrm_ident.fit import Bounds, fit
 from lrm_ident.loss import Loss
+from lrm_ident.progress import Tick, silent
 from lrm_math.errors import LrmError
 from lrm_math.model import Model, equilibrium
 
@@ -75,7 +76,7 @@ def held_out(
     data: Measurements,
     bounds: Bounds | None = None,
     loss: Loss | None = None,
-    progress: Callable[[int, int], None] = lambda done, of: None,
+    progress: Tick = silent,
     count: int = FOLDS,
 ) -> Array:
     """(N, 3), measured − predicted TCP (m), each block predicted by a fit of the model's free parameters to the others.

@@ -51,22 +51,27 @@ def preference(model: Model, keys: Sequence[str]) -> list[str]:
     What matters most on such an arm comes first: compliances, the angles that servos are mounted at, where the base
     and the tool stand; then lengths and twists, each from the base outwards; then the parameters of further effects.
     """
-    ranks = [
-        lambda place, name: name == "theta_rad",
-        lambda place, name: place == "base" and name.endswith("_mm"),
-        lambda place, name: place == "tool" and name.endswith("_mm"),
-        lambda place, name: name in ("extra_z_mm", "a_mm", "d_mm"),
-        lambda place, name: name == "alpha_rad" and place.startswith("joint"),
-        lambda place, name: place == "base",
-    ]
 
     def rank(key: str) -> int:
         effect, place, name = key.split(".")
-        if effect == "compliance":
-            return -1
-        if effect != "offsets":
-            return len(ranks) + 1
-        return next((i for i, belongs in enumerate(ranks) if belongs(place, name)), len(ranks))
+        match effect, place, name:
+            case "compliance", _, _:
+                return 0
+            case "offsets", _, "theta_rad":
+                return 1
+            case "offsets", "base", "x_mm" | "y_mm" | "z_mm":
+                return 2
+            case "offsets", "tool", "x_mm" | "y_mm" | "z_mm":
+                return 3
+            case "offsets", _, "extra_z_mm" | "a_mm" | "d_mm":
+                return 4
+            case "offsets", "tool", _:
+                return 7
+            case "offsets", "base", _:
+                return 6
+            case "offsets", _, _:
+                return 5
+        return 8
 
     return sorted(keys, key=lambda key: (rank(key), model.position(key)))
 

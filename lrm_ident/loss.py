@@ -17,7 +17,9 @@ MEDIAN_TO_SCALE = 1.0 / 1.5381724  # of a 3-D distance: the median of a chi dist
 class Loss(Protocol):
     """A robust loss: its value and the weight it gives, both of the distance in units of its robust scale."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Its name on the command line."""
 
     def rho(self, t: Array) -> Array:
         """Loss of scaled distances t, ½ t² for small ones."""
@@ -73,7 +75,8 @@ class Cauchy:
         return 1.0 / (1.0 + (t / self.knee) ** 2)
 
 
-LOSSES: tuple[Loss, ...] = (Squared(), Huber(), Cauchy())
+SQUARED: Loss = Squared()
+LOSSES: tuple[Loss, ...] = (SQUARED, Huber(), Cauchy())
 
 
 def loss_named(name: str) -> Loss:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
+from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group, RenderableType
 from rich.table import Table
 
@@ -15,35 +17,38 @@ from lrm_ident.fit import Fit
 from lrm_ident.identifiability import Unidentifiable
 from lrm_math.model import Model
 
-BAR, FACTORS_SHOWN, STRONG = 20, 8, 0.95
+BAR, FACTORS_SHOWN, STRONG = 10, 8, 0.95
 PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
+
+
+def table(title: str, *columns: str) -> Table:
+    """An empty table; columns whose name starts with ">" stand on the right."""
+    out = Table(title=title, title_justify="left", box=SIMPLE_HEAD, title_style="bold", pad_edge=False)
+    for name in columns:
+        out.add_column(name.removeprefix(">"), justify="right" if name.startswith(">") else "left")
+    return out
 
 
 def error_table(nominal: ErrorFigures, fitted: ErrorFigures, held_out: HeldOut, title: str) -> RenderableType:
     """Nominal, fit and held-out error side by side."""
-    table = Table(title=title, title_justify="left")
-    for name, justify in (("TCP error, mm", "left"), ("mean", "right"), ("RMS", "right"), ("max", "right"), ("SD", "right")):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]
-    table.add_row("nominal arm", *_mm(nominal))
-    table.add_row("model", *_mm(fitted))
+    errors = table(title, "TCP error, mm", ">mean", ">RMS", ">max", ">SD")
+    errors.add_row("nominal arm", *_mm(nominal))
+    errors.add_row("model", *_mm(fitted))
     if held_out.error is None:
-        return Group(table, f"held out: none, because {held_out.reason}")
-    table.add_row("held out (10 joint-space blocks)", *_mm(held_out.error))
-    return table
+        return Group(errors, f"held out: none, because {held_out.reason}")
+    errors.add_row("held out (10 joint-space blocks)", *_mm(held_out.error))
+    return errors
 
 
 def parameter_table(fit: Fit) -> Table:
     """Estimates with standard errors; angles in degrees."""
-    table = Table(title=f"{len(fit.model.free)} parameters", title_justify="left")
-    table.add_column("parameter")
-    for name in ("value", "± standard error", "unit"):
-        table.add_column(name, justify="left" if name == "unit" else "right")
+    out = table(f"{len(fit.model.free)} parameters", "parameter", ">value", ">± standard error", "unit")
     for key, error in zip(fit.model.free, fit.standard_error, strict=True):
         scale, unit = _screen_unit(fit.model, key)
         note = "at its bound" if key in fit.at_bound else f"± {error * scale:.4f}"
-        table.add_row(key.rsplit("_" + fit.model.parameters[fit.model.position(key)].unit, 1)[0],
-                      f"{fit.model.value(key) * scale:.4f}", note, unit)
-    return table
+        name = key.removesuffix("_" + fit.model.parameters[fit.model.position(key)].unit)
+        out.add_row(name, f"{fit.model.value(key) * scale:.4f}", note, unit)
+    return out
 
 
 def held_lines(model: Model, held: tuple[Unidentifiable, ...]) -> Iterator[str]:
@@ -86,9 +91,7 @@ def print_fit(
     console.print(parameter_table(fit))
     _print_list(console, "Held at zero, because these poses cannot tell them:", held_lines(fit.model, held))
     _print_list(console, f"Correlated above {STRONG}:", correlation_lines(fit))
-    outliers = (
-        f"  pose {data.pose[row]}: {np.linalg.norm(fit.residual[row]) * 1e3:.1f} mm" for row in fit.outliers
-    )
+    outliers = (f"  pose {data.pose[row]}: {np.linalg.norm(fit.residual[row]) * 1e3:.1f} mm" for row in fit.outliers)
     _print_list(console, "Outliers (beyond 5 robust standard deviations; look at these measurements):", outliers)
     console.print(error_table(nominal, fitted, held_out, f"{len(data)} poses, {len(fit.model.free)} parameters"))
     console.print(
@@ -110,50 +113,42 @@ def print_comparison(console: Console, comparison: Comparison, data: Measurement
 
 
 def _factor_table(comparison: Comparison) -> Table:
-    table = Table(title="Where it fails: what the residual follows", title_justify="left")
-    for name in ("split by", "share explained", "", "worst group", "its RMS, mm", "poses"):
-        table.add_column(name, justify="right" if "mm" in name or name in ("share explained", "poses") else "left")
+    out = table(
+        "Where it fails: what the residual follows", "split by", ">explains", "", "worst group", ">RMS mm", ">poses"
+    )
     for factor in comparison.factors[:FACTORS_SHOWN]:
-        worst = factor.worst
-        table.add_row(
-            factor.name,
-            f"{100 * factor.share:.0f} %",
-            "█" * round(BAR * factor.share),
-            worst.label,
-            f"{worst.error.rms * 1e3:.2f}",
-            str(worst.count),
+        worst, share = factor.worst, factor.share
+        bar = "█" * round(BAR * share)
+        out.add_row(
+            factor.name, f"{100 * share:.0f} %", bar, worst.label, f"{worst.error.rms * 1e3:.2f}", str(worst.count)
         )
-    return table
+    return out
 
 
 def _group_table(factor: Factor) -> Table:
-    table = Table(title=f"By {factor.name}", title_justify="left")
-    table.add_column("group")
-    for name in ("poses", "mean, mm", "RMS, mm", "max, mm", "mean residual x, y, z, mm"):
-        table.add_column(name, justify="right")
     turns = factor.groups[0].acts_like is not None
-    if turns:
-        table.add_column(f"acts like, deg of joint {factor.name.split()[-1]}", justify="right")
+    acts_like = [f">like q{factor.name.split()[-1]} deg"] if turns else []
+    out = table(f"By {factor.name}", "group", ">poses", ">mean", ">RMS mm", ">mean residual mm", *acts_like)
     for group in factor.groups:
-        mean, rms, largest, _ = _mm(group.error)
-        bias = " ".join(f"{component * 1e3:+6.2f}" for component in group.bias)
+        mean, rms, *_ = _mm(group.error)
         turn = [] if group.acts_like is None else [f"{np.degrees(group.acts_like):+.2f}"]
-        table.add_row(group.label, str(group.count), mean, rms, largest, bias, *turn)
-    return table
+        out.add_row(group.label, str(group.count), mean, rms, _vector(np.array(group.bias)), *turn)
+    return out
 
 
 def _worst_table(comparison: Comparison, data: Measurements) -> Table:
-    table = Table(title="The ten worst poses", title_justify="left")
-    for name in ("pose", "joint angles, deg", "load, g", "error, mm", "residual x, y, z, mm"):
-        table.add_column(name, justify="right")
+    angles = ">" + " ".join(f"{'q' + str(i + 1):>4s}" for i in range(data.poses.q.shape[1]))
+    out = table("The worst poses (angles in deg)", ">pose", angles, ">load g", ">error mm", ">residual mm")
     for row in comparison.worst:
-        q = " ".join(f"{angle:6.1f}" for angle in np.degrees(data.poses.q[row]))
-        residual = comparison.residual[row] * 1e3
-        parts = " ".join(f"{component:+6.2f}" for component in residual)
-        table.add_row(
-            str(data.pose[row]), q, f"{data.poses.payload[row] * 1e3:.1f}", f"{np.linalg.norm(residual):.2f}", parts
-        )
-    return table
+        q = " ".join(f"{angle:4.0f}" for angle in np.degrees(data.poses.q[row]))
+        error = f"{np.linalg.norm(comparison.residual[row]) * 1e3:.2f}"
+        load = f"{data.poses.payload[row] * 1e3:.1f}"
+        out.add_row(str(data.pose[row]), q + "    ", load, error, _vector(comparison.residual[row]))
+    return out
+
+
+def _vector(metres: NDArray[np.float64]) -> str:
+    return " ".join(f"{component * 1e3:+6.2f}" for component in metres)
 
 
 def _print_list(console: Console, title: str, lines: Iterator[str]) -> None:
@@ -161,7 +156,7 @@ def _print_list(console: Console, title: str, lines: Iterator[str]) -> None:
     if found:
         console.print(title, style="bold")
         for line in found:
-            console.print(line, highlight=False)
+            console.print(line, highlight=False, soft_wrap=True)
 
 
 def _mm(error: ErrorFigures) -> tuple[str, str, str, str]:

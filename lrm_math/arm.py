@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 from lrm_math.errors import LrmError
 from lrm_math.servo import ServoTable
@@ -74,7 +75,7 @@ class Arm:
         for body in self.bodies:
             self._check(body)
         ordered = sorted(self.bodies, key=lambda b: (b.frame, not b.near_end))
-        for before, after in zip(ordered, ordered[1:], strict=False):
+        for before, after in pairwise(ordered):
             if after.loads_joint < before.loads_joint:
                 raise LrmError(
                     f"body '{after.name}' stands beyond '{before.name}' but loads joint {after.loads_joint}, before "

@@ -94,7 +94,8 @@ def load_arm(name_or_path: str | Path) -> Arm:
         return read_arm(shipped[name_or_path])
     path = Path(name_or_path)
     if not path.exists() and path.suffix != ".toml":
-        raise FileError(name_or_path, "", "no such arm", f"a path to an arm file, or one of: {', '.join(sorted(shipped))}")
+        names = ", ".join(sorted(shipped))
+        raise FileError(name_or_path, "", "no such arm", f"give the path of an arm file, or one of: {names}")
     return read_arm(path)
 
 
@@ -119,7 +120,9 @@ def to_arm(tables: ArmFile) -> Arm:
         joints=tuple(_joint(number, joint) for number, joint in enumerate(tables.joint, start=1)),
         tool=_placement(tables.tool),
         bodies=tuple(_body(body, dof=len(tables.joint)) for body in tables.body),
-        auxiliary_servos=tuple((name, _servo(f"auxiliary_servo {name}", t)) for name, t in tables.auxiliary_servo.items()),
+        auxiliary_servos=tuple(
+            (name, _servo(f"auxiliary_servo {name}", table)) for name, table in tables.auxiliary_servo.items()
+        ),
     )
 
 

@@ -100,7 +100,8 @@ def chain_of(arm: Arm) -> Chain:
     moved = [sum(b.before <= k for b in attachments) for k in range(len(slots))]
     loads = [_first_joint_loaded(k, slots, arm.dof) for k in range(len(slots))]
     counted = [
-        min(moved[k], sum(b.loads_joint < joint for b in bodies)) if joint else moved[k] for k, joint in enumerate(loads)
+        min(moved[k], sum(b.loads_joint < joint for b in bodies)) if joint else moved[k]
+        for k, joint in enumerate(loads)
     ]
     return Chain(
         dof=arm.dof,

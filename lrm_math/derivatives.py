@@ -1,7 +1,7 @@
 """Total derivatives of the TCP through the elastic equilibrium.
 
-At rest s = s0 + E(tau(s)), with s the slots' amounts, E the effects and tau the loads. A small motion added to the slots,
-δ, therefore ends as ds = δ + D H ds with D = ∂E/∂tau and H = ∂tau/∂s, and moves the TCP by (implicit function)
+At rest s = s0 + E(tau(s)), with s the slots' amounts, E the effects and tau the loads. A small motion δ added to the
+slots therefore ends as ds = δ + D H ds with D = ∂E/∂tau and H = ∂tau/∂s, and moves the TCP by (implicit function)
 
     dx = (J + Λ H) δ,   Λ = J_E D (I − H D)⁻¹,
 
@@ -43,11 +43,11 @@ def total_slot_jacobian(rest: Equilibrium) -> Array:
     push = np.einsum("scn,sjn->njc", rigid[moved], D)
     system = np.eye(len(model.felt)) - loop
     response = np.linalg.solve(system.transpose(0, 2, 1), push)
-    return rigid + np.einsum("nkc,ksn->scn", response, H)
+    return np.asarray(rigid + np.einsum("nkc,ksn->scn", response, H))
 
 
 def parameter_jacobian(rest: Equilibrium, keys: Sequence[str] | None = None) -> Array:
-    """∂TCP/∂parameters through the equilibrium: (N, 3, P), SI, for the parameters `keys` (all of the model's if None)."""
+    """∂TCP/∂parameters through the equilibrium: (N, 3, P), SI, for `keys` (every parameter if None)."""
     model = rest.model
     wanted = model.keys if keys is None else tuple(keys)
     position = {key: column for column, key in enumerate(wanted)}

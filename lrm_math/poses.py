@@ -34,7 +34,8 @@ class Poses:
 
     def __post_init__(self) -> None:
         if self.q.ndim != 2 or self.payload.shape != (len(self.q),):
-            raise LrmError(f"poses: q has shape {self.q.shape} and payload {self.payload.shape}; should be (N, n) and (N,)")
+            shapes = f"q has shape {self.q.shape} and payload {self.payload.shape}"
+            raise LrmError(f"poses: {shapes}; should be (N, n) and (N,)")
 
     def __len__(self) -> int:
         return len(self.q)
@@ -47,7 +48,7 @@ class Poses:
         """The poses of some rows (indices or a mask), in that order."""
         chosen = np.asarray(rows)
         columns = {f.name: getattr(self, f.name) for f in fields(self)}
-        return Poses(**{name: None if column is None else column[chosen] for name, column in columns.items()})
+        return replace(self, **{name: column[chosen] for name, column in columns.items() if column is not None})
 
     def nudged(self, joint: int, step: float) -> Poses:
         """The same poses with one joint angle changed by `step` (rad)."""

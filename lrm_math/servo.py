@@ -33,7 +33,8 @@ class ServoTable:
     def __post_init__(self) -> None:
         steps = np.diff(self.pulse)
         if len(self.angle) != len(self.pulse) or len(self.angle) < 2:
-            raise LrmError(f"servo table: {len(self.angle)} angles and {len(self.pulse)} pulses; needs two or more pairs")
+            pairs = f"{len(self.angle)} angles and {len(self.pulse)} pulses"
+            raise LrmError(f"servo table: {pairs}; needs two or more pairs")
         if not np.all(np.diff(self.angle) > 0):
             raise LrmError("servo table: angles must rise from entry to entry")
         if not (np.all(steps > 0) or np.all(steps < 0)):
@@ -69,12 +70,14 @@ class PwmClock:
 
     def __post_init__(self) -> None:
         if not (self.frequency_hz > 0 and self.oscillator_hz > 0):
-            raise LrmError(f"PWM frequency {self.frequency_hz} Hz and oscillator {self.oscillator_hz} Hz must be positive")
+            raise LrmError(f"frequency {self.frequency_hz} Hz and oscillator {self.oscillator_hz} Hz must be positive")
         if not PRESCALE_MIN <= self.prescale <= PRESCALE_MAX:
             low = self.oscillator_hz / COUNTS_PER_PERIOD / (PRESCALE_MAX + 1)
             high = self.oscillator_hz / COUNTS_PER_PERIOD / (PRESCALE_MIN + 1)
-            raise LrmError(f"PWM frequency {self.frequency_hz} Hz needs prescale {self.prescale}; "
-                           f"this board reaches {low:.1f} to {high:.0f} Hz")
+            raise LrmError(
+                f"PWM frequency {self.frequency_hz} Hz needs prescale {self.prescale}; "
+                f"this board reaches {low:.1f} to {high:.0f} Hz"
+            )
 
     @property
     def prescale(self) -> int:
@@ -95,8 +98,8 @@ class PwmClock:
         """OFF counts (0 to 4095) that come closest to a pulse (s). Raises `LrmError` if the pulse does not fit."""
         counts = np.floor(np.asarray(pulse, dtype=np.float64) / self.count_s + 0.5)
         if not np.all((counts >= 0) & (counts < COUNTS_PER_PERIOD)):
-            raise LrmError(f"pulse outside 0 to {(COUNTS_PER_PERIOD - 1) * self.count_s * 1e6:.0f} us "
-                           f"of a {self.real_frequency_hz:.1f} Hz period")
+            longest = (COUNTS_PER_PERIOD - 1) * self.count_s * 1e6
+            raise LrmError(f"pulse outside 0 to {longest:.0f} us of a {self.real_frequency_hz:.1f} Hz period")
         return counts.astype(np.int64)
 
     def pulse_of(self, counts: ArrayLike) -> Array:

@@ -17,7 +17,7 @@ class Backlash(Effect):
     """Play of one joint, taken up on the side that gravity pulls to."""
 
     id = "backlash"
-    cause = "Gears have play; gravity pushes the joint to one end of it and, when the torque changes sign, to the other."
+    cause = "Gears have play; gravity pushes the joint to one end of it or, when the torque changes sign, the other."
     formula = "δq = ½ b tanh(τ/τ0)"
     source = "form after Slamani, Nubiola & Bonev 2012, smoothed at the change of sign"
     needs = "torque of both signs at the joint"

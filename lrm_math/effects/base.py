@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from lrm_math.poses import Poses
 
 UNIT_IN_SI = {"rad": 1.0, "mm": 1e-3, "g": 1e-3, "s": 1.0, "Nm": 1.0, "rad_per_Nm": 1.0, "Nm_per_rad": 1.0}
 Amounts = tuple[Number, ...]
+N = TypeVar("N", float, Number)
 STEP = 6e-6  # cube root of the machine epsilon: the best step of a central difference
 
 
@@ -106,9 +107,7 @@ class Effect(ABC):
         """∂amount/∂p: for each parameter, one number or (N,) for each slot of `moves`."""
         steps = [STEP * parameter.typical for parameter in self.parameters]
         return tuple(
-            _difference(
-                self.motion(poses, tau, _changed(p, j, h)), self.motion(poses, tau, _changed(p, j, -h)), h
-            )
+            _difference(self.motion(poses, tau, _changed(p, j, h)), self.motion(poses, tau, _changed(p, j, -h)), h)
             for j, h in enumerate(steps)
         )
 
@@ -126,15 +125,13 @@ class Effect(ABC):
         if not self.follows_angles:
             return ((0.0,) * len(self.moves),) * self.arm.dof
         return tuple(
-            _difference(
-                self.motion(poses.nudged(i, STEP), tau, p), self.motion(poses.nudged(i, -STEP), tau, p), STEP
-            )
+            _difference(self.motion(poses.nudged(i, STEP), tau, p), self.motion(poses.nudged(i, -STEP), tau, p), STEP)
             for i in range(self.arm.dof)
         )
 
 
-def _changed(values: Sequence[Number], j: int, step: float) -> tuple[Number, ...]:  # type: ignore[type-var]
-    return (*values[:j], values[j] + step, *values[j + 1 :])
+def _changed(values: Sequence[N], j: int, step: float) -> tuple[N, ...]:
+    return tuple(value + step if i == j else value for i, value in enumerate(values))
 
 
 def _difference(plus: Amounts, minus: Amounts, h: float) -> Amounts:

@@ -1,4 +1,4 @@
-"""Level 2: what assembly and printing leave of the nominal geometry (thesis Table 4.3, 38 parameters for six joints)."""
+"""Level 2: what assembly and printing leave of the nominal geometry (thesis Table 4.3, 38 for six joints)."""
 
 from __future__ import annotations
 
