@@ -16,6 +16,7 @@ from lrm_math.model import Equilibrium, Model, equilibrium
 
 Array = NDArray[np.float64]
 ROUND_OFF = 1e-7  # a column is numerically dependent when no more than this part of it is left
+CLEARLY = 3.0  # standard errors that must fit into the typical size of a parameter worth fitting
 NEGLIGIBLE = 0.02  # part of a combination too small to be worth a word
 MOST_ROUNDS = 6
 
@@ -79,8 +80,8 @@ def preference(model: Model, keys: Sequence[str]) -> list[str]:
 def identifiable(rest: Equilibrium, keys: Sequence[str], noise: float, sd: Array | None = None) -> Identifiable:
     """Sorts parameters into those that these poses can tell and those they cannot.
 
-    Taken in by preference, a parameter is kept if the part of its column that is new would fix it to better than its
-    typical size at this noise: else what is known beforehand (about zero) is better than what the data say.
+    Taken in by preference, a parameter is kept if the part of its column that is new would fix it to a third of its
+    typical size or better at this noise: else what is known beforehand (about zero) is hardly improved by the data.
 
     Args:
         rest: equilibrium at the poses, at the parameters to linearise about.
@@ -99,7 +100,7 @@ def identifiable(rest: Equilibrium, keys: Sequence[str], noise: float, sd: Array
         left = columns[:, j] - basis @ (basis.T @ columns[:, j])
         left -= basis @ (basis.T @ left)
         remains = float(np.linalg.norm(left))
-        if remains > max(noise, ROUND_OFF * whole):
+        if remains > max(CLEARLY * noise, ROUND_OFF * whole):
             kept.append(j)
             basis = np.column_stack([basis, left / remains])
         else:

@@ -1,0 +1,36 @@
+"""The data set shipped as lrm_ident/examples/hidden-play."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from .files import write
+from .generate import Dataset, poses, simulate
+from .hidden import SoftPlay
+from .rig import load_arm
+from .truth import Truth
+
+NAME = "hidden-play"
+SOURCE = "synthetic: lrm_ident.synthetic.write_example; play hidden in one joint, see the truth file"
+SEED = 20240715
+POSES = 300
+PAYLOAD_KG = 0.0663
+FLOOR_M = 0.1  # of the rigid nominal arm; leaves room for sagging
+ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / "lrm-lab.toml"
+
+
+def example(arm_file: str | Path = ARM_FILE) -> Dataset:
+    """300 random poses of the lab rig in four blocks of 75, in turn without and with 66.3 g; noise 0.3 mm per axis."""
+    rig = load_arm(arm_file)
+    play = SoftPlay(joint=2, width_rad=round(math.radians(2.3), 6), softness_nm=0.04)
+    truth = Truth.random(rig, SEED, (play,))
+    payload = np.where(np.arange(POSES) // (POSES // 4) % 2 == 0, 0.0, PAYLOAD_KG)
+    return simulate(rig, truth, poses(rig, POSES, SEED + 1, floor_m=FLOOR_M), payload, noise_m=0.0003, seed=SEED + 2)
+
+
+def write_example(directory: str | Path, arm_file: str | Path = ARM_FILE) -> tuple[Path, Path, Path]:
+    """Write the three files of the shipped data set into a directory."""
+    return write(Path(directory) / NAME, example(arm_file), SOURCE)

@@ -1,0 +1,55 @@
+"""What several tests share: arms, the folder of real measurements."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from lrm_ident.dataset import Measurements, load_measurements
+from lrm_math.arm import Arm
+from lrm_math.arm_file import load_arm
+
+ROOT = Path(__file__).resolve().parents[1]
+SHARED = ROOT.parent / "shared"
+EXAMPLE = ROOT / "lrm_ident" / "examples" / "hidden-play.csv"
+
+settings.register_profile("lrm", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+settings.load_profile("lrm")
+
+
+@pytest.fixture(scope="session")
+def lab() -> Arm:
+    """The rig of the real measurements."""
+    return load_arm("lrm-lab")
+
+
+@pytest.fixture(scope="session")
+def rover() -> Arm:
+    """The arm on the rover."""
+    return load_arm("lrm-rover")
+
+
+@pytest.fixture(scope="session")
+def lawful(lab: Arm) -> Arm:
+    """The lab arm with every body standing in the frame of the joint that it loads, so that gravity has an energy."""
+    return replace(
+        lab,
+        bodies=tuple(b if b.frame > lab.dof else replace(b, frame=b.loads_joint, near_end=False) for b in lab.bodies),
+    )
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of real data; absent at a user's place."""
+    if not SHARED.exists():
+        pytest.skip("the folder ../shared with the real measurements is not here")
+    return SHARED
+
+
+@pytest.fixture(scope="session")
+def real(shared: Path, lab: Arm) -> Measurements:
+    """The 393 measured poses without load."""
+    return load_measurements(shared / "data" / "lrm-lab-no-load" / "measurements.csv", lab)
