@@ -105,6 +105,7 @@ def load_measurements(path: Path, arm: Arm) -> Measurements:
             t=known.get("t_s"),
             session=known.get("session"),
             temperature=known.get("temp_c"),
+            number=pose,
         ),
         pose=pose,
         tcp=np.stack([table.numbers(name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * MM,
@@ -121,7 +122,8 @@ def load_poses(path: Path, arm: Arm) -> Poses:
     """Reads commanded poses (`q1_deg` …, optional `payload_g`) without measurements. Raises `FileError`."""
     table = read_table(path, [f"q{i + 1}_deg" for i in range(arm.dof)])
     q = read_angles(table, arm)
-    return Poses(q=q, payload=read_payload(table), direction=directions(q, None))
+    number = _whole(table, "pose") if "pose" in table.header else None
+    return Poses(q=q, payload=read_payload(table), direction=directions(q, None), number=number)
 
 
 def read_angles(table: Table, arm: Arm) -> Array:

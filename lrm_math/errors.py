@@ -30,14 +30,14 @@ class UnknownName(LrmError):
 
 
 class NotSettled(LrmError):
-    """An elastic equilibrium that fixed-point iteration did not reach; carries the `poses` (row numbers from 0)."""
+    """Poses without an elastic equilibrium that the model could speak of; carries their numbers, `poses`."""
 
-    def __init__(self, poses: Sequence[int], change_m: float, iterations: int) -> None:
-        self.poses, self.change_m, self.iterations = tuple(poses), change_m, iterations
+    def __init__(self, poses: Sequence[int], why: str) -> None:
+        self.poses = tuple(poses)
         others = f" and {len(poses) - 1} more" if len(poses) > 1 else ""
         super().__init__(
-            f"row {poses[0] + 1}{others}: the elastic equilibrium does not settle (after {iterations} iterations the "
-            f"TCP still moves {change_m * 1e3:.3g} mm); compliances of printed arms are 0.02 to 0.2 rad/Nm"
+            f"pose {poses[0]}{others}: the elastic equilibrium does not settle ({why}); "
+            "compliances of printed arms are 0.02 to 0.2 rad/Nm"
         )
 
 

@@ -20,6 +20,8 @@ from lrm_math.poses import Poses
 TOLERANCE = 1e-9
 """m: the iteration ends when no TCP can still move more than this (DESIGN asks for 1e-6)."""
 PLAIN_ITERATIONS, MOST_ITERATIONS = 40, 200
+LARGEST_MOTION = 0.5
+"""rad: beyond it the small rotations that effects stand for are not small, and the arm has lost its shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +147,7 @@ def equilibrium(
         tolerance: m, see `TOLERANCE`.
 
     Raises:
-        NotSettled: naming the poses that did not come to rest.
+        NotSettled: naming the poses that did not come to rest, or only after giving way by half a radian or more.
     """
     chain, count = model.chain, len(poses)
     rigid, elastic = _rigid_amounts(model, poses)
@@ -171,13 +173,24 @@ def equilibrium(
                 angles[k] = trig_of(slots[k])
         worst = change.max(initial=0.0)
         if worst <= tolerance * share:
+            _check_small(model, poses, slots, rigid, moving)
             tcp = pull_back(chain, slots, angles)
             columns = np.stack([np.broadcast_to(component, count) for component in tcp], axis=1)
             return Equilibrium(model, poses, tuple(slots), tuple(tau), columns, iteration)
         if not np.isfinite(worst):
             break
-    restless = np.flatnonzero(~(change <= tolerance))
-    raise NotSettled(restless.tolist(), float(change[restless].max()), iteration)
+    restless = np.flatnonzero(~(change <= tolerance * share))
+    left = f"after {iteration} iterations the TCP still moves {change[restless].max() * 1e3:.3g} mm"
+    raise NotSettled(poses.names(restless), left)
+
+
+def _check_small(model: Model, poses: Poses, slots: list[Number], rigid: list[Number], moving: list[int]) -> None:
+    chain, count = model.chain, len(poses)
+    for k in moving:
+        motion = np.broadcast_to(np.abs(np.subtract(slots[k], rigid[k])), count)
+        if chain.slots[k].rotates and motion.max(initial=0.0) > LARGEST_MOTION:
+            far = np.flatnonzero(motion > LARGEST_MOTION)
+            raise NotSettled(poses.names(far), f"{chain.slots[k].key} gives way by {np.degrees(motion.max()):.0f} deg")
 
 
 def _rigid_amounts(model: Model, poses: Poses) -> tuple[list[Number], list[tuple[Effect, Array]]]:

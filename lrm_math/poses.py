@@ -23,6 +23,7 @@ class Poses:
         t: (N,), time since the start (s), or None.
         session: (N,), number of the power-on session, or None.
         temperature: (N,), °C, or None.
+        number: (N,), what errors call each pose, or None: 1 … N.
     """
 
     q: Array
@@ -31,6 +32,7 @@ class Poses:
     t: Array | None = None
     session: Array | None = None
     temperature: Array | None = None
+    number: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         if self.q.ndim != 2 or self.payload.shape != (len(self.q),):
@@ -39,6 +41,11 @@ class Poses:
 
     def __len__(self) -> int:
         return len(self.q)
+
+    def names(self, rows: ArrayLike) -> list[int]:
+        """The numbers of some rows."""
+        chosen = np.asarray(rows)
+        return [int(number) for number in (chosen + 1 if self.number is None else self.number[chosen])]
 
     def angle(self, joint: int) -> Array:
         """(N,), commanded angle of joint number `joint` from 0 (rad)."""
