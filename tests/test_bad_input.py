@@ -11,7 +11,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 HEADER = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm"
-ROWS = [f"{i},{i},{2 * i % 90},{-i},{3 * i % 90},{-2 * i % 90},{i % 50},{200 + i},{10 + i},{300 - i}" for i in range(1, 61)]
+ROWS = [
+    f"{i},{i},{2 * i % 90},{-i},{3 * i % 90},{-2 * i % 90},{i % 50},{200 + i},{10 + i},{300 - i}" for i in range(1, 61)
+]
 LAB = (ROOT / "config" / "arms" / "lrm-lab.toml").read_text()
 
 
