@@ -34,7 +34,7 @@ lint: setup ## ruff and mypy --strict
 
 bench: setup ## our figures beside the peers', as ratios
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev,bench]'
-	$(BIN)/python -m bench
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m bench
 
 clean: ## removes what was built
 	rm -rf $(VENV) $(OUT) build dist *.egg-info

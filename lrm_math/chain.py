@@ -10,7 +10,7 @@ same for all poses, or an array `(N,)`; the same code serves both, so one pose c
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
@@ -217,37 +217,48 @@ class Walk:
 
 
 def walk(chain: Chain, values: Sequence[Number], count: int) -> Walk:
-    """Carries the frame outwards through all slots for `count` poses."""
-    angles = trig(chain, values)
-    columns = [np.zeros((3, count)) for _ in range(3)]
-    for axis in (X, Y, Z):
-        columns[axis][axis] = 1.0
-    p = np.zeros((3, count))
+    """Carries the frame outwards through all slots for `count` poses and keeps every screw, body and frame."""
     axes, origins = np.empty((2, len(chain.slots), 3, count))
     bodies = np.empty((len(chain.bodies), 3, count))
-    frames = np.empty((chain.dof + 2, 4, 3, count))
-    body = frame = 0
-    for k in range(len(chain.slots) + 1):
+    ends = np.empty((chain.dof + 2, 4, 3, count))
+    body = end = 0
+    for k, columns, p in _outwards(chain, values):
         while body < len(chain.bodies) and chain.bodies[body].before == k:
-            bodies[body] = p + sum(c * column for c, column in zip(chain.bodies[body].com, columns, strict=True) if c)
+            x, y, z = chain.bodies[body].com
+            bodies[body] = p + x * columns[X] + y * columns[Y] + z * columns[Z]
             body += 1
-        while frame < len(frames) and chain.frame_ends[frame] == k:
-            frames[frame, 0], frames[frame, 1], frames[frame, 2], frames[frame, 3] = *columns, p
-            frame += 1
-        if k == len(chain.slots):
-            return Walk(axes, origins, bodies, frames)
-        slot = chain.slots[k]
-        axes[k], origins[k] = columns[slot.axis], p
-        if slot.rotates:
-            rotate_inverse(columns, slot.axis, angles[k])  # type: ignore[arg-type]
-        elif not is_zero(values[k]):
-            p = p + values[k] * columns[slot.axis]
-    raise AssertionError("unreachable")
+        while end < len(ends) and chain.frame_ends[end] == k:
+            ends[end, X], ends[end, Y], ends[end, Z], ends[end, 3] = *columns, p
+            end += 1
+        if k < len(chain.slots):
+            axes[k], origins[k] = columns[chain.slots[k].axis], p
+    return Walk(axes, origins, bodies, ends)
 
 
 def frames(chain: Chain, values: Sequence[Number], count: int) -> Array:
     """Homogeneous frames (N, n + 2, 4, 4): base, after joint 1 … n, tool; m."""
-    out = np.zeros((count, chain.dof + 2, 4, 4))
-    out[..., 3, 3] = 1.0
-    out[..., :3, :] = walk(chain, values, count).frames.transpose(3, 0, 2, 1)
-    return out
+    out = np.zeros((chain.dof + 2, 4, 4, count))
+    out[:, 3, 3] = 1.0
+    end = 0
+    for k, columns, p in _outwards(chain, values):
+        while end < len(out) and chain.frame_ends[end] == k:
+            out[end, :3, X], out[end, :3, Y], out[end, :3, Z], out[end, :3, 3] = *columns, p
+            end += 1
+    return out.transpose(3, 0, 1, 2)
+
+
+def _outwards(chain: Chain, values: Sequence[Number]) -> Iterator[tuple[int, list[Array], Array]]:
+    """The frame before every slot, and last the tool's: number of the slot, columns x, y, z and origin.
+
+    Each (3, N), or (3, 1) as long as all poses share it.
+    """
+    angles = trig(chain, values)
+    columns, p = [np.eye(3)[:, [axis]] for axis in (X, Y, Z)], np.zeros((3, 1))
+    for k, slot in enumerate(chain.slots):
+        yield k, columns, p
+        if slot.rotates:
+            columns = list(columns)
+            rotate_inverse(columns, slot.axis, angles[k])  # type: ignore[arg-type]
+        elif not is_zero(values[k]):
+            p = p + values[k] * columns[slot.axis]
+    yield len(chain.slots), columns, p

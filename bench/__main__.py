@@ -1,0 +1,144 @@
+"""Prints what our code takes beside the peers, as ratios measured in one run on one core."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from bench.peers import Pinocchio, scipy_fit
+from bench.timing import Timing, race
+from lrm_ident import synthetic
+from lrm_ident.dataset import Measurements
+from lrm_ident.fit import fit, no_bounds
+from lrm_ident.options import chosen
+from lrm_math.arm_file import load_arm, shipped_arms
+from lrm_math.chain import chain_of, frames, pull_back, trig
+from lrm_math.derivatives import parameter_jacobian
+from lrm_math.effects import effects_at
+from lrm_math.model import Model, equilibrium, model_of
+from lrm_math.poses import Poses, poses_of
+
+POSES, FK_POSES, SETTLED = 393, 1000, 1e-6
+OURS = "lrm_math"
+
+
+@dataclass(frozen=True)
+class Task:
+    """One row of the page: who does it, how many units one call does, and what DESIGN wants of us per unit."""
+
+    name: str
+    unit: str
+    units: int
+    scale: float
+    goal: float
+    contenders: dict[str, Callable[[], object]]
+
+
+def synthetic_data() -> Measurements:
+    """As many poses as were measured on the real arm, from the independent generator."""
+    rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
+    q = synthetic.poses(rig, POSES, seed=1)
+    tcp = synthetic.measure(rig, synthetic.Truth.random(rig, 1), q, 0.0, 3e-4, 1)
+    number = np.arange(1, POSES + 1)
+    return Measurements(poses_of(q), number, tcp, None, None, number, Path("synthetic"), "")
+
+
+def tasks() -> list[Task]:
+    arm, data = load_arm("lrm-lab"), synthetic_data()
+    chain = chain_of(arm)
+    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    option1 = replace(model, free=chosen(model, "option1"))
+    fitted = fit(option1, data).model
+    rest = equilibrium(fitted, data.poses)
+    q = np.random.default_rng(0).uniform(-1.7, 1.7, (FK_POSES, 6))
+    columns = [np.ascontiguousarray(column) for column in q.T]
+    k = np.array([fitted.value(f"compliance.joint{i}.k_rad_per_Nm") for i in range(1, 7)])
+
+    def tcp() -> object:
+        values = chain.values(columns)
+        return pull_back(chain, values, trig(chain, values))
+
+    fk: dict[str, Callable[[], object]] = {
+        OURS: lambda: frames(chain, chain.values(columns), FK_POSES),
+        "lrm_math, TCP alone": tcp,
+    }
+    bent: dict[str, Callable[[], object]] = {OURS: lambda: equilibrium(fitted, data.poses, tolerance=SETTLED)}
+    jacobian: dict[str, Callable[[], object]] = {
+        OURS: lambda: parameter_jacobian(rest),
+        "differences": lambda: differences(fitted, data.poses),
+    }
+    pinocchio = _pinocchio()
+    if pinocchio:
+        fk["pinocchio"] = lambda: pinocchio.tcp(q)
+        bent["pinocchio"] = lambda: pinocchio.elastic_tcp(data.poses.q, k, SETTLED)
+        jacobian["pinocchio (its regressors only)"] = lambda: pinocchio.regressors(data.poses.q)
+    fits: dict[str, Callable[[], object]] = {
+        OURS: lambda: fit(option1, data, no_bounds(option1.free)),
+        "scipy, our Jacobian": lambda: scipy_fit(option1, data, jacobian=True),
+        "scipy, differences": lambda: scipy_fit(option1, data, jacobian=False),
+    }
+    return [
+        Task(f"FK of {FK_POSES} poses, all frames", "µs/pose", FK_POSES, 1e6, 0.25, fk),
+        Task(f"elastic FK of {POSES} poses, to 1 µm", "µs/pose", POSES, 1e6, 6.0, bent),
+        Task(f"3×45 total Jacobian of {POSES} poses", "ms", 1, 1e3, 10.0, jacobian),
+        Task(f"fit of 28 parameters to {POSES} poses", "ms", 1, 1e3, 100.0, fits),
+    ]
+
+
+def differences(model: Model, poses: Poses) -> np.ndarray:
+    """The total Jacobian by central differences of the equilibrium."""
+    out = np.empty((len(poses), 3, len(model.keys)))
+    for j, parameter in enumerate(model.parameters):
+        step = 1e-4 * parameter.typical * (np.arange(len(model.keys)) == j)
+        up, down = (equilibrium(model.with_values(model.values + s), poses).tcp for s in (step, -step))
+        out[:, :, j] = (up - down) / (2e-4 * parameter.typical)
+    return out
+
+
+def _pinocchio() -> Pinocchio | None:
+    try:
+        return Pinocchio(load_arm("lrm-lab"))
+    except ImportError:
+        return None
+
+
+def rows(task: Task, timings: dict[str, Timing]) -> list[tuple[str, ...]]:
+    """The lines of one task; ratios are medians over our median."""
+    ours, out = timings[OURS].median, []
+    for name, timing in timings.items():
+        value = timing.median / task.units * task.scale
+        goal = f"≤ {task.goal:g}: {'reached' if value <= task.goal else 'MISSED'}" if name == OURS else ""
+        figures = (
+            f"{value:.3g}",
+            f"{timing.best / task.units * task.scale:.3g}",
+            task.unit,
+            f"{timing.median / ours:.2f}",
+        )
+        out.append((task.name if name == OURS else "", name, *figures, goal))
+    return out
+
+
+def main() -> None:
+    console = Console(width=120)
+    table = Table(title="One core, medians of nine rounds in turn; ratio: its time over ours", title_justify="left")
+    for name in ("what", "by", "median", "best", "unit", "ratio", "goal"):
+        table.add_column(name, justify="right" if name in ("median", "best", "ratio") else "left")
+    for task in tasks():
+        with console.status(task.name):
+            for row in rows(task, race(task.contenders)):
+                table.add_row(*row)
+        table.add_section()
+    console.print(table)
+    console.print(f"Python {platform.python_version()}, numpy {np.__version__}, {platform.machine()}")
+    if _pinocchio() is None:
+        console.print("pinocchio is not installed: its rows are missing (extra 'bench')")
+
+
+if __name__ == "__main__":
+    main()
