@@ -22,7 +22,12 @@ from lrm_math.errors import FileError
 from lrm_math.model import equilibrium, model_of
 
 FORMATS = (".png", ".svg", ".pdf")
-NOMINAL, MODEL, HELD_OUT = "#888888", "#0072b2", "#d55e00"  # told apart with any colour vision (Okabe & Ito 2008)
+NOMINAL, MODEL, HELD_OUT, GREEN = (
+    "#888888",
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+)  # told apart with any colour vision (Okabe & Ito 2008)
 FACTORS_DRAWN, GROUPS_DRAWN = 8, 10
 
 
@@ -73,15 +78,23 @@ def _draw_groups(axes: Axes, comparison: Comparison) -> None:
     factor = comparison.factors[0]
     groups = factor.groups[:GROUPS_DRAWN]
     place = np.arange(len(groups))
-    for offset, (axis, hatch, colour) in zip(
-        (-0.27, 0.0, 0.27), (("x", "", MODEL), ("y", "//", HELD_OUT), ("z", "..", "#009e73")), strict=True
-    ):
-        bias = [group.bias["xyz".index(axis)] * 1e3 for group in groups]
-        axes.bar(place + offset, bias, 0.27, label=axis, hatch=hatch, color=colour, edgecolor="white")
+    turns = [group.acts_like for group in groups if group.acts_like is not None]
+    if turns:
+        axes.bar(place, np.degrees(turns), 0.6, color=MODEL)
+        axes.set(ylabel=f"acts like a turn of joint {factor.name.split()[-1]}, deg")
+    else:
+        for shift, axis, hatch, colour in (
+            (-0.27, "x", "", MODEL),
+            (0.0, "y", "//", HELD_OUT),
+            (0.27, "z", "..", GREEN),
+        ):
+            bias = [group.bias["xyz".index(axis)] * 1e3 for group in groups]
+            axes.bar(place + shift, bias, 0.27, label=axis, hatch=hatch, color=colour, edgecolor="white")
+        axes.set(ylabel="mean residual, mm")
+        axes.legend(title="along")
     axes.set_xticks(place, [group.label for group in groups], rotation=35, ha="right")
     axes.axhline(0, color="black", linewidth=0.8)
-    axes.set(ylabel="mean residual, mm", title=f"By {factor.name}")
-    axes.legend(title="along")
+    axes.set_title(f"Residual by {factor.name}")
 
 
 def _save(figure: Figure, path: Path) -> None:

@@ -17,7 +17,7 @@ from lrm_math.model import Equilibrium, Model, equilibrium
 Array = NDArray[np.float64]
 ROUND_OFF = 1e-7  # a column is numerically dependent when no more than this part of it is left
 CLEARLY = 3.0  # standard errors that must fit into the typical size of a parameter worth fitting
-NEGLIGIBLE = 0.02  # part of a combination too small to be worth a word
+NEGLIGIBLE = 0.05  # part of a combination too small to be worth a word
 MOST_ROUNDS = 6
 
 

@@ -17,7 +17,7 @@ from lrm_ident.fit import Fit
 from lrm_ident.identifiability import Unidentifiable
 from lrm_math.model import Model
 
-BAR, FACTORS_SHOWN, STRONG = 10, 8, 0.95
+BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
 PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
 
 
@@ -63,8 +63,9 @@ def _why(model: Model, parameter: Unidentifiable) -> str:
         return f"hardly moves the TCP (it would be known to ± {parameter.standard_error * scale:.3g} {unit})"
     unit = model.parameters[model.position(parameter.key)].unit
     parts = " and ".join(
-        f"{amount:+.4g} {model.parameters[model.position(key)].unit} of {key}" for key, amount in parameter.combination
-    )
+        f"{amount:+.4g} {model.parameters[model.position(key)].unit} of {key}"
+        for key, amount in parameter.combination[:PARTS_SHOWN]
+    ) + (" and less of others" if len(parameter.combination) > PARTS_SHOWN else "")
     like = "exactly" if parameter.survival < 1e-6 else "nearly"
     return f"1 {unit} of it moves the TCP {like} like {parts}"
 
