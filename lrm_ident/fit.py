@@ -152,6 +152,7 @@ class _Problem:
         return parameter_jacobian(state.rest, self.model.free) * self._scale / self._noise[:, :, None]
 
     def solve(self) -> Fit:
+        """Steps until none promises a gain. Raises `NotConverged`."""
         lower, upper = self.bounds.lower / self._scale, self.bounds.upper / self._scale
         state = self._at(np.clip(self.model.values[self._columns] / self._scale, lower, upper), None)
         scale = self._loss_scale(state)

@@ -54,6 +54,7 @@ def preference(model: Model, keys: Sequence[str]) -> list[str]:
     """
 
     def rank(key: str) -> int:
+        """Place in the order, lowest first."""
         effect, place, name = key.split(".")
         match effect, place, name:
             case "compliance", _, _:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic_core import ErrorDetails
 
 from lrm_math.errors import FileError, nearest
 
@@ -48,7 +48,7 @@ def check(path: Path, tables: dict[str, Any], schema: type[S]) -> S:
         raise _file_error(path, first, schema, more=len(faults) - 1) from None
 
 
-def _file_error(path: Path, fault: ErrorDetails, schema: type[BaseModel], more: int) -> FileError:
+def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel], more: int) -> FileError:
     *table, key = fault["loc"] or ("",)
     where = " ".join(str(part + 1 if isinstance(part, int) else part) for part in table)
     right = ""

@@ -19,7 +19,9 @@ SEED = 20240715
 POSES = 300
 PAYLOAD_KG = 0.0663
 FLOOR_M = 0.1  # of the rigid nominal arm; leaves room for sagging
-ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / "lrm-lab.toml"
+PROJECT = Path(__file__).resolve().parents[2]
+ARM_FILES = [PROJECT / folder / "arms" / "lrm-lab.toml" for folder in ("config", "lrm_math")]  # checkout, installed
+ARM_FILE = next((path for path in ARM_FILES if path.exists()), ARM_FILES[0])
 
 
 def example(arm_file: str | Path = ARM_FILE) -> Dataset:
