@@ -202,12 +202,14 @@ class Walk:
     """World-frame geometry met on the way from base to TCP, for N poses, components first for speed.
 
     `axis`, `origin`: (S, 3, N), of every slot (unit vectors; m). `body`: (B, 3, N), centres of mass (m).
+    `stands`: (B, 3, 3, N), unit vectors x, y, z of the frame that each body stands in.
     `frames`: (n + 2, 4, 3, N): columns x, y, z and origin of the frames base, after joint 1 … n, tool.
     """
 
     axis: Array
     origin: Array
     body: Array
+    stands: Array
     frames: Array
 
     @property
@@ -216,15 +218,22 @@ class Walk:
         return np.asarray(self.frames[-1, 3])
 
 
-def walk(chain: Chain, values: Sequence[Number], count: int) -> Walk:
-    """Carries the frame outwards through all slots for `count` poses and keeps every screw, body and frame."""
+def walk(
+    chain: Chain, values: Sequence[Number], count: int, coms: Sequence[tuple[Number, Number, Number]] | None = None
+) -> Walk:
+    """Carries the frame outwards through all slots for `count` poses and keeps every screw, body and frame.
+
+    `coms`: centres of mass of the bodies in the frames they stand in (m); the chain's own if None.
+    """
+    coms = [body.com for body in chain.bodies] if coms is None else coms
     axes, origins = np.empty((2, len(chain.slots), 3, count))
-    bodies = np.empty((len(chain.bodies), 3, count))
+    bodies, stands = np.empty((len(chain.bodies), 3, count)), np.empty((len(chain.bodies), 3, 3, count))
     ends = np.empty((chain.dof + 2, 4, 3, count))
     body = end = 0
     for k, columns, p in _outwards(chain, values):
         while body < len(chain.bodies) and chain.bodies[body].before == k:
-            x, y, z = chain.bodies[body].com
+            x, y, z = coms[body]
+            stands[body, X], stands[body, Y], stands[body, Z] = columns
             bodies[body] = p + x * columns[X] + y * columns[Y] + z * columns[Z]
             body += 1
         while end < len(ends) and chain.frame_ends[end] == k:
@@ -232,7 +241,7 @@ def walk(chain: Chain, values: Sequence[Number], count: int) -> Walk:
             end += 1
         if k < len(chain.slots):
             axes[k], origins[k] = columns[chain.slots[k].axis], p
-    return Walk(axes, origins, bodies, ends)
+    return Walk(axes, origins, bodies, stands, ends)
 
 
 def frames(chain: Chain, values: Sequence[Number], count: int) -> Array:

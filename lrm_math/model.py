@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -64,6 +64,11 @@ class Model:
         """Slots whose load some effect feels, ascending."""
         return tuple(sorted({self.chain.index[key] for e in self.effects for key in e.feels}))
 
+    def parts(self) -> Iterator[tuple[Effect, list[float]]]:
+        """Every effect with its parameters' values (SI)."""
+        for effect, span in zip(self.effects, self.spans, strict=True):
+            yield effect, self.values[span].tolist()
+
     def with_values(self, values: ArrayLike) -> Model:
         """The same model with other parameter values (SI)."""
         return replace(self, values=np.asarray(values, dtype=np.float64))
@@ -106,7 +111,8 @@ class Equilibrium:
     Attributes:
         slots: amount of every slot of the chain, nominal + all effects, each a float or (N,) (rad, m).
         tau: load on each slot of `model.felt`, N·m, each (N,).
-        tcp: (N, 3), m, in the frame of measurement.
+        tcp: (N, 3), m, as the tracker sees it.
+        true_tcp: (N, 3), m, where it is; the same unless an effect of the model distorts the tracker's frame.
         iterations: how many it took.
     """
 
@@ -115,13 +121,18 @@ class Equilibrium:
     slots: tuple[Number, ...]
     tau: tuple[Number, ...]
     tcp: Array
+    true_tcp: Array
     iterations: int
+
+    @cached_property
+    def weights(self) -> list[statics.Weight]:
+        """Every body's mass and centre of mass, payload and effects included."""
+        return _weights(self.model, self.poses)
 
     def loads_on(self, slots: Sequence[int]) -> Array:
         """(N, len(slots)), gravity's load on rotating slots given by number, ascending (N·m)."""
         chain = self.model.chain
-        mass = statics.masses(chain, self.poses.payload)
-        loads = statics.loads(chain, self.slots, trig(chain, self.slots), mass, slots)
+        loads = statics.loads(chain, self.slots, trig(chain, self.slots), self.weights, slots)
         return np.stack([np.broadcast_to(load, len(self.poses)) for load in loads], axis=1)
 
     @property
@@ -151,7 +162,7 @@ def equilibrium(
     """
     chain, count = model.chain, len(poses)
     rigid, elastic = _rigid_amounts(model, poses)
-    mass = statics.masses(chain, _constant_if_equal(poses.payload))
+    weights, pushed = _weights(model, poses), _pushes(model, poses)
     slots = list(rigid)
     moving = sorted({chain.index[key] for e, _ in elastic for key in e.moves})
     if start is not None:
@@ -161,7 +172,8 @@ def equilibrium(
     tau: list[Number] = []
     change = np.zeros(count)
     for iteration in range(1, MOST_ITERATIONS + 1):
-        tau = statics.loads(chain, slots, angles, mass, model.felt)
+        tau = statics.loads(chain, slots, angles, weights, model.felt)
+        tau = [load + pushed[k] if k in pushed else load for k, load in zip(model.felt, tau, strict=True)]
         wanted = _elastic_amounts(model, poses, elastic, rigid, tau)
         share = 1.0 if iteration <= PLAIN_ITERATIONS else 0.5
         change = np.zeros(count)
@@ -175,8 +187,8 @@ def equilibrium(
         if worst <= tolerance * share:
             _check_small(model, poses, slots, rigid, moving)
             tcp = pull_back(chain, slots, angles)
-            columns = np.stack([np.broadcast_to(component, count) for component in tcp], axis=1)
-            return Equilibrium(model, poses, tuple(slots), tuple(tau), columns, iteration)
+            true = np.stack([np.broadcast_to(component, count) for component in tcp], axis=1)
+            return Equilibrium(model, poses, tuple(slots), tuple(tau), _seen(model, true), true, iteration)
         if not np.isfinite(worst):
             break
     restless = np.flatnonzero(~(change <= tolerance * share))
@@ -191,6 +203,35 @@ def _check_small(model: Model, poses: Poses, slots: list[Number], rigid: list[Nu
         if chain.slots[k].rotates and motion.max(initial=0.0) > LARGEST_MOTION:
             far = np.flatnonzero(motion > LARGEST_MOTION)
             raise NotSettled(poses.names(far), f"{chain.slots[k].key} gives way by {np.degrees(motion.max()):.0f} deg")
+
+
+def _weights(model: Model, poses: Poses) -> list[statics.Weight]:
+    added = (
+        (body, ballast)
+        for effect, p in model.parts()
+        if effect.weighs
+        for body, ballast in zip(effect.weighs, effect.weight(poses, p), strict=True)
+    )
+    return statics.weights(model.chain, _constant_if_equal(poses.payload), added)
+
+
+def _pushes(model: Model, poses: Poses) -> dict[int, Number]:
+    """Loads that effects put on slots, by number of the slot."""
+    out: dict[int, Number] = {}
+    for effect, p in model.parts():
+        for key, load in zip(effect.pushes, effect.push(poses, p), strict=True):
+            k = model.chain.index[key]
+            out[k] = out.get(k, 0.0) + load
+    return out
+
+
+def _seen(model: Model, tcp: Array) -> Array:
+    seen = tcp
+    for effect, p in model.parts():
+        shift = effect.seen(tcp, p)
+        if shift is not None:
+            seen = seen + shift
+    return seen
 
 
 def _rigid_amounts(model: Model, poses: Poses) -> tuple[list[Number], list[tuple[Effect, Array]]]:

@@ -6,23 +6,44 @@ for a translation the force along it (N). Thesis Eqs 2.44 to 2.48 are the case o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from lrm_math.chain import PLANE, Array, Chain, Number, Vector, Walk, is_zero, rotate, rotate_inverse
 
 
-def masses(chain: Chain, payload: Number) -> list[Number]:
-    """Mass of every body in chain order (kg), the payload (kg, float or `(N,)`) added to those that carry it."""
-    return [body.mass + payload if body.carries_payload else body.mass for body in chain.bodies]
+@dataclass(frozen=True)
+class Ballast:
+    """Added to one body: mass (kg) and shift of its centre of mass in the frame it stands in (m), floats or (N,)."""
+
+    mass: Number = 0.0
+    shift: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Weight:
+    """A body's mass (kg) and centre of mass in the frame it stands in (m), floats or (N,)."""
+
+    mass: Number
+    com: tuple[Number, Number, Number]
+
+
+def weights(chain: Chain, payload: Number, added: Iterable[tuple[int, Ballast]] = ()) -> list[Weight]:
+    """Every body in chain order; the payload (kg, float or `(N,)`) and `added` (number of a body, what) included."""
+    out = [Weight(body.mass + payload if body.carries_payload else body.mass, body.com) for body in chain.bodies]
+    for number, ballast in added:
+        x, y, z = (c + s for c, s in zip(out[number].com, ballast.shift, strict=True))
+        out[number] = Weight(out[number].mass + ballast.mass, (x, y, z))
+    return out
 
 
 def loads(
     chain: Chain,
     values: Sequence[Number],
     angles: Sequence[tuple[Number, Number] | None],
-    mass: Sequence[Number],
+    weights: Sequence[Weight],
     felt: Sequence[int],
 ) -> list[Number]:
     """Gravity's load on the rotating slots `felt` (ascending), N·m each.
@@ -36,8 +57,9 @@ def loads(
     body, wanted = len(chain.bodies) - 1, len(felt) - 1
     for k in range(len(chain.slots) - 1, (felt[0] if felt else 0) - 1, -1):
         while body >= 0 and chain.bodies[body].before > k:
-            moment = [m + mass[body] * c if c else m for m, c in zip(moment, chain.bodies[body].com, strict=True)]
-            carried = carried + mass[body]
+            mass = weights[body].mass
+            moment = [m if is_zero(c) else m + mass * c for m, c in zip(moment, weights[body].com, strict=True)]
+            carried = carried + mass
             body -= 1
         slot = chain.slots[k]
         if slot.rotates:
@@ -45,7 +67,7 @@ def loads(
         elif not is_zero(values[k]):
             moment[slot.axis] = moment[slot.axis] + carried * values[k]
         if wanted >= 0 and felt[wanted] == k:
-            counted = _with_bodies_behind(chain, values, angles, mass, k, moment)
+            counted = _with_bodies_behind(chain, values, angles, weights, k, moment)
             i, j = PLANE[slot.axis]
             g = gravity[wanted]
             out[wanted] = counted[i] * g[j] - counted[j] * g[i]
@@ -71,25 +93,25 @@ def _with_bodies_behind(
     chain: Chain,
     values: Sequence[Number],
     angles: Sequence[tuple[Number, Number] | None],
-    mass: Sequence[Number],
+    weights: Sequence[Weight],
     k: int,
     moment: Vector,
 ) -> Vector:
     """Adds the bodies that slot k counts although they stand behind it (the rig's bookkeeping of links 1, 3, 5)."""
     for number in range(chain.counted[k], chain.moved[k]):
         body = chain.bodies[number]
-        com: Vector = list(body.com)
+        com: Vector = list(weights[number].com)
         for between in range(body.before, k):
             slot = chain.slots[between]
             if slot.rotates:
                 rotate_inverse(com, slot.axis, angles[between])
             elif not is_zero(values[between]):
                 com[slot.axis] = com[slot.axis] - values[between]
-        moment = [m + mass[number] * c for m, c in zip(moment, com, strict=True)]
+        moment = [m + weights[number].mass * c for m, c in zip(moment, com, strict=True)]
     return moment
 
 
-def load_derivatives(chain: Chain, geometry: Walk, mass: Sequence[Number], felt: Sequence[int]) -> Array:
+def load_derivatives(chain: Chain, geometry: Walk, weights: Sequence[Weight], felt: Sequence[int]) -> Array:
     """∂tau_k/∂s_j for the rotating slots k in `felt` and every slot j: (K, S, N).
 
     With a the axis of a slot, S the first mass moment that it carries about its origin, g gravity:
@@ -97,13 +119,11 @@ def load_derivatives(chain: Chain, geometry: Walk, mass: Sequence[Number], felt:
     the Hessian of −V. Bodies that a slot counts without moving them are corrected for.
     """
     K, J = len(felt), len(chain.slots)
-    g = np.array(chain.gravity)
     rotates = np.array([slot.rotates for slot in chain.slots])
-    m, mc = _suffix_moments(geometry, mass)
+    m, mc = _suffix_moments(geometry, weights)
     carried = [_lever(geometry, j, m[chain.moved[j]], mc[chain.moved[j]], rotates[j]) for j in range(J)]
     u = np.array(carried)
-    h = cross(np.broadcast_to(g[:, None], geometry.axis[0].shape), geometry.axis)
-    h[~rotates] = 0.0
+    h = _levers_of_gravity(chain, geometry)
     out = np.empty((K, J, geometry.axis.shape[2]))
     for row, k in enumerate(felt):
         u_k = u[k]
@@ -118,13 +138,33 @@ def load_derivatives(chain: Chain, geometry: Walk, mass: Sequence[Number], felt:
     return out
 
 
-def _suffix_moments(geometry: Walk, mass: Sequence[Number]) -> tuple[list[Number], list[Number | Array]]:
+def weight_derivatives(
+    chain: Chain, geometry: Walk, weights: Sequence[Weight], felt: Sequence[int], body: int
+) -> tuple[Array, Array]:
+    """∂tau/∂mass (K, N) and ∂tau/∂com (K, 3, N) of the slots `felt`, for one body's mass and centre of mass."""
+    h = _levers_of_gravity(chain, geometry)
+    counts = np.array([chain.counted[k] <= body for k in felt], dtype=np.float64)[:, None]
+    felt = list(felt)
+    by_mass = np.einsum("kcn,kcn->kn", h[felt], geometry.body[body] - geometry.origin[felt])
+    by_com = np.einsum("kcn,acn->kan", h[felt], geometry.stands[body]) * weights[body].mass
+    return counts * by_mass, counts[:, :, None] * by_com
+
+
+def _levers_of_gravity(chain: Chain, geometry: Walk) -> Array:
+    """(S, 3, N): h = g × a of every rotating slot, zero for translations; tau = h · (first mass moment)."""
+    g = np.array(chain.gravity)[:, None]
+    h = cross(np.broadcast_to(g, geometry.axis[0].shape), geometry.axis)
+    h[~np.array([slot.rotates for slot in chain.slots])] = 0.0
+    return h
+
+
+def _suffix_moments(geometry: Walk, weights: Sequence[Weight]) -> tuple[list[Number], list[Number | Array]]:
     """Total mass (kg) and world first moment (3, N) of all bodies from number b outwards, for b = 0 … B."""
     m: list[Number] = [0.0]
     mc: list[Number | Array] = [np.zeros_like(geometry.tcp)]
-    for number in range(len(mass) - 1, -1, -1):
-        m.append(m[-1] + mass[number])
-        mc.append(mc[-1] + mass[number] * geometry.body[number])
+    for number in range(len(weights) - 1, -1, -1):
+        m.append(m[-1] + weights[number].mass)
+        mc.append(mc[-1] + weights[number].mass * geometry.body[number])
     return m[::-1], mc[::-1]
 
 

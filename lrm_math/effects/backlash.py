@@ -1,4 +1,4 @@
-"""Play in the gears of a joint."""
+"""Play and friction in the gears of a joint."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arm import Arm
-from lrm_math.effects.base import Amounts, Effect, Parameter
+from lrm_math.effects.base import Amounts, Effect, Evidence, Parameter, joint_number
 from lrm_math.poses import Poses
 
 
@@ -58,3 +58,50 @@ class Backlash(Effect):
     def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """½ b/τ0 sech²(τ/τ0)."""
         return ((0.5 * p[0] / p[1] * (1.0 - np.tanh(tau[0] / p[1]) ** 2),),)
+
+    def why_not(self, evidence: Evidence) -> str | None:
+        """Play shows where the torque changes sign."""
+        if evidence.both_signs(evidence.torque[:, joint_number(self.place)]):
+            return None
+        return f"gravity's torque on {self.place} has (nearly) always the same sign: the play stays at one end"
+
+
+@dataclass(frozen=True)
+class Hysteresis(Effect):
+    """A joint that stops a little short, on the side it comes from."""
+
+    id = "hysteresis"
+    cause = "Friction and the servo's dead band let a joint stop a little early, so it depends on where it came from."
+    formula = "δq = ½ h · direction of the joint's last move"
+    source = "Slamani, Nubiola & Bonev 2012"
+    needs = "measured order, and each joint approached from both sides"
+    follows_angles = False
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint."""
+        return arm.joint_names
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The difference h between the two approaches, of either sign (a servo may overshoot)."""
+        return (Parameter("h_rad", f"difference between the two approaches of {self.place}", 0.02),)
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The joint's angle."""
+        return (f"{self.place}.theta",)
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """½ h · direction; zero where the direction is unknown."""
+        if poses.direction is None:
+            return (0.0,)
+        return (0.5 * p[0] * poses.direction[:, joint_number(self.place)],)
+
+    def why_not(self, evidence: Evidence) -> str | None:
+        """It shows only if the joint came from both sides."""
+        if evidence.poses.direction is None:
+            return "the order of measurement is not known"
+        if evidence.both_signs(evidence.poses.direction[:, joint_number(self.place)]):
+            return None
+        return f"{self.place} (nearly) never reverses: it always comes from the same side"

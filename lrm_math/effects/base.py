@@ -18,8 +18,23 @@ import numpy as np
 from lrm_math.arm import Arm
 from lrm_math.chain import Array, Number
 from lrm_math.poses import Poses
+from lrm_math.statics import Ballast
 
-UNIT_IN_SI = {"rad": 1.0, "mm": 1e-3, "g": 1e-3, "s": 1.0, "Nm": 1.0, "rad_per_Nm": 1.0, "Nm_per_rad": 1.0}
+UNIT_IN_SI = {
+    "rad": 1.0,
+    "mm": 1e-3,
+    "g": 1e-3,
+    "s": 1.0,
+    "Hz": 1.0,
+    "Nm": 1.0,
+    "rad_per_Nm": 1.0,
+    "rad_per_Nm2": 1.0,
+    "rad_per_Nm3": 1.0,
+    "rad_per_rad": 1.0,
+    "rad_per_K": 1.0,
+    "Nm_per_rad": 1.0,
+    "mm_per_m": 1e-3,
+}
 Amounts = tuple[Number, ...]
 N = TypeVar("N", float, Number)
 STEP = 6e-6  # cube root of the machine epsilon: the best step of a central difference
@@ -56,6 +71,23 @@ class Parameter:
         return 0.0 if self.fixed is None else self.fixed
 
 
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What poses can show: the poses, and gravity's torque (N, n) on the joints at them (N·m)."""
+
+    poses: Poses
+    torque: Array
+
+    def levels(self, joint: int) -> int:
+        """At how many different angles (to 0.5°) a joint stood."""
+        return len(np.unique(np.round(np.degrees(self.poses.q[:, joint]) / 0.5)))
+
+    def both_signs(self, values: Array) -> bool:
+        """Whether at least a twentieth of the values lies on either side of zero."""
+        least = max(1.0, len(values) / 20)
+        return bool(np.count_nonzero(values > 0) >= least and np.count_nonzero(values < 0) >= least)
+
+
 @dataclass(frozen=True)
 class Effect(ABC):
     """A physical cause at one `place` of one `arm`."""
@@ -84,16 +116,15 @@ class Effect(ABC):
         """What may be fitted, in the order of `p`."""
 
     @property
-    @abstractmethod
     def moves(self) -> tuple[str, ...]:
         """The slots that it moves, `place.name`."""
+        return ()
 
     @property
     def feels(self) -> tuple[str, ...]:
         """The rotating slots whose load enters `motion`, in the order of `tau`."""
         return ()
 
-    @abstractmethod
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """The amount added to each slot of `moves`: rad or m, each a float or (N,).
 
@@ -102,6 +133,33 @@ class Effect(ABC):
             tau: gravity's load on each slot of `feels`, N·m, each (N,).
             p: the parameters' values in SI.
         """
+        return ()
+
+    @property
+    def pushes(self) -> tuple[str, ...]:
+        """The rotating slots on which it puts a load of its own, beside gravity's."""
+        return ()
+
+    def push(self, poses: Poses, p: Sequence[float]) -> Amounts:
+        """The load added on each slot of `pushes`, N·m, each a float or (N,). Linear in p."""
+        return ()
+
+    @property
+    def weighs(self) -> tuple[int, ...]:
+        """Numbers of the arm's bodies (in the order of `chain_of(arm).bodies`) whose weight it changes."""
+        return ()
+
+    def weight(self, poses: Poses, p: Sequence[float]) -> tuple[Ballast, ...]:
+        """What is added to each body of `weighs`. Linear in p."""
+        return ()
+
+    def seen(self, tcp: Array, p: Sequence[float]) -> Array | None:
+        """(N, 3): how far off the tracker sees the TCP (N, 3), m; None if it sees right. Linear in both."""
+        return None
+
+    def why_not(self, evidence: Evidence) -> str | None:
+        """Why these poses cannot show the effect, or None if they might."""
+        return None
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """∂amount/∂p: for each parameter, one number or (N,) for each slot of `moves`."""
@@ -138,4 +196,9 @@ def _difference(plus: Amounts, minus: Amounts, h: float) -> Amounts:
     return tuple((b - a) / (2.0 * h) for a, b in zip(minus, plus, strict=True))
 
 
-__all__ = ["Amounts", "Array", "Effect", "Number", "Parameter"]
+def joint_number(place: str) -> int:
+    """Number from 0 of `jointN`."""
+    return int(place.removeprefix("joint")) - 1
+
+
+__all__ = ["Amounts", "Array", "Ballast", "Effect", "Evidence", "Number", "Parameter", "joint_number"]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from lrm_math.arm import BASE, Arm
 from lrm_math.effects.base import Amounts, Effect, Parameter
 from lrm_math.poses import Poses
@@ -97,3 +99,88 @@ class LateralCompliance(Effect):
     def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """k about the moment's own axis."""
         return ((float(p[0]), 0.0), (0.0, float(p[1])))
+
+
+@dataclass(frozen=True)
+class BaseCompliance(Effect):
+    """The base structure gives way about its other two axes."""
+
+    id = "base_compliance"
+    cause = "The structure under the arm twists and rocks sideways too, not only forwards."
+    formula = "δα = k_x τ_x, δγ = k_z τ_z of the base; about z it is the same as the compliance of joint 1"
+    source = "as the base compliance of Conenna 2024, section 4.3, about the axes it leaves out"
+    follows_angles = False
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """The base."""
+        return (BASE,)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The two compliances."""
+        return tuple(
+            Parameter(f"k_{axis}_rad_per_Nm", f"compliance of the base about its {axis}", 0.03, lower=0.0)
+            for axis in "xz"
+        )
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The base's two other angles."""
+        return ("base.alpha", "base.gamma")
+
+    @property
+    def feels(self) -> tuple[str, ...]:
+        """The moments about the same axes."""
+        return self.moves
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """k τ about each axis."""
+        return (p[0] * tau[0], p[1] * tau[1])
+
+
+@dataclass(frozen=True)
+class NonlinearStiffness(Effect):
+    """A joint whose spring gets stiffer or softer with its torque."""
+
+    id = "nonlinear_stiffness"
+    cause = "Gears and plastic under a joint are softer at first and stiffen as they are loaded, or the reverse."
+    formula = "δq = c2 τ|τ| + c3 τ³"
+    source = "series in the torque; the linear term is the effect compliance"
+    needs = "torques of several sizes, best with several loads"
+    follows_angles = False
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint."""
+        return arm.joint_names
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The two coefficients, of either sign."""
+        return (
+            Parameter("c2_rad_per_Nm2", f"quadratic compliance of {self.place}", 0.05),
+            Parameter("c3_rad_per_Nm3", f"cubic compliance of {self.place}", 0.05),
+        )
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The joint's angle."""
+        return (f"{self.place}.theta",)
+
+    @property
+    def feels(self) -> tuple[str, ...]:
+        """The joint's torque."""
+        return self.moves
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """c2 τ|τ| + c3 τ³."""
+        return (p[0] * tau[0] * np.abs(tau[0]) + p[1] * tau[0] ** 3,)
+
+    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """τ|τ| and τ³."""
+        return ((tau[0] * np.abs(tau[0]),), (tau[0] ** 3,))
+
+    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """2 c2 |τ| + 3 c3 τ²."""
+        return ((2.0 * p[0] * np.abs(tau[0]) + 3.0 * p[1] * tau[0] ** 2,),)

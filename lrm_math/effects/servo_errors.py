@@ -1,0 +1,180 @@
+"""What servos do wrong with a command: gain, eccentricity, coupling, rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_math.arm import Arm
+from lrm_math.effects.base import Amounts, Effect, Evidence, Parameter, joint_number
+from lrm_math.poses import Poses
+from lrm_math.servo import PwmClock, rounding
+
+
+@dataclass(frozen=True)
+class ServoGain(Effect):
+    """A servo that turns a little more or less than asked, differently to each side."""
+
+    id = "servo_gain"
+    cause = "The potentiometer in a servo is not exactly linear, and the servo's table was read from a protractor."
+    formula = "δq = g+ q for q > 0, g− q for q < 0"
+    source = "piecewise linear table of Conenna 2024, section 3.4"
+    needs = "five or more levels of the joint, to tell it from eccentricity"
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint."""
+        return arm.joint_names
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The two gains."""
+        return (
+            Parameter("g_plus_rad_per_rad", f"gain error of {self.place} for q > 0", 0.02),
+            Parameter("g_minus_rad_per_rad", f"gain error of {self.place} for q < 0", 0.02),
+        )
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The joint's angle."""
+        return (f"{self.place}.theta",)
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """g± q."""
+        q = poses.angle(joint_number(self.place))
+        return (p[0] * np.maximum(q, 0.0) + p[1] * np.minimum(q, 0.0),)
+
+    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """q on the parameter's own side."""
+        q = poses.angle(joint_number(self.place))
+        return ((np.maximum(q, 0.0),), (np.minimum(q, 0.0),))
+
+    def why_not(self, evidence: Evidence) -> str | None:
+        """It needs the joint to move."""
+        levels = evidence.levels(joint_number(self.place))
+        return None if levels >= 3 else f"{self.place} stands at {levels} levels only"
+
+
+@dataclass(frozen=True)
+class Eccentricity(Effect):
+    """Gears and potentiometers that are not centred: the error comes once and twice a turn."""
+
+    id = "eccentricity"
+    cause = "A gear or potentiometer whose axis is off centre turns now too far, now too little, once or twice a turn."
+    formula = "δq = Σ a_n sin nq + b_n (cos nq − 1), n = 1, 2"
+    source = "Fourier series of a periodic error of the joint"
+    needs = "five or more levels of the joint, to tell it from gain"
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint."""
+        return arm.joint_names
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Two amplitudes for each harmonic."""
+        return tuple(
+            Parameter(f"{letter}{n}_rad", f"{wave} {n}q of {self.place}", 0.02)
+            for n in (1, 2)
+            for letter, wave in (("a", "sin"), ("b", "cos"))
+        )
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The joint's angle."""
+        return (f"{self.place}.theta",)
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """Σ a_n sin nq + b_n (cos nq − 1)."""
+        return (sum(value * wave[0] for value, wave in zip(p, self.d_parameters(poses, tau, p), strict=True)),)
+
+    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """The waves."""
+        q = poses.angle(joint_number(self.place))
+        return tuple((wave,) for n in (1, 2) for wave in (np.sin(n * q), np.cos(n * q) - 1.0))
+
+    def why_not(self, evidence: Evidence) -> str | None:
+        """It needs the joint to move."""
+        levels = evidence.levels(joint_number(self.place))
+        return None if levels >= 3 else f"{self.place} stands at {levels} levels only"
+
+
+@dataclass(frozen=True)
+class Coupling(Effect):
+    """A joint that turns a little when another one does."""
+
+    id = "coupling"
+    cause = "A cable or a shared mount lets the command of one joint turn another one a little."
+    formula = "δq_N = c q_M"
+    source = "first order of any dependence between two joints"
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every ordered pair of joints: `jointN<-jointM`."""
+        return tuple(f"{to}<-{by}" for to in arm.joint_names for by in arm.joint_names if to != by)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The coefficient c."""
+        return (Parameter("c_rad_per_rad", f"turn of {self.place.replace('<-', ' for each rad of ')}", 0.02),)
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The angle of the joint that is turned."""
+        return (f"{self.place.split('<-')[0]}.theta",)
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """c q_M."""
+        return (p[0] * poses.angle(joint_number(self.place.split("<-")[1])),)
+
+    def why_not(self, evidence: Evidence) -> str | None:
+        """It needs the other joint to move."""
+        other = self.place.split("<-")[1]
+        return None if evidence.levels(joint_number(other)) >= 2 else f"{other} never moves"
+
+
+@dataclass(frozen=True)
+class Quantisation(Effect):
+    """Pulses are whole counts of the chip. Known, not fitted."""
+
+    id = "quantisation"
+    cause = "The servo board can only make pulses of whole counts, about half a degree each at 50 Hz."
+    formula = "δq = angle of the rounded pulse − q"
+    source = "PCA9685 data sheet, section 7.3.5; lrm_math.servo"
+    needs = "the PWM frequency"
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """The arm, if every joint has a servo table."""
+        return ("arm",) if all(joint.servo for joint in arm.joints) else ()
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """PWM frequency and oscillator of the board; neither is fitted."""
+        return (
+            Parameter("pwm_Hz", "PWM frequency", 50.0, lower=24.0, fixed=50.0),
+            Parameter("oscillator_Hz", "oscillator of the board", 25e6, lower=20e6, fixed=25e6),
+        )
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """All joint angles."""
+        return tuple(f"{joint}.theta" for joint in self.arm.joint_names)
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """The rounding error of every joint."""
+        clock = PwmClock(p[0], p[1])
+        return tuple(
+            rounding(joint.servo, clock, poses.angle(i)) if joint.servo else 0.0
+            for i, joint in enumerate(self.arm.joints)
+        )
+
+    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """Zero: it is a staircase, and not fitted."""
+        return ((0.0,) * self.arm.dof,) * 2
+
+    def d_q(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """Zero on average: steps of the staircase are left out."""
+        return ((0.0,) * self.arm.dof,) * self.arm.dof
