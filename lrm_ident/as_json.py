@@ -7,12 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from lrm_ident.advice import Advice, Report
 from lrm_ident.compare import Comparison, Factor, Group, HeldOut
 from lrm_ident.dataset import Measurements
 from lrm_ident.figures_of_merit import ErrorFigures, figures
 from lrm_ident.fit import Fit
 from lrm_ident.identifiability import Unidentifiable
+from lrm_ident.steps import Course
 from lrm_math.model import Model
+
+RANKED = 30
 
 
 def fit_json(
@@ -96,3 +100,78 @@ def _group(group: Group) -> dict[str, Any]:
     bias = [component * 1e3 for component in group.bias]
     turn = {} if group.acts_like is None else {"acts_like_deg": float(np.degrees(group.acts_like))}
     return {"label": group.label, "poses": group.count, **group.error.as_json(), "bias_mm": bias, **turn}
+
+
+def diagnosis_json(report: Report, catalogue_size: int = RANKED) -> dict[str, Any]:
+    """Result of `lrm-ident diagnose`, schema `lrm/diagnosis/1`."""
+    found = report.diagnosis
+    return {
+        "schema": "lrm/diagnosis/1",
+        "poses": len(found.data),
+        "parameters": len(found.fit.model.free),
+        "error": {"fit": report.fit.as_json(), "held_out": report.held_out.as_json()},
+        "noise_floor_rms_mm": None if found.floor.rms is None else found.floor.rms * 1e3,
+        "noise_floor_source": found.floor.source,
+        "structure": {
+            "moran_i": found.structure.moran_i,
+            "p_value": found.structure.p_value,
+            "order_p_value": found.structure.order_p_value,
+        },
+        "verdict": report.verdict,
+        "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:catalogue_size], 1)],
+        "unexplained": None if found.free is None else {"acts_like": found.free.name, "joint": found.free.joint + 1},
+        "anatomy": [
+            {"joint": function.joint + 1, "follows": list(function.follows), "held_out_rms_mm": rms * 1e3}
+            for function, rms in found.anatomy
+        ],
+        "outliers": list(found.outliers),
+        "audit": list(report.traps),
+        "not_testable": [{"effect": e.id, "place": e.place, "reason": why} for e, why in found.not_testable],
+        "next_poses_hint": report.hint,
+    }
+
+
+def _advice(rank: int, advice: Advice, report: Report) -> dict[str, Any]:
+    effect = advice.scored.candidate.effect
+    return {
+        "rank": rank,
+        "effect": effect.id,
+        "place": effect.place,
+        "verdict": advice.verdict,
+        "held_out_rms_mm": advice.held_out_rms * 1e3,
+        "approximate": not advice.exact,
+        "gain_mm": (report.held_out.rms - advice.held_out_rms) * 1e3,
+        "p_value": min(1.0, report.diagnosis.adjusted[advice.scored.name]),
+        "parameters": {name: {"value": value, "se": error} for name, value, error in advice.estimates},
+        "indistinguishable_from": list(advice.rivals),
+        "online": effect.online,
+        "why": advice.why,
+    }
+
+
+def before_and_after(
+    was: ErrorFigures, left_before: HeldOut, now: ErrorFigures, left_after: HeldOut
+) -> dict[str, dict[str, Any]]:
+    """Errors of one step."""
+    return {
+        name: {"fit": fitted.as_json(), "held_out": None if left.error is None else left.error.as_json()}
+        for name, fitted, left in (("before", was, left_before), ("after", now, left_after))
+    }
+
+
+def course_json(course: Course, held_out: HeldOut, nested: HeldOut) -> dict[str, Any]:
+    """Result of `lrm-ident auto`, schema `lrm/course/1`."""
+    return {
+        "schema": "lrm/course/1",
+        "steps": [
+            {
+                "added": step.added,
+                "parameters": len(step.fit.model.free),
+                "fit_rms_mm": figures(step.fit.residual).rms * 1e3,
+            }
+            for step in course.steps
+        ],
+        "verdict": course.last.verdict,
+        "held_out": None if held_out.error is None else held_out.error.as_json(),
+        "nested_held_out": None if nested.error is None else nested.error.as_json(),
+    }

@@ -47,3 +47,10 @@ JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="A
 FigureFile = Annotated[
     Path | None, typer.Option("--figure", metavar="FILE", help="Also draw the result: .png, .svg or .pdf.")
 ]
+EffectsFile = Annotated[
+    Path | None,
+    typer.Option("--effects-file", metavar="FILE.py", help="A Python file with effects of your own (docs/effects.md)."),
+]
+EffectName = Annotated[str, typer.Argument(metavar="EFFECT[@PLACE]", help="For instance backlash@joint2.")]
+NewModel = Annotated[Path, typer.Option("-o", "--output", metavar="MODEL2", help="Where to write the new model.")]
+MostEffects = Annotated[int, typer.Option("--max-effects", min=0, help="Stop after this many.")]

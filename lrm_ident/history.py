@@ -14,6 +14,7 @@ from lrm_ident.dataset import Measurements
 from lrm_ident.figures_of_merit import figures
 from lrm_ident.fit import Fit
 from lrm_math.effects import Effect
+from lrm_math.errors import LrmError
 from lrm_math.model import Model
 from lrm_math.model_file import HistoryTable, ModelFile, ProvenanceTable, as_tables, parameter_tables
 
@@ -42,25 +43,38 @@ def model_file(
         step: what was done, in a few words.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
-    names, parameters = effect_names(model.effects), parameter_tables(model)
     entry = HistoryTable(
         step=step,
-        effects=names,
-        parameters=parameters,
         fit_rms_mm=figures(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
-        date=date,
-    )
-    return ModelFile(
-        schema="lrm/model/1",
-        arm=arm,
-        effects=names,
-        parameters=parameters,
+        effects=effect_names(model.effects),
+        parameters=parameter_tables(model),
         sigma=sigma_table(fit),
-        history=[*before, entry],
         provenance=ProvenanceTable(
             data=data.path.name, data_sha256=data.sha256, poses=len(data), tool=tool_version(), date=date, loss=loss
         ),
+    )
+    return _standing_at(arm, [*before, entry])
+
+
+def undone(file: ModelFile) -> ModelFile:
+    """The model file as it was before its last step. Raises `LrmError` if there was none."""
+    if len(file.history) < 2:
+        raise LrmError("nothing to undo: the model's history has no step before this one")
+    return _standing_at(file.arm, file.history[:-1])
+
+
+def _standing_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
+    """The file whose model is that of the last entry."""
+    last = history[-1]
+    return ModelFile(
+        schema="lrm/model/1",
+        arm=arm,
+        effects=last.effects,
+        parameters=last.parameters,
+        sigma=last.sigma,
+        history=list(history),
+        provenance=last.provenance,
     )
 
 

@@ -19,7 +19,8 @@ from lrm_math.poses import Poses
 
 TOLERANCE = 1e-9
 """m: the iteration ends when no TCP can still move more than this (DESIGN asks for 1e-6)."""
-PLAIN_ITERATIONS, MOST_ITERATIONS = 40, 200
+PLAIN_ITERATIONS, MOST_ITERATIONS = 20, 150
+SMALLEST_SHARE = 0.02
 LARGEST_MOTION = 0.5
 """rad: beyond it the small rotations that effects stand for are not small, and the arm has lost its shape."""
 
@@ -151,7 +152,8 @@ def equilibrium(
 ) -> Equilibrium:
     """Finds where the arm rests: effects move slots, that changes the loads, those change the effects.
 
-    Fixed-point iteration (thesis Figure 4.4), with half steps where whole ones do not settle.
+    Fixed-point iteration (thesis Figure 4.4). Poses that do not settle soon take a share of each step, which follows from
+    how the last step changed the next (Aitken's relaxation for vectors; Irons & Tuck 1969).
 
     Args:
         start: an equilibrium of the same poses for nearby parameters, to start from.
@@ -170,30 +172,51 @@ def equilibrium(
             slots[k] = start.slots[k]
     angles = trig(chain, slots)
     tau: list[Number] = []
-    change = np.zeros(count)
+    relaxed: _Relaxation | None = None
     for iteration in range(1, MOST_ITERATIONS + 1):
         tau = statics.loads(chain, slots, angles, weights, model.felt)
         tau = [load + pushed[k] if k in pushed else load for k, load in zip(model.felt, tau, strict=True)]
         wanted = _elastic_amounts(model, poses, elastic, rigid, tau)
-        share = 1.0 if iteration <= PLAIN_ITERATIONS else 0.5
+        steps = [wanted[k] - slots[k] for k in moving]
         change = np.zeros(count)
-        for k in moving:
-            step = share * (wanted[k] - slots[k])
+        for k, step in zip(moving, steps, strict=True):
             change += np.abs(step) * (_reach(model) if chain.slots[k].rotates else 1.0)
+        worst = change.max(initial=0.0)
+        if not np.isfinite(worst):
+            break
+        if iteration > PLAIN_ITERATIONS and worst > tolerance:
+            relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, count) for step in steps]))
+            steps = list(relaxed.share * relaxed.step)
+        for k, step in zip(moving, steps, strict=True):
             slots[k] = slots[k] + step
             if chain.slots[k].rotates:
                 angles[k] = trig_of(slots[k])
-        worst = change.max(initial=0.0)
-        if worst <= tolerance * share:
+        if worst <= tolerance:
             _check_small(model, poses, slots, rigid, moving)
             tcp = pull_back(chain, slots, angles)
             true = np.stack([np.broadcast_to(component, count) for component in tcp], axis=1)
             return Equilibrium(model, poses, tuple(slots), tuple(tau), _seen(model, true), true, iteration)
-        if not np.isfinite(worst):
-            break
-    restless = np.flatnonzero(~(change <= tolerance * share))
+    restless = np.flatnonzero(~(change <= tolerance))
     left = f"after {iteration} iterations the TCP still moves {change[restless].max() * 1e3:.3g} mm"
     raise NotSettled(poses.names(restless), left)
+
+
+@dataclass(frozen=True, eq=False)
+class _Relaxation:
+    """The share (N,) of a step (M, N) that each pose takes."""
+
+    share: Array
+    step: Array
+
+    @classmethod
+    def after(cls, before: _Relaxation | None, step: Array) -> _Relaxation:
+        """The next share: what would have met the root, were the response to the last one linear."""
+        if before is None:
+            return cls(np.full(step.shape[1], 0.5), step)
+        change = step - before.step
+        size = np.einsum("mn,mn->n", change, change)
+        share = -before.share * np.einsum("mn,mn->n", before.step, change) / np.where(size > 0, size, 1.0)
+        return cls(np.clip(np.where(size > 0, share, 1.0), SMALLEST_SHARE, 1.0), step)
 
 
 def _check_small(model: Model, poses: Poses, slots: list[Number], rigid: list[Number], moving: list[int]) -> None:

@@ -17,17 +17,6 @@ from lrm_math.model import Model, model_of
 from lrm_math.toml_file import StrictSchema, read_toml
 
 
-class HistoryTable(StrictSchema):
-    """One `[[history]]` entry: what a step did, and what it left."""
-
-    step: str
-    effects: list[str]
-    parameters: dict[str, float]
-    fit_rms_mm: float
-    held_out_rms_mm: float | None = None
-    date: str
-
-
 class ProvenanceTable(StrictSchema):
     """Table `[provenance]`: where the numbers come from."""
 
@@ -37,6 +26,18 @@ class ProvenanceTable(StrictSchema):
     tool: str
     date: str
     loss: str = "squared"
+
+
+class HistoryTable(StrictSchema):
+    """One `[[history]]` entry: what a step did, what it left, and the whole model after it."""
+
+    step: str
+    fit_rms_mm: float
+    held_out_rms_mm: float | None = None
+    effects: list[str]
+    parameters: dict[str, float]
+    sigma: dict[str, float] = {}
+    provenance: ProvenanceTable | None = None
 
 
 class ModelFile(StrictSchema):

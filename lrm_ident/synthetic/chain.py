@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .rig import Body, Link, Placement, Rig
-from .screws import WORLD, Array, Frame, Motion, displacement, exponential, line_twist
-from .truth import Truth
+from .screws import WORLD, Array, Frame, Motion, displacement, exponential, line_twist, rotation
+from .truth import NOTHING, Truth
 
 X, Y, Z = 0, 1, 2
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Zero configuration in world axes, m: base frame, N joint axes (unit (3,), point (3,)), link ends 0..N (0 is the
-    base), body centres (B, 3), TCP (3,)."""
+    """Zero configuration in world axes, m: unit axis (3,) about which the base bends at its origin, N joint axes
+    (unit (3,), point (3,)), link ends 0..N (0 is the base), B bodies with the axes (B, 3, 3) of the frames that their
+    centres are given in, body centres (B, 3) or (B, P, 3), TCP (3,)."""
 
+    base_axis: Array
     joint_axes: tuple[Array, ...]
     joint_points: tuple[Array, ...]
     ends: tuple[Frame, ...]
     bodies: tuple[Body, ...]
+    body_axes: Array
     centres: Array
     tcp: Array
+
+    def with_centres_off(self, shifts_m: Array) -> Chain:
+        """The same arm whose B bodies have their centres off by (P, B, 3) in m, in their own frames."""
+        return replace(self, centres=self.centres[:, None] + np.einsum("bij,pbj->bpi", self.body_axes, shifts_m))
 
 
 @dataclass(frozen=True)
@@ -45,7 +53,8 @@ class Posture:
 def zero_configuration(rig: Rig, truth: Truth) -> Chain:
     """Walk along the arm at zero joint angles, errors included, and note the screw axes, link ends and bodies."""
     errors, slips = truth.deviations, truth.displacements
-    frame = _at_base(WORLD, rig.base, np.array(errors.base)).displaced(slips[0])
+    frame, hinge = _at_base(WORLD, rig.base, np.array(errors.base))
+    frame, hinge = frame.displaced(slips[0]), rotation(slips[0][:3]) @ hinge
     axes, points, ends, nears = [], [], [frame], [frame]
     for link, error, slip in zip(rig.links, errors.links, slips[1:-1], strict=True):
         axes.append(frame.axes[:, Z])
@@ -56,16 +65,35 @@ def zero_configuration(rig: Rig, truth: Truth) -> Chain:
     near, tip = _at_tool(frame.displaced(slips[-1]), rig.tool, np.array(errors.tool))
     far = (*ends, tip)
     near_all = (*nears, near)
-    centres = [(near_all if body.near_end else far)[body.frame].place(body.com_m) for body in rig.bodies]
-    return Chain(tuple(axes), tuple(points), tuple(ends), rig.bodies, np.array(centres), tip.origin)
+    stands = [(near_all if body.near_end else far)[body.frame] for body in rig.bodies]
+    centres = np.array([stand.place(body.com_m) for stand, body in zip(stands, rig.bodies, strict=True)])
+    body_axes = np.array([stand.axes for stand in stands])
+    return Chain(hinge, tuple(axes), tuple(points), tuple(ends), rig.bodies, body_axes, centres, tip.origin)
 
 
-def _at_base(frame: Frame, base: Placement, error: Array) -> Frame:
+def _at_base(frame: Frame, base: Placement, error: Array) -> tuple[Frame, Array]:
+    """The base's frame, and its y axis before the last turn (gamma): a change of beta is a turn about that."""
     for axis in (X, Y, Z):
         frame = frame.moved(axis, base.xyz_m[axis] + error[axis])
-    for axis in (X, Y, Z):
+    for axis in (X, Y):
         frame = frame.turned(axis, base.angles_rad[axis] + error[3 + axis])
-    return frame
+    return frame.turned(Z, base.angles_rad[Z] + error[3 + Z]), frame.axes[:, Y]
+
+
+def name_base_errors(rig: Rig, truth: Truth) -> Truth:
+    """The same rigid arm with the displacement of its base told as deviations of the base's six dimensions.
+
+    Only the axis about which the base bends changes: a displacement carries it along; with deviations it is where the
+    published model has it, Rx(alpha) y of the base as it stands.
+    """
+    frame, _ = _at_base(WORLD, rig.base, np.array(truth.deviations.base))
+    frame = frame.displaced(truth.displacements[0])
+    R = frame.axes
+    angles = np.arctan2([-R[1, 2], R[0, 2], -R[0, 1]], [R[2, 2], math.hypot(R[0, 0], R[0, 1]), R[0, 0]])
+    x, y, z = (frame.origin - rig.base.xyz_m).tolist()
+    alpha, beta, gamma = (angles - rig.base.angles_rad).tolist()
+    deviations = replace(truth.deviations, base=(x, y, z, alpha, beta, gamma))
+    return replace(truth, deviations=deviations, displacements=(NOTHING, *truth.displacements[1:]))
 
 
 def _along_link(frame: Frame, link: Link, error: Array) -> tuple[Frame, Frame]:
@@ -86,7 +114,7 @@ def move(chain: Chain, base_rad: Array, q_rad: Array, bends: Mapping[int, Array]
     """Move the arm: base deflection (P,), joint angles (P, N), and for links that bend the rotation vector and the
     deflection (P, 6) of their end in rad and m, in the axes of the end frame."""
     base = chain.ends[0]
-    stiff = [exponential(line_twist(base.axes[:, Y], base.origin), base_rad)]
+    stiff = [exponential(line_twist(chain.base_axis, base.origin), base_rad)]
     bent = [_bend(stiff[0], base, bends.get(0))]
     for number, (axis, point) in enumerate(zip(chain.joint_axes, chain.joint_points, strict=True), start=1):
         stiff.append(bent[-1] @ exponential(line_twist(axis, point), q_rad[:, number - 1]))
@@ -97,7 +125,7 @@ def move(chain: Chain, base_rad: Array, q_rad: Array, bends: Mapping[int, Array]
     return Posture(
         tcp=bent[-1].point(chain.tcp),
         centres=np.stack(centres, axis=1),
-        base_axis=stiff[0].direction(base.axes[:, Y]),
+        base_axis=stiff[0].direction(chain.base_axis),
         base_point=stiff[0].point(base.origin),
         joint_axes=np.stack([m.direction(a) for m, a in zip(bent[:-1], chain.joint_axes, strict=True)], axis=1),
         joint_points=np.stack([m.point(p) for m, p in zip(bent[:-1], chain.joint_points, strict=True)], axis=1),

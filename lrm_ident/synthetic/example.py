@@ -9,7 +9,7 @@ import numpy as np
 
 from .files import write
 from .generate import Dataset, poses, simulate
-from .hidden import SoftPlay
+from .hidden_joints import SoftPlay
 from .rig import load_arm
 from .truth import Truth
 

@@ -1,6 +1,8 @@
-"""Hidden effects: physics that the fitted model does not know, or knows in another shape.
+"""What hidden effects are given and where they may act: physics that the fitted model does not know, or knows in
+another shape.
 
-Every effect may act at any of the hooks of Effect; the defaults do nothing. A new effect is a new subclass.
+Every effect may act at any of the hooks of Effect; the defaults do nothing. A new effect is a new subclass. Those that
+there are stand in hidden_joints, hidden_bodies, hidden_times and hidden_sight.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .rig import Rig, Vector
+from .rig import Rig
 from .screws import Array
 
 if TYPE_CHECKING:
@@ -68,6 +70,10 @@ class Effect:
         """(P, B) in kg, on top of the bodies and the payload."""
         return np.zeros((len(now.q_rad), len(now.rig.bodies)))
 
+    def added_shifts(self, now: Situation) -> Array:
+        """(P, B, 3) in m: how far the centre of each body, payload included, is off, in the frame it is given in."""
+        return np.zeros((len(now.q_rad), len(now.rig.bodies), 3))
+
     def added_torques(self, load: JointLoad) -> Array:
         """(P, N) in Nm, on top of gravity; load.tau_nm is that of gravity."""
         return np.zeros_like(load.tau_nm)
@@ -85,51 +91,8 @@ class Effect:
         return np.zeros_like(sight.tcp_m)
 
 
-@dataclass(frozen=True)
-class SoftPlay(Effect):
-    """Play that a torque takes up gradually: half the width times tau / sqrt(tau^2 + softness^2)."""
-
-    joint: int
-    width_rad: float
-    softness_nm: float
-
-    def added_angles(self, load: JointLoad) -> Array:
-        """The joint lies towards the side to which the torque pushes it."""
-        angles = np.zeros_like(load.tau_nm)
-        tau = load.tau_nm[:, self.joint - 1]
-        angles[:, self.joint - 1] = 0.5 * self.width_rad * tau / np.hypot(tau, self.softness_nm)
-        return angles
-
-
-@dataclass(frozen=True)
-class LinkBending(Effect):
-    """A link as a cantilever beam (Euler, Bernoulli) loaded at its end.
-
-    along and across are unit vectors in the link's end frame: the beam's direction and its first transverse axis.
-    stiffness_nm2: flexural rigidity E I against turning about the first and the second transverse axis.
-    """
-
-    link: int
-    length_m: float
-    stiffness_nm2: tuple[float, float]
-    along: Vector = (0.0, 0.0, 1.0)
-    across: Vector = (1.0, 0.0, 0.0)
-
-    def bent_links(self) -> tuple[int, ...]:
-        """The one link."""
-        return (self.link,)
-
-    def link_bend(self, load: EndLoad) -> Array:
-        """End rotation M l / EI + F l^2 / 2 EI and end deflection M l^2 / 2 EI + F l^3 / 3 EI, in both planes."""
-        if load.link != self.link:
-            return super().link_bend(load)
-        along, first = np.array(self.along), np.array(self.across)
-        bend = np.zeros((len(load.force_n), 6))
-        for axis, rigidity in zip((first, np.cross(along, first)), self.stiffness_nm2, strict=True):
-            sideways = np.cross(axis, along)
-            moment, force, length = load.moment_nm @ axis, load.force_n @ sideways, self.length_m
-            turn = (moment * length + force * length**2 / 2.0) / rigidity
-            shift = (moment * length**2 / 2.0 + force * length**3 / 3.0) / rigidity
-            bend[:, :3] += turn[:, None] * axis
-            bend[:, 3:] += shift[:, None] * sideways
-        return bend
+def at_joint(joint: int, values: Array, like: Array) -> Array:
+    """(P, N) like the given array: values (P,) in the column of that joint (from 1), zero elsewhere."""
+    columns = np.zeros_like(like)
+    columns[:, joint - 1] = values
+    return columns

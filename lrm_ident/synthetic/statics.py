@@ -23,7 +23,7 @@ PROBE = 1e-7
 @dataclass(frozen=True)
 class TrueState:
     """P poses at equilibrium, without noise: tcp_m (P, 3) in world axes; tau_nm (P, N) about the joints and
-    base_moment_nm (P,) about the base's y axis; deflections base_rad (P,) and joints_rad (P, N)."""
+    base_moment_nm (P,) about the base's y axis before gamma; deflections base_rad (P,) and joints_rad (P, N)."""
 
     tcp_m: Array
     tau_nm: Array
@@ -42,7 +42,7 @@ class _Loads:
 
 def equilibrium(rig: Rig, truth: Truth, now: Situation) -> TrueState:
     """The state in which every deflection is the one its own load causes."""
-    chain = zero_configuration(rig, truth)
+    chain = _with_wrong_centres(zero_configuration(rig, truth), truth, now)
     bent = tuple(sorted({link for effect in truth.effects for link in effect.bent_links()}))
     weights = _weights(rig, truth, now)
 
@@ -59,6 +59,11 @@ def equilibrium(rig: Rig, truth: Truth, now: Situation) -> TrueState:
     posture, loads = settle(u)
     base, joints, _ = _split(u, len(rig.links), bent)
     return TrueState(posture.tcp, loads.tau, loads.base_moment, base, joints, posture)
+
+
+def _with_wrong_centres(chain: Chain, truth: Truth, now: Situation) -> Chain:
+    shifts = sum((effect.added_shifts(now) for effect in truth.effects), np.zeros((1, len(chain.bodies), 3)))
+    return chain.with_centres_off(np.asarray(shifts)) if np.any(shifts) else chain
 
 
 def _split(u: Array, joints: int, bent: tuple[int, ...]) -> tuple[Array, Array, dict[int, Array]]:

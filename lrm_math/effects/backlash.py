@@ -21,6 +21,7 @@ class Backlash(Effect):
     formula = "δq = ½ b tanh(τ/τ0)"
     source = "form after Slamani, Nubiola & Bonev 2012, smoothed at the change of sign"
     needs = "torque of both signs at the joint"
+    claim = "{place} has {b_rad} of play"
     follows_angles = False
 
     @classmethod
@@ -33,7 +34,14 @@ class Backlash(Effect):
         """The whole play b, and the torque τ0 at which three quarters of it are taken up."""
         return (
             Parameter("b_rad", f"play of {self.place}, from end to end", 0.02, lower=0.0),
-            Parameter("tau0_Nm", "torque that takes up 76 % of the play", 0.02, lower=1e-4, fixed=0.02),
+            Parameter(
+                "tau0_Nm",
+                "torque that takes up 76 % of the play",
+                0.02,
+                lower=1e-4,
+                fixed=0.02,
+                scan=(0.003, 0.01, 0.02, 0.04, 0.08, 0.2),
+            ),
         )
 
     @property
@@ -75,6 +83,7 @@ class Hysteresis(Effect):
     formula = "δq = ½ h · direction of the joint's last move"
     source = "Slamani, Nubiola & Bonev 2012"
     needs = "measured order, and each joint approached from both sides"
+    claim = "{place} stops {h_rad} apart when it comes from one side or the other"
     follows_angles = False
 
     @classmethod

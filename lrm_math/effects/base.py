@@ -45,7 +45,8 @@ class Parameter:
     """One number that the data may tell: its name with unit, what it means, its size and bounds in SI.
 
     `typical`: the size one expects before measuring, used to scale the fit. `fixed`: the value of a shape parameter,
-    which is not fitted unless it is named; None for all others, whose value is 0 when not given.
+    which is not fitted unless it is named; None for all others, whose value is 0 when not given. `scan`: values of a
+    shape parameter worth trying when nothing is known of it.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Parameter:
     lower: float = -np.inf
     upper: float = np.inf
     fixed: float | None = None
+    scan: tuple[float, ...] = ()
 
     @property
     def unit(self) -> str:
@@ -100,6 +102,8 @@ class Effect(ABC):
     formula: ClassVar[str]
     source: ClassVar[str]
     needs: ClassVar[str] = ""
+    claim: ClassVar[str] = ""
+    """What one says of it, with the parameters' names in braces: `{place} has {b_rad} of play`."""
     online: ClassVar[bool] = True
     """Whether the rover can compensate it: it depends on angles, load and direction only."""
     follows_angles: ClassVar[bool] = True

@@ -20,6 +20,7 @@ class Compliance(Effect):
     cause = "Servo, gears and plastic around a joint twist under the torque that they hold, like a spring."
     formula = "δq = k τ; the base: δβ = k τ about its y axis"
     source = "Conenna 2024, section 4.3; Kamali et al. 2016"
+    claim = "{place} gives way by {k_rad_per_Nm}"
     follows_angles = False
 
     @classmethod
@@ -63,6 +64,7 @@ class LateralCompliance(Effect):
     cause = "A printed link bends sideways under the moment that runs through it, not only its joint twists."
     formula = "rotation of the link about x and y: k_x M_x, k_y M_y"
     source = "rotational virtual springs as in Klimchik et al. 2014; Conenna 2024 leaves them out (section 4.3)"
+    claim = "{place} bends by {k_x_rad_per_Nm} about its x and {k_y_rad_per_Nm} about its y"
     follows_angles = False
 
     @classmethod
@@ -109,6 +111,7 @@ class BaseCompliance(Effect):
     cause = "The structure under the arm twists and rocks sideways too, not only forwards."
     formula = "δα = k_x τ_x, δγ = k_z τ_z of the base; about z it is the same as the compliance of joint 1"
     source = "as the base compliance of Conenna 2024, section 4.3, about the axes it leaves out"
+    claim = "the base rocks by {k_x_rad_per_Nm} about its x"
     follows_angles = False
 
     @classmethod
@@ -148,6 +151,7 @@ class NonlinearStiffness(Effect):
     formula = "δq = c2 τ|τ| + c3 τ³"
     source = "series in the torque; the linear term is the effect compliance"
     needs = "torques of several sizes, best with several loads"
+    claim = "the spring of {place} is not linear: {c2_rad_per_Nm2}, {c3_rad_per_Nm3}"
     follows_angles = False
 
     @classmethod

@@ -22,6 +22,7 @@ class CableSpring(Effect):
     cause = "Cables along the arm are stiff; they pull a joint back as it turns away from where they lie slack."
     formula = "torque −c (q − q0) through the joint's compliance"
     source = "linear spring"
+    claim = "a cable pulls {place} back with {c_Nm_per_rad}"
     needs = "several levels of the joint"
 
     @classmethod
@@ -57,6 +58,7 @@ class Mass(Effect):
     cause = "A link is heavier than it was weighed (screws, cables, glue), or its centre of mass lies elsewhere."
     formula = "mass + δm, centre of mass + δc in the frame it stands in"
     source = "Conenna 2024, section 4.4"
+    claim = "{place} weighs {mass_g} more, its centre of mass is off by {com_x_mm}, {com_y_mm}, {com_z_mm}"
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -93,6 +95,7 @@ class Payload(Effect):
     cause = "The load weighs something else than was written down, or its centre of mass is not where it was assumed."
     formula = "mass + δm, centre of mass + δc, in the poses that carry a load"
     source = "Conenna 2024, section 4.4"
+    claim = "the load weighs {mass_g} more than written, its centre is off by {com_x_mm}, {com_y_mm}, {com_z_mm}"
     needs = "poses with a load, and poses without or with another one"
 
     @classmethod

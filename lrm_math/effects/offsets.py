@@ -22,6 +22,7 @@ class Offsets(Effect):
     cause = "Parts are printed and screwed together a little longer, shorter or more twisted than drawn."
     formula = "each nominal dimension + its own constant"
     source = "Conenna 2024, Table 4.3; Hayati 1983"
+    claim = "{place} is not as drawn"
     follows_angles = False
 
     @classmethod

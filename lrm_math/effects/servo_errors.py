@@ -21,6 +21,7 @@ class ServoGain(Effect):
     cause = "The potentiometer in a servo is not exactly linear, and the servo's table was read from a protractor."
     formula = "δq = g+ q for q > 0, g− q for q < 0"
     source = "piecewise linear table of Conenna 2024, section 3.4"
+    claim = "{place} turns {g_plus_rad_per_rad} too far above zero and {g_minus_rad_per_rad} below"
     needs = "five or more levels of the joint, to tell it from eccentricity"
 
     @classmethod
@@ -65,6 +66,7 @@ class Eccentricity(Effect):
     cause = "A gear or potentiometer whose axis is off centre turns now too far, now too little, once or twice a turn."
     formula = "δq = Σ a_n sin nq + b_n (cos nq − 1), n = 1, 2"
     source = "Fourier series of a periodic error of the joint"
+    claim = "{place} turns unevenly: {a1_rad} and {b1_rad} once a turn, {a2_rad} and {b2_rad} twice"
     needs = "five or more levels of the joint, to tell it from gain"
 
     @classmethod
@@ -109,6 +111,7 @@ class Coupling(Effect):
     cause = "A cable or a shared mount lets the command of one joint turn another one a little."
     formula = "δq_N = c q_M"
     source = "first order of any dependence between two joints"
+    claim = "{place} couple by {c_rad_per_rad}"
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:

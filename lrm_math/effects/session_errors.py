@@ -23,6 +23,7 @@ class Drift(Effect):
     cause = "Servos and plastic warm up while measuring; angles creep, fast at first, then settle."
     formula = "A (1 − exp(−t/T)), and c (temperature − first temperature) where measured"
     source = "first-order warm-up; 15 °C in ten minutes seen on RC servos"
+    claim = "{place} drifts as it warms up"
     needs = "times (t_s); a pose order that does not run with one joint"
     online = False
     follows_angles = False
@@ -40,7 +41,7 @@ class Drift(Effect):
         return (
             *(Parameter(f"A{end}_rad", f"drift of {self.place}{end}", 0.01) for end in ends),
             *(Parameter(f"c{end}_rad_per_K", f"drift of {self.place}{end} with temperature", 0.001) for end in ends),
-            Parameter("T_s", "time constant", 1800.0, lower=30.0, fixed=1800.0),
+            Parameter("T_s", "time constant", 1800.0, 30.0, fixed=1800.0, scan=(300.0, 900.0, 1800.0, 3600.0, 9000.0)),
         )
 
     @property
@@ -82,6 +83,7 @@ class Session(Effect):
     cause = "After each power cycle servos find their zero, and clamps their place, a little differently."
     formula = "a constant for each session after the first"
     source = "one offset per session"
+    claim = "{place} stands differently in each session"
     needs = "two or more sessions"
     online = False
     follows_angles = False
@@ -129,6 +131,7 @@ class MeasurementFrame(Effect):
     cause = "The tracker's calibration stretches or shears space, or its frame is turned against the base target."
     formula = "x_seen = x + (symmetric matrix of scale and shear + small rotation) x"
     source = "linear map of the tracker's frame"
+    claim = "the frame of the tracker is stretched by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m} along x, y, z"
     online = False
     follows_angles = False
 

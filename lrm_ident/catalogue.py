@@ -1,0 +1,62 @@
+"""The effects that a person can use: ours, those of installed packages, and those of a file of their own."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from lrm_math.effects import CATALOGUE, Effect
+from lrm_math.errors import FileError
+
+ENTRY_POINTS = "lrm_arm.effects"
+Catalogue = tuple[type[Effect], ...]
+
+
+def catalogue_with(file: Path | None) -> Catalogue:
+    """All effects: the shipped ones, those that installed packages offer, those defined in `file`.
+
+    Raises:
+        FileError: the file cannot be run, defines no effect, or one whose id is taken.
+    """
+    found: list[type[Effect]] = [*CATALOGUE, *(point.load() for point in entry_points(group=ENTRY_POINTS))]
+    if file is not None:
+        own = effects_in(file)
+        taken = {kind.id for kind in found}
+        for kind in own:
+            if kind.id in taken:
+                raise FileError(file, f"class {kind.__name__}", f"id '{kind.id}' is taken", "choose another one")
+        found += own
+    return tuple(found)
+
+
+def effects_in(file: Path) -> list[type[Effect]]:
+    """The effect classes that a Python file defines. Raises `FileError`."""
+    spec = importlib.util.spec_from_file_location(f"effects_of_{file.stem}", file)
+    if not file.exists() or spec is None or spec.loader is None:
+        raise FileError(file, "", "no such Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        line = f"line {error.lineno}" if isinstance(error, SyntaxError) else ""
+        raise FileError(file, line, f"{type(error).__name__}: {error}") from None
+    own = [
+        kind
+        for kind in vars(module).values()
+        if inspect.isclass(kind) and issubclass(kind, Effect) and kind.__module__ == module.__name__
+    ]
+    if not own:
+        raise FileError(file, "", "defines no effect", "a class that inherits from lrm_math.effects.Effect")
+    for kind in own:
+        _check(file, kind)
+    return own
+
+
+def _check(file: Path, kind: type[Effect]) -> None:
+    missing = [name for name in ("id", "cause", "formula", "source") if not isinstance(getattr(kind, name, None), str)]
+    missing += sorted(kind.__abstractmethods__)
+    if missing:
+        right = "it needs id, cause, formula, source, places, parameters, and moves with motion (or another hook)"
+        raise FileError(file, f"class {kind.__name__}", f"has no {missing[0]}", right)

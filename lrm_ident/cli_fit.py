@@ -1,0 +1,174 @@
+"""Commands that fit, predict and compare. Each reads, calls pure functions, prints, and writes its files last."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lrm_ident import as_json
+from lrm_ident.catalogue import Catalogue, catalogue_with
+from lrm_ident.cli_arguments import (
+    ArmName,
+    DataFile,
+    Effects,
+    EffectsFile,
+    FigureFile,
+    JsonFile,
+    LossName,
+    ModelOutput,
+    ModelPath,
+    Parameters,
+    PosesFile,
+    Start,
+    TableOutput,
+    Unbounded,
+)
+from lrm_ident.cli_common import app, out, progress, read_measurements, read_model
+from lrm_ident.compare import compare as run_compare
+from lrm_ident.compare import try_held_out
+from lrm_ident.dataset import Measurements, load_poses, metadata_of
+from lrm_ident.figures_of_merit import figures
+from lrm_ident.fit import bounds_of, no_bounds
+from lrm_ident.fit import fit as run_fit
+from lrm_ident.history import arm_name_for, model_file, model_text
+from lrm_ident.identifiability import IdentifiedFit, fit_identifiable
+from lrm_ident.loss import Loss, loss_named
+from lrm_ident.options import chosen
+from lrm_ident.show import print_comparison, print_fit
+from lrm_ident.table_file import Array, table_text
+from lrm_ident.write import write_text
+from lrm_math.arm import Arm
+from lrm_math.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.errors import FileError
+from lrm_math.model import Model, equilibrium, model_of
+from lrm_math.poses import Poses
+
+
+@app.command()
+def fit(
+    data: DataFile,
+    arm: ArmName = None,
+    effects: Effects = None,
+    start: Start = None,
+    parameters: Parameters = "identifiable",
+    loss: LossName = "squared",
+    unbounded: Unbounded = False,
+    output: ModelOutput = None,
+    json: JsonFile = None,
+    effects_file: EffectsFile = None,
+) -> None:
+    """Fit the model of an arm to measurements: DATA -> MODEL.
+
+    Prints every parameter with its standard error, what the data cannot tell, and the error before, after, and on
+    poses that the fit did not see.
+    """
+    arm_name, the_arm = _arm_for(data, arm)
+    measured = read_measurements(data, the_arm, arm_name)
+    model = _start_model(the_arm, effects, start, catalogue_with(effects_file))
+    how = loss_named(loss)
+    result = _fit(model, measured, parameters, how, unbounded)
+    fitted = result.fit.model
+    limits = no_bounds(fitted.free) if unbounded else bounds_of(fitted, fitted.free)
+    with progress("held-out error") as tick:
+        held_out = try_held_out(fitted, measured, limits, how, tick)
+    nominal = figures(measured.tcp - equilibrium(model_of(the_arm, ()), measured.poses).tcp)
+    print_fit(out, result.fit, result.held, nominal, held_out, measured)
+    if json:
+        write_text(json, as_json.text(as_json.fit_json(result.fit, result.held, nominal, held_out, measured)))
+    if output:
+        name = arm_name_for(arm_name, output.parent)
+        write_text(output, model_text(model_file(result.fit, measured, held_out, name, "fit", how.name)))
+        out.print(f"Model written to {output}")
+    else:
+        out.print("Not saved; give -o MODEL to keep it.")
+
+
+@app.command()
+def predict(
+    model: ModelPath, poses: PosesFile, output: TableOutput, json: JsonFile = None, effects_file: EffectsFile = None
+) -> None:
+    """Predict the TCP (mm) and gravity's joint torques (Nm) at commanded poses."""
+    _, the_model = read_model(model, catalogue_with(effects_file))
+    asked = load_poses(poses, the_model.arm)
+    rest = equilibrium(the_model, asked)
+    columns = _prediction(asked, rest.tcp, rest.joint_torque, rest.base_moment)
+    if json:
+        names = [name for name, _, _ in columns]
+        cells = np.stack([values for _, values, _ in columns], axis=1).tolist()
+        rows = [dict(zip(names, row, strict=True)) for row in cells]
+        write_text(json, as_json.text({"schema": "lrm/prediction/1", "poses": rows}))
+    write_text(output, table_text(columns))
+    out.print(f"{len(asked)} predictions written to {output}")
+
+
+@app.command()
+def compare(
+    model: ModelPath,
+    data: DataFile,
+    json: JsonFile = None,
+    figure: FigureFile = None,
+    effects_file: EffectsFile = None,
+) -> None:
+    """Show where a model fails on measurements: by joint angle, torque, load, order, region; the worst poses.
+
+    The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses.
+    """
+    file, the_model = read_model(model, catalogue_with(effects_file))
+    measured = read_measurements(data, the_model.arm, file.arm)
+    with progress("held-out error") as tick:
+        comparison = run_compare(the_model, measured, tick)
+    print_comparison(out, comparison, measured)
+    if json:
+        write_text(json, as_json.text(as_json.comparison_json(comparison, measured)))
+    if figure:
+        from lrm_ident.draw import draw_comparison  # matplotlib takes half a second to load
+
+        draw_comparison(comparison, measured, figure)
+        out.print(f"Figure written to {figure}")
+
+
+def _fit(model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool) -> IdentifiedFit:
+    if parameters == "identifiable":
+        keys = tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
+        return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
+    free = replace(model, free=chosen(model, parameters))
+    return IdentifiedFit(run_fit(free, data, no_bounds(free.free) if unbounded else None, loss), ())
+
+
+def _start_model(arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
+    begun = read_model(start, catalogue)[1] if start else None
+    if begun and begun.arm != arm:
+        raise FileError(str(start), "arm", f"is a model of {begun.arm.name}, the data are of {arm.name}")
+    if effects is None and begun:
+        return begun
+    names = [name.strip() for name in (effects or "offsets,compliance").split(",")]
+    model = model_of(arm, [effect for name in names for effect in effects_at(arm, name, catalogue)])
+    if begun is None:
+        return model
+    known = {key: begun.value(key) for key in begun.keys if key in model.keys}
+    return model_of(arm, model.effects, known)
+
+
+def _arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
+    if arm is not None:
+        return arm, load_arm(arm)
+    metadata = metadata_of(data) if data.exists() else None
+    if not data.exists():
+        raise FileError(data, "", "no such file")
+    if metadata is None or metadata.arm is None:
+        raise FileError(data, "", "no arm given", "name it with --arm, or as arm in the .toml file beside the data")
+    return metadata.arm, load_arm(metadata.arm)
+
+
+def _prediction(poses: Poses, tcp: Array, torque: Array, base_moment: Array) -> list[tuple[str, Array, int]]:
+    n = poses.q.shape[1]
+    return [
+        *((f"q{i + 1}_deg", np.degrees(poses.q[:, i]), 6) for i in range(n)),
+        ("payload_g", poses.payload * 1e3, 3),
+        *((f"{axis}_mm", tcp[:, i] * 1e3, 7) for i, axis in enumerate("xyz")),
+        ("tau_base_Nm", base_moment, 10),
+        *((f"tau{i + 1}_Nm", torque[:, i], 10) for i in range(n)),
+    ]

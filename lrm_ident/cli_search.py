@@ -1,0 +1,147 @@
+"""Commands that find what is missing: effects, diagnose, add, undo, auto."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from lrm_ident import as_json
+from lrm_ident.advice import advise
+from lrm_ident.catalogue import catalogue_with
+from lrm_ident.cli_arguments import DataFile, EffectName, EffectsFile, JsonFile, ModelPath, MostEffects, NewModel
+from lrm_ident.cli_common import app, log, out, progress, read_measurements, read_model
+from lrm_ident.compare import HeldOut, try_held_out
+from lrm_ident.diagnose import Diagnosis
+from lrm_ident.diagnose import diagnose as run_diagnose
+from lrm_ident.figures_of_merit import figures
+from lrm_ident.history import model_file, model_text, undone
+from lrm_ident.nested import nested_held_out
+from lrm_ident.show import error_table, parameter_table
+from lrm_ident.show_search import print_effect, print_report, print_step
+from lrm_ident.steps import Step, add_effects, follow_advice
+from lrm_ident.write import write_text
+from lrm_math.effects import effects_at
+from lrm_math.errors import UnknownName
+from lrm_math.model import equilibrium, model_of
+from lrm_math.model_file import ModelFile
+from lrm_math.toml_file import read_toml
+
+
+@app.command()
+def effects(
+    name: Annotated[str | None, typer.Argument(metavar="ID", help="One effect; all of them if not given.")] = None,
+    effects_file: EffectsFile = None,
+) -> None:
+    """Explain the effects that the tool knows: cause, formula, parameters, what data it takes to see them."""
+    catalogue = catalogue_with(effects_file)
+    chosen = [kind for kind in catalogue if name in (None, kind.id)]
+    if not chosen:
+        raise UnknownName("effect", str(name), [kind.id for kind in catalogue])
+    for kind in chosen:
+        print_effect(out, kind, in_full=name is not None)
+
+
+@app.command()
+def diagnose(model: ModelPath, data: DataFile, json: JsonFile = None, effects_file: EffectsFile = None) -> None:
+    """Find out which physical effect a model misses, or that none is missing, or that none of the known ones explains it."""
+    file, the_model = read_model(model, catalogue := catalogue_with(effects_file))
+    measured = read_measurements(data, the_model.arm, file.arm)
+    with progress("trying every effect at every place") as tick:
+        found = run_diagnose(the_model, measured, catalogue, tick)
+    with log.status("cross-validating") as status:
+        report = advise(found, status.update)
+    print_report(out, report)
+    if json:
+        write_text(json, as_json.text(as_json.diagnosis_json(report)))
+
+
+@app.command()
+def add(
+    model: ModelPath,
+    data: DataFile,
+    effect: EffectName,
+    output: NewModel,
+    json: JsonFile = None,
+    effects_file: EffectsFile = None,
+) -> None:
+    """Add an effect, refit everything, print the error before and after, and append the step to the model's history."""
+    file, before = read_model(model, catalogue := catalogue_with(effects_file))
+    measured = read_measurements(data, before.arm, file.arm)
+    fitted = add_effects(before, measured, effects_at(before.arm, effect, catalogue))
+    with progress("held-out error, before") as tick:
+        left_before = try_held_out(before, measured, progress=tick)
+    with progress("held-out error, after") as tick:
+        left_after = try_held_out(fitted.model, measured, progress=tick)
+    nominal = figures(measured.tcp - equilibrium(model_of(before.arm, ()), measured.poses).tcp)
+    was = figures(measured.tcp - equilibrium(before, measured.poses).tcp)
+    out.print(parameter_table(fitted))
+    out.print(error_table(nominal, was, left_before, f"before: {len(before.free)} parameters"))
+    out.print(error_table(nominal, figures(fitted.residual), left_after, f"with {effect}: {len(fitted.model.free)}"))
+    if json:
+        tables = {"schema": "lrm/step/1", "added": effect, "parameters": len(fitted.model.free)}
+        errors = as_json.before_and_after(was, left_before, figures(fitted.residual), left_after)
+        write_text(json, as_json.text(tables | errors))
+    step = model_file(fitted, measured, left_after, file.arm, f"add {effect}", "squared", file.history)
+    write_text(output, model_text(step))
+    out.print(f"Model written to {output}")
+
+
+@app.command()
+def undo(model: ModelPath, output: NewModel) -> None:
+    """Take the last step of a model's history back, exactly."""
+    restored = undone(read_toml(model, ModelFile))
+    write_text(output, model_text(restored))
+    out.print(f"Back before the last step; model written to {output}")
+
+
+@app.command()
+def auto(
+    model: ModelPath,
+    data: DataFile,
+    output: NewModel,
+    max_effects: MostEffects = 20,
+    nested: Annotated[
+        bool,
+        typer.Option("--nested/--no-nested", help="Also choose the effects anew in every fold: honest, but longer."),
+    ] = True,
+    json: JsonFile = None,
+    effects_file: EffectsFile = None,
+) -> None:
+    """Follow the tool's own advice, effect by effect, until it says stop."""
+    file, the_model = read_model(model, catalogue := catalogue_with(effects_file))
+    measured = read_measurements(data, the_model.arm, file.arm)
+    numbers = iter(range(max_effects + 2))
+
+    def told(step: Step, found: Diagnosis) -> None:
+        left = float(np.sqrt(found.before.mean()))
+        print_step(out, next(numbers), step.added, len(step.fit.model.free), figures(step.fit.residual).rms, left)
+
+    course = follow_advice(the_model, measured, max_effects, catalogue, told)
+    history = list(file.history)
+    for step in course.steps[1:]:
+        with progress(f"held-out error with {step.added}") as tick:
+            left_out = try_held_out(step.fit.model, measured, progress=tick)
+        history = model_file(step.fit, measured, left_out, file.arm, f"add {step.added}", "squared", history).history
+    last = course.steps[-1].fit
+    left_out = try_held_out(last.model, measured)
+    whole = HeldOut(None, "not asked for (--no-nested)")
+    if nested:
+        with progress("choosing anew in every fold") as tick:
+            whole = HeldOut(nested_held_out(the_model, measured, max_effects, catalogue, effects_file, tick))
+    nominal = figures(measured.tcp - equilibrium(model_of(the_model.arm, ()), measured.poses).tcp)
+    out.print(error_table(nominal, figures(last.residual), left_out, f"{len(course.steps) - 1} effects added"))
+    if whole.error is not None:
+        out.print(
+            f"Chosen anew in every fold (nested): mean {whole.error.mean * 1e3:.2f}, RMS {whole.error.rms * 1e3:.2f} mm"
+        )
+    print_report(out, advise(course.last))
+    if json:
+        write_text(json, as_json.text(as_json.course_json(course, left_out, whole)))
+    if len(course.steps) > 1:
+        done = model_file(last, measured, left_out, file.arm, f"add {course.steps[-1].added}", "squared", history[:-1])
+        write_text(output, model_text(done))
+    else:
+        write_text(output, model_text(file))
+    out.print(f"Model written to {output}")

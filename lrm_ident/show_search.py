@@ -1,0 +1,109 @@
+"""What people read of a search: the verdict first, then the ranking, then what the data cannot show."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+from rich.console import Console
+
+from lrm_ident.advice import Report
+from lrm_ident.show import table
+from lrm_math.arm_file import load_arm, shipped_arms
+from lrm_math.effects import Effect, Parameter
+
+SHOWN = 10
+VERDICTS = {
+    "effect_missing": "An effect is missing.",
+    "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
+    "unexplained_structure": "There is structure left that no known effect explains.",
+}
+MARKS = {"supported": "● supported", "indistinguishable": "◐ one of a class", "no_evidence": "○ no evidence"}
+
+
+def print_report(console: Console, report: Report) -> None:
+    """The result of `lrm-ident diagnose`."""
+    found = report.diagnosis
+    floor = "unknown" if found.floor.rms is None else f"{found.floor.rms * 1e3:.2f} mm ({found.floor.source})"
+    console.print(VERDICTS[report.verdict], style="bold")
+    console.print(
+        f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {report.fit.rms * 1e3:.2f} mm in the fit, "
+        f"{report.held_out.rms * 1e3:.2f} mm held out; noise floor {floor}; "
+        f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p = {found.structure.p_value:.1g}",
+        highlight=False,
+    )
+    _print_ranking(console, report)
+    if report.verdict == "unexplained_structure" and found.anatomy:
+        console.print("\nIts anatomy: what it acts like, and what that follows", style="bold")
+        for function, rms in found.anatomy:
+            console.print(f"  {function.name} would leave {rms * 1e3:.2f} mm held out", highlight=False)
+    if found.outliers:
+        console.print(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}", highlight=False)
+    if report.traps:
+        console.print("\nWhat these data cannot show", style="bold")
+        for trap in report.traps:
+            console.print(f"  {trap}", highlight=False, soft_wrap=True)
+    _print_untestable(console, found.not_testable)
+    console.print(f"\nNext poses: {report.hint}", highlight=False)
+
+
+def _print_ranking(console: Console, report: Report) -> None:
+    ranking = table("", ">", "effect", "verdict", ">held out mm", "why")
+    for rank, advice in enumerate(report.ranking[:SHOWN], start=1):
+        approximate = "" if advice.exact else "≈ "
+        rms = f"{approximate}{advice.held_out_rms * 1e3:.2f}"
+        ranking.add_row(str(rank), advice.scored.name, MARKS[advice.verdict], rms, advice.why)
+    console.print(ranking)
+
+
+def _print_untestable(console: Console, refused: tuple[tuple[Effect, str], ...]) -> None:
+    by_reason: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for effect, reason in refused:
+        general = reason.replace(effect.place, "the joint")
+        short = "its typical size would hardly show beyond what is fitted" if "typical size" in general else general
+        by_reason[effect.id, short].append(effect.place)
+    if by_reason:
+        console.print("\nNot testable", style="bold")
+        for (name, reason), places in by_reason.items():
+            console.print(f"  {name} at {', '.join(places)}: {reason}", highlight=False, soft_wrap=True)
+
+
+def print_step(console: Console, number: int, added: str, parameters: int, fit_rms: float, held_out: float) -> None:
+    """One line of the fall."""
+    bar = "█" * int(np.clip(round(held_out * 1e3 * 4), 1, 40))
+    name = added or "start"
+    console.print(
+        f"{number:3d}  {name:34s} {parameters:3d} parameters   fit {fit_rms * 1e3:6.2f}   held out ≈ {held_out * 1e3:6.2f} mm  {bar}",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def print_effect(console: Console, kind: type[Effect], in_full: bool) -> None:
+    """What one effect is; in full, with everything that there is to know."""
+    console.print(f"[bold]{kind.id}[/bold]: {kind.cause}", highlight=False, soft_wrap=True)
+    console.print(f"    {kind.formula}", highlight=False, soft_wrap=True, markup=False)
+    if not in_full:
+        return
+    online = "the rover can compensate it" if kind.online else "explains a measurement session; never deployed silently"
+    console.print(
+        f"    source: {kind.source}\n    needs: {kind.needs or 'nothing special'}\n    {online}", highlight=False
+    )
+    arm = load_arm(next(iter(shipped_arms())))
+    for place in kind.places(arm):
+        effect = kind(arm, place)
+        console.print(f"\n  at {place} (of {arm.name})", highlight=False, markup=False)
+        for parameter in effect.parameters:
+            console.print(f"    {_parameter(parameter)}", highlight=False, soft_wrap=True, markup=False)
+        if len(kind.places(arm)) > 1 and len({tuple(kind(arm, p).parameters) for p in kind.places(arm)}) > 3:
+            console.print(
+                f"\n  and at {', '.join(kind.places(arm)[1:])}", highlight=False, soft_wrap=True, markup=False
+            )
+            return
+
+
+def _parameter(parameter: Parameter) -> str:
+    typical = f"typically {parameter.typical / parameter.si:g}"
+    bounds = f", at least {parameter.lower / parameter.si:g}" if np.isfinite(parameter.lower) else ""
+    shape = "" if parameter.fixed is None else ", a shape: searched, not fitted"
+    return f"{parameter.name}: {parameter.meaning} ({typical}{bounds}{shape})"
