@@ -64,8 +64,8 @@ class Report:
         return self.ranking[0] if self.verdict == "effect_missing" else None
 
 
-def advise(diagnosis: Diagnosis, told: Callable[[str], None] = lambda doing: None) -> Report:
-    """Judges every candidate; the best few are refitted and cross-validated in full."""
+def advise(diagnosis: Diagnosis, told: Callable[[str], object] = str) -> Report:
+    """Judges every candidate; the best few are refitted and cross-validated in full. `told` hears what is being done."""
     told("cross-validating the model as it is")
     before = figures(held_out(diagnosis.fit.model, diagnosis.data))
     confirmed: dict[str, tuple[Fit, float]] = {}
@@ -130,12 +130,11 @@ def _judge(
     estimates = _estimates(scored) if fitted is None else _fitted_estimates(scored, fitted)
     rivals = diagnosis.rivals.get(scored.name, ()) if scored in supported else ()
     leaders = [s.name for s in supported[:1] if scored.name in diagnosis.rivals[s.name]]
-    if scored in supported:
-        verdict: Literal["supported", "indistinguishable", "no_evidence"] = (
-            "indistinguishable" if rivals else "supported"
-        )
-    else:
-        verdict = "indistinguishable" if leaders else "no_evidence"
+    verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
+    if rivals or leaders:
+        verdict = "indistinguishable"
+    elif scored in supported:
+        verdict = "supported"
     why = _why(scored, diagnosis, verdict, estimates, rms, before, tuple(leaders) or rivals)
     return Advice(scored, verdict, rms, fitted is not None, estimates, tuple(leaders) or rivals, why)
 

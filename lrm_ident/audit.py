@@ -16,9 +16,8 @@ FEW_LEVELS, RUNS_WITH = 4, 0.8
 
 def audit(data: Measurements, torque: Array) -> tuple[str, ...]:
     """Traps in the data, one sentence each, worst for the identification first. `torque`: (N, n), N·m."""
-    return tuple(
-        [*_levels(data, torque), *_order(data), *_reversals(data, torque), *_signs(data, torque), *_loads(data)]
-    )
+    traps = (_levels(data, torque), _order(data), _reversals(data, torque), _signs(data, torque), _loads(data))
+    return tuple(sentence for kind in traps for sentence in kind)
 
 
 def _levels(data: Measurements, torque: Array) -> Iterator[str]:
@@ -26,8 +25,8 @@ def _levels(data: Measurements, torque: Array) -> Iterator[str]:
     few = {i + 1: seen.levels(i) for i in range(torque.shape[1]) if seen.levels(i) <= FEW_LEVELS}
     if few:
         yield (
-            f"few levels: {_joints(few)} stand at {min(few.values())} to {max(few.values())} angles only, so servo gain, "
-            "eccentricity and a cable's pull on them look alike; measure five or more"
+            f"few levels: {_joints(few)} stand at {min(few.values())} to {max(few.values())} angles only, so servo "
+            "gain, eccentricity and a cable's pull on them look alike; measure five or more"
         )
 
 
@@ -39,8 +38,8 @@ def _order(data: Measurements) -> Iterator[str]:
             correlation = float(np.corrcoef(order, q)[0, 1])
             if abs(correlation) > RUNS_WITH:
                 yield (
-                    f"order: the poses run with joint {i + 1} (correlation {correlation:.2f}), so a drift and an error of "
-                    "that joint look alike; measure in random order"
+                    f"order: the poses run with joint {i + 1} (correlation {correlation:.2f}), so a drift and an error "
+                    "of that joint look alike; measure in random order"
                 )
 
 

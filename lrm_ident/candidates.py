@@ -48,7 +48,7 @@ class Candidate:
 def catalogue_of(
     model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE
 ) -> Iterator[tuple[Effect, tuple[int, ...]]]:
-    """Every effect at every place of the model's arm, with the numbers of its parameters that the model does not fit."""
+    """Every effect at every place of the model's arm, with the parameters that the model does not fit."""
     free = set(model.free)
     for kind in catalogue:
         for place in kind.places(model.arm):

@@ -23,7 +23,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Identify the model of a robot arm from measured TCP positions, see where it fails, and find what is missing.\n\n"
+    help="Identify the model of a robot arm from measured TCP positions, see where it fails, find what is missing.\n\n"
     "Start with: lrm-ident fit DATA.csv --arm lrm-lab -o model.toml, then lrm-ident diagnose model.toml DATA.csv",
 )
 out = Console(width=None if sys.stdout.isatty() else 100)

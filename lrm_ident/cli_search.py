@@ -45,7 +45,7 @@ def effects(
 
 @app.command()
 def diagnose(model: ModelPath, data: DataFile, json: JsonFile = None, effects_file: EffectsFile = None) -> None:
-    """Find out which physical effect a model misses, or that none is missing, or that none of the known ones explains it."""
+    """Find out which physical effect a model misses, that none is missing, or that no known one explains it."""
     file, the_model = read_model(model, catalogue := catalogue_with(effects_file))
     measured = read_measurements(data, the_model.arm, file.arm)
     with progress("trying every effect at every place") as tick:

@@ -1,9 +1,9 @@
 """Which physical effect is missing: audit, floor, structure, score, classes, decision by prediction, verdict.
 
 Every effect of the catalogue at every place is tried on the residual, as a total derivative with the fitted parameters
-taken out (score test; Saris, Satorra & Sörbom 1987), and judged by the held-out error that it would leave. Effects are taken
-one after the other as long as one helps. Then free functions (`flexible`) are tried on what is left: an effect that stands
-in for a structure which it does not really have is told from one that is really there.
+taken out (score test; Saris, Satorra & Sörbom 1987), and judged by the held-out error that it would leave. Effects are
+taken one after the other as long as one helps. Then free functions (`flexible`) are tried on what is left: an effect that
+stands in for a structure which it does not really have is told from one that is really there.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Scored:
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return self.columns.shape[1]
+        return int(self.columns.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class Diagnosis:
         borrowed: name of those whose place has a structure that they only resemble -> the free function that has it.
         rivals: for each of the path, names of candidates that these data cannot tell from it.
         free: the free function that explains most of what the path leaves, if it is material.
-        anatomy: free functions of single quantities and products on the residual, best first, with their held-out RMS (m).
+        anatomy: free functions on the residual, best first, with their held-out RMS (m).
     """
 
     fit: Fit
@@ -285,7 +285,7 @@ def _rivals(one: Scored, path: Sequence[Scored], ranked: Sequence[Scored], on: B
 def _look_for_free_structure(
     path: Sequence[Scored], on: Bench, turns: Array, data: Measurements, fitted: Fit, weight: Array
 ) -> tuple[FreeFunction | None, dict[str, str], list[tuple[FreeFunction, float]]]:
-    """The free function of two quantities that explains much of what the path leaves, and whom of the path it replaces."""
+    """The nameless function that explains much of what the path leaves, whom of the path it replaces, the anatomy."""
     shared, own = quantities(data, fitted.rest.joint_torque)
     taken = [one.prepared for one in path]
     now = on.explain(*taken)

@@ -1,8 +1,8 @@
 """Free functions of what the arm does, at one joint: what the residual would be if nobody had to name its cause.
 
-A turn of joint j that is any smooth function of one or two quantities (joint angles, the joint's own torque, order). They
-serve two ends: a named effect must not be far worse than a free function at its own place, and structure without a name
-still gets an anatomy.
+A turn of joint j that is any smooth function of one or two quantities (joint angles, the joint's own torque, order).
+They serve two ends: a named effect must not be far worse than a free function at its own place, and structure without a
+name still gets an anatomy.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Quantity:
     def waves(self, degree: int) -> Array:
         """(N, ≤ degree), Legendre polynomials 1 … degree, no more than its levels can tell."""
         top = min(degree, self.levels - 1)
-        return np.polynomial.legendre.legvander(self.values, max(top, 0))[:, 1:]
+        return np.asarray(np.polynomial.legendre.legvander(self.values, max(top, 0))[:, 1:], dtype=np.float64)
 
 
 def quantities(data: Measurements, torque: Array) -> tuple[list[Quantity], list[Quantity]]:
@@ -59,7 +59,7 @@ class FreeFunction:
 
     @property
     def has_a_name(self) -> bool:
-        """Whether effects of the catalogue can be any such function: of the joint's own angle or torque, or of order."""
+        """Whether effects of the catalogue can be such a function: of the joint's own angle or torque, or of order."""
         return self.follows in ((f"q{self.joint + 1}",), (f"tau{self.joint + 1}",), ("order",))
 
     @property

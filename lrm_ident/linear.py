@@ -1,8 +1,8 @@
 """The fit seen linearly at its minimum: what any further columns would explain, in the fit and held out.
 
 With A the fitted parameters' columns (taken out of everything by projection; Frisch–Waugh–Lovell), r the residual and C
-further columns of typical size, θ minimises |r − Aβ − Cθ|² + (σ/s)² |θ|²: a weak prior of s typical sizes keeps directions
-that the data cannot tell from running away. Folds do the same on their training rows; nothing is refitted from scratch,
+further columns of typical size, θ minimises |r − Aβ − Cθ|² + (σ/s)² |θ|²: a weak prior of s typical sizes keeps
+directions that the data cannot tell from running away. Folds do the same on their training rows; nothing is refitted from scratch,
 so thousands of hypotheses cost seconds.
 """
 
@@ -89,7 +89,7 @@ class Bench:
     @property
     def freedom(self) -> int:
         """Rows less fitted parameters."""
-        return len(self.residual) - self.basis.shape[1]
+        return len(self.residual) - int(self.basis.shape[1])
 
     def prepare(self, C: Array) -> Prepared:
         """Takes the fitted parameters out of columns (3 N, m)."""
@@ -161,7 +161,7 @@ def coincidence(a: Array, b: Array) -> float:
 
 
 def paired(better: Array, worse: Array) -> float:
-    """How surely the first predicts better: mean of the squared errors' difference over its standard error (Vuong 1989)."""
+    """How surely the first predicts better: mean difference of squared errors over its standard error (Vuong 1989)."""
     difference = worse - better
     spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
     return float(difference.mean() / spread) if spread > 0 else 0.0

@@ -27,8 +27,8 @@ def print_report(console: Console, report: Report) -> None:
     floor = "unknown" if found.floor.rms is None else f"{found.floor.rms * 1e3:.2f} mm ({found.floor.source})"
     console.print(VERDICTS[report.verdict], style="bold")
     console.print(
-        f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {report.fit.rms * 1e3:.2f} mm in the fit, "
-        f"{report.held_out.rms * 1e3:.2f} mm held out; noise floor {floor}; "
+        f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {report.fit.rms * 1e3:.2f} mm in the "
+        f"fit, {report.held_out.rms * 1e3:.2f} mm held out; noise floor {floor}; "
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p = {found.structure.p_value:.1g}",
         highlight=False,
     )
@@ -71,12 +71,9 @@ def _print_untestable(console: Console, refused: tuple[tuple[Effect, str], ...])
 def print_step(console: Console, number: int, added: str, parameters: int, fit_rms: float, held_out: float) -> None:
     """One line of the fall."""
     bar = "█" * int(np.clip(round(held_out * 1e3 * 4), 1, 40))
-    name = added or "start"
-    console.print(
-        f"{number:3d}  {name:34s} {parameters:3d} parameters   fit {fit_rms * 1e3:6.2f}   held out ≈ {held_out * 1e3:6.2f} mm  {bar}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    errors = f"fit {fit_rms * 1e3:6.2f}   held out ≈ {held_out * 1e3:6.2f} mm  {bar}"
+    line = f"{number:3d}  {added or 'start':32s} {parameters:3d} parameters   {errors}"
+    console.print(line, highlight=False, soft_wrap=True)
 
 
 def print_effect(console: Console, kind: type[Effect], in_full: bool) -> None:
@@ -90,16 +87,11 @@ def print_effect(console: Console, kind: type[Effect], in_full: bool) -> None:
         f"    source: {kind.source}\n    needs: {kind.needs or 'nothing special'}\n    {online}", highlight=False
     )
     arm = load_arm(next(iter(shipped_arms())))
-    for place in kind.places(arm):
-        effect = kind(arm, place)
-        console.print(f"\n  at {place} (of {arm.name})", highlight=False, markup=False)
-        for parameter in effect.parameters:
-            console.print(f"    {_parameter(parameter)}", highlight=False, soft_wrap=True, markup=False)
-        if len(kind.places(arm)) > 1 and len({tuple(kind(arm, p).parameters) for p in kind.places(arm)}) > 3:
-            console.print(
-                f"\n  and at {', '.join(kind.places(arm)[1:])}", highlight=False, soft_wrap=True, markup=False
-            )
-            return
+    places = kind.places(arm)
+    console.print(f"    places on {arm.name}: {', '.join(places)}", highlight=False, soft_wrap=True, markup=False)
+    console.print(f"    parameters, for instance at {places[0]}:", highlight=False, markup=False)
+    for parameter in kind(arm, places[0]).parameters:
+        console.print(f"      {_parameter(parameter)}", highlight=False, soft_wrap=True, markup=False)
 
 
 def _parameter(parameter: Parameter) -> str:

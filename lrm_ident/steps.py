@@ -25,8 +25,8 @@ def add_effects(
 ) -> Fit:
     """The model with further effects, all its free parameters and the new ones fitted together.
 
-    Shape parameters are searched for the values that fit best, around `shape` (the parameter vector of a single effect) or
-    their defaults, and then held.
+    Shape parameters are searched for the values that fit best, around `shape` (the parameter vector of a single effect)
+    or their defaults, and then held.
 
     Raises:
         LrmError: all parameters are fitted already, the data cannot tell any new one, or no convergence.

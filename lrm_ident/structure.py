@@ -69,7 +69,7 @@ def structure(q: Array, residual: Array, basis: Array) -> Structure:
 def _neighbours(q: Array) -> NDArray[np.int64]:
     """(M, 2), pairs of poses that are near in joint space."""
     _, near = cKDTree(q).query(q, k=min(NEIGHBOURS + 1, len(q)))
-    pairs = [(i, j) for i, row in enumerate(near) for j in row if i != j]
+    pairs = [(i, j) for i, row in enumerate(np.atleast_2d(near).tolist()) for j in row if i != j]
     return np.array(pairs, dtype=np.int64)
 
 

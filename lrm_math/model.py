@@ -152,8 +152,8 @@ def equilibrium(
 ) -> Equilibrium:
     """Finds where the arm rests: effects move slots, that changes the loads, those change the effects.
 
-    Fixed-point iteration (thesis Figure 4.4). Poses that do not settle soon take a share of each step, which follows from
-    how the last step changed the next (Aitken's relaxation for vectors; Irons & Tuck 1969).
+    Fixed-point iteration (thesis Figure 4.4). Poses that do not settle soon take a share of each step, which
+    follows from how the last step changed the next (Aitken's relaxation for vectors; Irons & Tuck 1969).
 
     Args:
         start: an equilibrium of the same poses for nearby parameters, to start from.

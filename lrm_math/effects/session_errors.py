@@ -131,7 +131,7 @@ class MeasurementFrame(Effect):
     cause = "The tracker's calibration stretches or shears space, or its frame is turned against the base target."
     formula = "x_seen = x + (symmetric matrix of scale and shear + small rotation) x"
     source = "linear map of the tracker's frame"
-    claim = "the frame of the tracker is stretched by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m} along x, y, z"
+    claim = "the tracker stretches x, y, z by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m}"
     online = False
     follows_angles = False
 
