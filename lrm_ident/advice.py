@@ -65,7 +65,7 @@ class Report:
 
 
 def advise(diagnosis: Diagnosis, told: Callable[[str], object] = str) -> Report:
-    """Judges every candidate; the best few are refitted and cross-validated in full. `told` hears what is being done."""
+    """Judges every candidate; the best few are refitted and cross-validated. `told` hears what is being done."""
     told("cross-validating the model as it is")
     before = figures(held_out(diagnosis.fit.model, diagnosis.data))
     confirmed: dict[str, tuple[Fit, float]] = {}

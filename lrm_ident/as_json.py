@@ -119,7 +119,7 @@ def diagnosis_json(report: Report, catalogue_size: int = RANKED) -> dict[str, An
         },
         "verdict": report.verdict,
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:catalogue_size], 1)],
-        "unexplained": None if found.free is None else {"acts_like": found.free.name, "joint": found.free.joint + 1},
+        "unexplained": [{"acts_like": f.name, "joint": f.joint + 1, "follows": list(f.follows)} for f in found.free],
         "anatomy": [
             {"joint": function.joint + 1, "follows": list(function.follows), "held_out_rms_mm": rms * 1e3}
             for function, rms in found.anatomy

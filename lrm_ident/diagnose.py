@@ -2,8 +2,8 @@
 
 Every effect of the catalogue at every place is tried on the residual, as a total derivative with the fitted parameters
 taken out (score test; Saris, Satorra & Sörbom 1987), and judged by the held-out error that it would leave. Effects are
-taken one after the other as long as one helps. Then free functions (`flexible`) are tried on what is left: an effect that
-stands in for a structure which it does not really have is told from one that is really there.
+taken one after the other as long as one helps. Then free functions (`flexible`) are tried on what is left: an effect
+that stands in for a structure which it does not really have is told from one that is really there.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MATERIAL = 0.10  # part of the held-out RMS that a free function must save to be
 COINCIDE = 0.95  # principal cosine above which two effects are one and the same to the data
 VISIBLE = 3.0  # times the noise that a typical size must move all TCPs together to be testable
 ABOVE_FLOOR, ALIKE = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
-MOST_EFFECTS = 8
+MOST_EFFECTS, MOST_FREE = 8, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class Diagnosis:
         path: those that help, in the order they were taken, borrowed ones included.
         borrowed: name of those whose place has a structure that they only resemble -> the free function that has it.
         rivals: for each of the path, names of candidates that these data cannot tell from it.
-        free: the free function that explains most of what the path leaves, if it is material.
+        free: nameless functions that explain much of what the path leaves, at one joint.
         anatomy: free functions on the residual, best first, with their held-out RMS (m).
     """
 
@@ -93,7 +93,7 @@ class Diagnosis:
     path: tuple[Scored, ...]
     borrowed: dict[str, str]
     rivals: dict[str, tuple[str, ...]]
-    free: FreeFunction | None
+    free: tuple[FreeFunction, ...]
     anatomy: tuple[tuple[FreeFunction, float], ...]
     not_testable: tuple[tuple[Effect, str], ...]
     outliers: tuple[int, ...] = field(default=())
@@ -132,24 +132,24 @@ def _diagnose(model: Model, data: Measurements, kinds: tuple[type[Effect], ...],
     ranked = sorted(scored, key=lambda s: s.alone.rms)
     path = _path(ranked, on, progress)
     turns = response.slots[list(response.rest.model.chain.joint_slots)]
-    free, borrowed, anatomy = _look_for_free_structure(path, on, turns, data, fitted, weight)
+    free = _look_for_free_structure(path, on, turns, data, fitted, weight)
     left = structure(data.poses.q, on.residual, on.basis)
     floor = noise_floor(data)
-    named = [s for s in path if s.name not in borrowed]
+    named = [s for s in path if s.name not in free.borrowed]
     return Diagnosis(
         fit=fitted,
         data=data,
         floor=floor,
         structure=left,
-        verdict=_verdict(named, free, left, floor, fitted.sigma),
+        verdict=_verdict(named, free.functions, left, floor, fitted.sigma),
         before=on.explain().held_out,
         scored=tuple(_in_order(ranked, path)),
         adjusted=_benjamini_yekutieli({s.name: s.p_value for s in ranked}),
         path=tuple(path),
-        borrowed=borrowed,
+        borrowed=free.borrowed,
         rivals={s.name: _rivals(s, path, ranked, on) for s in path},
-        free=free,
-        anatomy=tuple(anatomy),
+        free=free.functions,
+        anatomy=free.anatomy,
         not_testable=(*((effect, why) for effect, why in refused), *invisible),
     )
 
@@ -282,46 +282,66 @@ def _rivals(one: Scored, path: Sequence[Scored], ranked: Sequence[Scored], on: B
     return tuple(rivals)
 
 
+@dataclass(frozen=True, eq=False)
+class _Free:
+    """What free functions say of what the path leaves."""
+
+    functions: tuple[FreeFunction, ...]
+    borrowed: dict[str, str]
+    anatomy: tuple[tuple[FreeFunction, float], ...]
+
+
 def _look_for_free_structure(
     path: Sequence[Scored], on: Bench, turns: Array, data: Measurements, fitted: Fit, weight: Array
-) -> tuple[FreeFunction | None, dict[str, str], list[tuple[FreeFunction, float]]]:
-    """The nameless function that explains much of what the path leaves, whom of the path it replaces, the anatomy."""
+) -> _Free:
+    """Nameless functions that explain much of what the path leaves, whom of the path they replace, and the anatomy."""
     shared, own = quantities(data, fitted.rest.joint_torque)
-    taken = [one.prepared for one in path]
+    functions = [*single_functions(turns, shared, own), *product_functions(turns, shared, own)]
+    ready = [(function, on.prepare(function.columns * weight)) for function in functions]
+    tried = sorted(
+        ((on.explain(*(one.prepared for one in path), prepared).rms, function) for function, prepared in ready),
+        key=lambda one: one[0],
+    )
+    anatomy = tuple((function, rms) for rms, function in tried[:5])
+    nameless = [(function, prepared) for function, prepared in ready if not function.has_a_name]
+    free = _free_path([one.prepared for one in path], nameless, on)
+    borrowed: dict[str, str] = {}
+    if free:
+        follows = {name for function, _ in free for name in function.follows}
+        joints = {function.joint for function, _ in free}
+        beside = [p for f, p in ready if len(f.follows) == 1 and f.joint in joints and f.follows[0] in follows]
+        among = [*(prepared for _, prepared in free), *beside]
+        for one in path:
+            others = [other.prepared for other in path if other is not one]
+            without, with_it = on.explain(*others, *among), on.explain(*others, one.prepared, *among)
+            if not _helps(with_it, without, on.explain()):
+                borrowed[one.name] = free[0][0].name
+    return _Free(tuple(function for function, _ in free), borrowed, anatomy)
+
+
+def _free_path(
+    taken: Sequence[Prepared], nameless: Sequence[tuple[FreeFunction, Prepared]], on: Bench
+) -> list[tuple[FreeFunction, Prepared]]:
+    """Free functions taken one after the other as long as one is material, all at the joint of the first."""
+    chosen: list[tuple[FreeFunction, Prepared]] = []
     now = on.explain(*taken)
-    tried = []
-    functions = (*single_functions(turns, shared, own), *product_functions(turns, shared, own))
-    for function in functions:
-        prepared = on.prepare(function.columns * weight)
-        tried.append((on.explain(*taken, prepared), function, prepared))
-    tried.sort(key=lambda one: one[0].rms)
-    anatomy = [(function, then.rms) for then, function, _ in tried[:5]]
-    then, function, prepared = next(one for one in tried if not one[1].has_a_name)
-    if then.rms > (1.0 - MATERIAL) * now.rms or paired(then.held_out, now.held_out) < SURE:
-        return None, {}, anatomy
-    borrowed = {}
-    singles = [
-        on.prepare(single.columns * weight)
-        for single in single_functions(turns, shared, own)
-        if single.joint == function.joint and single.follows[0] in function.follows
-    ]
-    for one in path:
-        others = [other.prepared for other in path if other is not one]
-        without, with_it = (
-            on.explain(*others, prepared, *singles),
-            on.explain(*others, one.prepared, prepared, *singles),
-        )
-        if not _helps(with_it, without, on.explain()):
-            borrowed[one.name] = function.name
-    return function, borrowed, anatomy
+    while len(chosen) < MOST_FREE:
+        left = [one for one in nameless if not chosen or one[0].joint == chosen[0][0].joint]
+        tried = [(on.explain(*taken, *(p for _, p in chosen), one[1]), one) for one in left if one not in chosen]
+        then, best = min(tried, key=lambda pair: pair[0].rms)
+        if then.rms > (1.0 - MATERIAL) * now.rms or paired(then.held_out, now.held_out) < SURE:
+            break
+        chosen.append(best)
+        now = then
+    return chosen
 
 
 def _verdict(
-    named: Sequence[Scored], free: FreeFunction | None, left: Structure, floor: Floor, sigma: float
+    named: Sequence[Scored], free: Sequence[FreeFunction], left: Structure, floor: Floor, sigma: float
 ) -> Literal["effect_missing", "nothing_missing", "unexplained_structure"]:
     if named:
         return "effect_missing"
-    if free is not None:
+    if free:
         return "unexplained_structure"
     structured = left.p_value < SIGNIFICANT or left.order_p_value < SIGNIFICANT
     matters = left.moran_i > ALIKE if floor.sd is None else sigma > ABOVE_FLOOR * floor.sd

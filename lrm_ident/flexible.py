@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lrm_ident.dataset import Measurements
 
 Array = NDArray[np.float64]
-SINGLE_DEGREE, PRODUCT_DEGREE, SIZE = 4, 3, 0.02  # of Legendre polynomials; typical size in rad
+SINGLE_DEGREE, PRODUCT_DEGREE, SIZE = 6, 5, 0.02  # of Legendre polynomials; typical size in rad
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +76,17 @@ def single_functions(turns: Array, shared: list[Quantity], own: list[Quantity]) 
 
 
 def product_functions(turns: Array, shared: list[Quantity], own: list[Quantity]) -> Iterator[FreeFunction]:
-    """Every joint, every pair of quantities: products of their waves only, without what either does alone."""
+    """Every joint, every pair of quantities: products of their waves only, without what either does alone.
+
+    Degrees of the two waves of a product sum up to one more than `PRODUCT_DEGREE` at most.
+    """
     for joint in range(len(turns)):
         for a, b in combinations((*shared, own[joint]), 2):
-            waves = np.einsum("ni,nj->nij", a.waves(PRODUCT_DEGREE), b.waves(PRODUCT_DEGREE))
-            flat = waves.reshape(len(waves), -1)
-            if flat.shape[1]:
-                yield FreeFunction(joint, (a.name, b.name), _columns(turns[joint], flat))
+            left, right = a.waves(PRODUCT_DEGREE), b.waves(PRODUCT_DEGREE)
+            degrees = product(range(left.shape[1]), range(right.shape[1]))
+            waves = [left[:, i] * right[:, j] for i, j in degrees if i + j < PRODUCT_DEGREE]
+            if waves:
+                yield FreeFunction(joint, (a.name, b.name), _columns(turns[joint], np.stack(waves, axis=1)))
 
 
 def _columns(turn: Array, waves: Array) -> Array:

@@ -2,8 +2,8 @@
 
 With A the fitted parameters' columns (taken out of everything by projection; Frisch–Waugh–Lovell), r the residual and C
 further columns of typical size, θ minimises |r − Aβ − Cθ|² + (σ/s)² |θ|²: a weak prior of s typical sizes keeps
-directions that the data cannot tell from running away. Folds do the same on their training rows; nothing is refitted from scratch,
-so thousands of hypotheses cost seconds.
+directions that the data cannot tell from running away. Folds do the same on their training rows; nothing is refitted
+from scratch, so thousands of hypotheses cost seconds.
 """
 
 from __future__ import annotations

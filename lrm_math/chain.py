@@ -1,7 +1,7 @@
 """The arm as a product of one-parameter motions ("slots"), and its frames and screws.
 
 Base: T(x, y, z) Rx(alpha) Ry(beta) Rz(gamma). Link i: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Tz(extra z) (modified DH,
-thesis section 4.1), then the bending of link i about its own x and y. Tool: Rx Ry Rz T(x, y, z).
+thesis section 4.1), then the bending of link i about x and y at its middle. Tool: Rx Ry Rz T(x, y, z).
 
 Whatever an effect does to the arm, it adds an amount (rad or m) to slots. A slot's amount is a float where it is the
 same for all poses, or an array `(N,)`; the same code serves both, so one pose costs scalar Python and a batch numpy.
@@ -47,6 +47,11 @@ class Slot:
         """`place.name`, for instance `joint2.theta`."""
         return f"{self.place}.{self.name}"
 
+    @property
+    def to_hinge(self) -> bool:
+        """Whether it only carries the bending of a link to its middle, or back."""
+        return self.place.startswith("link") and not self.rotates
+
 
 @dataclass(frozen=True)
 class Attachment:
@@ -77,8 +82,20 @@ class Chain:
     joint_slots: tuple[int, ...]
 
     def values(self, q: Sequence[Number]) -> list[Number]:
-        """Amount of every slot of the nominal arm at joint angles q, one float or `(N,)` per joint (rad)."""
-        return [slot.nominal if slot.joint is None else slot.nominal + q[slot.joint] for slot in self.slots]
+        """Amount of every slot of the nominal arm at joint angles q, one float or `(N,)` per joint (rad).
+
+        The ways to and from the middle of a link (`back`, `on`) cancel as long as it does not bend, and are left out;
+        `hinges` tells them.
+        """
+        rigid = [0.0 if slot.to_hinge else slot.nominal for slot in self.slots]
+        return [
+            amount if slot.joint is None else amount + q[slot.joint]
+            for amount, slot in zip(rigid, self.slots, strict=True)
+        ]
+
+    def hinges(self, place: str) -> Iterator[tuple[int, float]]:
+        """The slots that carry a link's bending to its middle and back, and their amounts (m)."""
+        return ((k, slot.nominal) for k, slot in enumerate(self.slots) if slot.to_hinge and slot.place == place)
 
 
 @lru_cache(maxsize=64)
@@ -90,7 +107,7 @@ def chain_of(arm: Arm) -> Chain:
         slots += _link_slots(arm, i)
         frame_ends.append(len(slots))
         if i + 1 < arm.dof:
-            slots += [Slot(f"link{i + 1}", name, True, axis, 0.0) for name, axis in (("x", X), ("y", Y))]
+            slots += _bending_slots(arm, i)
     slots += _tool_slots(arm.tool)
     frame_ends.append(len(slots))
     bodies = sorted(arm.bodies, key=lambda b: (b.frame, not b.near_end))
@@ -141,6 +158,26 @@ def _link_slots(arm: Arm, i: int) -> Iterable[Slot]:
     yield Slot(place, "alpha", True, X, joint.alpha)
     if joint.extra_z is not None:
         yield Slot(place, "extra_z", False, Z, joint.extra_z)
+
+
+def _bending_slots(arm: Arm, i: int) -> Iterable[Slot]:
+    """Turns about x and y of the link's far frame, about the link's middle: where a beam seems to bend.
+
+    A cantilever under a moment at its end turns by M L/EI and shifts by M L²/2EI: a hinge at half its length.
+    """
+    place = f"link{i + 1}"
+    half = [(axis, way) for axis, way in enumerate(_half_length(arm, i)) if way]
+    yield from (Slot(place, f"back_{'xyz'[axis]}", False, axis, -way) for axis, way in half)
+    yield from (Slot(place, name, True, axis, 0.0) for name, axis in (("x", X), ("y", Y)))
+    yield from (Slot(place, f"on_{'xyz'[axis]}", False, axis, way) for axis, way in half)
+
+
+def _half_length(arm: Arm, i: int) -> list[float]:
+    """Half the way from joint i to the link's far frame, in that frame (m); lengths below a nanometre are zero."""
+    joint = arm.joints[i]
+    c, s = math.cos(joint.alpha), math.sin(joint.alpha)
+    way = (joint.a, s * joint.d, c * joint.d + (joint.extra_z or 0.0))
+    return [0.5 * component if abs(component) > 1e-9 else 0.0 for component in way]
 
 
 def _tool_slots(p: Placement) -> Iterable[Slot]:

@@ -261,6 +261,9 @@ def _rigid_amounts(model: Model, poses: Poses) -> tuple[list[Number], list[tuple
     """Slot amounts of the nominal arm and of every effect that feels no load; the effects that are left."""
     chain = model.chain
     slots = chain.values([poses.angle(i) for i in range(chain.dof)])
+    for place in {key.split(".")[0] for effect in model.effects for key in effect.moves}:
+        for k, way in chain.hinges(place):
+            slots[k] = way
     elastic = []
     for effect, span in zip(model.effects, model.spans, strict=True):
         if effect.feels:
@@ -291,4 +294,8 @@ def _constant_if_equal(payload: Array) -> Number:
 
 def _reach(model: Model) -> float:
     """No rotation by 1 rad can move the TCP further than this (m): the stretched nominal arm, with a margin."""
-    return 1.2 * sum(abs(slot.nominal) for slot in model.chain.slots if not slot.rotates and slot.place != "base")
+    return 1.2 * sum(
+        abs(slot.nominal)
+        for slot in model.chain.slots
+        if not slot.rotates and not slot.place.startswith(("base", "link"))
+    )

@@ -60,7 +60,6 @@ def random_values(model: Model, seed: int) -> dict[str, float]:
     for key, parameter in zip(model.keys, model.parameters, strict=True):
         size = rng.uniform(0.1, 0.6) if parameter.lower == 0.0 else rng.normal(0, 0.6)
         values[key] = size * parameter.typical
-    values["offsets.base.gamma_rad"] = 0.0  # the generator's base bends about the y axis that gamma has turned
     return values
 
 

@@ -58,7 +58,7 @@ class Compliance(Effect):
 
 @dataclass(frozen=True)
 class LateralCompliance(Effect):
-    """A link that bends about its own x and y, in the frame at its far end."""
+    """A link that bends about the x and y of its far frame, at half its length."""
 
     id = "lateral_compliance"
     cause = "A printed link bends sideways under the moment that runs through it, not only its joint twists."
