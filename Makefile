@@ -5,9 +5,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 DATA ?= lrm_ident/examples/hidden-play.csv
 OUT ?= out
+ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench clean
+.PHONY: help setup demo test lint bench confusion clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -26,7 +27,7 @@ demo: setup ## fit a data set and show where the model fails (DATA=, ARM=)
 	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png
 
 test: setup lint ## all tests, after the linters
-	$(BIN)/python -m pytest
+	$(ONE_THREAD) $(BIN)/python -m pytest
 
 lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
@@ -34,7 +35,10 @@ lint: setup ## ruff and mypy --strict
 
 bench: setup ## our figures beside the peers', as ratios
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev,bench]'
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m bench
+	$(ONE_THREAD) $(BIN)/python -m bench
+
+confusion: setup ## what is named when each effect is hidden, and the table of the docs (about 20 minutes)
+	$(BIN)/python -m bench.hidden --seeds 5 --jobs 2 --out docs/confusion.md
 
 clean: ## removes what was built
 	rm -rf $(VENV) $(OUT) build dist *.egg-info

@@ -1,1 +1,7 @@
 """The offline tool: identify the model from measured TCP positions, see where it fails."""
+
+import os
+
+# Matrices here are small: threads of the linear algebra library cost more than they bring. Works if numpy is not loaded.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")

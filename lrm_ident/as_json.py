@@ -13,6 +13,7 @@ from lrm_ident.dataset import Measurements
 from lrm_ident.figures_of_merit import ErrorFigures, figures
 from lrm_ident.fit import Fit
 from lrm_ident.identifiability import Unidentifiable
+from lrm_ident.selftest import Trial
 from lrm_ident.steps import Course
 from lrm_math.model import Model
 
@@ -175,3 +176,9 @@ def course_json(course: Course, held_out: HeldOut, nested: HeldOut) -> dict[str,
         "held_out": None if held_out.error is None else held_out.error.as_json(),
         "nested_held_out": None if nested.error is None else nested.error.as_json(),
     }
+
+
+def trial(trial: Trial) -> dict[str, Any]:
+    """One injection of `lrm-ident selftest`."""
+    moved = None if np.isnan(trial.moved) else trial.moved * 1e3
+    return {"truth": trial.truth, "moved_rms_mm": moved, "outcome": trial.outcome, "named": list(trial.named)}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.dataset import Measurements
-from lrm_math.effects.base import Evidence
+from lrm_math.effects.base import FEW_REVERSALS, Evidence
 
 Array = NDArray[np.float64]
 FEW_LEVELS, RUNS_WITH = 4, 0.8
@@ -47,9 +47,9 @@ def _reversals(data: Measurements, torque: Array) -> Iterator[str]:
     if data.poses.direction is None:
         return
     seen = Evidence(data.poses, torque)
-    never = [i + 1 for i in range(torque.shape[1]) if not seen.both_signs(data.poses.direction[:, i])]
+    never = [i + 1 for i in range(torque.shape[1]) if seen.reversals(i) < FEW_REVERSALS]
     if never:
-        yield f"no reversal: {_joints(never)} always come from the same side; their hysteresis cannot show"
+        yield f"no reversal: {_joints(never)} (nearly) never turned round, so hysteresis there cannot show"
 
 
 def _signs(data: Measurements, torque: Array) -> Iterator[str]:

@@ -10,20 +10,32 @@ import typer
 from lrm_ident import as_json
 from lrm_ident.advice import advise
 from lrm_ident.catalogue import catalogue_with
-from lrm_ident.cli_arguments import DataFile, EffectName, EffectsFile, JsonFile, ModelPath, MostEffects, NewModel
+from lrm_ident.cli_arguments import (
+    DataFile,
+    EffectName,
+    EffectsFile,
+    JsonFile,
+    ModelPath,
+    MostEffects,
+    NewModel,
+    PosesFile,
+)
 from lrm_ident.cli_common import app, log, out, progress, read_measurements, read_model
 from lrm_ident.compare import HeldOut, try_held_out
+from lrm_ident.dataset import load_poses
 from lrm_ident.diagnose import Diagnosis
 from lrm_ident.diagnose import diagnose as run_diagnose
 from lrm_ident.figures_of_merit import figures
 from lrm_ident.history import model_file, model_text, undone
 from lrm_ident.nested import nested_held_out
+from lrm_ident.selftest import Plan, may_show, run
 from lrm_ident.show import error_table, parameter_table
-from lrm_ident.show_search import print_effect, print_report, print_step
+from lrm_ident.show_search import print_effect, print_report, print_step, print_trials
 from lrm_ident.steps import Step, add_effects, follow_advice
 from lrm_ident.write import write_text
+from lrm_math.arm_file import load_arm
 from lrm_math.effects import effects_at
-from lrm_math.errors import UnknownName
+from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model import equilibrium, model_of
 from lrm_math.model_file import ModelFile
 from lrm_math.toml_file import read_toml
@@ -145,3 +157,29 @@ def auto(
     else:
         write_text(output, model_text(file))
     out.print(f"Model written to {output}")
+
+
+@app.command()
+def selftest(
+    arm: Annotated[str, typer.Argument(metavar="ARM", help="A shipped arm or the path of an arm file.")],
+    poses: PosesFile,
+    only: Annotated[str, typer.Option(help="Only effects that match, for instance 'backlash@*'.")] = "*",
+    noise_mm: Annotated[float, typer.Option(min=0.001, help="Noise of the measurement per axis.")] = 0.3,
+    seed: Annotated[int, typer.Option(help="Of the arm's errors and the noise.")] = 0,
+    json: JsonFile = None,
+    effects_file: EffectsFile = None,
+) -> None:
+    """Tell before measuring whether a plan of poses can find what you look for.
+
+    Injects each effect at its typical size into an arm with random errors, at your poses; prints what would be named.
+    """
+    plan = Plan(arm, load_poses(poses, load_arm(arm)), noise_mm * 1e-3, seed, effects_file)
+    names, refused = may_show(plan, only)
+    if not names:
+        raise LrmError(f"no effect that these poses can show matches '{only}'")
+    with progress(f"injecting {len(names)} effects") as tick:
+        trials = sorted(run(plan, names, tick), key=lambda trial: names.index(trial.truth))
+    print_trials(out, trials, refused)
+    if json:
+        rows = [as_json.trial(trial) for trial in trials]
+        write_text(json, as_json.text({"schema": "lrm/selftest/1", "poses": len(plan.poses), "trials": rows}))

@@ -119,11 +119,19 @@ def load_measurements(path: Path, arm: Arm) -> Measurements:
 
 
 def load_poses(path: Path, arm: Arm) -> Poses:
-    """Reads commanded poses (`q1_deg` …, optional `payload_g`) without measurements. Raises `FileError`."""
+    """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`. Raises `FileError`."""
     table = read_table(path, [f"q{i + 1}_deg" for i in range(arm.dof)])
     q = read_angles(table, arm)
-    number = _whole(table, "pose") if "pose" in table.header else None
-    return Poses(q=q, payload=read_payload(table), direction=directions(q, None), number=number)
+    known = {name: table.numbers(name) for name in ("t_s", "session", "temp_c") if name in table.header}
+    return Poses(
+        q=q,
+        payload=read_payload(table),
+        direction=directions(q, None),
+        t=known.get("t_s"),
+        session=known.get("session"),
+        temperature=known.get("temp_c"),
+        number=_whole(table, "pose") if "pose" in table.header else None,
+    )
 
 
 def read_angles(table: Table, arm: Arm) -> Array:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 
 import numpy as np
 from rich.console import Console
 
 from lrm_ident.advice import Report
+from lrm_ident.selftest import Trial
 from lrm_ident.show import table
 from lrm_math.arm_file import load_arm, shipped_arms
 from lrm_math.effects import Effect, Parameter
@@ -18,6 +20,7 @@ VERDICTS = {
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
     "unexplained_structure": "There is structure left that no known effect explains.",
 }
+OUTCOMES = {"found": "● found", "one of a class": "◐ one of a class", "missed": "○ missed", "wrong": "✕ wrong"}
 MARKS = {"supported": "● supported", "indistinguishable": "◐ one of a class", "no_evidence": "○ no evidence"}
 
 
@@ -99,3 +102,15 @@ def _parameter(parameter: Parameter) -> str:
     bounds = f", at least {parameter.lower / parameter.si:g}" if np.isfinite(parameter.lower) else ""
     shape = "" if parameter.fixed is None else ", a shape: searched, not fitted"
     return f"{parameter.name}: {parameter.meaning} ({typical}{bounds}{shape})"
+
+
+def print_trials(console: Console, trials: Sequence[Trial], refused: Sequence[tuple[Effect, str]]) -> None:
+    """The result of `lrm-ident selftest`: what would be named for each truth."""
+    confusion = table("What would be named", "hidden", ">moves TCP mm", "outcome", "named")
+    for trial in trials:
+        named = ", ".join(trial.named[:4]) + (f" and {len(trial.named) - 4} more" if len(trial.named) > 4 else "")
+        confusion.add_row(trial.truth, f"{trial.moved * 1e3:.2f}", OUTCOMES[trial.outcome], named or trial.verdict)
+    console.print(confusion)
+    _print_untestable(console, tuple(refused))
+    count = {outcome: sum(trial.outcome == outcome for trial in trials) for outcome in OUTCOMES}
+    console.print(f"\n{len(trials)} effects: " + ", ".join(f"{number} {outcome}" for outcome, number in count.items()))

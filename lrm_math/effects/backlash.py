@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arm import Arm
-from lrm_math.effects.base import Amounts, Effect, Evidence, Parameter, joint_number
+from lrm_math.effects.base import FEW_REVERSALS, Amounts, Effect, Evidence, Parameter, joint_number
 from lrm_math.poses import Poses
 
 
@@ -111,6 +111,8 @@ class Hysteresis(Effect):
         """It shows only if the joint came from both sides."""
         if evidence.poses.direction is None:
             return "the order of measurement is not known"
-        if evidence.both_signs(evidence.poses.direction[:, joint_number(self.place)]):
+        if evidence.reversals(joint_number(self.place)) >= FEW_REVERSALS:
             return None
-        return f"{self.place} (nearly) never reverses: it always comes from the same side"
+        return (
+            f"{self.place} (nearly) never reverses: the side that it comes from cannot be told from its angle or time"
+        )

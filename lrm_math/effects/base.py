@@ -37,6 +37,7 @@ UNIT_IN_SI = {
 }
 Amounts = tuple[Number, ...]
 N = TypeVar("N", float, Number)
+FEW_REVERSALS = 4
 STEP = 6e-6  # cube root of the machine epsilon: the best step of a central difference
 
 
@@ -83,6 +84,13 @@ class Evidence:
     def levels(self, joint: int) -> int:
         """At how many different angles (to 0.5°) a joint stood."""
         return len(np.unique(np.round(np.degrees(self.poses.q[:, joint]) / 0.5)))
+
+    def reversals(self, joint: int) -> int:
+        """How often a joint turned round between poses; 0 if the order is not known."""
+        if self.poses.direction is None:
+            return 0
+        moves = self.poses.direction[:, joint]
+        return int(np.count_nonzero(np.diff(moves[moves != 0])))
 
     def both_signs(self, values: Array) -> bool:
         """Whether at least a twentieth of the values lies on either side of zero."""
