@@ -127,7 +127,15 @@ def diagnosis_json(report: Report, catalogue_size: int = RANKED) -> dict[str, An
         ],
         "outliers": list(found.outliers),
         "audit": list(report.traps),
-        "not_testable": [{"effect": e.id, "place": e.place, "reason": why} for e, why in found.not_testable],
+        "not_testable": [
+            {
+                "effect": e.id,
+                "place": e.place,
+                "reason": why,
+                "would_need": e.needs or "poses where it moves the TCP more",
+            }
+            for e, why in found.not_testable
+        ],
         "next_poses_hint": report.hint,
     }
 
@@ -167,6 +175,7 @@ def course_json(course: Course, held_out: HeldOut, nested: HeldOut) -> dict[str,
         "steps": [
             {
                 "added": step.added,
+                "indistinguishable_from": list(step.rivals),
                 "parameters": len(step.fit.model.free),
                 "fit_rms_mm": figures(step.fit.residual).rms * 1e3,
             }

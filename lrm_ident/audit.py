@@ -24,8 +24,10 @@ def _levels(data: Measurements, torque: Array) -> Iterator[str]:
     seen = Evidence(data.poses, torque)
     few = {i + 1: seen.levels(i) for i in range(torque.shape[1]) if seen.levels(i) <= FEW_LEVELS}
     if few:
+        least, most = min(few.values()), max(few.values())
+        levels = f"{least}" if least == most else f"{least} to {most}"
         yield (
-            f"few levels: {_joints(few)} stand at {min(few.values())} to {max(few.values())} angles only, so servo "
+            f"few levels: {_joints(few)} stand at {levels} angles only, so servo "
             "gain, eccentricity and a cable's pull on them look alike; measure five or more"
         )
 

@@ -14,6 +14,7 @@ from lrm_ident.cli_arguments import (
     DataFile,
     EffectName,
     EffectsFile,
+    FigureFile,
     JsonFile,
     ModelPath,
     MostEffects,
@@ -56,7 +57,13 @@ def effects(
 
 
 @app.command()
-def diagnose(model: ModelPath, data: DataFile, json: JsonFile = None, effects_file: EffectsFile = None) -> None:
+def diagnose(
+    model: ModelPath,
+    data: DataFile,
+    json: JsonFile = None,
+    figure: FigureFile = None,
+    effects_file: EffectsFile = None,
+) -> None:
     """Find out which physical effect a model misses, that none is missing, or that no known one explains it."""
     file, the_model = read_model(model, catalogue := catalogue_with(effects_file))
     measured = read_measurements(data, the_model.arm, file.arm)
@@ -67,6 +74,11 @@ def diagnose(model: ModelPath, data: DataFile, json: JsonFile = None, effects_fi
     print_report(out, report)
     if json:
         write_text(json, as_json.text(as_json.diagnosis_json(report)))
+    if figure:
+        from lrm_ident.draw_search import draw_report  # matplotlib takes half a second to load
+
+        draw_report(report, figure)
+        out.print(f"Figure written to {figure}")
 
 
 @app.command()
@@ -128,7 +140,7 @@ def auto(
 
     def told(step: Step, found: Diagnosis) -> None:
         left = float(np.sqrt(found.before.mean()))
-        print_step(out, next(numbers), step.added, len(step.fit.model.free), figures(step.fit.residual).rms, left)
+        print_step(out, next(numbers), step, left)
 
     course = follow_advice(the_model, measured, max_effects, catalogue, told)
     history = list(file.history)

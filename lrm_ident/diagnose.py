@@ -79,6 +79,7 @@ class Diagnosis:
         borrowed: name of those whose place has a structure that they only resemble -> the free function that has it.
         rivals: for each of the path, names of candidates that these data cannot tell from it.
         free: nameless functions that explain much of what the path leaves, at one joint.
+        turns: (n, 3, N), TCP's motion for a unit turn of each joint (m/rad).
         anatomy: free functions on the residual, best first, with their held-out RMS (m).
     """
 
@@ -96,6 +97,7 @@ class Diagnosis:
     free: tuple[FreeFunction, ...]
     anatomy: tuple[tuple[FreeFunction, float], ...]
     not_testable: tuple[tuple[Effect, str], ...]
+    turns: Array
     outliers: tuple[int, ...] = field(default=())
 
     @property
@@ -151,6 +153,7 @@ def _diagnose(model: Model, data: Measurements, kinds: tuple[type[Effect], ...],
         free=free.functions,
         anatomy=free.anatomy,
         not_testable=(*((effect, why) for effect, why in refused), *invisible),
+        turns=turns,
     )
 
 

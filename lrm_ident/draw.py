@@ -33,15 +33,20 @@ FACTORS_DRAWN, GROUPS_DRAWN = 8, 10
 
 def draw_comparison(comparison: Comparison, data: Measurements, path: Path) -> None:
     """Draws how far the error fell and what the rest follows. Raises `FileError` for an unknown format or place."""
-    if path.suffix not in FORMATS:
-        raise FileError(path, "", f"cannot draw a {path.suffix or 'nameless'} file", f"one of {', '.join(FORMATS)}")
+    check_format(path)
     figure, (left, middle, right) = plt.subplots(
         1, 3, figsize=(13, 4.2), width_ratios=(1.2, 1, 1.3), layout="constrained"
     )
     _draw_distribution(left, comparison, data)
     _draw_factors(middle, comparison)
     _draw_groups(right, comparison)
-    _save(figure, path)
+    save_figure(figure, path)
+
+
+def check_format(path: Path) -> None:
+    """Raises `FileError` if pictures of this kind cannot be drawn."""
+    if path.suffix not in FORMATS:
+        raise FileError(path, "", f"cannot draw a {path.suffix or 'nameless'} file", f"one of {', '.join(FORMATS)}")
 
 
 def _draw_distribution(axes: Axes, comparison: Comparison, data: Measurements) -> None:
@@ -97,7 +102,8 @@ def _draw_groups(axes: Axes, comparison: Comparison) -> None:
     axes.set_title(f"Residual by {factor.name}")
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: Path) -> None:
+    """Writes a figure whole or not at all, and closes it. Raises `FileError`."""
     temporary = ""
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)

@@ -17,7 +17,7 @@ from lrm_math.model import Equilibrium, Model, equilibrium
 Array = NDArray[np.float64]
 MOST_STEPS = 60
 STEP_TOLERANCE = 1e-8  # of the typical sizes
-GAIN_TOLERANCE = 1e-12  # of the loss, that a step promises
+GAIN_TOLERANCE = 1e-10  # of the loss, that a step promises
 OUTLIER_DISTANCE = 5.0  # robust standard deviations per axis; a clean pose is beyond it once in 60 000
 
 

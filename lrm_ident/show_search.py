@@ -9,12 +9,14 @@ import numpy as np
 from rich.console import Console
 
 from lrm_ident.advice import Report
+from lrm_ident.figures_of_merit import figures
 from lrm_ident.selftest import Trial
 from lrm_ident.show import table
+from lrm_ident.steps import Step
 from lrm_math.arm_file import load_arm, shipped_arms
 from lrm_math.effects import Effect, Parameter
 
-SHOWN = 10
+SHOWN, RIVALS_SHOWN = 8, 4
 VERDICTS = {
     "effect_missing": "An effect is missing.",
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
@@ -71,12 +73,16 @@ def _print_untestable(console: Console, refused: tuple[tuple[Effect, str], ...])
             console.print(f"  {name} at {', '.join(places)}: {reason}", highlight=False, soft_wrap=True)
 
 
-def print_step(console: Console, number: int, added: str, parameters: int, fit_rms: float, held_out: float) -> None:
-    """One line of the fall."""
-    bar = "█" * int(np.clip(round(held_out * 1e3 * 4), 1, 40))
-    errors = f"fit {fit_rms * 1e3:6.2f}   held out ≈ {held_out * 1e3:6.2f} mm  {bar}"
-    line = f"{number:3d}  {added or 'start':32s} {parameters:3d} parameters   {errors}"
+def print_step(console: Console, number: int, step: Step, held_out: float) -> None:
+    """One line of the fall, and what could not be told from the effect added."""
+    bar = "█" * int(np.clip(round(held_out * 1e3 * 3), 1, 24))
+    errors = f"fit {figures(step.fit.residual).rms * 1e3:5.2f}   held out ≈ {held_out * 1e3:5.2f} mm  {bar}"
+    line = f"{number:3d}  {step.added or 'start':28s} {len(step.fit.model.free):3d} parameters   {errors}"
     console.print(line, highlight=False, soft_wrap=True)
+    if step.rivals:
+        more = f" and {len(step.rivals) - RIVALS_SHOWN} more" if len(step.rivals) > RIVALS_SHOWN else ""
+        rivals = ", ".join(step.rivals[:RIVALS_SHOWN]) + more
+        console.print(f"       or {rivals}: these data cannot tell", highlight=False, soft_wrap=True, style="dim")
 
 
 def print_effect(console: Console, kind: type[Effect], in_full: bool) -> None:

@@ -80,18 +80,18 @@ def _tune(best: Fit, data: Measurements, key: str, scan: Sequence[float]) -> Fit
 
     present = np.log(best.model.value(key))
     step = np.log(max(np.array(scan[1:]) / np.array(scan[:-1])))
-    bracket = (present - step, present + step)
+    bracket = (max(present - step, np.log(scan[0])), min(present + step, np.log(scan[-1])))
     minimize_scalar(loss, bounds=bracket, method="bounded", options={"maxiter": MOST_SHAPE_FITS, "xatol": 0.03})
     return found[0]
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One step of `auto`: what was added ("" at the start), the fit after it, and why it was taken."""
+    """One step of `auto`: what was added ("" at the start), the fit after it, and what could not be told from it."""
 
     added: str
     fit: Fit
-    why: str = ""
+    rivals: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,11 +127,15 @@ def follow_advice(
             break
         try:
             better = add_effects(diagnosis.fit.model, data, [chosen.candidate.effect], shape_of(chosen))
+            after = diagnose(better.model, data, kinds)
         except LrmError:
             refused.add(chosen.name)
             continue
-        steps.append(Step(chosen.name, better))
-        diagnosis = diagnose(better.model, data, kinds)
+        if after.before.mean() >= diagnosis.before.mean():
+            refused.add(chosen.name)
+            continue
+        steps.append(Step(chosen.name, better, diagnosis.rivals[chosen.name]))
+        diagnosis = after
         if told:
             told(steps[-1], diagnosis)
     return Course(tuple(steps), diagnosis)

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 
 class LrmError(Exception):
-    """The root of all errors that this software raises on purpose."""
+    """The root of all errors that this software raises on purpose. They travel between processes whole."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (type(self), self.args, self.__dict__)
+
+
+def _rebuilt(kind: type[LrmError], args: tuple[Any, ...], attributes: dict[str, Any]) -> LrmError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(attributes)
+    return error
 
 
 class FileError(LrmError):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .chain import name_base_errors
 from .files import write
 from .generate import Dataset, poses, simulate
 from .hidden_joints import SoftPlay
@@ -28,7 +29,7 @@ def example(arm_file: str | Path = ARM_FILE) -> Dataset:
     """300 random poses of the lab rig in four blocks of 75, in turn without and with 66.3 g; noise 0.3 mm per axis."""
     rig = load_arm(arm_file)
     play = SoftPlay(joint=2, width_rad=round(math.radians(2.3), 6), softness_nm=0.04)
-    truth = Truth.random(rig, SEED, (play,))
+    truth = name_base_errors(rig, Truth.random(rig, SEED, (play,)))
     payload = np.where(np.arange(POSES) // (POSES // 4) % 2 == 0, 0.0, PAYLOAD_KG)
     return simulate(rig, truth, poses(rig, POSES, SEED + 1, floor_m=FLOOR_M), payload, noise_m=0.0003, seed=SEED + 2)
 
