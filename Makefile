@@ -1,4 +1,4 @@
-# make demo   sets itself up, fits a data set, shows where the model fails   [DATA=measurements.csv ARM=arm]
+# make demo   sets itself up, fits a data set, finds what is missing   [DATA=measurements.csv ARM=arm]
 # make test   sets itself up, runs all tests
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
@@ -21,10 +21,12 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev]'
 	@touch $@
 
-demo: setup ## fit a data set and show where the model fails (DATA=, ARM=)
+demo: setup ## fit a data set, show where the model fails, find what is missing, add it (DATA=, ARM=)
 	@mkdir -p $(OUT)
 	$(BIN)/lrm-ident fit $(DATA) $(if $(ARM),--arm $(ARM)) -o $(OUT)/model.toml --json $(OUT)/fit.json
 	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png
+	$(BIN)/lrm-ident diagnose $(OUT)/model.toml $(DATA) --json $(OUT)/diagnosis.json --figure $(OUT)/diagnosis.png
+	$(BIN)/lrm-ident auto $(OUT)/model.toml $(DATA) -o $(OUT)/better.toml --json $(OUT)/course.json
 
 test: setup lint ## all tests, after the linters
 	$(ONE_THREAD) $(BIN)/python -m pytest

@@ -14,8 +14,11 @@ from rich.table import Table
 from bench.peers import Pinocchio, scipy_fit
 from bench.timing import Timing, race
 from lrm_ident import synthetic
-from lrm_ident.dataset import Measurements
+from lrm_ident.advice import advise
+from lrm_ident.dataset import Measurements, load_measurements
+from lrm_ident.diagnose import diagnose
 from lrm_ident.fit import fit, no_bounds
+from lrm_ident.identifiability import fit_identifiable
 from lrm_ident.options import chosen
 from lrm_math.arm_file import load_arm, shipped_arms
 from lrm_math.chain import chain_of, frames, pull_back, trig
@@ -25,6 +28,7 @@ from lrm_math.model import Model, equilibrium, model_of
 from lrm_math.poses import Poses, poses_of
 
 POSES, FK_POSES, SETTLED = 393, 1000, 1e-6
+EXAMPLE = Path(synthetic.__file__).resolve().parents[1] / "examples" / "hidden-play.csv"
 OURS = "lrm_math"
 
 
@@ -83,7 +87,11 @@ def tasks() -> list[Task]:
         "scipy, our Jacobian": lambda: scipy_fit(option1, data, jacobian=True),
         "scipy, differences": lambda: scipy_fit(option1, data, jacobian=False),
     }
+    example = load_measurements(EXAMPLE, arm)
+    found = fit_identifiable(model, example, model.keys).fit.model
+    whole: dict[str, Callable[[], object]] = {OURS: lambda: advise(diagnose(found, example))}
     return [
+        Task(f"diagnose of {len(example)} poses, whole catalogue", "s", 1, 1.0, 15.0, whole),
         Task(f"FK of {FK_POSES} poses, all frames", "µs/pose", FK_POSES, 1e6, 0.25, fk),
         Task(f"elastic FK of {POSES} poses, to 1 µm", "µs/pose", POSES, 1e6, 6.0, bent),
         Task(f"3×45 total Jacobian of {POSES} poses", "ms", 1, 1e3, 10.0, jacobian),

@@ -98,9 +98,19 @@ def print_effect(console: Console, kind: type[Effect], in_full: bool) -> None:
     arm = load_arm(next(iter(shipped_arms())))
     places = kind.places(arm)
     console.print(f"    places on {arm.name}: {', '.join(places)}", highlight=False, soft_wrap=True, markup=False)
+    console.print(f"    acts on: {_acts_on(kind(arm, places[0]))}", highlight=False, soft_wrap=True, markup=False)
     console.print(f"    parameters, for instance at {places[0]}:", highlight=False, markup=False)
     for parameter in kind(arm, places[0]).parameters:
         console.print(f"      {_parameter(parameter)}", highlight=False, soft_wrap=True, markup=False)
+
+
+def _acts_on(effect: Effect) -> str:
+    """The motions it causes, or the other hook that it uses, at one place."""
+    moves = [f"turns or shifts {', '.join(effect.moves)}"] if effect.moves else []
+    feels = [f"feels the load on {', '.join(effect.feels)}"] if effect.feels else []
+    pushes = [f"loads {', '.join(effect.pushes)}"] if effect.pushes else []
+    weighs = ["changes the weight of a body"] if effect.weighs else []
+    return "; ".join([*moves, *feels, *pushes, *weighs]) or "what the tracker sees"
 
 
 def _parameter(parameter: Parameter) -> str:

@@ -18,19 +18,22 @@ from bench.hidden.cases import CASES
 from bench.hidden.data import write_case
 from lrm_ident.advice import Report, advise
 from lrm_ident.audit import audit
-from lrm_ident.catalogue import effects_in
-from lrm_ident.dataset import Measurements, load_measurements
+from lrm_ident.catalogue import catalogue_with, effects_in
+from lrm_ident.dataset import Measurements, load_measurements, load_poses
 from lrm_ident.diagnose import diagnose
+from lrm_ident.draw_search import draw_report
 from lrm_ident.figures_of_merit import figures
 from lrm_ident.fit import fit
 from lrm_ident.folds import blocks, held_out
 from lrm_ident.identifiability import fit_identifiable
 from lrm_ident.linear import bench, coincidence, paired
 from lrm_ident.options import chosen
+from lrm_ident.selftest import Plan, may_show
+from lrm_ident.selftest import run as run_trials
 from lrm_ident.steps import add_effects, follow_advice
 from lrm_ident.structure import noise_floor, structure
 from lrm_math.arm import Arm
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model import Model, model_of
 
@@ -266,3 +269,31 @@ def test_blocks_of_the_diagnosis_are_those_of_the_held_out_error(real: Measureme
     linear = float(np.sqrt(diagnose(fitted, real).before.mean()))
     assert linear == pytest.approx(figures(held_out(fitted, real)).rms, rel=0.02)
     assert len(np.unique(blocks(real.poses.q, real.repeat_of))) == 10
+
+
+def test_an_installed_package_can_offer_effects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    [own] = effects_in(page_effect(tmp_path))
+
+    class Point:
+        def load(self) -> type[Effect]:
+            return own
+
+    monkeypatch.setattr(
+        "lrm_ident.catalogue.entry_points", lambda group: [Point()] if group == "lrm_arm.effects" else []
+    )
+    assert catalogue_with(None) == (*CATALOGUE, own)
+
+
+def test_selftest_tells_what_a_plan_could_find(lab: Arm) -> None:
+    plan = Plan("lrm-lab", load_poses(ROOT / "lrm_ident" / "examples" / "hidden-play.csv", lab), 3e-4, 0, None)
+    names, refused = may_show(plan, "backlash@joint[23]")
+    assert names == ["backlash@joint2", "backlash@joint3"]
+    assert any(effect.id == "session" for effect, _ in refused)
+    assert [trial.outcome for trial in run_trials(plan, names)] == ["found", "found"]
+
+
+@pytest.mark.parametrize("figure", ["named", "nameless"])
+def test_a_diagnosis_can_be_drawn(tmp_path: Path, lab: Arm, figure: str) -> None:
+    data = case_data({"named": "play3", "nameless": "sum-q1-q4"}[figure], tmp_path, lab, 150)
+    draw_report(advise(diagnose(base_fit(lab, data), data)), tmp_path / "why.png")
+    assert (tmp_path / "why.png").read_bytes().startswith(b"\x89PNG")
