@@ -182,8 +182,8 @@ def course_json(course: Course, held_out: HeldOut, nested: HeldOut) -> dict[str,
             for step in course.steps
         ],
         "verdict": course.last.verdict,
-        "held_out": None if held_out.error is None else held_out.error.as_json(),
-        "nested_held_out": None if nested.error is None else nested.error.as_json(),
+        "held_out_effects_fixed": None if held_out.error is None else held_out.error.as_json(),
+        "held_out": None if nested.error is None else nested.error.as_json(),
     }
 
 

@@ -28,7 +28,7 @@ from lrm_ident.diagnose import Diagnosis
 from lrm_ident.diagnose import diagnose as run_diagnose
 from lrm_ident.figures_of_merit import figures
 from lrm_ident.history import model_file, model_text, undone
-from lrm_ident.nested import nested_held_out
+from lrm_ident.nested import try_nested
 from lrm_ident.selftest import Plan, may_show, run
 from lrm_ident.show import error_table, parameter_table
 from lrm_ident.show_search import print_effect, print_report, print_step, print_trials
@@ -150,25 +150,28 @@ def auto(
         history = model_file(step.fit, measured, left_out, file.arm, f"add {step.added}", "squared", history).history
     last = course.steps[-1].fit
     left_out = try_held_out(last.model, measured)
+    done = file
+    if len(course.steps) > 1:
+        done = model_file(last, measured, left_out, file.arm, f"add {course.steps[-1].added}", "squared", history[:-1])
+    write_text(output, model_text(done))
+    out.print(f"Model written to {output}")
+    nominal = figures(measured.tcp - equilibrium(model_of(the_model.arm, ()), measured.poses).tcp)
+    title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
+    out.print(error_table(nominal, figures(last.residual), left_out, title))
     whole = HeldOut(None, "not asked for (--no-nested)")
     if nested:
         with progress("choosing anew in every fold") as tick:
-            whole = HeldOut(nested_held_out(the_model, measured, max_effects, catalogue, effects_file, tick))
-    nominal = figures(measured.tcp - equilibrium(model_of(the_model.arm, ()), measured.poses).tcp)
-    out.print(error_table(nominal, figures(last.residual), left_out, f"{len(course.steps) - 1} effects added"))
-    if whole.error is not None:
+            whole = try_nested(the_model, measured, max_effects, catalogue, effects_file, tick)
+    if whole.error is None:
+        out.print(f"Held out, effects chosen anew in every fold (nested): none, because {whole.reason}")
+    else:
+        mean, rms = whole.error.mean * 1e3, whole.error.rms * 1e3
         out.print(
-            f"Chosen anew in every fold (nested): mean {whole.error.mean * 1e3:.2f}, RMS {whole.error.rms * 1e3:.2f} mm"
+            f"Held out, effects chosen anew in every fold (nested): mean {mean:.2f}, RMS {rms:.2f} mm", style="bold"
         )
     print_report(out, advise(course.last))
     if json:
         write_text(json, as_json.text(as_json.course_json(course, left_out, whole)))
-    if len(course.steps) > 1:
-        done = model_file(last, measured, left_out, file.arm, f"add {course.steps[-1].added}", "squared", history[:-1])
-        write_text(output, model_text(done))
-    else:
-        write_text(output, model_text(file))
-    out.print(f"Model written to {output}")
 
 
 @app.command()

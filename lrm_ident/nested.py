@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.catalogue import Catalogue
+from lrm_ident.compare import HeldOut
 from lrm_ident.dataset import Measurements
 from lrm_ident.folds import blocks
 from lrm_ident.progress import Tick, silent
 from lrm_ident.steps import follow_advice
 from lrm_math.effects import CATALOGUE
+from lrm_math.errors import LrmError
 from lrm_math.model import Model, equilibrium
 
 Array = NDArray[np.float64]
@@ -49,6 +51,21 @@ def nested_held_out(
             residual[waiting[future]] = future.result()
             progress(done, len(parts))
     return residual
+
+
+def try_nested(
+    model: Model,
+    data: Measurements,
+    most: int = 20,
+    catalogue: Catalogue = CATALOGUE,
+    effects_file: Path | None = None,
+    progress: Tick = silent,
+) -> HeldOut:
+    """The same, or why it cannot be had (a fold that does not converge, or whose model does not settle)."""
+    try:
+        return HeldOut(nested_held_out(model, data, most, catalogue, effects_file, progress))
+    except LrmError as error:
+        return HeldOut(None, str(error))
 
 
 def _predict(model: Model, data: Measurements, out: NDArray[np.bool_], most: int, catalogue: Catalogue) -> Array:

@@ -16,7 +16,7 @@ from lrm_ident.steps import Step
 from lrm_math.arm_file import load_arm, shipped_arms
 from lrm_math.effects import Effect, Parameter
 
-SHOWN, RIVALS_SHOWN = 8, 4
+SHOWN, REFUSED_SHOWN, RIVALS_SHOWN = 8, 4, 4
 VERDICTS = {
     "effect_missing": "An effect is missing.",
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
@@ -54,7 +54,8 @@ def print_report(console: Console, report: Report) -> None:
 
 def _print_ranking(console: Console, report: Report) -> None:
     ranking = table("", ">", "effect", "verdict", ">held out mm", "why")
-    for rank, advice in enumerate(report.ranking[:SHOWN], start=1):
+    named = sum(advice.verdict != "no_evidence" for advice in report.ranking)
+    for rank, advice in enumerate(report.ranking[: min(named, SHOWN) + REFUSED_SHOWN], start=1):
         approximate = "" if advice.exact else "≈ "
         rms = f"{approximate}{advice.held_out_rms * 1e3:.2f}"
         ranking.add_row(str(rank), advice.scored.name, MARKS[advice.verdict], rms, advice.why)
