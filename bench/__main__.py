@@ -21,11 +21,13 @@ from lrm_ident.fit import fit, no_bounds
 from lrm_ident.identifiability import fit_identifiable
 from lrm_ident.options import chosen
 from lrm_math.arm_file import load_arm, shipped_arms
-from lrm_math.chain import chain_of, frames, pull_back, trig
+from lrm_math.chain import chain_of, pull_back, trig
 from lrm_math.derivatives import parameter_jacobian
 from lrm_math.effects import effects_at
-from lrm_math.model import Model, equilibrium, model_of
+from lrm_math.equilibrium import equilibrium
+from lrm_math.model import Model, model_of
 from lrm_math.poses import Poses, poses_of
+from lrm_math.walk import frames
 
 POSES, FK_POSES, SETTLED = 393, 1000, 1e-6
 EXAMPLE = Path(synthetic.__file__).resolve().parents[1] / "examples" / "hidden-play.csv"

@@ -11,7 +11,8 @@ from scipy.optimize import OptimizeResult, least_squares
 from lrm_ident.dataset import Measurements
 from lrm_math.arm import Arm
 from lrm_math.derivatives import parameter_jacobian
-from lrm_math.model import Model, equilibrium
+from lrm_math.equilibrium import equilibrium
+from lrm_math.model import Model
 
 Array = NDArray[np.float64]
 

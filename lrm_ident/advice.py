@@ -9,10 +9,12 @@ from typing import Literal
 import numpy as np
 
 from lrm_ident.audit import audit
-from lrm_ident.diagnose import WORTHWHILE, Diagnosis, Scored
+from lrm_ident.diagnose import Diagnosis
 from lrm_ident.figures_of_merit import ErrorFigures, figures
 from lrm_ident.fit import Fit
 from lrm_ident.folds import held_out
+from lrm_ident.scoring import Scored
+from lrm_ident.selection import WORTHWHILE
 from lrm_ident.steps import add_effects, shape_of
 from lrm_math.errors import LrmError
 

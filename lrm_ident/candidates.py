@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from lrm_math.derivatives import Response, effect_columns, respond
 from lrm_math.effects import CATALOGUE, Effect, Parameter
 from lrm_math.effects.base import Evidence
-from lrm_math.model import Equilibrium, Model, equilibrium, model_of
+from lrm_math.equilibrium import Equilibrium, equilibrium
+from lrm_math.model import Model, model_of
 from lrm_math.poses import Poses
 
 Array = NDArray[np.float64]

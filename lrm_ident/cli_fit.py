@@ -42,8 +42,9 @@ from lrm_ident.write import write_text
 from lrm_math.arm import Arm
 from lrm_math.arm_file import load_arm
 from lrm_math.effects import effects_at
+from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import FileError
-from lrm_math.model import Model, equilibrium, model_of
+from lrm_math.model import Model, model_of
 from lrm_math.poses import Poses
 
 

@@ -36,8 +36,9 @@ from lrm_ident.steps import Step, add_effects, follow_advice
 from lrm_ident.write import write_text
 from lrm_math.arm_file import load_arm
 from lrm_math.effects import effects_at
+from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import LrmError, UnknownName
-from lrm_math.model import equilibrium, model_of
+from lrm_math.model import model_of
 from lrm_math.model_file import ModelFile
 from lrm_math.toml_file import read_toml
 

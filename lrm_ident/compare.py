@@ -16,8 +16,9 @@ from lrm_ident.folds import held_out
 from lrm_ident.loss import Loss
 from lrm_ident.progress import Tick, silent
 from lrm_math.derivatives import joint_jacobian
+from lrm_math.equilibrium import Equilibrium, equilibrium
 from lrm_math.errors import LrmError
-from lrm_math.model import Equilibrium, Model, equilibrium, model_of
+from lrm_math.model import Model, model_of
 
 Array = NDArray[np.float64]
 MOST_LEVELS, BINS, ORDER_PARTS, WORST = 8, 6, 10, 10

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from lrm_ident.compare import Comparison
 from lrm_ident.dataset import Measurements
+from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import FileError
-from lrm_math.model import equilibrium, model_of
+from lrm_math.model import model_of
 
 FORMATS = (".png", ".svg", ".pdf")
 NOMINAL, MODEL, HELD_OUT, GREEN = (

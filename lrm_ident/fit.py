@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from lrm_ident.dataset import Measurements
 from lrm_ident.loss import SQUARED, Loss, robust_scale
 from lrm_math.derivatives import parameter_jacobian
+from lrm_math.equilibrium import Equilibrium, equilibrium
 from lrm_math.errors import LrmError, NotSettled
-from lrm_math.model import Equilibrium, Model, equilibrium
+from lrm_math.model import Model
 
 Array = NDArray[np.float64]
 MOST_STEPS = 60

@@ -11,8 +11,9 @@ from lrm_ident.dataset import Measurements
 from lrm_ident.fit import Bounds, fit
 from lrm_ident.loss import Loss
 from lrm_ident.progress import Tick, silent
+from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import LrmError
-from lrm_math.model import Model, equilibrium
+from lrm_math.model import Model
 
 Array = NDArray[np.float64]
 FOLDS = 10

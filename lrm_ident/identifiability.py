@@ -12,7 +12,8 @@ from lrm_ident.dataset import Measurements
 from lrm_ident.fit import Bounds, Fit, bounds_of, check_enough, fit
 from lrm_ident.loss import Loss
 from lrm_math.derivatives import parameter_jacobian
-from lrm_math.model import Equilibrium, Model, equilibrium
+from lrm_math.equilibrium import Equilibrium, equilibrium
+from lrm_math.model import Model
 
 Array = NDArray[np.float64]
 ROUND_OFF = 1e-7  # a column is numerically dependent when no more than this part of it is left

@@ -17,8 +17,9 @@ from lrm_ident.folds import blocks
 from lrm_ident.progress import Tick, silent
 from lrm_ident.steps import follow_advice
 from lrm_math.effects import CATALOGUE
+from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import LrmError
-from lrm_math.model import Model, equilibrium
+from lrm_math.model import Model
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,9 @@ from lrm_ident.progress import Tick, silent
 from lrm_math.arm import Arm
 from lrm_math.arm_file import load_arm
 from lrm_math.effects import Effect, effects_at
+from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import LrmError
-from lrm_math.model import Model, equilibrium, model_of
+from lrm_math.model import Model, model_of
 from lrm_math.poses import Poses
 
 SPREAD = 0.4  # of typical sizes, for the arm's own errors

@@ -66,7 +66,9 @@ def _print_untestable(console: Console, refused: tuple[tuple[Effect, str], ...])
     by_reason: dict[tuple[str, str], list[str]] = defaultdict(list)
     for effect, reason in refused:
         general = reason.replace(effect.place, "the joint")
-        short = "its typical size would hardly show beyond what is fitted" if "typical size" in general else general
+        short = f"{general} (needs {effect.needs})" if effect.needs else general
+        if "typical size" in reason:
+            short = "its typical size would hardly show beyond what is fitted"
         by_reason[effect.id, short].append(effect.place)
     if by_reason:
         console.print("\nNot testable", style="bold")

@@ -9,10 +9,11 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from lrm_ident.dataset import Measurements
-from lrm_ident.diagnose import Diagnosis, Scored, diagnose
+from lrm_ident.diagnose import Diagnosis, diagnose
 from lrm_ident.figures_of_merit import figures
 from lrm_ident.fit import Fit, NotConverged, fit
 from lrm_ident.identifiability import fit_identifiable
+from lrm_ident.scoring import Scored
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.errors import LrmError, NotSettled
 from lrm_math.model import Model, model_of
@@ -67,6 +68,7 @@ def _tune(best: Fit, data: Measurements, key: str, scan: Sequence[float]) -> Fit
     found = [best]
 
     def loss(log_value: float) -> float:
+        """RMS of the fit with the shape held at this value (m)."""
         model = found[0].model
         values = model.values.copy()
         values[model.position(key)] = np.exp(log_value)

@@ -16,10 +16,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_math import statics
-from lrm_math.chain import Array, Chain, Number, Walk, walk
+from lrm_math.chain import Array, Chain, Number
 from lrm_math.effects import Effect
 from lrm_math.effects.base import STEP
-from lrm_math.model import Equilibrium
+from lrm_math.equilibrium import Equilibrium
+from lrm_math.walk import Walk, walk
 
 
 def slot_jacobian(chain: Chain, geometry: Walk) -> Array:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.chain import PLANE, Array, Chain, Number, Vector, Walk, is_zero, rotate, rotate_inverse
+from lrm_math.chain import PLANE, Array, Chain, Number, Vector, is_zero, rotate, rotate_inverse
+from lrm_math.walk import Walk
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from random_arms import arms, random_arm
 
 from lrm_math.arm import Arm
-from lrm_math.chain import chain_of, frames, pull_back, trig, walk
+from lrm_math.chain import chain_of, pull_back, trig
 from lrm_math.derivatives import slot_jacobian
+from lrm_math.walk import frames, walk
 
 Array = NDArray[np.float64]
 

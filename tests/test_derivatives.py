@@ -13,7 +13,8 @@ from lrm_math.chain import Number
 from lrm_math.derivatives import joint_jacobian, parameter_jacobian
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.effects.base import Effect, Parameter
-from lrm_math.model import Model, equilibrium, model_of
+from lrm_math.equilibrium import equilibrium
+from lrm_math.model import Model, model_of
 from lrm_math.poses import Poses, poses_of
 
 TIGHT = 1e-14

@@ -22,8 +22,9 @@ from lrm_ident.options import THESIS_OPTIONS, chosen
 from lrm_math.arm import Arm
 from lrm_math.derivatives import parameter_jacobian
 from lrm_math.effects import effects_at
+from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import LrmError
-from lrm_math.model import Model, equilibrium, model_of
+from lrm_math.model import Model, model_of
 from lrm_math.poses import Poses, poses_of
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -13,11 +13,13 @@ from random_arms import arms
 
 from lrm_math import statics
 from lrm_math.arm import Arm
-from lrm_math.chain import chain_of, trig, walk
+from lrm_math.chain import chain_of, trig
 from lrm_math.effects import effects_at
+from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import NotSettled
-from lrm_math.model import Model, equilibrium, model_of
+from lrm_math.model import Model, model_of
 from lrm_math.poses import Poses, poses_of
+from lrm_math.walk import walk
 
 Array = NDArray[np.float64]
 TIGHT = 1e-14

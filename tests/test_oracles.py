@@ -15,10 +15,12 @@ from random_arms import arms
 from lrm_ident import synthetic
 from lrm_math.arm import Arm
 from lrm_math.arm_file import MM, read_arm
-from lrm_math.chain import chain_of, frames
+from lrm_math.chain import chain_of
 from lrm_math.effects import effects_at
-from lrm_math.model import Model, equilibrium, model_of
+from lrm_math.equilibrium import equilibrium
+from lrm_math.model import Model, model_of
 from lrm_math.poses import poses_of
+from lrm_math.walk import frames
 
 ROOT = Path(__file__).resolve().parents[1]
 

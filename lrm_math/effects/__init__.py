@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lrm_math.arm import Arm
 from lrm_math.effects.backlash import Backlash, Hysteresis
-from lrm_math.effects.base import Effect, Parameter
+from lrm_math.effects.base import Effect, JointEffect, LoadedJointEffect, Parameter
 from lrm_math.effects.compliance import BaseCompliance, Compliance, LateralCompliance, NonlinearStiffness
 from lrm_math.effects.forces import CableSpring, Mass, Payload
 from lrm_math.effects.offsets import Offsets
@@ -49,4 +49,4 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
     return tuple(by_id[effect_id](arm, at) for at in ([place] if place else places))
 
 
-__all__ = ["CATALOGUE", "Effect", "Parameter", "effects_at"]
+__all__ = ["CATALOGUE", "Effect", "JointEffect", "LoadedJointEffect", "Parameter", "effects_at"]

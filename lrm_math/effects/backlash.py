@@ -7,13 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.arm import Arm
-from lrm_math.effects.base import FEW_REVERSALS, Amounts, Effect, Evidence, Parameter, joint_number
+from lrm_math.effects.base import (
+    FEW_REVERSALS,
+    Amounts,
+    Evidence,
+    JointEffect,
+    LoadedJointEffect,
+    Parameter,
+)
 from lrm_math.poses import Poses
 
 
 @dataclass(frozen=True)
-class Backlash(Effect):
+class Backlash(LoadedJointEffect):
     """Play of one joint, taken up on the side that gravity pulls to."""
 
     id = "backlash"
@@ -23,11 +29,6 @@ class Backlash(Effect):
     needs = "torque of both signs at the joint"
     claim = "{place} has {b_rad} of play"
     follows_angles = False
-
-    @classmethod
-    def places(cls, arm: Arm) -> tuple[str, ...]:
-        """Every joint."""
-        return arm.joint_names
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -44,16 +45,6 @@ class Backlash(Effect):
             ),
         )
 
-    @property
-    def moves(self) -> tuple[str, ...]:
-        """The joint's angle."""
-        return (f"{self.place}.theta",)
-
-    @property
-    def feels(self) -> tuple[str, ...]:
-        """The joint's torque."""
-        return self.moves
-
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """½ b tanh(τ/τ0)."""
         return (0.5 * p[0] * np.tanh(tau[0] / p[1]),)
@@ -69,13 +60,13 @@ class Backlash(Effect):
 
     def why_not(self, evidence: Evidence) -> str | None:
         """Play shows where the torque changes sign."""
-        if evidence.both_signs(evidence.torque[:, joint_number(self.place)]):
+        if evidence.both_signs(evidence.torque[:, self.joint]):
             return None
         return f"gravity's torque on {self.place} has (nearly) always the same sign: the play stays at one end"
 
 
 @dataclass(frozen=True)
-class Hysteresis(Effect):
+class Hysteresis(JointEffect):
     """A joint that stops a little short, on the side it comes from."""
 
     id = "hysteresis"
@@ -86,32 +77,22 @@ class Hysteresis(Effect):
     claim = "{place} stops {h_rad} apart when it comes from one side or the other"
     follows_angles = False
 
-    @classmethod
-    def places(cls, arm: Arm) -> tuple[str, ...]:
-        """Every joint."""
-        return arm.joint_names
-
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The difference h between the two approaches, of either sign (a servo may overshoot)."""
         return (Parameter("h_rad", f"difference between the two approaches of {self.place}", 0.02),)
 
-    @property
-    def moves(self) -> tuple[str, ...]:
-        """The joint's angle."""
-        return (f"{self.place}.theta",)
-
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """½ h · direction; zero where the direction is unknown."""
         if poses.direction is None:
             return (0.0,)
-        return (0.5 * p[0] * poses.direction[:, joint_number(self.place)],)
+        return (0.5 * p[0] * poses.direction[:, self.joint],)
 
     def why_not(self, evidence: Evidence) -> str | None:
         """It shows only if the joint came from both sides."""
         if evidence.poses.direction is None:
             return "the order of measurement is not known"
-        if evidence.reversals(joint_number(self.place)) >= FEW_REVERSALS:
+        if evidence.reversals(self.joint) >= FEW_REVERSALS:
             return None
         return (
             f"{self.place} (nearly) never reverses: the side that it comes from cannot be told from its angle or time"

@@ -200,6 +200,40 @@ class Effect(ABC):
         )
 
 
+class JointEffect(Effect):
+    """An effect on one joint's angle, at every joint."""
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint."""
+        return arm.joint_names
+
+    @property
+    def joint(self) -> int:
+        """Number of the joint from 0."""
+        return joint_number(self.place)
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The joint's angle."""
+        return (f"{self.place}.theta",)
+
+
+class LoadedJointEffect(JointEffect):
+    """An effect on one joint's angle that follows the torque on it."""
+
+    @property
+    def feels(self) -> tuple[str, ...]:
+        """The joint's torque."""
+        return self.moves
+
+
+def needs_levels(evidence: Evidence, place: str, least: int = 3) -> str | None:
+    """Why an error that follows a joint's angle cannot show: the joint stands at too few angles."""
+    levels = evidence.levels(joint_number(place))
+    return None if levels >= least else f"{place} stands at {levels} levels only"
+
+
 def _changed(values: Sequence[N], j: int, step: float) -> tuple[N, ...]:
     return tuple(value + step if i == j else value for i, value in enumerate(values))
 
@@ -213,4 +247,16 @@ def joint_number(place: str) -> int:
     return int(place.removeprefix("joint")) - 1
 
 
-__all__ = ["Amounts", "Array", "Ballast", "Effect", "Evidence", "Number", "Parameter", "joint_number"]
+__all__ = [
+    "Amounts",
+    "Array",
+    "Ballast",
+    "Effect",
+    "Evidence",
+    "JointEffect",
+    "LoadedJointEffect",
+    "Number",
+    "Parameter",
+    "joint_number",
+    "needs_levels",
+]

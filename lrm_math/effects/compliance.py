@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arm import BASE, Arm
-from lrm_math.effects.base import Amounts, Effect, Parameter
+from lrm_math.effects.base import Amounts, Effect, LoadedJointEffect, Parameter
 from lrm_math.poses import Poses
 
 
@@ -143,7 +143,7 @@ class BaseCompliance(Effect):
 
 
 @dataclass(frozen=True)
-class NonlinearStiffness(Effect):
+class NonlinearStiffness(LoadedJointEffect):
     """A joint whose spring gets stiffer or softer with its torque."""
 
     id = "nonlinear_stiffness"
@@ -154,11 +154,6 @@ class NonlinearStiffness(Effect):
     claim = "the spring of {place} is not linear: {c2_rad_per_Nm2}, {c3_rad_per_Nm3}"
     follows_angles = False
 
-    @classmethod
-    def places(cls, arm: Arm) -> tuple[str, ...]:
-        """Every joint."""
-        return arm.joint_names
-
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The two coefficients, of either sign."""
@@ -166,16 +161,6 @@ class NonlinearStiffness(Effect):
             Parameter("c2_rad_per_Nm2", f"quadratic compliance of {self.place}", 0.05),
             Parameter("c3_rad_per_Nm3", f"cubic compliance of {self.place}", 0.05),
         )
-
-    @property
-    def moves(self) -> tuple[str, ...]:
-        """The joint's angle."""
-        return (f"{self.place}.theta",)
-
-    @property
-    def feels(self) -> tuple[str, ...]:
-        """The joint's torque."""
-        return self.moves
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """c2 τ|τ| + c3 τ³."""

@@ -9,7 +9,14 @@ import numpy as np
 
 from lrm_math.arm import TOOL, Arm
 from lrm_math.chain import chain_of
-from lrm_math.effects.base import Amounts, Effect, Evidence, Parameter, joint_number
+from lrm_math.effects.base import (
+    Amounts,
+    Effect,
+    Evidence,
+    Parameter,
+    joint_number,
+    needs_levels,
+)
 from lrm_math.poses import Poses
 from lrm_math.statics import Ballast
 
@@ -46,8 +53,7 @@ class CableSpring(Effect):
 
     def why_not(self, evidence: Evidence) -> str | None:
         """It needs the joint to move."""
-        levels = evidence.levels(joint_number(self.place))
-        return None if levels >= 3 else f"{self.place} stands at {levels} levels only"
+        return needs_levels(evidence, self.place)
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arm import Arm
-from lrm_math.effects.base import Amounts, Effect, Evidence, Parameter, joint_number
+from lrm_math.effects.base import (
+    Amounts,
+    Effect,
+    Evidence,
+    JointEffect,
+    Parameter,
+    joint_number,
+    needs_levels,
+)
 from lrm_math.poses import Poses
 from lrm_math.servo import PwmClock, rounding
 
 
 @dataclass(frozen=True)
-class ServoGain(Effect):
+class ServoGain(JointEffect):
     """A servo that turns a little more or less than asked, differently to each side."""
 
     id = "servo_gain"
@@ -24,11 +32,6 @@ class ServoGain(Effect):
     claim = "{place} turns {g_plus_rad_per_rad} too far above zero and {g_minus_rad_per_rad} below"
     needs = "five or more levels of the joint, to tell it from eccentricity"
 
-    @classmethod
-    def places(cls, arm: Arm) -> tuple[str, ...]:
-        """Every joint."""
-        return arm.joint_names
-
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The two gains."""
@@ -37,29 +40,23 @@ class ServoGain(Effect):
             Parameter("g_minus_rad_per_rad", f"gain error of {self.place} for q < 0", 0.02),
         )
 
-    @property
-    def moves(self) -> tuple[str, ...]:
-        """The joint's angle."""
-        return (f"{self.place}.theta",)
-
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """g± q."""
-        q = poses.angle(joint_number(self.place))
+        q = poses.angle(self.joint)
         return (p[0] * np.maximum(q, 0.0) + p[1] * np.minimum(q, 0.0),)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """q on the parameter's own side."""
-        q = poses.angle(joint_number(self.place))
+        q = poses.angle(self.joint)
         return ((np.maximum(q, 0.0),), (np.minimum(q, 0.0),))
 
     def why_not(self, evidence: Evidence) -> str | None:
         """It needs the joint to move."""
-        levels = evidence.levels(joint_number(self.place))
-        return None if levels >= 3 else f"{self.place} stands at {levels} levels only"
+        return needs_levels(evidence, self.place)
 
 
 @dataclass(frozen=True)
-class Eccentricity(Effect):
+class Eccentricity(JointEffect):
     """Gears and potentiometers that are not centred: the error comes once and twice a turn."""
 
     id = "eccentricity"
@@ -68,11 +65,6 @@ class Eccentricity(Effect):
     source = "Fourier series of a periodic error of the joint"
     claim = "{place} turns unevenly: {a1_rad} and {b1_rad} once a turn, {a2_rad} and {b2_rad} twice"
     needs = "five or more levels of the joint, to tell it from gain"
-
-    @classmethod
-    def places(cls, arm: Arm) -> tuple[str, ...]:
-        """Every joint."""
-        return arm.joint_names
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -83,24 +75,18 @@ class Eccentricity(Effect):
             for letter, wave in (("a", "sin"), ("b", "cos"))
         )
 
-    @property
-    def moves(self) -> tuple[str, ...]:
-        """The joint's angle."""
-        return (f"{self.place}.theta",)
-
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ a_n sin nq + b_n (cos nq − 1)."""
         return (sum(value * wave[0] for value, wave in zip(p, self.d_parameters(poses, tau, p), strict=True)),)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """The waves."""
-        q = poses.angle(joint_number(self.place))
+        q = poses.angle(self.joint)
         return tuple((wave,) for n in (1, 2) for wave in (np.sin(n * q), np.cos(n * q) - 1.0))
 
     def why_not(self, evidence: Evidence) -> str | None:
         """It needs the joint to move."""
-        levels = evidence.levels(joint_number(self.place))
-        return None if levels >= 3 else f"{self.place} stands at {levels} levels only"
+        return needs_levels(evidence, self.place)
 
 
 @dataclass(frozen=True)
