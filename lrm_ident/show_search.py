@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from lrm_ident.advice import Report
+from lrm_ident.diagnose import ABOVE_FLOOR
 from lrm_ident.figures_of_merit import figures
 from lrm_ident.selftest import Trial
 from lrm_ident.show import table
@@ -30,7 +31,7 @@ def print_report(console: Console, report: Report) -> None:
     """The result of `lrm-ident diagnose`."""
     found = report.diagnosis
     floor = "unknown" if found.floor.rms is None else f"{found.floor.rms * 1e3:.2f} mm ({found.floor.source})"
-    console.print(VERDICTS[report.verdict], style="bold")
+    console.print(_verdict(report), style="bold")
     console.print(
         f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {report.fit.rms * 1e3:.2f} mm in the "
         f"fit, {report.held_out.rms * 1e3:.2f} mm held out; noise floor {floor}; "
@@ -52,6 +53,17 @@ def print_report(console: Console, report: Report) -> None:
     console.print(f"\nNext poses: {report.hint}", highlight=False)
 
 
+def _verdict(report: Report) -> str:
+    """The verdict in words; nothing found above the noise floor is not the same as nothing missing."""
+    floor, sigma = report.diagnosis.floor.sd, report.diagnosis.fit.sigma
+    if report.verdict == "nothing_missing" and floor is not None and sigma > ABOVE_FLOOR * floor:
+        return (
+            f"No effect can be shown to be missing, yet the error is {sigma / floor:.2f} times the noise: "
+            "there are too few poses to tell, or the noise is larger than said."
+        )
+    return VERDICTS[report.verdict]
+
+
 def _print_ranking(console: Console, report: Report) -> None:
     ranking = table("", ">", "effect", "verdict", ">held out mm", "why")
     named = sum(advice.verdict != "no_evidence" for advice in report.ranking)
@@ -68,7 +80,7 @@ def _print_untestable(console: Console, refused: tuple[tuple[Effect, str], ...])
         general = reason.replace(effect.place, "the joint")
         short = f"{general} (needs {effect.needs})" if effect.needs else general
         if "typical size" in reason:
-            short = "its typical size would hardly show beyond what is fitted"
+            short = "its typical size would hardly show in what is left now"
         by_reason[effect.id, short].append(effect.place)
     if by_reason:
         console.print("\nNot testable", style="bold")
