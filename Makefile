@@ -41,6 +41,7 @@ bench: setup ## our figures beside the peers', as ratios
 
 confusion: setup ## what is named when each effect is hidden, and the table of the docs (about 20 minutes)
 	$(BIN)/python -m bench.hidden --seeds 5 --jobs 2 --out docs/confusion.md
+	$(ONE_THREAD) $(BIN)/python -m bench.hidden.unseen
 
 clean: ## removes what was built
 	rm -rf $(VENV) $(OUT) build dist *.egg-info

@@ -120,7 +120,8 @@ def _pinocchio() -> Pinocchio | None:
 
 def rows(task: Task, timings: dict[str, Timing]) -> list[tuple[str, ...]]:
     """The lines of one task; ratios are medians over our median."""
-    ours, out = timings[OURS].median, []
+    ours = timings[OURS].median
+    out: list[tuple[str, ...]] = []
     for name, timing in timings.items():
         value = timing.median / task.units * task.scale
         goal = f"≤ {task.goal:g}: {'reached' if value <= task.goal else 'MISSED'}" if name == OURS else ""

@@ -21,7 +21,7 @@ class Pinocchio:
     """The arm in pinocchio, every body moving with the joint that carries it."""
 
     def __init__(self, arm: Arm) -> None:
-        import pinocchio as pin
+        import pinocchio as pin  # type: ignore[import-untyped]
 
         self.pin, self.robot, place, parent = pin, pin.Model(), self._place(pin, arm.base), 0
         self.robot.gravity.linear = np.array(arm.gravity)
@@ -100,10 +100,10 @@ def scipy_fit(model: Model, data: Measurements, jacobian: bool) -> OptimizeResul
         return model.with_values(values)
 
     def residual(z: Array) -> Array:
-        return (data.tcp - equilibrium(at(z), data.poses).tcp).reshape(-1)
+        return np.asarray((data.tcp - equilibrium(at(z), data.poses).tcp).reshape(-1))
 
     def derivative(z: Array) -> Array:
         J = parameter_jacobian(equilibrium(at(z), data.poses), model.free)
-        return -(J * scale).reshape(-1, len(scale))
+        return np.asarray(-(J * scale).reshape(-1, len(scale)))
 
     return least_squares(residual, np.zeros(len(scale)), jac=derivative if jacobian else "2-point", method="trf")
