@@ -25,6 +25,7 @@ Number: TypeAlias = "float | Array"
 Vector: TypeAlias = "list[Number]"
 
 X, Y, Z = 0, 1, 2
+ROUND_OFF = 1e-15
 PLANE = ((Y, Z), (Z, X), (X, Y))  # the two axes that a rotation about x, y, z mixes
 
 
@@ -198,9 +199,12 @@ def trig(chain: Chain, values: Sequence[Number]) -> list[tuple[Number, Number] |
 
 
 def trig_of(value: Number) -> tuple[Number, Number] | None:
-    """(cos, sin) of one angle, None for zero."""
+    """(cos, sin) of one angle, None for zero; a right angle for all poses has cosine zero exactly, which saves work."""
     if isinstance(value, float):
-        return None if value == 0.0 else (math.cos(value), math.sin(value))
+        if value == 0.0:
+            return None
+        c, s = math.cos(value), math.sin(value)
+        return (0.0, math.copysign(1.0, s)) if abs(c) < ROUND_OFF else (c, s)
     return np.cos(value), np.sin(value)
 
 
@@ -223,7 +227,10 @@ def rotate(v: Vector, axis: int, angle: tuple[Number, Number] | None) -> None:
     if angle is not None:
         c, s = angle
         i, j = PLANE[axis]
-        v[i], v[j] = c * v[i] - s * v[j], s * v[i] + c * v[j]
+        if is_zero(c):
+            v[i], v[j] = -s * v[j], s * v[i]
+        else:
+            v[i], v[j] = c * v[i] - s * v[j], s * v[i] + c * v[j]
 
 
 def rotate_inverse(v: Vector, axis: int, angle: tuple[Number, Number] | None) -> None:
@@ -231,4 +238,7 @@ def rotate_inverse(v: Vector, axis: int, angle: tuple[Number, Number] | None) ->
     if angle is not None:
         c, s = angle
         i, j = PLANE[axis]
-        v[i], v[j] = c * v[i] + s * v[j], c * v[j] - s * v[i]
+        if is_zero(c):
+            v[i], v[j] = s * v[j], -s * v[i]
+        else:
+            v[i], v[j] = c * v[i] + s * v[j], c * v[j] - s * v[i]
