@@ -28,7 +28,7 @@ from lrm_ident.diagnose import Diagnosis
 from lrm_ident.diagnose import diagnose as run_diagnose
 from lrm_ident.figures_of_merit import figures
 from lrm_ident.history import model_file, model_text, undone
-from lrm_ident.nested import try_nested
+from lrm_ident.nested import nested_held_out
 from lrm_ident.selftest import Plan, may_show, run
 from lrm_ident.show import error_table, parameter_table
 from lrm_ident.show_search import print_effect, print_report, print_step, print_trials
@@ -162,7 +162,7 @@ def auto(
     whole = HeldOut(None, "not asked for (--no-nested)")
     if nested:
         with progress("choosing anew in every fold") as tick:
-            whole = try_nested(the_model, measured, max_effects, catalogue, effects_file, tick)
+            whole = nested_held_out(the_model, measured, max_effects, catalogue, effects_file, tick)
     if whole.error is None:
         out.print(f"Held out, effects chosen anew in every fold (nested): none, because {whole.reason}")
     else:

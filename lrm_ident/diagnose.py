@@ -158,7 +158,10 @@ def _verdict(
 
 
 def _outliers(diagnosis: Diagnosis) -> list[int]:
-    """Rows that stick out even of what everything named and free together leaves."""
+    """Rows that stick out twice as far as an outlier of a fit does, with the best single candidate and without it.
+
+    Farther, because an effect that is still missing may make whole groups of poses stick out.
+    """
     distance = np.sqrt(diagnosis.before)
     best = min(diagnosis.scored, key=lambda one: one.alone.rms, default=None)
     if best is not None:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from itertools import starmap
 from pathlib import Path
 
 import numpy as np
@@ -31,42 +34,37 @@ def nested_held_out(
     catalogue: Catalogue = CATALOGUE,
     effects_file: Path | None = None,
     progress: Tick = silent,
-) -> Array:
-    """(N, 3): residual (m) of each joint-space block, predicted by an `auto` that chose its effects without it.
+) -> HeldOut:
+    """Each joint-space block predicted by an `auto` that chose its effects without it.
+
+    There is none, with the reason, if a fold does not converge or its model does not settle at a held-out pose.
 
     Args:
-        effects_file: where user's effects of the catalogue come from; without one, folds share the work of all cores.
+        effects_file: where user's effects of the catalogue come from. Classes of such a file cannot travel to other
+            processes, so then the folds run one after the other.
     """
     fold = blocks(data.poses.q, data.repeat_of)
-    residual = np.empty_like(data.tcp)
     parts = [fold == number for number in range(int(fold.max()) + 1)]
-    if effects_file is not None:
-        for done, out in enumerate(parts, start=1):
-            residual[out] = _predict(model, data, out, most, catalogue)
-            progress(done, len(parts))
-        return residual
-    workers = min(len(parts), os.cpu_count() or 1)
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(_predict, model, data, out, most, catalogue): out for out in parts}
-        for done, future in enumerate(as_completed(waiting), start=1):
-            residual[waiting[future]] = future.result()
-            progress(done, len(parts))
-    return residual
-
-
-def try_nested(
-    model: Model,
-    data: Measurements,
-    most: int = 20,
-    catalogue: Catalogue = CATALOGUE,
-    effects_file: Path | None = None,
-    progress: Tick = silent,
-) -> HeldOut:
-    """The same, or why it cannot be had (a fold that does not converge, or whose model does not settle)."""
+    jobs = [(model, data, out, most, catalogue) for out in parts]
+    residual = np.empty_like(data.tcp)
     try:
-        return HeldOut(nested_held_out(model, data, most, catalogue, effects_file, progress))
+        with _workers(0 if effects_file else len(parts)) as run:
+            for done, (out, left) in enumerate(zip(parts, run(_predict, jobs), strict=True), start=1):
+                residual[out] = left
+                progress(done, len(parts))
     except LrmError as error:
         return HeldOut(None, str(error))
+    return HeldOut(residual)
+
+
+@contextmanager
+def _workers(most: int) -> Iterator[Callable[..., Iterable[Array]]]:
+    """Something that runs a function on many argument tuples, in order: in up to `most` processes, or here if 0."""
+    if most == 0:
+        yield starmap
+        return
+    with ProcessPoolExecutor(min(most, os.cpu_count() or 1), multiprocessing.get_context("spawn")) as pool:
+        yield lambda function, jobs: pool.map(function, *zip(*jobs, strict=True))
 
 
 def _predict(model: Model, data: Measurements, out: NDArray[np.bool_], most: int, catalogue: Catalogue) -> Array:

@@ -50,6 +50,11 @@ class Scored:
 def score_all(
     found: Sequence[Candidate], on: Bench, weight: Array, progress: Tick
 ) -> tuple[list[Scored], list[tuple[Effect, str]]]:
+    """Scores every candidate; those that could not show at their typical size come apart, with the reason.
+
+    Args:
+        weight: (3 N, 1), relative weight of each row.
+    """
     scored, invisible = [], []
     for number, candidate in enumerate(found):
         best = _score(candidate, on, weight)

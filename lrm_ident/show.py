@@ -93,7 +93,11 @@ def print_fit(
     _print_list(console, "Held at zero, because these poses cannot tell them:", held_lines(fit.model, held))
     _print_list(console, f"Correlated above {STRONG}:", correlation_lines(fit))
     outliers = (f"  pose {data.pose[row]}: {np.linalg.norm(fit.residual[row]) * 1e3:.1f} mm" for row in fit.outliers)
-    _print_list(console, "Outliers (beyond 5 robust standard deviations; look at these measurements):", outliers)
+    _print_list(
+        console,
+        "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:",
+        outliers,
+    )
     console.print(error_table(nominal, fitted, held_out, f"{len(data)} poses, {len(fit.model.free)} parameters"))
     console.print(
         f"The mean error fell from {nominal.mean * 1e3:.2f} to {fitted.mean * 1e3:.2f} mm "

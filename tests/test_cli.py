@@ -93,6 +93,19 @@ def test_a_fit_can_start_from_a_model_and_grow(folder: Path) -> None:
     assert tables["history"][-1]["held_out_rms_mm"] < 1.0
 
 
+def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Path) -> None:
+    said = run("auto", folder / "model.toml", EXAMPLE, "-o", folder / "best.toml", "--json", folder / "course.json")
+    assert "chosen anew in every fold" in said
+    course = json.loads((folder / "course.json").read_text())
+    assert [step["added"] for step in course["steps"]] == ["", "backlash@joint2"]
+    assert course["verdict"] == "nothing_missing"
+    assert course["held_out_effects_fixed"]["rms_mm"] <= course["held_out"]["rms_mm"] + 0.01 < 1.25 * 0.3 * 3**0.5
+    assert [entry["step"] for entry in tomllib.loads((folder / "best.toml").read_text())["history"]] == [
+        "fit",
+        "add backlash@joint2",
+    ]
+
+
 def test_an_arm_of_ones_own(folder: Path) -> None:
     (folder / "mine.toml").write_text((ROOT / "config" / "arms" / "lrm-lab.toml").read_text())
     run("fit", EXAMPLE, "--arm", folder / "mine.toml", "--parameters", "option3", "-o", folder / "own.toml")

@@ -1,4 +1,4 @@
-"""The figures of the README beside the confusion table, on seeds that nothing was looked at before.
+"""The figures of the README beside the confusion table, on other seeds than the table's.
 
 `python -m bench.hidden.unseen`: `auto` on two and three hidden effects, nothing hidden, few poses, noise not told.
 """
