@@ -1,0 +1,266 @@
+"""`lrmd.toml` -> a frozen `Config`: times in ns, pulses in ns, angles in rad."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from lrm_math.arm import Arm
+from lrm_math.arm_file import MICROSECOND, Angle, load_arm
+from lrm_math.errors import FileError, LrmError, nearest
+from lrm_math.servo import PwmClock, ServoTable
+from lrm_math.toml_file import StrictSchema, read_toml
+
+MS, US = 1_000_000, 1_000
+"""Nanoseconds in a millisecond and in a microsecond."""
+
+Milliseconds = Annotated[float, Field(gt=0, le=60_000)]
+Celsius = Annotated[float, Field(ge=-50, le=150)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+
+
+class LinkTable(StrictSchema):
+    """`[link]`: the serial line and the board's clock."""
+
+    port: str
+    baud: Annotated[int, Field(ge=9600, le=4_000_000)] = 115_200
+    pwm_hz: Annotated[float, Field(gt=0)] = 50.0
+    oscillator_hz: Annotated[float, Field(ge=20e6, le=30e6)] = 25e6
+    silence_ms: Annotated[int, Field(ge=50, le=10_000)] = 1000
+    reply_ms: Milliseconds = 100.0
+
+
+class RampTable(StrictSchema):
+    """`[ramp]`: the staircase that every pulse follows."""
+
+    tick_ms: Annotated[float, Field(ge=1.0, le=100.0)] = 6.5
+    step_us: Annotated[float, Field(gt=0, le=10.0)] = 1.0
+    realtime_priority: Annotated[int, Field(ge=0, le=50)] = 50
+
+
+class ServoEntry(StrictSchema):
+    """`[servo.NAME]`: its channel; a level-1 table of its own if the arm file has none for it."""
+
+    channel: Annotated[int, Field(ge=0, le=15)]
+    angle_deg: list[Angle] | None = None
+    pulse_us: list[Annotated[float, Field(gt=0, lt=20_000)]] | None = None
+
+
+class SafetyTable(StrictSchema):
+    """`[safety]`: when the daemon stops by itself."""
+
+    command_ms: Milliseconds = 500.0
+    lease_ms: Annotated[float, Field(ge=100, le=500)] = 400.0
+    stagger_ms: Milliseconds = 200.0
+    rest_q_deg: list[Angle] | None = None
+
+
+class ThermalTable(StrictSchema):
+    """`[thermal]`: first-order winding temperature, T -> ambient + rise * tau^2."""
+
+    ambient_c: Celsius = 25.0
+    time_constant_s: Annotated[float, Field(gt=0)] = 900.0
+    derate_c: Celsius = 70.0
+    rest_c: Celsius = 85.0
+    off_c: Celsius = 95.0
+    rise_k_per_nm2: dict[str, Annotated[float, Field(ge=0)]] = {}
+
+
+class StateTable(StrictSchema):
+    """`[state]`: where the last pose is kept."""
+
+    directory: str
+    save_ms: Milliseconds = 500.0
+
+
+class ZenohTable(StrictSchema):
+    """`[zenoh]`: endpoints, and a file with whatever else zenoh shall know."""
+
+    listen: list[str] = ["tcp/127.0.0.1:7447"]
+    connect: list[str] = []
+    config: str | None = None
+
+
+class DaemonFile(StrictSchema):
+    """The whole file, schema `lrm/daemon/1`."""
+
+    schema_: Literal["lrm/daemon/1"] = Field(alias="schema")
+    robot: Name
+    arm: str
+    model: str | None = None
+    link: LinkTable
+    ramp: RampTable = RampTable()
+    servo: dict[str, ServoEntry]
+    safety: SafetyTable = SafetyTable()
+    thermal: ThermalTable = ThermalTable()
+    state: StateTable
+    zenoh: ZenohTable = ZenohTable()
+
+
+@dataclass(frozen=True)
+class Servo:
+    """One servo on the board: `channel` 0 to 15, level-1 `table`, and the pulses (ns) that it may ever be sent."""
+
+    name: str
+    channel: int
+    table: ServoTable
+    lowest: int
+    highest: int
+
+    def pulse_ns(self, angle: float) -> int:
+        """Pulse (ns) for an angle (rad)."""
+        return round(float(self.table.pulse_of(angle)) * 1e9)
+
+    def angle(self, pulse_ns: int) -> float:
+        """Angle (rad) that a pulse (ns) stands for."""
+        return float(self.table.angle_of(pulse_ns * 1e-9))
+
+
+@dataclass(frozen=True)
+class Config:
+    """What the daemon runs by. Servos stand in the order joint1 … jointN, then the others as in the file.
+
+    `tick`, `silence`, `reply`, `command`, `lease`, `stagger`, `save`: ns. `step`: ns of pulse in one tick.
+    `rest`: rad, one angle per joint, or None. `rise`: K/(N·m)², one per servo, 0 where nothing is known.
+    """
+
+    robot: str
+    arm: Arm
+    model: Path | None
+    link: LinkTable
+    clock: PwmClock
+    servos: tuple[Servo, ...]
+    tick: int
+    step: int
+    realtime_priority: int
+    silence: int
+    reply: int
+    command: int
+    lease: int
+    stagger: int
+    rest: tuple[float, ...] | None
+    thermal: ThermalTable
+    rise: tuple[float, ...]
+    state: Path
+    save: int
+    zenoh: ZenohTable
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every servo's name."""
+        return tuple(servo.name for servo in self.servos)
+
+    @property
+    def dof(self) -> int:
+        """How many of the servos, the first ones, are joints of the arm."""
+        return self.arm.dof
+
+
+def load_config(path: Path) -> Config:
+    """Reads and checks the daemon's file and the arm that it names. Raises `FileError`."""
+    tables = read_toml(path, DaemonFile)
+    arm = load_arm(tables.arm)
+    try:
+        return _config(tables, arm)
+    except FileError:
+        raise
+    except LrmError as error:
+        raise FileError(path, "", str(error)) from None
+
+
+def _config(t: DaemonFile, arm: Arm) -> Config:
+    servos = _servos(t, arm)
+    rest = t.safety.rest_q_deg
+    if rest is not None:
+        _check_rest(arm, rest)
+    if not t.thermal.ambient_c < t.thermal.derate_c < t.thermal.rest_c < t.thermal.off_c:
+        raise LrmError("thermal: ambient_c < derate_c < rest_c < off_c must hold")
+    unknown = set(t.thermal.rise_k_per_nm2) - set(arm.joint_names)
+    if unknown:
+        name = sorted(unknown)[0]
+        raise LrmError(f"thermal rise_k_per_nm2: unknown joint {name}; {nearest(name, arm.joint_names)}")
+    if t.link.silence_ms <= 2 * t.link.reply_ms:
+        raise LrmError(f"link: silence_ms = {t.link.silence_ms} must be more than twice reply_ms = {t.link.reply_ms:g}")
+    clock = PwmClock(t.link.pwm_hz, t.link.oscillator_hz)
+    for servo in servos:
+        clock.counts_of([servo.lowest * 1e-9, servo.highest * 1e-9])
+    return Config(
+        robot=t.robot,
+        arm=arm,
+        model=None if t.model is None else Path(t.model),
+        link=t.link,
+        clock=clock,
+        servos=servos,
+        tick=round(t.ramp.tick_ms * MS),
+        step=round(t.ramp.step_us * US),
+        realtime_priority=t.ramp.realtime_priority,
+        silence=t.link.silence_ms * MS,
+        reply=round(t.link.reply_ms * MS),
+        command=round(t.safety.command_ms * MS),
+        lease=round(t.safety.lease_ms * MS),
+        stagger=round(t.safety.stagger_ms * MS),
+        rest=None if rest is None else tuple(math.radians(angle) for angle in rest),
+        thermal=t.thermal,
+        rise=tuple(t.thermal.rise_k_per_nm2.get(servo.name, 0.0) for servo in servos),
+        state=Path(t.state.directory),
+        save=round(t.state.save_ms * MS),
+        zenoh=t.zenoh,
+    )
+
+
+def _servos(t: DaemonFile, arm: Arm) -> tuple[Servo, ...]:
+    missing = [name for name in arm.joint_names if name not in t.servo]
+    if missing:
+        raise LrmError(f"servo: no [servo.{missing[0]}] with its channel; every joint of {arm.name} needs one")
+    names = [*arm.joint_names, *(name for name in t.servo if name not in arm.joint_names)]
+    owner: dict[int, str] = {}
+    for name in names:
+        channel = t.servo[name].channel
+        if channel in owner:
+            raise LrmError(f"servo {name}: channel {channel} is already that of {owner[channel]}")
+        owner[channel] = name
+    return tuple(_servo(name, t.servo[name], arm) for name in names)
+
+
+def _servo(name: str, entry: ServoEntry, arm: Arm) -> Servo:
+    table = _table(name, entry, arm)
+    if name in arm.joint_names:
+        joint = arm.joints[arm.joint_names.index(name)]
+        lower, upper = joint.lower, joint.upper
+    else:
+        lower, upper = table.angle[0], table.angle[-1]
+    ends = sorted(round(float(table.pulse_of(angle)) * 1e9) for angle in (lower, upper))
+    return Servo(name, entry.channel, table, ends[0], ends[1])
+
+
+def _table(name: str, entry: ServoEntry, arm: Arm) -> ServoTable:
+    if (entry.angle_deg is None) != (entry.pulse_us is None):
+        raise LrmError(f"servo {name}: angle_deg and pulse_us belong together")
+    if entry.angle_deg is not None and entry.pulse_us is not None:
+        try:
+            return ServoTable(
+                tuple(math.radians(a) for a in entry.angle_deg), tuple(p * MICROSECOND for p in entry.pulse_us)
+            )
+        except LrmError as error:
+            raise LrmError(f"servo {name}: {error}") from None
+    known = dict(arm.auxiliary_servos)
+    known |= {n: j.servo for n, j in zip(arm.joint_names, arm.joints, strict=True) if j.servo is not None}
+    if name not in known:
+        raise LrmError(
+            f"servo {name}: neither a table in the arm file nor angle_deg and pulse_us here; "
+            f"the arm file knows {', '.join(known) or 'none'}"
+        )
+    return known[name]
+
+
+def _check_rest(arm: Arm, rest: list[float]) -> None:
+    if len(rest) != arm.dof:
+        raise LrmError(f"safety: rest_q_deg has {len(rest)} angles; {arm.name} has {arm.dof} joints")
+    for name, joint, angle in zip(arm.joint_names, arm.joints, rest, strict=True):
+        if not joint.lower <= math.radians(angle) <= joint.upper:
+            low, high = math.degrees(joint.lower), math.degrees(joint.upper)
+            raise LrmError(f"safety: rest_q_deg of {name} is {angle:g}; must be {low:g} to {high:g}")

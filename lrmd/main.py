@@ -1,0 +1,42 @@
+"""`lrmd`: the daemon's command. Heavy imports wait until a process needs them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from lrm_math.errors import LrmError
+
+TEXT = """\
+The daemon that owns a robot arm on RC servos: it has the serial link to the servo board, moves every pulse by at most
+1 us per 6.5 ms tick, publishes state on zenoh, and never moves by surprise.
+
+  lrmd --config /etc/lrm/lrmd.toml           run (systemd does this)
+  lrmd --config /etc/lrm/lrmd.toml --check   read the configuration, say what is wrong with it, and stop
+"""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the daemon. Exit code 0 after SIGTERM, 1 if a process cannot be kept alive, 2 for a bad configuration."""
+    parser = argparse.ArgumentParser("lrmd", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="lrmd.toml")
+    parser.add_argument("--check", action="store_true", help="read the configuration and stop")
+    parser.add_argument("--log-level", choices=["debug", "info", "warning", "error"], default="info")
+    options = parser.parse_args(argv)
+
+    from lrmd import log
+    from lrmd.config import load_config
+
+    try:
+        config = load_config(options.config)
+        if options.check:
+            print(f"{options.config}: in order; {config.robot}, {config.arm.name}, servos {', '.join(config.names)}")
+            return 0
+        log.set_up(options.log_level)
+        from lrmd.api_process import Api
+
+        return Api(config).run()
+    except LrmError as error:
+        print(f"lrmd: {error}", file=sys.stderr)
+        return 2

@@ -1,0 +1,260 @@
+"""Every message on zenoh: msgpack maps, checked by pydantic, units in the names. docs/api.md shows them.
+
+What a client may not say is an error that names the field; nothing is guessed and nothing unknown is ignored.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeVar
+
+import msgpack
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from lrm_math.errors import LrmError
+
+LONGEST = 65_536
+"""Bytes; a longer message is refused unread."""
+
+
+class MessageError(LrmError):
+    """Bytes that are not the message they should be."""
+
+
+class Message(BaseModel):
+    """A map with version 1; unknown fields, wrong types and numbers that are not finite are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+    v: Literal[1] = 1
+
+
+Angles = Annotated[dict[str, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
+Servos = Annotated[list[str], Field(max_length=16)]
+Token = Annotated[str, Field(min_length=1, max_length=64)]
+Label = Annotated[str, Field(max_length=64)]
+
+
+# ---- what clients ask
+
+
+class LeaseRequest(Message):
+    """`rpc/lease`: acquire (with `holder`, and `take` to take it over), renew or release (with `lease`)."""
+
+    action: Literal["acquire", "renew", "release"]
+    holder: Label = ""
+    lease: Token | None = None
+    take: bool = False
+
+
+class ArmRequest(Message):
+    """`rpc/arm`: switches servos on where they stand.
+
+    `where` = "given": they stand at `q_rad`; "stored": where the daemon left them (`servos`, or all); "board": where a
+    board that is still pulsing holds them.
+    """
+
+    lease: Token
+    where: Literal["given", "stored", "board"] = "board"
+    q_rad: Angles = {}
+    servos: Servos | None = None
+
+
+class MoveRequest(Message):
+    """`rpc/move` and `cmd/target`: brings servos to each of the waypoints (rad), one after the other.
+
+    `pace` = "together": all end at once; "each": each at its own full rate. `speed`: share of the full rate.
+    `payload_kg`: what the gripper carries from now on.
+    """
+
+    lease: Token
+    waypoints: Annotated[list[Angles], Field(min_length=1, max_length=1000)]
+    pace: Literal["together", "each"] = "together"
+    speed: Annotated[float, Field(gt=0, le=1)] = 1.0
+    payload_kg: Annotated[float, Field(ge=0, le=2)] | None = None
+
+
+class JogRequest(Message):
+    """`cmd/jog`: turns servos at these rates (rad/s) until the next one, at most for the command watchdog's time."""
+
+    lease: Token
+    rate_rad_per_s: Angles
+
+
+class HoldRequest(Message):
+    """`rpc/hold`: stop where you are. Anybody may."""
+
+
+class RelaxRequest(Message):
+    """`rpc/relax`: stops the pulses of some servos, or all. The arm gives way to gravity."""
+
+    lease: Token
+    servos: Servos | None = None
+
+
+class DisarmRequest(Message):
+    """`rpc/disarm`: stops all pulses of an arm that stands still."""
+
+    lease: Token
+
+
+class ResetRequest(Message):
+    """`rpc/reset_fault`: leaves fault or estop. Nothing moves."""
+
+    lease: Token
+
+
+class EstopCommand(Message):
+    """`cmd/estop`: stops all pulses at the next tick. Anybody may; `why` is for the log."""
+
+    why: Label = ""
+
+
+# ---- what the daemon says
+
+
+class Header(Message):
+    """What every message of the daemon begins with. `seq` counts the messages of one key."""
+
+    boot_id: str
+    seq: int
+    t_mono_ns: int
+    t_wall_ns: int
+
+
+class JointsState(Header):
+    """`state/joints`, 50 Hz: one entry per servo. `q_rad` is commanded; there is no feedback. `on`: it has pulses."""
+
+    names: list[str]
+    q_rad: list[float]
+    target_rad: list[float]
+    pulse_us: list[float]
+    on: list[bool]
+    moving: bool
+    remaining_s: float
+
+
+class ModeState(Header):
+    """`state/mode`, when it changes and every second."""
+
+    mode: str
+    why: str
+    since_mono_ns: int
+    holder: str | None
+    link: str
+    payload_kg: float
+
+
+class FaultEntry(Message):
+    """One fault: its code, what happened, since when (monotonic ns)."""
+
+    code: str
+    text: str
+    since_mono_ns: int
+
+
+class FaultsState(Header):
+    """`state/faults`, when it changes and every second: faults that were not reset yet."""
+
+    faults: list[FaultEntry]
+
+
+class ThermalState(Header):
+    """`state/thermal`, 1 Hz: modelled winding temperature and gravity's torque per servo; `level` cool, warm, hot."""
+
+    names: list[str]
+    temperature_c: list[float]
+    tau_nm: list[float]
+    level: list[str]
+
+
+class MetricsState(Header):
+    """`state/metrics`, 1 Hz. Lateness of the ramp since its start, in us; `duty`: share of the tick spent working."""
+
+    ticks: int
+    skipped: int
+    late_p50_us: float
+    late_p99_us: float
+    late_p999_us: float
+    late_max_us: float
+    realtime: bool
+    frames_sent: int
+    frames_acknowledged: int
+    bad_frames: int
+    board_errors: int
+    reconnects: int
+    ramp_starts: int
+    ik_starts: int
+
+
+class InfoState(Header):
+    """`info`: who this is. Per servo: `limits_rad`, lowest and highest angle; `tables_rad`, `tables_us`: level 1."""
+
+    robot: str
+    arm: str
+    version: str
+    names: list[str]
+    joints: int
+    limits_rad: list[list[float]]
+    rate_rad_per_s: list[float]
+    tables_rad: list[list[float]]
+    tables_us: list[list[float]]
+    tick_ms: float
+    lease_ms: float
+    command_ms: float
+    model: str | None
+    stored_rad: dict[str, float]
+    stored_still: bool
+
+
+class Event(Header):
+    """`event/<code>`: something happened. `level` info, warning or error."""
+
+    code: str
+    level: Literal["info", "warning", "error"]
+    text: str
+    detail: dict[str, Any] = {}
+
+
+class Reply(Header):
+    """The answer to a request that was carried out: the mode it led to."""
+
+    mode: str
+    lease: str | None = None
+    lease_ms: float | None = None
+    seconds: float | None = None
+
+
+class ErrorReply(Message):
+    """The answer (`reply_err`) to one that was not. `retryable`: the same request may succeed later."""
+
+    code: str
+    msg: str
+    retryable: bool = False
+    detail: dict[str, Any] = {}
+
+
+M = TypeVar("M", bound=Message)
+
+
+def pack(message: Message) -> bytes:
+    """A message as msgpack."""
+    return bytes(msgpack.packb(message.model_dump(by_alias=True)))
+
+
+def unpack(kind: type[M], data: bytes) -> M:
+    """A message from msgpack. Raises `MessageError` that says which field is wrong, and how."""
+    if len(data) > LONGEST:
+        raise MessageError(f"message of {len(data)} bytes; at most {LONGEST} are read")
+    try:
+        content = msgpack.unpackb(data, strict_map_key=True, use_list=True) if data else {}
+    except (ValueError, msgpack.UnpackException) as error:
+        raise MessageError(f"not msgpack ({error or type(error).__name__})") from None
+    if not isinstance(content, dict):
+        raise MessageError(f"a {type(content).__name__}; should be a map with the fields of {kind.__name__}")
+    try:
+        return kind.model_validate(content)
+    except ValidationError as error:
+        first, *others = error.errors(include_url=False)
+        where = ".".join(map(str, first["loc"]))
+        more = f" (and {len(others)} more)" if others else ""
+        raise MessageError(f"{where}: {first['msg'][:1].lower()}{first['msg'][1:]}{more}") from None

@@ -1,0 +1,72 @@
+"""The serial port, never blocking: bytes in, bytes out, and None as soon as it is gone."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import termios
+
+import serial
+
+
+class Port:
+    """A serial port that may come and go. Everything that the system may raise means one thing: closed."""
+
+    def __init__(self, path: str, baud: int) -> None:
+        self._path, self._baud = path, baud
+        self._line: serial.Serial | None = None
+        self._torn = False
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port was open when it was last used."""
+        return self._line is not None
+
+    def open(self) -> bool:
+        """Tries once, without waiting. A board that resets on DTR is left alone where the driver allows it."""
+        if not os.path.exists(self._path):
+            return False
+        try:
+            self._line = serial.Serial(self._path, self._baud, timeout=0, write_timeout=0, exclusive=True)
+        except (OSError, ValueError, termios.error):
+            self._line = None
+        self._torn = False
+        return self.is_open
+
+    def read(self) -> bytes | None:
+        """What has come since the last time, or None if the port is closed."""
+        if self._line is None:
+            return None
+        try:
+            return os.read(self._line.fileno(), 4096)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            self.close()
+            return None
+
+    def write(self, data: bytes) -> bool:
+        """Sends, or drops what does not fit into the driver's buffer: the next frame says everything again.
+
+        `os.write`, since pyserial spins for ever on a full buffer when it may not wait. After a frame that went out in
+        part a 0x00 ends it, so that it costs nothing but itself.
+        """
+        if self._line is None:
+            return False
+        out = b"\0" + data if self._torn else data
+        try:
+            written = os.write(self._line.fileno(), out)
+        except BlockingIOError:
+            written = 0
+        except OSError:
+            self.close()
+            return False
+        self._torn = written < len(out) and (written > 0 or self._torn)
+        return written == len(out)
+
+    def close(self) -> None:
+        """Closes the port; closing a closed one does nothing."""
+        line, self._line = self._line, None
+        if line is not None:
+            with contextlib.suppress(OSError, termios.error):
+                line.close()
