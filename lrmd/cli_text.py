@@ -74,8 +74,9 @@ def metrics_line(m: MetricsState) -> str:
 
 def info_text(info: InfoState) -> str:
     """Who this is."""
+    model = info.model or "nominal"
     lines = [
-        f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, model {info.model or 'nominal'}",
+        f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, model {model}",
         paint(f"{'servo':<10}{'limits':>18}{'fastest':>12}", "bold"),
     ]
     for name, (low, high), rate in zip(info.names, info.limits_rad, info.rate_rad_per_s, strict=True):

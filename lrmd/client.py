@@ -261,7 +261,9 @@ class Rover:
         """Payloads of all replies. Raises `RequestRefused` on an error reply, `NoAnswer` without any."""
         whole = key(self.robot, tail)
         found: list[bytes] = []
-        for reply in self._session.get(whole, payload=payload, timeout=timeout):
+        for reply in self._session.get(
+            whole, payload=payload, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE
+        ):
             if reply.ok is not None:
                 found.append(reply.ok.payload.to_bytes())
             elif reply.err is not None and not found:

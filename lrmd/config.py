@@ -11,7 +11,7 @@ from pydantic import Field
 
 from lrm_math.arm import Arm
 from lrm_math.arm_file import MICROSECOND, Angle, load_arm
-from lrm_math.errors import FileError, LrmError, nearest
+from lrm_math.errors import FileError, LrmError, UnknownName, nearest
 from lrm_math.servo import PwmClock, ServoTable
 from lrm_math.toml_file import StrictSchema, read_toml
 
@@ -153,6 +153,13 @@ class Config:
     def names(self) -> tuple[str, ...]:
         """Every servo's name."""
         return tuple(servo.name for servo in self.servos)
+
+    def index(self, name: str) -> int:
+        """The number of a servo by its name. Raises `UnknownName`."""
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise UnknownName("servo", name, self.names) from None
 
     @property
     def dof(self) -> int:

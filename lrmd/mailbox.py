@@ -51,7 +51,8 @@ class Order:
     """What the ramp shall do. Absolute, so that only the newest counts; it is taken once, when `number` changes.
 
     `trips`: the number of trips that the sender had seen. `outputs`: bit i = servo i has pulses. `pose`: pulse (ns) of
-    a servo that is switched on by this order. `target` (ns, or `HERE`), `stride` (ns per tick). `heartbeat`: monotonic ns.
+    a servo that is switched on by this order. `target` (ns, or `HERE`), `stride` (ns per tick).
+    `heartbeat`: monotonic ns.
     """
 
     LAYOUT: ClassVar[struct.Struct] = struct.Struct(f"<IqIHB{SERVOS}i{SERVOS}i{SERVOS}H")
@@ -176,15 +177,16 @@ class Shared:
     """The memory that the processes share, behind one descriptor: an order, a report, the histogram of lateness, and
     what the ik process is at.
 
-    `lateness`: counts by bucket. `ik`: [since when a query is being worked on (ns, 0 = none), queries answered,
-    refused].
+    `lateness`: counts by bucket. `duty`: share of the tick that the ramp works, averaged over some. `ik`: [since when a
+    query is being worked on (ns, 0 = none), queries answered, refused].
     """
 
     _ORDER = 0
     _REPORT = 1024
     _HISTOGRAM = 2048
     _IK = _HISTOGRAM + 8 * BUCKETS
-    SIZE = _IK + 8 * 3
+    _DUTY = _IK + 8 * 3
+    SIZE = _DUTY + 8
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
@@ -193,7 +195,8 @@ class Shared:
         self._order = Mailbox(view, self._ORDER, Order.LAYOUT.size)
         self._report = Mailbox(view, self._REPORT, Report.LAYOUT.size)
         self.lateness = view[self._HISTOGRAM : self._IK].cast("Q")
-        self.ik = view[self._IK : self.SIZE].cast("Q")
+        self.ik = view[self._IK : self._DUTY].cast("Q")
+        self._duty = view[self._DUTY : self.SIZE].cast("d")
 
     @classmethod
     def create(cls) -> Shared:
@@ -201,6 +204,15 @@ class Shared:
         descriptor = os.memfd_create("lrmd")
         os.ftruncate(descriptor, cls.SIZE)
         return cls(descriptor)
+
+    @property
+    def duty(self) -> float:
+        """Share of the tick, 0 to 1."""
+        return self._duty[0]
+
+    @duty.setter
+    def duty(self, share: float) -> None:
+        self._duty[0] = share
 
     def post(self, order: Order) -> None:
         """The API's side: leaves an order."""

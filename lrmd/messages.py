@@ -177,6 +177,7 @@ class MetricsState(Header):
     late_p999_us: float
     late_max_us: float
     realtime: bool
+    duty: float
     frames_sent: int
     frames_acknowledged: int
     bad_frames: int

@@ -21,13 +21,15 @@ from lrmd.transport import Port
 
 MCL_CURRENT, MCL_FUTURE = 1, 2
 PR_SET_PDEATHSIG = 1
+DUTY_SHARE = 0.01
+"""Weight of the newest tick in the averaged duty."""
 REOPEN_EVERY = 3
 """Ticks between two attempts to open a port that is gone."""
 
 
 @dataclass(frozen=True)
 class RampSetup:
-    """What the ramp process is given at its start. `memory` and `estop`: descriptors of the shared memory and eventfd."""
+    """What the ramp process is given at its start. `memory` and `estop`: the shared memory and the eventfd."""
 
     board: Board
     port: str
@@ -73,7 +75,9 @@ def _loop(setup: RampSetup, shared: Shared, core: RampCore, realtime: bool) -> N
         shared.tell(core.report(tick, now, skipped, min(latest, 0xFFFFFFFF), starts, realtime))
         if core.link is LinkState.CLOSED and tick % REOPEN_EVERY == 0 and port.open():
             core.opened(clock.now())
-        due, missed = next_due(clock.now(), due, setup.tick)
+        end = clock.now()
+        shared.duty += DUTY_SHARE * ((end - now) / setup.tick - shared.duty)
+        due, missed = next_due(end, due, setup.tick)
         skipped += missed
     port.close()
 
