@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from lrm_math.servo import PwmClock
 from lrmd import protocol
-from lrmd.config import Config, Servo
+from lrmd.config import MS, Config, Servo
 from lrmd.mailbox import HERE, LinkState, Order, Report, Trip
 from lrmd.protocol import Bad, ErrorCode, Frame, FrameType, ProtocolError, Status
 from lrmd.ramp import Move, move
@@ -76,7 +76,7 @@ class RampCore:
         self._seq = 0
         self._first = 0
         self._changed, self._settled = False, True
-        self._answered = 0
+        self._answered = self._spoke = 0
         self._trip(Trip.STARTED)
 
     @property
@@ -105,8 +105,10 @@ class RampCore:
             self._consider(order, alive)
         if self.link is LinkState.CLOSED:
             return b""
-        if now - self._answered > self._board.reply:
+        paused = now - self._spoke > self._board.silence_ms * MS // 2 and self.link is LinkState.READY
+        if paused or now - self._answered > self._board.reply:
             self._lose(now)
+        self._spoke = now
         return self._speak()
 
     def opened(self, now: int) -> None:
@@ -124,7 +126,7 @@ class RampCore:
                 self._trip(Trip.LINK_LOST)
 
     def _lose(self, now: int) -> None:
-        """No answer for too long: greets again, and says so if the link had been up."""
+        """No answer, or no tick of ours, for too long: asks again who is there before any pulse."""
         was_ready = self.link is LinkState.READY
         self.link, self._answered = LinkState.GREETING, now
         if was_ready:
