@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from contextlib import suppress
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -22,7 +24,7 @@ from lrmd.messages import (
     RelaxRequest,
     ResetRequest,
 )
-from lrmd.states import LIVE, Mode, Trigger, follow
+from lrmd.states import LIVE, TABLE, Mode, Trigger, follow
 
 SECOND = 1_000_000_000
 TICK = 6_500_000
@@ -84,7 +86,7 @@ def test_arming_switches_one_servo_on_after_the_other_where_it_stands(world: Wor
         keep(world, token, 1)
         counts.append(sum(pulse is not None for pulse in world.outputs.values()))
     assert counts[-1] == 6
-    jumps = [b - a for a, b in zip(counts, counts[1:], strict=False)]
+    jumps = [b - a for a, b in itertools.pairwise(counts)]
     assert max(jumps) == 1
     assert commanded(world, 3) == pytest.approx(0.5, abs=1e-6)
 
@@ -269,11 +271,11 @@ def test_a_warm_servo_takes_no_pose_that_loads_it_more(world: World) -> None:
 def test_every_mode_can_be_left_and_only_resets_leave_fault_and_estop() -> None:
     for mode in (Mode.FAULT, Mode.ESTOP):
         for trigger in Trigger:
-            try:
-                after = follow(mode, trigger)
-            except LrmError as error:
-                assert str(mode) in str(error)
+            if (mode, trigger) not in TABLE:
+                with pytest.raises(LrmError, match=mode):
+                    follow(mode, trigger)
                 continue
+            after = follow(mode, trigger)
             assert after in (Mode.FAULT, Mode.ESTOP) or trigger in (Trigger.RESET_LIMP, Trigger.RESET_STANDING)
     for mode in Mode:
         assert follow(mode, Trigger.ESTOP) is Mode.ESTOP
@@ -293,10 +295,8 @@ class Daemon(RuleBasedStateMachine):
         self.world.run(10)
 
     def ask(self, request) -> None:
-        try:
+        with suppress(LrmError):
             self.world.core.handle(request, self.world.now)
-        except LrmError as error:
-            assert str(error)
 
     @rule(ticks=st.integers(1, 120))
     def wait(self, ticks: int) -> None:
