@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from lrm_math.errors import LrmError
 from lrm_math.servo import ServoTable
+from lrm_math.shapes import NO_SHAPES, Shapes
 
 BASE = "base"
 TOOL = "tool"
@@ -70,10 +71,14 @@ class Arm:
     tool: Placement
     bodies: tuple[Body, ...]
     auxiliary_servos: tuple[tuple[str, ServoTable], ...] = ()
+    shapes: Shapes = NO_SHAPES
 
     def __post_init__(self) -> None:
         for body in self.bodies:
             self._check(body)
+        for capsule in self.shapes.capsules:
+            if not 0 <= capsule.frame <= self.dof + 1:
+                raise LrmError(f"capsule '{capsule.name}' stands in frame {capsule.frame}, not in 0 to {self.dof + 1}")
         ordered = sorted(self.bodies, key=lambda b: (b.frame, not b.near_end))
         for before, after in pairwise(ordered):
             if after.loads_joint < before.loads_joint:

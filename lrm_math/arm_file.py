@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,6 +12,7 @@ from pydantic import Field
 from lrm_math.arm import Arm, Body, Joint, Placement
 from lrm_math.errors import FileError, LrmError, nearest
 from lrm_math.servo import ServoTable
+from lrm_math.shapes import Box, Capsule, Shapes
 from lrm_math.toml_file import StrictSchema, read_toml
 
 MM, GRAM, MICROSECOND = 1e-3, 1e-3, 1e-6
@@ -18,6 +20,9 @@ MM, GRAM, MICROSECOND = 1e-3, 1e-3, 1e-6
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 Length = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
+Size = Annotated[float, Field(gt=0.0, le=10_000.0)]
+Point = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Name = Annotated[str, Field(min_length=1)]
 
 
 class PlacementTable(StrictSchema):
@@ -62,6 +67,35 @@ class BodyTable(StrictSchema):
     carries_payload: bool = False
 
 
+class CapsuleTable(StrictSchema):
+    """One `[[capsule]]`: what a link, or something mounted on it, fills."""
+
+    name: Name
+    frame: str
+    from_mm: Point
+    to_mm: Point
+    radius_mm: Size
+
+
+class BoxTable(StrictSchema):
+    """One `[[box]]`: something around the arm that stands still. `world` is the frame of TCP positions."""
+
+    name: Name
+    frame: Literal["world", "base"] = "world"
+    center_mm: Point
+    size_mm: Annotated[list[Size], Field(min_length=3, max_length=3)]
+    alpha_deg: Angle = 0.0
+    beta_deg: Angle = 0.0
+    gamma_deg: Angle = 0.0
+
+
+class CollisionTable(StrictSchema):
+    """Table `[collision]`: how far shapes must stay apart, and the pairs that need not."""
+
+    margin_mm: Annotated[float, Field(ge=0.0, le=1_000.0)] = 30.0
+    ignore: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = []
+
+
 class ArmFile(StrictSchema):
     """The whole file, schema `lrm/arm/1`."""
 
@@ -74,6 +108,9 @@ class ArmFile(StrictSchema):
     tool: PlacementTable
     body: list[BodyTable]
     auxiliary_servo: dict[str, ServoTableTable] = {}
+    capsule: list[CapsuleTable] = []
+    box: list[BoxTable] = []
+    collision: CollisionTable = CollisionTable()
 
 
 def shipped_arms() -> dict[str, Path]:
@@ -113,7 +150,7 @@ def read_arm(path: Path) -> Arm:
 def to_arm(tables: ArmFile) -> Arm:
     """Units to SI, names to numbers. Raises `LrmError` for values that contradict each other."""
     x, y, z = tables.gravity_m_per_s2
-    return Arm(
+    arm = Arm(
         name=tables.name,
         gravity=(x, y, z),
         base=_placement(tables.base),
@@ -124,6 +161,7 @@ def to_arm(tables: ArmFile) -> Arm:
             (name, _servo(f"auxiliary_servo {name}", table)) for name, table in tables.auxiliary_servo.items()
         ),
     )
+    return replace(arm, shapes=_shapes(tables, arm.dof))
 
 
 def _placement(t: PlacementTable) -> Placement:
@@ -155,16 +193,43 @@ def _servo(where: str, t: ServoTableTable) -> ServoTable:
 
 
 def _body(t: BodyTable, dof: int) -> Body:
-    frames = ["base", *(f"joint{i + 1}" for i in range(dof)), "tool"]
-    if t.frame not in frames:
-        raise LrmError(f"body '{t.name}': unknown frame '{t.frame}'; {nearest(t.frame, frames)}")
-    x, y, z = t.com_mm
     return Body(
         name=t.name,
         mass=t.mass_g * GRAM,
-        com=(x * MM, y * MM, z * MM),
-        frame=frames.index(t.frame),
+        com=_triple(t.com_mm, MM),
+        frame=_frame(f"body '{t.name}'", t.frame, dof),
         loads_joint=t.loads_joint,
         near_end=t.com_from == "near_end",
         carries_payload=t.carries_payload,
     )
+
+
+def _shapes(tables: ArmFile, dof: int) -> Shapes:
+    return Shapes(
+        capsules=tuple(_capsule(capsule, dof) for capsule in tables.capsule),
+        boxes=tuple(_box(box) for box in tables.box),
+        margin=tables.collision.margin_mm * MM,
+        ignored=tuple((one, other) for one, other in tables.collision.ignore),
+    )
+
+
+def _capsule(t: CapsuleTable, dof: int) -> Capsule:
+    frame = _frame(f"capsule '{t.name}'", t.frame, dof)
+    return Capsule(t.name, frame, _triple(t.from_mm, MM), _triple(t.to_mm, MM), t.radius_mm * MM)
+
+
+def _box(t: BoxTable) -> Box:
+    turn = _triple([t.alpha_deg, t.beta_deg, t.gamma_deg], math.radians(1.0))
+    return Box(t.name, _triple(t.center_mm, MM), _triple(t.size_mm, MM), turn, in_base=t.frame == "base")
+
+
+def _frame(what: str, name: str, dof: int) -> int:
+    frames = ["base", *(f"joint{i + 1}" for i in range(dof)), "tool"]
+    if name not in frames:
+        raise LrmError(f"{what}: unknown frame '{name}'; {nearest(name, frames)}")
+    return frames.index(name)
+
+
+def _triple(values: list[float], unit: float) -> tuple[float, float, float]:
+    x, y, z = values
+    return x * unit, y * unit, z * unit
