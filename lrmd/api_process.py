@@ -13,11 +13,14 @@ import structlog
 import zenoh
 
 from lrm_math.errors import FileError, LrmError
+from lrm_math.model import Model
+from lrm_math.model_file import load_model
 from lrmd import ik_process, ramp_process, store
 from lrmd.config import Config
-from lrmd.core import Core, Done, Guard, Happening
+from lrmd.core import Core, Done, Happening
 from lrmd.face import Face, error_reply
 from lrmd.gravity import torques_of
+from lrmd.guard import guard_of
 from lrmd.ik_process import IkSetup
 from lrmd.mailbox import Shared
 from lrmd.messages import EstopCommand, Message, pack, unpack
@@ -59,10 +62,14 @@ class Api:
         self._ramp = Child("ramp", ramp_process.run, setup)
         self._ik = Child("ik", ik_process.run, IkSetup(config.robot, config.zenoh, memory))
         now = time.monotonic_ns()
-        self._core = Core(config, torques_of(config.arm), self._load(), guard_of(config), now, time.time_ns())
+        guard = guard_of(config.arm, self._model())
+        if guard is None:
+            self._happened("no_shapes", "warning", f"{config.arm.name} has no collision shapes; no move is checked")
+        stored, wall = self._load(), time.time_ns()
+        self._core = Core(config, torques_of(config.arm), stored, guard or (lambda *_: None), now, wall)
         self._telling = Telling(config, self._core, self._shared, self._ramp, self._ik)
         self._writer = Writer(config.state, self._writing)
-        self._stopping = threading.Event()
+        self._stopping, self._reloading = threading.Event(), threading.Event()
         self._face: Face | None = None
         self._tick_seen, self._ticked_at = 0, now
         self._saved_at = 0
@@ -70,12 +77,17 @@ class Api:
         self._told_at = 0
         self._told: tuple[Any, ...] = ()
 
+    def _model(self) -> Model | None:
+        """The deployed model. Raises `FileError`."""
+        return None if self._config.model is None else load_model(self._config.model)
+
     # ---- its life
 
     def run(self) -> int:
         """Runs until it is told to stop. Returns the exit code: 0, or 1 if a process cannot be kept alive."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: self._stopping.set())
+        signal.signal(signal.SIGHUP, lambda *_: self._reloading.set())
         now = time.monotonic_ns()
         self._shared.post(self._core.order)
         self._ramp.start(now)
@@ -111,6 +123,9 @@ class Api:
         due, alive_at = time.monotonic_ns(), 0
         while not self._stopping.is_set():
             now = time.monotonic_ns()
+            if self._reloading.is_set():
+                self._reloading.clear()
+                self.reload()
             with self._lock:
                 self._cycle(now)
             if now - alive_at >= sign_of_life and now - self._ticked_at < STUCK:
@@ -118,6 +133,19 @@ class Api:
                 notify(f"WATCHDOG=1\nSTATUS={self._core.mode}")
             due = max(due + PERIOD, now)
             self._stopping.wait((due - time.monotonic_ns()) / SECOND)
+
+    def reload(self) -> None:
+        """Takes the model's file as it is now, or keeps the model it has and says why."""
+        try:
+            guard = guard_of(self._config.arm, self._model())
+        except LrmError as error:
+            with self._lock:
+                self._happened("model_refused", "error", f"{error}; the model in use stays")
+            return
+        with self._lock:
+            self._core.guard = guard or self._core.guard
+            self._happened("model_loaded", "info", f"model {self._config.model or 'nominal'}")
+        self._ik.signal(signal.SIGHUP)
 
     def _cycle(self, now: int) -> None:
         self._look(now)
@@ -262,8 +290,3 @@ class Api:
             data = pack(self._telling.event(happening))
             self._events.append(data)
             self._face.tell(happening.code, data)
-
-
-def guard_of(config: Config) -> Guard:
-    """What refuses moves that collide."""
-    return lambda *_: None

@@ -124,12 +124,14 @@ class Servo:
 class Config:
     """What the daemon runs by. Servos stand in the order joint1 … jointN, then the others as in the file.
 
+    `arm_file`: the name or path that `arm` was read from.
     `tick`, `silence`, `reply`, `command`, `lease`, `stagger`, `save`: ns. `step`: ns of pulse in one tick.
     `rest`: rad, one angle per joint, or None. `rise`: K/(N·m)², one per servo, 0 where nothing is known.
     """
 
     robot: str
     arm: Arm
+    arm_file: str
     model: Path | None
     link: LinkTable
     clock: PwmClock
@@ -198,6 +200,7 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
     return Config(
         robot=t.robot,
         arm=arm,
+        arm_file=t.arm,
         model=None if t.model is None else Path(t.model),
         link=t.link,
         clock=clock,

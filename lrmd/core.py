@@ -14,6 +14,7 @@ from typing import Any, Literal
 from lrm_math.errors import LrmError
 from lrmd import lease as leases
 from lrmd.config import Config
+from lrmd.guard import Guard, TooClose
 from lrmd.heat_watch import HeatWatch
 from lrmd.mailbox import HERE, LinkState, Order, Report, Trip
 from lrmd.messages import (
@@ -27,8 +28,8 @@ from lrmd.messages import (
     RelaxRequest,
     ResetRequest,
 )
-from lrmd.pulses import armed, duration, overlaid, pulses_of, turning
-from lrmd.ramp import Pace
+from lrmd.pulses import Pulses, armed, duration, overlaid, pulses_of, turning
+from lrmd.ramp import Pace, move
 from lrmd.refusal import Refused
 from lrmd.standing import standing
 from lrmd.states import LIVE, STANDING, Mode, NotAllowed, Trigger, follow
@@ -36,8 +37,8 @@ from lrmd.store import Saved
 from lrmd.thermal import Heat
 
 SECOND = 1_000_000_000
-Guard = Callable[[Sequence[float], Sequence[float]], None]
-"""Raises an `LrmError` if the straight way between two poses (rad, one angle per joint) is not safe."""
+LOOK_AHEAD = SECOND // 4
+"""ns: how far ahead of a jog nothing may be in the way."""
 Torques = Callable[[Sequence[float], float], Sequence[float]]
 """Gravity's torque (N m) on every joint for a pose (rad) and a payload (kg)."""
 
@@ -99,12 +100,14 @@ class Core:
         self.happenings: list[Happening] = []
         self.stored = stored
         self.boots = (stored.boots if stored else 0) + 1
-        self._torques, self._guard = torques, guard
+        self._torques = torques
+        self.guard = guard
         self._waypoints: deque[tuple[int, ...]] = deque()
         self._goal = [HERE] * len(config.servos)
         self._arming: deque[int] = deque()
         self._next_on = now
         self._jog_until: int | None = None
+        self._looked_at = now
         self._link_was = LinkState.CLOSED
         self.heat = HeatWatch(config, stored, now, wall)
 
@@ -219,32 +222,46 @@ class Core:
         follow(self.mode, Trigger.MOVE)
         payload = self.payload if request.payload_kg is None else request.payload_kg
         waypoints = [pulses_of(self.config, w, self.report.outputs) for w in request.waypoints]
-        self._check_way(waypoints, payload)
+        stride = max(1, int(self.config.step * request.speed))
+        pace = Pace[request.pace.upper()]
+        self._check_way(waypoints, stride, pace, payload)
         self._go(Trigger.MOVE, "move", now)
         self.payload, self._jog_until = payload, None
         self._waypoints = deque(waypoints)
-        stride = max(1, int(self.config.step * request.speed))
-        self.order = replace(self.order, stride=(stride,) * len(self.config.servos), pace=Pace[request.pace.upper()])
+        self.order = replace(self.order, stride=(stride,) * len(self.config.servos), pace=pace)
         seconds = duration(self.config, self.position, waypoints, stride)
         self._next_waypoint(now)
         return Done(seconds=seconds)
 
-    def _check_way(self, waypoints: Sequence[tuple[int, ...]], payload: float) -> None:
-        """Refuses a way that collides, or that ends where a hot servo is loaded more than it is now."""
-        dof = self.config.dof
-        here = self.angles(self.position)[:dof]
-        loads_now = self._loads(here, payload)
-        pulses = self.targets
+    def _check_way(self, waypoints: Sequence[Pulses], stride: int, pace: Pace, payload: float) -> None:
+        """Refuses a way that collides, or that ends where a hot servo is loaded more than it is now.
+
+        Between two places where some servo stops, all servos move in proportion: those stretches are straight.
+        """
+        here = self.position
+        loads_now = self._loads(self._joints(here), payload)
+        goal: Sequence[int] = self.targets
         for number, waypoint in enumerate(waypoints, start=1):
-            pulses = overlaid(pulses, waypoint)
-            there = self.angles(pulses)[:dof]
-            if there != here:
-                self.heat.check(loads_now, self._loads(there, payload))
-                try:
-                    self._guard(here, there)
-                except LrmError as error:
-                    raise Refused("collision", f"waypoint {number}: {error}", waypoint=number) from None
-            here = there
+            goal = overlaid(goal, waypoint)
+            going = move(here, goal, (stride,) * len(here), pace)
+            for stop in (going.at(k) for k in sorted({k for k in going.ticks if k})):
+                self._check_stretch(here, stop, number)
+                here = stop
+            self.heat.check(loads_now, self._loads(self._joints(goal), payload))
+
+    def _check_stretch(self, here: Pulses, there: Pulses, number: int) -> None:
+        if self._joints(here) == self._joints(there):
+            return
+        try:
+            self.guard(self._joints(here), self._joints(there))
+        except TooClose as error:
+            raise Refused(
+                "collision", f"waypoint {number}: {error}", waypoint=number, bodies=[error.first, error.second],
+                distance_m=error.distance, fraction=error.fraction,
+            ) from None  # fmt: skip
+
+    def _joints(self, pulses: Sequence[int]) -> list[float]:
+        return self.angles(pulses)[: self.config.dof]
 
     def _loads(self, q: Sequence[float], payload: float) -> tuple[float, ...]:
         tau = tuple(float(t) for t in self._torques(q, payload))
@@ -310,12 +327,26 @@ class Core:
         if self._jog_until is not None and now >= self._jog_until:
             self._tell("command_watchdog", "warning", "the jog was not renewed; holding")
             self._stop_motion(now, "jog not renewed")
+        elif self._jog_until is not None and now >= self._looked_at + LOOK_AHEAD // 3:
+            self._look_ahead(now)
         if self._arming and now >= self._next_on and self.report.order == self.order.number:
             self._next_on = now + self.config.stagger
             self._issue(now, outputs=self.order.outputs | 1 << self._arming.popleft())
         if self.heat.due(now):
             self._warm_up(now)
         self.order = replace(self.order, heartbeat=now)
+
+    def _look_ahead(self, now: int) -> None:
+        """Stops a jog before it comes too close to anything."""
+        self._looked_at = now
+        ticks = LOOK_AHEAD // self.config.tick
+        reach = [ticks * stride for stride in self.order.stride]
+        ahead = tuple(min(max(g, p - r), p + r) for g, p, r in zip(self.targets, self.position, reach, strict=False))
+        try:
+            self._check_stretch(self.position, ahead, 1)
+        except Refused as error:
+            self._tell("jog_stopped", "warning", str(error), **error.detail)
+            self._stop_motion(now, "a collision ahead")
 
     def _link_changed(self, report: Report) -> None:
         was, self._link_was = self._link_was, report.link
@@ -380,7 +411,7 @@ class Core:
     # ---- heat
 
     def _warm_up(self, now: int) -> None:
-        loads = self._loads(self.angles(self.position)[: self.config.dof], self.payload)
+        loads = self._loads(self._joints(self.position), self.payload)
         tau = [load if self.report.outputs >> i & 1 else 0.0 for i, load in enumerate(loads)]
         for change in self.heat.update(now, tau):
             if change.after > change.before:
@@ -414,7 +445,7 @@ class Core:
                 pulses[joint] = self.config.servos[joint].pulse_ns(angle)
         there = overlaid(self.position, pulses)
         try:
-            self._guard(self.angles(self.position)[: self.config.dof], self.angles(there)[: self.config.dof])
+            self.guard(self._joints(self.position), self._joints(there))
         except LrmError as error:
             self._tell("rest_blocked", "error", f"the straight way to rest is not free: {error}; the arm stays")
             return

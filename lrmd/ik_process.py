@@ -32,6 +32,7 @@ def run(setup: IkSetup) -> None:
     ending = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ending.set())
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     shared = Shared(setup.memory.number)
 
     def answer(query: zenoh.Query) -> None:

@@ -14,6 +14,7 @@ The daemon that owns a robot arm on RC servos: it has the serial link to the ser
 
   lrmd --config /etc/lrm/lrmd.toml           run (systemd does this)
   lrmd --config /etc/lrm/lrmd.toml --check   read the configuration, say what is wrong with it, and stop
+  lrmd --config lrmd.toml --simulated        run on a simulated board and arm instead of the port
 """
 
 
@@ -22,6 +23,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("lrmd", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="lrmd.toml")
     parser.add_argument("--check", action="store_true", help="read the configuration and stop")
+    parser.add_argument("--simulated", action="store_true", help="run on a simulated board instead of the port")
     parser.add_argument("--log-level", choices=["debug", "info", "warning", "error"], default="info")
     options = parser.parse_args(argv)
 
@@ -36,7 +38,12 @@ def main(argv: list[str] | None = None) -> int:
         log.set_up(options.log_level)
         from lrmd.api_process import Api
 
-        return Api(config).run()
+        if not options.simulated:
+            return Api(config).run()
+        from lrmd.simulated import simulated_board
+
+        with simulated_board(config) as simulated:
+            return Api(simulated).run()
     except LrmError as error:
         print(f"lrmd: {error}", file=sys.stderr)
         return 2

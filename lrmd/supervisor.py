@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable
 from multiprocessing import get_context
@@ -52,6 +53,11 @@ class Child:
         if code is None:
             return None
         return f"killed by signal {-code}" if code < 0 else f"exit code {code}"
+
+    def signal(self, number: int) -> None:
+        """Sends it a signal, if it runs."""
+        if self._process is not None and self._process.pid is not None and self._process.is_alive():
+            os.kill(self._process.pid, number)
 
     def kill(self) -> None:
         """Ends it at once, even if it is stopped."""

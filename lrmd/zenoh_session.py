@@ -30,11 +30,12 @@ def router(table: ZenohTable) -> zenoh.Config:
 
 
 def client(endpoints: list[str], file: str | None = None) -> zenoh.Config:
-    """A client of a daemon or of a router. Raises `FileError`."""
+    """A client of a daemon or of a router, which controls access: a client knows no user names. Raises `FileError`."""
     config = _from_file(file)
     _insert(config, "mode", "client")
     _insert(config, "listen/endpoints", [])
     _insert(config, "connect/endpoints", endpoints)
+    _insert(config, "access_control/enabled", False)
     return _quiet(config)
 
 

@@ -1,0 +1,83 @@
+"""A pseudo-terminal as the serial device of a simulated board, at a path that stays."""
+
+from __future__ import annotations
+
+import os
+import tty
+from pathlib import Path
+
+from lrm_math.errors import LrmError
+
+LONGEST_READ = 4096
+
+
+class PortError(LrmError):
+    """The device cannot be made where it should stand."""
+
+
+class PtyPort:
+    """One device. Between `close` and `open` it does not exist; every `open` makes another node behind the same link.
+
+    The slave's end is kept open, else the master would read errors while no host is there; it is raw before anybody
+    can find it, else the first bytes would come back as an echo.
+    """
+
+    def __init__(self, link: Path) -> None:
+        self.link = link
+        self.node = ""
+        self._ends: tuple[int, int] | None = None
+
+    def open(self) -> None:
+        """Makes the device. Raises `PortError`."""
+        master, slave = os.openpty()
+        self._ends = master, slave
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        self.node = os.ttyname(slave)
+        self._publish()
+
+    def _publish(self) -> None:
+        temporary = self.link.with_name(f".{self.link.name}.{os.getpid()}")
+        try:
+            if self.link.exists() and not self.link.is_symlink():
+                raise PortError(f"{self.link}: stands in the way; only an old link is replaced")
+            temporary.symlink_to(self.node)
+            temporary.replace(self.link)
+        except OSError as error:
+            temporary.unlink(missing_ok=True)
+            raise PortError(f"{self.link}: cannot be made ({error.strerror})") from None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the device exists."""
+        return self._ends is not None
+
+    def fileno(self) -> int:
+        """The descriptor to wait for, -1 while the device does not exist."""
+        return self._ends[0] if self._ends else -1
+
+    def read(self) -> bytes:
+        """What the host has sent."""
+        try:
+            return os.read(self.fileno(), LONGEST_READ)
+        except BlockingIOError:
+            return b""
+
+    def write(self, data: bytes) -> None:
+        """Sends to the host; what does not fit, because nobody reads, is lost."""
+        if not (self.is_open and data):
+            return
+        try:
+            os.write(self.fileno(), data)
+        except BlockingIOError:
+            return
+
+    def close(self) -> None:
+        """Takes the device away: whoever has it open is hung up on."""
+        if self._ends is None:
+            return
+        if self.link.is_symlink() and os.readlink(self.link) == self.node:
+            self.link.unlink()
+        for end in self._ends:
+            os.close(end)
+        self._ends = None

@@ -1,0 +1,168 @@
+#!/bin/sh
+# Installs the daemon on a rover, or removes it.
+#
+#   install.sh             the program in /opt/lrm, units, udev rule, user, configuration; run it again to upgrade
+#   install.sh uninstall   removes all of that, but keeps configuration that was changed, and what the daemon saved
+#   install.sh purge       removes these too
+#
+# DESTDIR=DIR puts the files below DIR instead, for a package or an image, and touches nothing else: no program, no
+# user, no running systemd. PYTHON=... names the Python (3.11 or later) that builds /opt/lrm. pip's own variables count
+# (PIP_NO_INDEX=1 PIP_FIND_LINKS=wheels for a rover without a network).
+#
+# A configuration file that was changed is never overwritten: the new one is put beside it as FILE.new.
+# A running daemon is not restarted, for it may be holding a load.
+set -eu
+
+SOURCE=$(cd "$(dirname "$0")/.." && pwd)
+DESTDIR=${DESTDIR:-}
+DESTDIR=${DESTDIR%/}
+PYTHON=${PYTHON:-python3}
+PROGRAM=/opt/lrm
+AS_INSTALLED=/usr/local/share/lrm
+UNITS="lrmd.service lrmd-sim.service"
+
+say() { printf '%-9s %s\n' "$1" "$2"; }
+
+fail() {
+    echo "install.sh: $1" >&2
+    exit 2
+}
+
+# Every file that is installed: mode, source, destination. Those below /etc are the person's to change.
+files() {
+    echo "644 systemd/lrmd.service /usr/local/lib/systemd/system/lrmd.service
+644 systemd/lrmd-sim.service /usr/local/lib/systemd/system/lrmd-sim.service
+644 systemd/70-lrm-arm.rules /usr/local/lib/udev/rules.d/70-lrm-arm.rules
+644 systemd/lrm.sysusers /usr/local/lib/sysusers.d/lrm.conf
+644 systemd/lrm.tmpfiles /usr/local/lib/tmpfiles.d/lrm.conf
+644 docs/install.md /usr/local/share/doc/lrm/install.md
+644 config/lrmd.toml /etc/lrm/lrmd.toml"
+    (cd "$SOURCE" && for path in config/zenoh/*.json5; do echo "640 $path /etc/lrm/zenoh/${path##*/}"; done)
+    echo "644 config/zenoh/credentials.example /etc/lrm/zenoh/credentials.example
+644 config/zenoh/README.md /etc/lrm/zenoh/README.md
+755 config/zenoh/make-certificates.sh /etc/lrm/zenoh/make-certificates.sh"
+}
+
+check() {
+    [ "$(uname -s)" = Linux ] || fail "this is $(uname -s); the daemon runs on Linux with systemd"
+    files | while read -r _ source _; do
+        [ -f "$SOURCE/$source" ] || fail "$source is missing in $SOURCE; run this from a complete copy of the project"
+    done
+    [ -z "$DESTDIR" ] || return 0
+    [ "$(id -u)" = 0 ] || fail "must run as root: sudo make install (or set DESTDIR)"
+    for program in systemctl systemd-sysusers systemd-tmpfiles udevadm; do
+        command -v "$program" >/dev/null || fail "$program is missing; the daemon runs on Linux with systemd"
+    done
+}
+
+check_python() {
+    "$PYTHON" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null ||
+        fail "$PYTHON is not Python 3.11 or later with venv (apt install python3-venv); set PYTHON="
+    home=$("$PYTHON" -c 'import os, sys; print(os.path.realpath(sys.base_prefix))')
+    case $home/ in
+        /home/* | /root/*) fail "$PYTHON is in $home, which a service cannot see; set PYTHON=/usr/bin/python3" ;;
+    esac
+}
+
+# Whether a person changed the file below /etc since it was installed: it is not as it was then.
+changed() { # DESTINATION
+    case $1 in
+        /etc/*) [ -e "$DESTDIR$1" ] && ! cmp -s "$DESTDIR$1" "$DESTDIR$AS_INSTALLED$1" ;;
+        *) false ;;
+    esac
+}
+
+write() { # MODE SOURCE TARGET
+    mkdir -p "${3%/*}"
+    install -m "$1" "$SOURCE/$2" "$3.part"
+    mv -f "$3.part" "$3"
+}
+
+put() { # MODE SOURCE DESTINATION
+    if cmp -s "$SOURCE/$2" "$DESTDIR$3"; then
+        chmod "$1" "$DESTDIR$3"
+        rm -f "$DESTDIR$3.new"
+        say same "$3"
+    elif changed "$3"; then
+        write "$1" "$2" "$DESTDIR$3.new"
+        say kept "$3, which was changed; the new one is $3.new"
+        return
+    else
+        write "$1" "$2" "$DESTDIR$3"
+        say put "$3"
+    fi
+    case $3 in /etc/*) write "$1" "$2" "$DESTDIR$AS_INSTALLED$3" ;; esac
+}
+
+put_program() {
+    say build "$PROGRAM"
+    [ -x "$PROGRAM/bin/python" ] || "$PYTHON" -m venv "$PROGRAM"
+    "$PROGRAM/bin/python" -m pip install --quiet --disable-pip-version-check -c "$SOURCE/constraints.txt" "$SOURCE"
+    [ -x "$PROGRAM/bin/lrmd" ] || fail "the project was installed to $PROGRAM, but brought no program lrmd"
+    "$PROGRAM/bin/lrmd" --config /etc/lrm/lrmd.toml --check
+}
+
+tell_system() {
+    systemctl daemon-reload
+    udevadm control --reload
+    udevadm trigger --subsystem-match=tty
+}
+
+install_all() {
+    check
+    [ -n "$DESTDIR" ] || check_python
+    files | while read -r mode source destination; do put "$mode" "$source" "$destination"; done
+    if [ -n "$DESTDIR" ]; then
+        say staged "below $DESTDIR: no program, no user, nothing started"
+        return
+    fi
+    systemd-sysusers lrm.conf
+    systemd-tmpfiles --create lrm.conf
+    put_program
+    tell_system
+    systemctl enable --quiet lrmd.service
+    say ready "at the next boot; now: systemctl start lrmd (after an upgrade restart it, the arm at rest)"
+}
+
+take() { # DESTINATION, also a changed one if $PURGE
+    rm -f "$DESTDIR$1.new"
+    [ -e "$DESTDIR$1" ] || return 0
+    if [ -z "$PURGE" ] && changed "$1"; then
+        say kept "$1, which was changed"
+    else
+        rm -f "$DESTDIR$1"
+        say removed "$1"
+    fi
+}
+
+# The project's own folders, where nothing is left in them.
+sweep() {
+    for folder in /etc/lrm/zenoh /etc/lrm /usr/local/share/doc/lrm; do
+        rmdir "$DESTDIR$folder" 2>/dev/null || true
+    done
+}
+
+uninstall_all() {
+    PURGE=$1
+    check
+    if [ -z "$DESTDIR" ]; then
+        for unit in $UNITS; do systemctl disable --quiet --now "$unit" 2>/dev/null || true; done
+        rm -rf "$PROGRAM"
+        say removed "$PROGRAM"
+    fi
+    files | while read -r _ _ destination; do take "$destination"; done
+    rm -rf "$DESTDIR$AS_INSTALLED"
+    if [ -n "$PURGE" ]; then
+        for path in etc/lrm var/lib/lrmd var/lib/lrmd-sim var/lib/private/lrmd-sim; do rm -rf "$DESTDIR/$path"; done
+        say removed "/etc/lrm and what the daemon saved"
+    fi
+    sweep
+    [ -n "$DESTDIR" ] || tell_system
+}
+
+case ${1:-install} in
+    install) install_all ;;
+    uninstall) uninstall_all "" ;;
+    purge) uninstall_all all ;;
+    *) fail "usage: [DESTDIR=DIR] [PYTHON=PROGRAM] install.sh [install|uninstall|purge]" ;;
+esac
