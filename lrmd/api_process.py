@@ -60,7 +60,7 @@ class Api:
             SharedFd(self._estop),
         )  # fmt: skip
         self._ramp = Child("ramp", ramp_process.run, setup)
-        self._ik = Child("ik", ik_process.run, IkSetup(config.robot, config.zenoh, memory))
+        self._ik = Child("ik", ik_process.run, IkSetup(config, memory))
         now = time.monotonic_ns()
         guard = guard_of(config.arm, self._model())
         if guard is None:

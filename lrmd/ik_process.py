@@ -1,50 +1,181 @@
-"""The ik process: answers queries for inverse kinematics. Whatever it is busy with, the ramp does not notice."""
+"""The ik process: answers queries for kinematics. Whatever it is busy with, the ramp does not notice."""
 
 from __future__ import annotations
 
+import queue
+import secrets
 import signal
-import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
+import structlog
 import zenoh
 
-from lrmd.config import ZenohTable
+from lrm_math.errors import LrmError
+from lrmd import log
+from lrmd.config import Config
+from lrmd.deployed import deploy
+from lrmd.face import error_reply
+from lrmd.ik_messages import CancelRequest, FkReply, FkRequest, IkReply, IkRequest
+from lrmd.ik_service import IkService
 from lrmd.mailbox import Shared
-from lrmd.messages import ErrorReply, pack
+from lrmd.messages import Message, pack, unpack
 from lrmd.ramp_process import die_with_parent
+from lrmd.refusal import Refused
 from lrmd.shared_fd import SharedFd
 from lrmd.zenoh_session import client, key, own_endpoints
+
+QUEUE = 64
+"""Queries that may wait; one more is told to come again."""
+MS = 1_000_000
+FK_DEADLINE = 1000 * MS
 
 
 @dataclass(frozen=True)
 class IkSetup:
     """What the ik process is given at its start."""
 
-    robot: str
-    zenoh: ZenohTable
+    config: Config
     memory: SharedFd
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """A query in the queue: who asked, what, and until when (monotonic ns) an answer is wanted."""
+
+    query: zenoh.Query
+    request: IkRequest | FkRequest
+    until: int
+
+
+class IkProcess:
+    """The queue between zenoh's threads and the one that solves."""
+
+    def __init__(self, setup: IkSetup) -> None:
+        self._config = setup.config
+        self._shared = Shared(setup.memory.number)
+        self._log = structlog.get_logger().bind(robot=setup.config.robot, process="ik")
+        self._queue: queue.Queue[Waiting | None] = queue.Queue(QUEUE)
+        self._cancelled: dict[str, int] = {}
+        self._boot_id, self._seq = secrets.token_hex(8), 0
+        self._service = IkService(setup.config, deploy(setup.config))
+        self._reload = False
+
+    def run(self) -> None:
+        """Answers until it is told to stop."""
+        signal.signal(signal.SIGTERM, lambda *_: self._queue.put(None))
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGHUP, lambda *_: setattr(self, "_reload", True))
+        zenoh_table = self._config.zenoh
+        with zenoh.open(client(own_endpoints(zenoh_table), zenoh_table.config)) as session:
+            self._declare(session, "rpc/ik", lambda q, data: self._enqueue(q, unpack(IkRequest, data)))
+            self._declare(session, "rpc/fk", lambda q, data: self._enqueue(q, unpack(FkRequest, data)))
+            self._declare(session, "rpc/cancel", lambda q, data: self._cancel(q, unpack(CancelRequest, data)))
+            self._work()
+
+    def _declare(self, session: zenoh.Session, tail: str, take: Callable[[zenoh.Query, bytes], None]) -> None:
+        own = key(self._config.robot, tail)
+
+        def received(query: zenoh.Query) -> None:
+            try:
+                if str(query.key_expr) != own:
+                    raise Refused("wildcard", f"ask {own} itself; requests to several at once are not carried out")
+                take(query, query.payload.to_bytes() if query.payload else b"")
+            except LrmError as error:
+                self._refuse(query, error)
+            except Exception as error:
+                self._log.exception("internal_error", key=own)
+                self._refuse(query, Refused("internal", f"{type(error).__name__}: {error}"))
+
+        session.declare_queryable(own, received)
+
+    def _enqueue(self, query: zenoh.Query, request: IkRequest | FkRequest) -> None:
+        wanted = request.deadline_ms * MS if isinstance(request, IkRequest) else FK_DEADLINE
+        try:
+            self._queue.put_nowait(Waiting(query, request, time.monotonic_ns() + int(wanted)))
+        except queue.Full:
+            raise Refused("busy", f"{QUEUE} queries are waiting; ask again", retryable=True) from None
+
+    def _cancel(self, query: zenoh.Query, request: CancelRequest) -> None:
+        now = time.monotonic_ns()
+        self._cancelled = {name: at for name, at in self._cancelled.items() if now - at < 60_000 * MS}
+        self._cancelled[request.id] = now
+        with query:
+            query.reply(query.key_expr, pack(Message()))
+
+    def _work(self) -> None:
+        while True:
+            try:
+                waiting = self._queue.get(timeout=0.2)
+            except queue.Empty:
+                self._take_new_model()
+                continue
+            if waiting is None:
+                return
+            self._take_new_model()
+            self._shared.ik[0] = time.monotonic_ns()
+            try:
+                self._answer(waiting)
+            finally:
+                self._shared.ik[0] = 0
+
+    def _take_new_model(self) -> None:
+        """Takes the model's file as it is now, or keeps the model in use and logs why."""
+        if self._reload:
+            self._reload = False
+            try:
+                self._service = IkService(self._config, deploy(self._config))
+            except LrmError as error:
+                self._log.error("model_refused", text=str(error))
+
+    def _answer(self, waiting: Waiting) -> None:
+        started = time.perf_counter()
+        try:
+            reply = self._solved(waiting, started)
+        except LrmError as error:
+            self._refuse(waiting.query, error)
+        except Exception as error:
+            self._log.exception("internal_error")
+            self._refuse(waiting.query, Refused("internal", f"{type(error).__name__}: {error}"))
+        else:
+            self._shared.ik[1] += 1
+            with waiting.query as query:
+                query.reply(query.key_expr, pack(reply))
+
+    def _solved(self, waiting: Waiting, started: float) -> Message:
+        request, deployed = waiting.request, self._service.deployed
+
+        def goes_on() -> None:
+            self._shared.ik[0] = time.monotonic_ns()
+            if time.monotonic_ns() > waiting.until:
+                raise Refused("deadline", "the deadline passed before the answer was there", retryable=True)
+            if isinstance(request, IkRequest) and request.id and self._cancelled.pop(request.id, None) is not None:
+                raise Refused("cancelled", f"request {request.id} was cancelled")
+
+        said: dict[str, Any] = {
+            "model": deployed.path, "model_sha256": deployed.sha256, "left_out": list(deployed.left_out)
+        }  # fmt: skip
+        if isinstance(request, IkRequest):
+            answers = self._service.inverse(request, goes_on)
+            return IkReply(**self._header(), **said, answers=answers, elapsed_ms=(time.perf_counter() - started) * 1e3)
+        places = self._service.forward(request, goes_on)
+        return FkReply(**self._header(), **said, places=places, elapsed_ms=(time.perf_counter() - started) * 1e3)
+
+    def _header(self) -> dict[str, Any]:
+        self._seq += 1
+        now = {"t_mono_ns": time.monotonic_ns(), "t_wall_ns": time.time_ns()}
+        return {"boot_id": self._boot_id, "seq": self._seq, **now}
+
+    def _refuse(self, query: zenoh.Query, error: LrmError) -> None:
+        self._shared.ik[2] += 1
+        with query:
+            query.reply_err(pack(error_reply(error)))
 
 
 def run(setup: IkSetup) -> None:
     """The process: answers until it is told to stop or its parent is gone."""
     die_with_parent()
-    ending = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: ending.set())
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    shared = Shared(setup.memory.number)
-
-    def answer(query: zenoh.Query) -> None:
-        with query:
-            shared.ik[0] = time.monotonic_ns()
-            end = time.perf_counter() + 3e-3
-            while time.perf_counter() < end:
-                pass
-            query.reply_err(pack(ErrorReply(code="not_implemented", msg="no inverse kinematics yet")))
-            shared.ik[0] = 0
-            shared.ik[1] += 1
-
-    with zenoh.open(client(own_endpoints(setup.zenoh), setup.zenoh.config)) as session:
-        session.declare_queryable(key(setup.robot, "rpc/ik"), answer)
-        ending.wait()
+    log.set_up()
+    IkProcess(setup).run()

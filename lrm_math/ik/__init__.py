@@ -1,0 +1,1 @@
+"""Inverse kinematics: joint angles from where the tool shall be."""

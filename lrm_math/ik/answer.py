@@ -1,0 +1,166 @@
+"""What inverse kinematics answers: all branches, or why there are none, how far off, and what is nearest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from operator import sub
+
+from lrm_math.arm import Arm
+from lrm_math.ik.goal import Goal
+
+
+class Verdict(StrEnum):
+    """What became of a goal."""
+
+    SOLVED = "solved"
+    SINGULAR = "singular"
+    """Solved, but some branch is one of a continuous family, so that the list of branches is not all there is."""
+    OUTSIDE_LIMITS = "outside_limits"
+    """The arm's shape would reach the goal, its joint limits do not let it."""
+    OUT_OF_REACH = "out_of_reach"
+    """No joint angles reach the goal, limits or not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Joint limits (rad), one number per joint."""
+
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    @classmethod
+    def of(cls, arm: Arm) -> Limits:
+        """Those of an arm."""
+        return cls(tuple(j.lower for j in arm.joints), tuple(j.upper for j in arm.joints))
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        """Middle of every joint's range (rad)."""
+        return tuple(0.5 * (a + b) for a, b in zip(self.lower, self.upper, strict=True))
+
+    def margins(self, q: tuple[float, ...]) -> tuple[float, ...]:
+        """Distance of every joint to its nearer limit (rad); negative beyond it."""
+        return tuple(min(x - a, b - x) for x, a, b in zip(q, self.lower, self.upper, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """One way to take the goal.
+
+    Attributes:
+        q: joint angles (rad), within the limits unless the answer says outside_limits.
+        number: which branch of the closed form, 0 to 7 (see `label`), or -1 where there are no fixed branches.
+        limits: the arm's.
+        free: number from 1 of a joint that may turn while the tool stays, others following; None if there is none.
+    """
+
+    q: tuple[float, ...]
+    number: int
+    limits: Limits
+    free: int | None = None
+
+    @property
+    def margin(self) -> float:
+        """Distance to the nearest joint limit (rad); negative outside."""
+        limits = self.limits
+        return float(min(min(map(sub, self.q, limits.lower)), min(map(sub, limits.upper, self.q))))
+
+    @property
+    def label(self) -> str:
+        """Signs of the three choices that the closed form makes, e.g. `+-+`; empty where there are none.
+
+        They are the signs of the roots in the order in which they are taken: for an arm whose last three axes meet
+        elbow, shoulder, wrist; for one whose first three axes meet the same seen from the tool.
+        """
+        return "" if self.number < 0 else "".join("-" if self.number & bit else "+" for bit in (4, 2, 1))
+
+    def distance(self, q: tuple[float, ...]) -> float:
+        """Length of the way from here to q in joint space (rad)."""
+        return math.dist(self.q, q)
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """The reachable goal nearest to one that is not.
+
+    Attributes:
+        q: joint angles that take it, within the limits (rad).
+        goal: the same kind of goal as asked for, taken by q.
+        distance: from the position asked for (m).
+        angle: from the orientation or approach asked for (rad); 0 for a position alone.
+    """
+
+    q: tuple[float, ...]
+    goal: Goal
+    distance: float
+    angle: float
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """The joint limit in the way of the branch that comes closest to keeping them all: joint from 1, excess in rad."""
+
+    joint: int
+    excess: float
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The answer to one goal.
+
+    Attributes:
+        verdict: see `Verdict`.
+        branches: joint angles that take the goal within the limits, best first: nearest to the angles given as
+            `near`, else furthest from the limits. Empty unless solved or singular.
+        beyond: branches that break limits, the least first; only where there are no others.
+        singularity: which axes are in line, or empty.
+        nearest: for a goal that cannot be taken.
+        violation: for a goal that the limits forbid.
+    """
+
+    verdict: Verdict
+    branches: tuple[Branch, ...]
+    beyond: tuple[Branch, ...] = ()
+    singularity: str = ""
+    nearest: Nearest | None = None
+    violation: Violation | None = None
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is a branch within the limits."""
+        return bool(self.branches)
+
+    def __len__(self) -> int:
+        return len(self.branches)
+
+    def __iter__(self) -> Iterator[Branch]:
+        return iter(self.branches)
+
+    def __str__(self) -> str:
+        lines = [self._headline()]
+        lines += [_line(branch) for branch in self.branches]
+        return "\n".join(lines)
+
+    def _headline(self) -> str:
+        count = f"{len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'}"
+        if self.verdict is Verdict.SOLVED:
+            return f"solved: {count}"
+        if self.verdict is Verdict.SINGULAR:
+            return f"singular: {self.singularity}; {count}, of families"
+        why = "out of reach"
+        if self.violation is not None:
+            joint, excess = self.violation.joint, math.degrees(self.violation.excess)
+            why = f"outside limits: joint {joint} would have to go {excess:.2f} deg beyond its limit"
+        if self.nearest is None:
+            return why
+        turn = f" and {math.degrees(self.nearest.angle):.2f} deg" if self.nearest.goal.constraints > 3 else ""
+        return f"{why}; the nearest reachable goal is {1e3 * self.nearest.distance:.2f} mm{turn} away"
+
+
+def _line(branch: Branch) -> str:
+    angles = " ".join(f"{math.degrees(x):8.2f}" for x in branch.q)
+    free = f", joint {branch.free} may turn" if branch.free is not None else ""
+    return f"  {branch.label:>3} {angles} deg, {math.degrees(branch.margin):.1f} deg from the nearest limit{free}"

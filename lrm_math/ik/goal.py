@@ -1,0 +1,172 @@
+"""Where the tool shall be: a position, alone, with an orientation, or with the direction that the tool points in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrm_math.errors import LrmError
+
+Triple: TypeAlias = tuple[float, float, float]
+Rotation: TypeAlias = tuple[Triple, Triple, Triple]
+
+ROUNDED, ORTHONORMAL = 1e-4, 1e-9
+"""Largest deviation of RᵀR from the identity: `pose` mends rounded numbers, a goal itself holds exact ones."""
+UNIT = 1e-6
+"""Largest deviation of an approach direction's length from 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where the tool frame (TCP) shall be, in the frame that the arm's base placement is given in.
+
+    Attributes:
+        position: m.
+        rotation: rows of the tool frame's rotation matrix, or None.
+        approach: unit vector that the tool's z axis shall point along, or None. At most one of the two is given.
+
+    Raises:
+        LrmError: a number that is not finite, a matrix that is no rotation, an approach that is no unit vector.
+    """
+
+    position: Triple
+    rotation: Rotation | None = None
+    approach: Triple | None = None
+
+    def __post_init__(self) -> None:
+        _check_numbers("position", self.position)
+        if self.rotation is not None and self.approach is not None:
+            raise LrmError("goal: rotation and approach are both given; give one of them, or none for the position")
+        if self.rotation is not None:
+            _check_rotation(self.rotation)
+        if self.approach is not None:
+            _check_numbers("approach", self.approach)
+            length = math.hypot(*self.approach)
+            if abs(length - 1.0) > UNIT:
+                raise LrmError(f"goal: approach has length {length:.6g}; should be a unit vector (see point_along)")
+
+    @property
+    def constraints(self) -> int:
+        """How many of the tool's six degrees of freedom the goal fixes: 6, 5 or 3."""
+        if self.rotation is not None:
+            return 6
+        return 3 if self.approach is None else 5
+
+    @property
+    def freedom(self) -> str:
+        """What the goal leaves free, in words."""
+        return {
+            6: "nothing is free",
+            5: "the turn about the approach direction is free",
+            3: "the orientation is free",
+        }[self.constraints]
+
+    def __str__(self) -> str:
+        x, y, z = (1e3 * v for v in self.position)
+        return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm, {self.freedom}"
+
+
+def pose(position: ArrayLike, rotation: ArrayLike) -> Goal:
+    """A full pose: position (3,) in m and rotation matrix (3, 3), whose numbers may be rounded. Raises `LrmError`."""
+    matrix = _numbers("rotation", rotation, (3, 3))
+    off = float(np.abs(matrix.T @ matrix - np.eye(3)).max())
+    if off > ROUNDED:
+        raise _no_rotation(off, ROUNDED)
+    if off > ORTHONORMAL / 1e3:
+        left, _, right = np.linalg.svd(matrix)
+        matrix = left @ right
+    return Goal(_triple("position", position), rotation_rows(matrix))
+
+
+def rotation_rows(matrix: np.ndarray) -> Rotation:
+    """A rotation matrix (3, 3) as rows of floats."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    return (a, b, c), (d, e, f), (g, h, i)
+
+
+def pose_rpy(position: ArrayLike, roll: float, pitch: float, yaw: float) -> Goal:
+    """A full pose, the orientation as turns (rad) about the fixed x, then y, then z axis: Rz(yaw) Ry(pitch) Rx(roll).
+
+    Raises `LrmError`.
+    """
+    for name, angle in (("roll", roll), ("pitch", pitch), ("yaw", yaw)):
+        if not math.isfinite(angle):
+            raise LrmError(f"goal: {name} = {angle}; should be a finite angle in rad")
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
+    return Goal(
+        _triple("position", position),
+        (
+            (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+            (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+            (-sp, cp * sr, cp * cr),
+        ),
+    )
+
+
+def point(position: ArrayLike) -> Goal:
+    """A position (3,) in m, any orientation. Raises `LrmError`."""
+    return Goal(_triple("position", position))
+
+
+def point_along(position: ArrayLike, approach: ArrayLike) -> Goal:
+    """A position (3,) in m and the direction (3,), of any length but zero, that the tool's z axis shall point along.
+
+    Raises `LrmError`.
+    """
+    x, y, z = _triple("approach", approach)
+    length = math.hypot(x, y, z)
+    if length < 1e-12:
+        raise LrmError("goal: approach is the zero vector; should be a direction")
+    return Goal(_triple("position", position), None, (x / length, y / length, z / length))
+
+
+def _triple(name: str, value: ArrayLike) -> Triple:
+    x, y, z = _numbers(name, value, (3,)).tolist()
+    return x, y, z
+
+
+def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise LrmError(f"goal: {name} = {value!r}; should be numbers of shape {shape}") from None
+    if array.shape != shape:
+        raise LrmError(f"goal: {name} has shape {array.shape}; should be {shape}")
+    if not np.isfinite(array).all():
+        raise LrmError(f"goal: {name} = {array.tolist()}; should be finite numbers")
+    return array
+
+
+def _check_numbers(name: str, value: Sequence[float]) -> None:
+    if len(value) != 3 or not all(map(math.isfinite, value)):
+        raise LrmError(f"goal: {name} = {value}; should be three finite numbers")
+
+
+def _check_rotation(rotation: Rotation) -> None:
+    for row in rotation:
+        _check_numbers("a row of rotation", row)
+    a, b, c = rotation
+    off = max(
+        *(abs(_dot(row, row) - 1.0) for row in rotation),
+        *(abs(_dot(u, v)) for u, v in ((a, b), (b, c), (c, a))),
+    )
+    if off > ORTHONORMAL:
+        raise _no_rotation(off, ORTHONORMAL)
+    cross = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    if _dot(cross, c) < 0.0:
+        raise LrmError("goal: rotation has determinant -1: a mirror image; should be a right-handed rotation matrix")
+
+
+def _no_rotation(off: float, allowed: float) -> LrmError:
+    return LrmError(
+        f"goal: rotation is off orthonormal by {off:.3g} (RᵀR against the identity); should be at most {allowed:g}"
+    )
+
+
+def _dot(u: Triple, v: Triple) -> float:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]

@@ -1,0 +1,16 @@
+"""Inverse kinematics of the nominal arm: the closed form where three axes meet, damped least squares elsewhere."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from lrm_math.arm import Arm
+from lrm_math.ik.closed_form import ClosedForm
+from lrm_math.ik.numerical import Numerical
+from lrm_math.ik.solver import NominalSolver
+
+
+@lru_cache(maxsize=64)
+def solver_of(arm: Arm) -> NominalSolver:
+    """The solver of an arm: the closed form if its first or last three axes meet, else the numerical one."""
+    return ClosedForm.of(arm) or Numerical.of(arm)

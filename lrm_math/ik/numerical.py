@@ -1,0 +1,44 @@
+"""Arms without a closed form: every branch that a search from many starts meets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrm_math.arm import Arm
+from lrm_math.ik.answer import Answer
+from lrm_math.ik.goal import Goal, pose
+from lrm_math.ik.search import Search
+from lrm_math.ik.solver import BRANCHES, BatchAnswer, NominalSolver, angles_near, poses_checked
+
+
+@dataclass(frozen=True, eq=False)
+class Numerical(NominalSolver):
+    """Damped least squares from many starts. Branches may be missed; those given are exact.
+
+    That a goal is out of reach is then no proof, but what all starts agree on.
+    """
+
+    arm: Arm
+    search: Search
+
+    @classmethod
+    def of(cls, arm: Arm) -> Numerical:
+        """For any arm."""
+        return cls(arm, Search.of(arm))
+
+    def solve(self, goal: Goal, near: Sequence[float] | None = None) -> Answer:
+        return self.search.answer(goal, angles_near(near, self.arm.dof))
+
+    def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
+        p, R = poses_checked(positions, rotations)
+        q = np.zeros((len(p), BRANCHES, self.arm.dof))
+        valid, singular = np.zeros((2, len(p), BRANCHES), dtype=np.bool_)
+        for i, (position, rotation) in enumerate(zip(p, R, strict=True)):
+            answer = self.solve(pose(position, rotation))
+            for j, branch in enumerate(answer.branches[:BRANCHES]):
+                q[i, j], valid[i, j], singular[i, j] = branch.q, True, branch.free is not None
+        return BatchAnswer(q, valid, singular)

@@ -1,0 +1,144 @@
+"""The normal form of an arm whose last (or, held by its tool, first) three axes meet in one point (Pieper 1968).
+
+Held by the end that leaves the three meeting axes 4, 5, 6 outermost, the first three joints alone place the meeting
+point S, the last three alone turn the tool. Positions split further with u = Rz(q2) v, the way from axis 2 to S in
+the frame of the first link, and v = V0 + Vc cos q3 + Vs sin q3 in that of the second:
+
+    height above the first axis' normal    sin α1 u_y + cos α1 v_z = C_z              (1)
+    distance from the first normal's foot  |v|² + 2 a1 u_x + a1² = |C|²               (2)
+
+Where the axes 1 and 2 meet (a1 = 0), (2) gives q3; where they are parallel (sin α1 = 0), (1) does; each then leaves
+the other equation for q2. For all others they are two circles whose meeting is a polynomial of degree four.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import TypeAlias
+
+import numpy as np
+
+from lrm_math.chain import Array
+from lrm_math.ik.lines import Lines, angle_about, links_of
+
+Vector3: TypeAlias = tuple[float, float, float]
+Turn: TypeAlias = tuple[float, float]
+
+FLAT = 1e-9
+"""m, or m²: below it an equation no longer depends on its angle."""
+
+
+class Shape(Enum):
+    """How the first two axes stand."""
+
+    MEETING = "the first two axes meet"
+    PARALLEL = "the first two axes are parallel"
+    SKEW = "the first two axes are skew"
+
+
+@dataclass(frozen=True)
+class Pieper:
+    """Constants of the closed form; SI, angles counted from the common normals.
+
+    Attributes:
+        backwards: the arm is held by its tool: q1 below is the last joint's, and the goal is inverted.
+        frame: rows x, y, z of the first axis' frame in the goal's (or, backwards, the tool's) frame.
+        foot: origin of that frame, in its own axes (m).
+        centre: S in the tool's (backwards: the goal's) frame (m).
+        tip_x, tip_z: last common normal and last axis there.
+        a: length of the first common normal (m).
+        links: (cos, sin) of the angles between consecutive axes, five; the last sine is positive.
+        offsets: what the angles of the joints 2 to 5 have at q = 0, counted between common normals (rad).
+        v0, vc, vs: S beyond axis 2, see above (m).
+        elbow: (constant, amplitude, phase) of the equation that gives q3; amplitude 0 for SKEW.
+        length: size of the arm (m).
+    """
+
+    backwards: bool
+    shape: Shape
+    frame: tuple[Vector3, Vector3, Vector3]
+    foot: Vector3
+    centre: Vector3
+    tip_x: Vector3
+    tip_z: Vector3
+    a: float
+    links: tuple[Turn, Turn, Turn, Turn, Turn]
+    offsets: tuple[float, float, float, float]
+    v0: Vector3
+    vc: Vector3
+    vs: Vector3
+    elbow: tuple[float, float, float]
+    length: float
+
+
+def pieper_form(lines: Lines) -> Pieper | None:
+    """The normal form of six lines held by either end; None where no three axes meet or two axes do the same."""
+    if len(lines.axis) != 6:
+        return None
+    return _outward(lines, False) or _outward(lines.reversed(), True)
+
+
+def _outward(lines: Lines, backwards: bool) -> Pieper | None:
+    S = lines.meeting_point(3)
+    if S is None:
+        return None
+    links = links_of(lines)
+    if links[3].sin == 0.0 or links[4].sin == 0.0 or (links[0].sin == 0.0 and links[0].a == 0.0):
+        return None
+    h, first = lines.axis, links[0]
+    frame = np.array([first.normal, np.cross(h[0], first.normal), h[0]])
+    second = np.array([links[1].normal, np.cross(h[1], links[1].normal), h[1]])
+    delta = [angle_about(h[i], links[i - 1].normal, links[i].normal) for i in range(1, 5)]
+    v0, vc, vs = _swing(lines, S, first.next_foot, second, delta[1])
+    shape = Shape.MEETING if first.a == 0.0 else Shape.PARALLEL if first.sin == 0.0 else Shape.SKEW
+    elbow = _elbow(shape, first.cos, v0, vc, vs)
+    if elbow is None or np.linalg.norm(vc) < FLAT:
+        return None
+    R = lines.rotation
+    return Pieper(
+        backwards=backwards,
+        shape=shape,
+        frame=(_three(frame[0]), _three(frame[1]), _three(frame[2])),
+        foot=_three(frame @ first.foot),
+        centre=_three(R.T @ (S - lines.position)),
+        tip_x=_three(R.T @ links[4].normal),
+        tip_z=_three(R.T @ h[5]),
+        a=first.a,
+        links=tuple((k.cos, k.sin) for k in links),  # type: ignore[arg-type]
+        offsets=tuple(delta),  # type: ignore[arg-type]
+        v0=_three(v0),
+        vc=_three(vc),
+        vs=_three(vs),
+        elbow=elbow,
+        length=float(abs(first.a) + np.abs([v0, vc, vs]).sum()),
+    )
+
+
+def _swing(lines: Lines, S: Array, origin: Array, basis: Array, delta: float) -> tuple[Array, Array, Array]:
+    """v as a function of q3 + delta: the circle that S runs on about axis 3, from `origin`, along rows of `basis`."""
+    h, o = lines.axis[2], lines.point[2]
+    along = o + ((S - o) @ h) * h
+    out = S - along
+    side = np.cross(h, out)
+    c, s = np.cos(delta), np.sin(delta)
+    return basis @ (along - origin), basis @ (c * out - s * side), basis @ (s * out + c * side)
+
+
+def _elbow(shape: Shape, cos: float, v0: Array, vc: Array, vs: Array) -> tuple[float, float, float] | None:
+    """Constant, amplitude and phase of |v|² (MEETING) or cos α1 v_z (PARALLEL) as functions of q3."""
+    if shape is Shape.SKEW:
+        return 0.0, 0.0, 0.0
+    if shape is Shape.MEETING:
+        constant, c, s = v0 @ v0 + vc @ vc, 2 * v0 @ vc, 2 * v0 @ vs
+    else:
+        constant, c, s = cos * v0[2], cos * vc[2], cos * vs[2]
+    amplitude = math.hypot(c, s)
+    return None if amplitude < FLAT else (float(constant), amplitude, math.atan2(s, c))
+
+
+def _three(v: Array) -> Vector3:
+    """Three floats; what is zero but for round-off is zero."""
+    x, y, z = (0.0 if abs(c) < 1e-15 else c for c in v.tolist())
+    return x, y, z

@@ -1,0 +1,86 @@
+"""What every solver of the nominal arm offers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lrm_math.arm import Arm
+from lrm_math.chain import Array
+from lrm_math.errors import LrmError
+from lrm_math.ik.answer import Answer
+from lrm_math.ik.goal import Goal
+
+Mask = NDArray[np.bool_]
+BRANCHES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class BatchAnswer:
+    """The branches of N poses. No NaN anywhere.
+
+    Attributes:
+        q: (N, 8, n), rad; means nothing where not valid.
+        valid: (N, 8), whether the branch exists and keeps the limits.
+        singular: (N, 8), whether it is one of a family; `solve` looks for others within the limits, this does not.
+    """
+
+    q: Array
+    valid: Mask
+    singular: Mask
+
+    @property
+    def solved(self) -> Mask:
+        """(N,), whether there is a branch within the limits."""
+        return np.asarray(self.valid.any(axis=1))
+
+
+class NominalSolver(ABC):
+    """Joint angles of one arm for goals of any kind. Frozen; all that depends on the arm alone is there beforehand."""
+
+    arm: Arm
+
+    @abstractmethod
+    def solve(self, goal: Goal, near: Sequence[float] | None = None) -> Answer:
+        """All branches of a pose, or representatives of what a lesser goal leaves free.
+
+        Args:
+            near: (n,), joint angles (rad): branches come nearest first, and what is free stays near; without it, what
+                is free and the order keep away from the limits.
+
+        Raises:
+            LrmError: `near` is not n finite angles.
+        """
+
+    @abstractmethod
+    def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
+        """All branches of N poses: positions (N, 3) in m, rotations (N, 3, 3).
+
+        Raises:
+            LrmError: wrong shapes, numbers that are not finite, or matrices that are no rotations.
+        """
+
+
+def angles_near(near: Sequence[float] | None, dof: int) -> Array | None:
+    """(n,), the angles to stay near, checked. Raises `LrmError`."""
+    if near is None:
+        return None
+    q = np.asarray(near, dtype=np.float64)
+    if q.shape != (dof,) or not np.isfinite(q).all():
+        raise LrmError(f"near = {near}; should be {dof} finite joint angles in rad")
+    return q
+
+
+def poses_checked(positions: ArrayLike, rotations: ArrayLike) -> tuple[Array, Array]:
+    """(N, 3) and (N, 3, 3), checked. Raises `LrmError`."""
+    p, R = np.asarray(positions, dtype=np.float64), np.asarray(rotations, dtype=np.float64)
+    if p.ndim != 2 or p.shape[1] != 3 or R.shape != (len(p), 3, 3):
+        raise LrmError(f"positions have shape {p.shape} and rotations {R.shape}; should be (N, 3) and (N, 3, 3)")
+    finite = np.isfinite(p).all(axis=1) & np.isfinite(R).all(axis=(1, 2))
+    if not finite.all():
+        raise LrmError(f"goal {int(np.argmin(finite)) + 1}: position or rotation is not finite")
+    return p, R
