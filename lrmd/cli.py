@@ -7,13 +7,15 @@ import getpass
 import math
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from lrm_math.errors import LrmError, nearest
 from lrmd import cli_text
 from lrmd.angle import angle_of, angles_of
 from lrmd.client import Interrupted, RequestRefused, Rover
+from lrmd.ik_messages import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 from lrmd.messages import Event
 
 TEXT = """\
@@ -48,9 +50,17 @@ def main(argv: list[str] | None = None) -> int:
         return 1
 
 
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Ends the program."""
+        self.exit(2, f"lrm: {message}; see {self.prog} --help\n")
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    p = argparse.ArgumentParser("lrm", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = Parser("lrm", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--robot", default="rover", help="whose daemon (default: %(default)s)")
     p.add_argument("--connect", metavar="ENDPOINT", help="default: LRM_CONNECT, or tcp/127.0.0.1:7447")
     p.add_argument("--zenoh-config", metavar="FILE", help="password or certificates (default: LRM_ZENOH_CONFIG)")
@@ -88,6 +98,19 @@ def parser() -> argparse.ArgumentParser:
     c.add_argument("pan", metavar="PAN")
     c.add_argument("tilt", metavar="TILT")
     _motion(c)
+    c = command("ik", ik, "commands that bring the bent arm's tool to a place (mm)")
+    _goal(c)
+    c = command("goto", goto, "bring the tool to a place (mm): plan a way, and go")
+    _goal(c)
+    _motion(c)
+    c = command("plan", plan, "a way to joint angles, round what is between; with --go, take it")
+    c.add_argument("--q", required=True, metavar="Q1,Q2,...", help="where to")
+    c.add_argument("--seed", type=int, default=0, help="another seed finds another way")
+    c.add_argument("--go", action="store_true", help="and move there")
+    _motion(c)
+    c = command("fk", fk, "where the bent arm's tool is for joint angles (mm)")
+    c.add_argument("--q", metavar="Q1,Q2,...", help="default: where the arm was told to be")
+    c.add_argument("--payload-g", type=float, default=0.0, metavar="G", help="what the gripper carries")
     command("hold", hold, "stop where it is, with pulses on; anybody may")
     c = command("relax", relax, "stop the pulses: what they carried falls")
     c.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
@@ -105,6 +128,17 @@ def parser() -> argparse.ArgumentParser:
         "--angles", default="-100,0,100", metavar="A1,A2,...", help="where to measure (default: %(default)s)"
     )
     return p
+
+
+def _goal(c: argparse.ArgumentParser) -> None:
+    for name in ("x", "y", "z"):
+        c.add_argument(name, type=float, metavar=name.upper(), help="mm")
+    turn = c.add_mutually_exclusive_group()
+    turn.add_argument("--rpy", metavar="R,P,Y", help="orientation: turns about the fixed x, then y, then z axis")
+    turn.add_argument("--approach", metavar="X,Y,Z", help="direction that the tool points along")
+    c.add_argument("--method", choices=["cube", "direct", "iterative"], default="cube", help="default: %(default)s")
+    c.add_argument("--round", choices=["each", "best"], default="best", help="how angles become counts")
+    c.add_argument("--payload-g", type=float, default=0.0, metavar="G", help="what the gripper carries")
 
 
 def _motion(c: argparse.ArgumentParser) -> None:
@@ -151,7 +185,7 @@ def arm(o: argparse.Namespace) -> int:
     with rover_of(o) as rover, rover.control(holder(), o.take):
         try:
             if o.q or o.at:
-                rover.arm("given", _joints(rover, o.q) if o.q else _named(rover, o.at))
+                rover.arm("given", _joints(rover, o.q) if o.q else _named(rover, o.at), o.servo)
             else:
                 rover.arm("stored" if o.stored else "board", servos=o.servo)
         except RequestRefused as error:
@@ -194,16 +228,94 @@ def pan_tilt(o: argparse.Namespace) -> int:
 
 
 def _go(o: argparse.Namespace, rover: Rover, targets: Mapping[str, float], payload: float | None = None) -> int:
+    return _through(o, rover, [targets], payload)
+
+
+def _through(
+    o: argparse.Namespace, rover: Rover, waypoints: Sequence[Mapping[str, float]], payload: float | None
+) -> int:
     if not 0 < o.speed <= 1:
         raise LrmError(f"--speed {o.speed:g}: should be more than 0, at most 1")
     with rover.control(holder(), o.take):
         try:
-            seconds = rover.move(targets, pace="each" if o.each else "together", speed=o.speed, payload_kg=payload)
+            seconds = rover.move(*waypoints, pace="each" if o.each else "together", speed=o.speed, payload_kg=payload)
         except KeyboardInterrupt:
             rover.hold()
             print("held", file=sys.stderr)
             return 1
     print(f"there, after {seconds:.1f} s")
+    return 0
+
+
+def ik(o: argparse.Namespace) -> int:
+    """`lrm ik`."""
+    with rover_of(o) as rover:
+        print(cli_text.answer_text(_asked(o, rover), rover.info().names))
+    return 0
+
+
+def _asked(o: argparse.Namespace, rover: Rover) -> IkAnswer:
+    """The answer to the goal of the command line. Raises `LrmError` if it cannot be taken."""
+    goal = GoalEntry(
+        position_m=[v / 1000 for v in (o.x, o.y, o.z)],
+        rpy_rad=_three("--rpy", angles_of(o.rpy)) if o.rpy else None,
+        approach=_three("--approach", _numbers("--approach", o.approach)) if o.approach else None,
+    )
+    request = IkRequest(
+        goals=[goal], near_rad=rover.standing(), method=o.method, round=o.round, payload_kg=o.payload_g / 1000,
+        deadline_ms=5000.0,
+    )  # fmt: skip
+    answer = rover.ik(request).answers[0]
+    if answer.q_rad is None:
+        raise LrmError(f"{answer.verdict}: {answer.text}")
+    return answer
+
+
+def _numbers(name: str, text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise LrmError(f"{name} {text}: should be numbers with commas between them") from None
+
+
+def _three(name: str, values: list[float]) -> list[float]:
+    if len(values) != 3:
+        raise LrmError(f"{name} has {len(values)} numbers; should be three with commas between them")
+    return values
+
+
+def goto(o: argparse.Namespace) -> int:
+    """`lrm goto`."""
+    with rover_of(o) as rover:
+        answer = _asked(o, rover)
+        print(cli_text.answer_text(answer, rover.info().names))
+        waypoints = _way(rover, answer.rounded_q_rad or answer.q_rad or [], o.payload_g / 1000, 0)
+        return _through(o, rover, waypoints, o.payload_g / 1000)
+
+
+def plan(o: argparse.Namespace) -> int:
+    """`lrm plan`."""
+    with rover_of(o) as rover:
+        waypoints = _way(rover, list(_joints(rover, o.q).values()), 0.0, o.seed)
+        return _through(o, rover, waypoints, None) if o.go else 0
+
+
+def _way(rover: Rover, q: list[float], payload: float, seed: int) -> list[dict[str, float]]:
+    """Plans a way to joint angles (rad) and prints it. Raises `LrmError` if there is none."""
+    reply = rover.plan(PlanRequest(from_rad=rover.standing(), to_rad=q, payload_kg=payload, seed=seed))
+    if not reply.found:
+        raise LrmError(reply.text)
+    print(cli_text.way_text(reply.waypoints_rad))
+    names = rover.info().names
+    return [dict(zip(names, waypoint, strict=False)) for waypoint in reply.waypoints_rad[1:]]
+
+
+def fk(o: argparse.Namespace) -> int:
+    """`lrm fk`."""
+    with rover_of(o) as rover:
+        q = list(_joints(rover, o.q).values()) if o.q else rover.standing()
+        place = rover.fk(FkRequest(q_rad=[q], payload_kg=o.payload_g / 1000)).places[0]
+        print(cli_text.place_text(place))
     return 0
 
 

@@ -6,7 +6,9 @@ import math
 import os
 import sys
 import time
+from collections.abc import Sequence
 
+from lrmd.ik_messages import IkAnswer, Place
 from lrmd.messages import Event, FaultsState, InfoState, JointsState, MetricsState, ModeState, ThermalState
 
 _COLOURS = {"red": "31", "green": "32", "yellow": "33", "bold": "1", "dim": "2"}
@@ -40,7 +42,9 @@ def joints_table(joints: JointsState, heat: ThermalState) -> str:
         pulse = f"{joints.pulse_us[i]:10.1f}" if known else f"{'':>10}"
         on = "on" if joints.on[i] else "off"
         level = heat.level[i]
+        soon = heat.hot_in_s[i]
         warmth = f"{heat.temperature_c[i]:10.1f}" + ("" if level == "cool" else f" {level}")
+        warmth += f", hot in {soon / 60:.0f} min" if soon else ""
         warmth = paint(warmth, _OF_LEVEL.get(level))
         lines.append(f"{name:<10}{angle}{target}{pulse}{on:>8}{heat.tau_nm[i]:10.3f}{warmth}")
     return "\n".join(lines)
@@ -86,6 +90,41 @@ def info_text(info: InfoState) -> str:
         pose = ", ".join(f"{n} {math.degrees(q):.1f}" for n, q in info.stored_rad.items())
         lines.append(f"last pose (deg): {pose}{'' if info.stored_still else '; it was moving then'}")
     return "\n".join(lines)
+
+
+def answer_text(answer: IkAnswer, names: Sequence[str]) -> str:
+    """Commands for a goal that can be taken, and how far the tool will be from it."""
+    lines = [_angles("commands (deg)", answer.q_rad or [], names)]
+    sure = "not known (the model file has no covariance)" if answer.sd_m is None else f"{answer.sd_m * 1e3:.2f} mm"
+    lines.append(f"predicted error {(answer.predicted_error_m or 0.0) * 1e3:.2g} mm, standard deviation {sure}")
+    if answer.rounded_error_m is not None:
+        lines.append(f"after rounding to the board's counts {answer.rounded_error_m * 1e3:.2f} mm")
+    if answer.detours:
+        joints = ", ".join(f"joint{j}" for j in answer.detours)
+        lines.append(f"{joints}: the error depends on the side it comes from; come from the other one")
+    lines += [_angles(f"branch {i} (deg)", q, names) for i, q in enumerate(answer.branches_rad[1:], start=2)]
+    return "\n".join(lines)
+
+
+def _angles(what: str, q: Sequence[float], names: Sequence[str]) -> str:
+    return f"{what}: " + ", ".join(f"{n} {math.degrees(a):.2f}" for n, a in zip(names, q, strict=False))
+
+
+def way_text(waypoints: Sequence[Sequence[float]]) -> str:
+    """The waypoints of a way, in degrees."""
+    rows = [" ".join(f"{math.degrees(a):8.1f}" for a in q) for q in waypoints]
+    return "\n".join([f"{len(waypoints) - 1} straight moves through (deg):", *rows])
+
+
+def place_text(place: Place) -> str:
+    """Where the tool is."""
+    x, y, z = (v * 1e3 for v in place.tcp_m)
+    sure = "" if place.sd_m is None else f", standard deviation {place.sd_m * 1e3:.2f} mm"
+    (r11, _, _), (r21, _, _), (r31, r32, r33) = place.rotation
+    turns = math.atan2(r32, r33), -math.asin(max(-1.0, min(1.0, r31))), math.atan2(r21, r11)
+    rpy = ", ".join(f"{math.degrees(a):.1f}" for a in turns)
+    torques = ", ".join(f"{t:.3f}" for t in place.tau_nm)
+    return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm{sure}\nroll, pitch, yaw ({rpy}) deg\ntorques ({torques}) Nm"
 
 
 def event_line(event: Event) -> str:

@@ -9,6 +9,7 @@ with Rover("rover") as rover, rover.control("my program"):
 from __future__ import annotations
 
 import os
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,6 +20,7 @@ from typing import Literal, Self, TypeVar
 import zenoh
 
 from lrm_math.errors import LrmError
+from lrmd.ik_messages import FkReply, FkRequest, IkReply, IkRequest, PlanReply, PlanRequest
 from lrmd.messages import (
     ArmRequest,
     DisarmRequest,
@@ -40,12 +42,14 @@ from lrmd.messages import (
     Reply,
     ResetRequest,
     ThermalState,
+    field_named,
     pack,
     unpack,
 )
 from lrmd.zenoh_session import client, key
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+ROBOT_NAME = r"[A-Za-z0-9_-]+"
 STANDING = ("armed", "holding")
 S = TypeVar("S", bound=Header)
 
@@ -84,11 +88,16 @@ class Rover:
         config: str | None = None,
         timeout: float = 2.0,
     ) -> None:
+        if not re.fullmatch(ROBOT_NAME, robot):
+            raise LrmError(f"robot '{robot}': a name has letters, digits, _ and - only")
         endpoints = connect or os.environ.get("LRM_CONNECT", DEFAULT_ENDPOINT).split(",")
         self.robot = robot
         self._timeout = timeout
-        self._config = client(list(endpoints), config or os.environ.get("LRM_ZENOH_CONFIG"))
         self._where = ", ".join(endpoints)
+        try:
+            self._config = client(list(endpoints), config or os.environ.get("LRM_ZENOH_CONFIG"))
+        except zenoh.ZError:
+            raise LrmError(f"{self._where}: should be zenoh endpoints like {DEFAULT_ENDPOINT}") from None
         self._lease: str | None = None
 
     def __enter__(self) -> Self:
@@ -112,7 +121,9 @@ class Rover:
 
         Raises `RequestRefused` if somebody else has it (unless `take`). Losing it ends a motion in hold.
         """
-        reply = self._ask("rpc/lease", LeaseRequest(action="acquire", holder=holder, take=take))
+        with field_named():
+            request = LeaseRequest(action="acquire", holder=holder, take=take)
+        reply = self._ask("rpc/lease", request)
         self._lease = reply.lease
         ended = threading.Event()
         beat = threading.Thread(target=self._keep_alive, args=(ended, (reply.lease_ms or 400.0) / 4000), daemon=True)
@@ -153,7 +164,8 @@ class Rover:
     ) -> None:
         """Switches servos on where they stand (`q`, rad), and waits until they are. Raises `RequestRefused`."""
         chosen = None if servos is None else list(servos)
-        request = ArmRequest(lease=self._token(), where=where, q_rad=dict(q or {}), servos=chosen)
+        with field_named():
+            request = ArmRequest(lease=self._token(), where=where, q_rad=dict(q or {}), servos=chosen)
         reply = self._ask("rpc/arm", request)
         self._wait(("armed",), ("arming",), (reply.seconds or 0.0) + 2.0)
 
@@ -169,9 +181,9 @@ class Rover:
 
         Raises `RequestRefused`; while waiting `Interrupted` if the motion ends before its goal.
         """
-        request = MoveRequest(
-            lease=self._token(), waypoints=[dict(w) for w in waypoints], pace=pace, speed=speed, payload_kg=payload_kg
-        )
+        way = [dict(w) for w in waypoints]
+        with field_named():
+            request = MoveRequest(lease=self._token(), waypoints=way, pace=pace, speed=speed, payload_kg=payload_kg)
         seconds = self._ask("rpc/move", request).seconds or 0.0
         if wait:
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
@@ -179,8 +191,9 @@ class Rover:
 
     def jog(self, rates: Mapping[str, float]) -> None:
         """Turns servos at rates (rad/s) for at most half a second: call it again to go on. Never waits."""
-        data = pack(JogRequest(lease=self._token(), rate_rad_per_s=dict(rates)))
-        self._session.put(key(self.robot, "cmd/jog"), data, express=True)
+        with field_named():
+            request = JogRequest(lease=self._token(), rate_rad_per_s=dict(rates))
+        self._session.put(key(self.robot, "cmd/jog"), pack(request), express=True)
 
     def hold(self) -> None:
         """Stops where it is, with pulses on. Needs no lease."""
@@ -188,7 +201,9 @@ class Rover:
 
     def relax(self, servos: Sequence[str] | None = None) -> None:
         """Stops the pulses of some servos, or of all: what they carried falls."""
-        self._ask("rpc/relax", RelaxRequest(lease=self._token(), servos=None if servos is None else list(servos)))
+        with field_named():
+            request = RelaxRequest(lease=self._token(), servos=None if servos is None else list(servos))
+        self._ask("rpc/relax", request)
 
     def disarm(self) -> None:
         """Stops all pulses of an arm that stands still."""
@@ -200,9 +215,27 @@ class Rover:
 
     def estop(self, why: str = "") -> None:
         """Stops all pulses at the next tick. Needs no lease."""
-        command = EstopCommand(why=why)
+        command = EstopCommand(why="".join(c for c in why if c.isprintable())[:64])
         self._session.put(key(self.robot, "cmd/estop"), pack(command), express=True)
         self._ask("rpc/estop", command)
+
+    # ---- kinematics
+
+    def ik(self, request: IkRequest) -> IkReply:
+        """Commands for goals. Raises `RequestRefused`."""
+        return self._question("rpc/ik", request, IkReply, request.deadline_ms)
+
+    def fk(self, request: FkRequest) -> FkReply:
+        """Where the bent arm's tool is. Raises `RequestRefused`."""
+        return self._question("rpc/fk", request, FkReply, 1000.0)
+
+    def plan(self, request: PlanRequest) -> PlanReply:
+        """A way round what is between. Raises `RequestRefused`."""
+        return self._question("rpc/plan", request, PlanReply, request.deadline_ms)
+
+    def standing(self) -> list[float]:
+        """Angles (rad) that the arm's joints were last told."""
+        return self.joints().q_rad[: self.info().joints]
 
     # ---- state
 
@@ -253,6 +286,9 @@ class Rover:
 
     def _state(self, tail: str, kind: type[S]) -> S:
         return unpack(kind, self._replies(tail, b"", self._timeout)[0])
+
+    def _question(self, tail: str, request: Message, kind: type[S], deadline_ms: float) -> S:
+        return unpack(kind, self._replies(tail, pack(request), self._timeout + deadline_ms / 1000)[0])
 
     def _ask(self, tail: str, request: Message, timeout: float | None = None) -> Reply:
         return unpack(Reply, self._replies(tail, pack(request), timeout or self._timeout)[0])

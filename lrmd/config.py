@@ -18,6 +18,9 @@ from lrm_math.toml_file import StrictSchema, read_toml
 MS, US = 1_000_000, 1_000
 """Nanoseconds in a millisecond and in a microsecond."""
 
+SHORTEST = 100 * US
+"""ns: no servo's pulse is shorter; a table that says so is in another unit, or reaches too far."""
+
 Milliseconds = Annotated[float, Field(gt=0, le=60_000)]
 Celsius = Annotated[float, Field(ge=-50, le=150)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
@@ -194,6 +197,8 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         raise LrmError(f"thermal rise_k_per_nm2: unknown joint {name}; {nearest(name, arm.joint_names)}")
     if t.link.silence_ms <= 2 * t.link.reply_ms:
         raise LrmError(f"link: silence_ms = {t.link.silence_ms} must be more than twice reply_ms = {t.link.reply_ms:g}")
+    if t.link.reply_ms < 2 * t.ramp.tick_ms:
+        raise LrmError(f"link: reply_ms = {t.link.reply_ms:g} must be at least twice tick_ms = {t.ramp.tick_ms:g}")
     clock = PwmClock(t.link.pwm_hz, t.link.oscillator_hz)
     for servo in servos:
         clock.counts_of([servo.lowest * 1e-9, servo.highest * 1e-9])
@@ -244,6 +249,9 @@ def _servo(name: str, entry: ServoEntry, arm: Arm) -> Servo:
     else:
         lower, upper = table.angle[0], table.angle[-1]
     ends = sorted(round(float(table.pulse_of(angle)) * 1e9) for angle in (lower, upper))
+    if ends[0] < SHORTEST:
+        text = f"its pulses begin at {ends[0] / US:g} us; servos take 500 to 2500 us, never below {SHORTEST // US}"
+        raise LrmError(f"servo {name}: {text}")
     return Servo(name, entry.channel, table, ends[0], ends[1])
 
 

@@ -28,7 +28,7 @@ from lrmd.messages import (
     RelaxRequest,
     ResetRequest,
 )
-from lrmd.pulses import Pulses, armed, duration, overlaid, pulses_of, turning
+from lrmd.pulses import Pulses, armed, corners, duration, overlaid, pulses_of, turning
 from lrmd.ramp import Pace, move
 from lrmd.refusal import Refused
 from lrmd.standing import standing
@@ -193,7 +193,7 @@ class Core:
                 self._stop_motion(now, f"{request.holder} took the lease")
             return Done(lease=self.lease)
         if request.action == "renew":
-            self.lease = leases.renew(self.lease, request.lease or "", now, config.lease)
+            self.lease = leases.renew(self.lease, request.lease, now, config.lease)
             return Done(lease=self.lease)
         leases.checked(self.lease, request.lease, now)
         self.lease = None
@@ -236,7 +236,7 @@ class Core:
     def _check_way(self, waypoints: Sequence[Pulses], stride: int, pace: Pace, payload: float) -> None:
         """Refuses a way that collides, or that ends where a hot servo is loaded more than it is now.
 
-        Between two places where some servo stops, all servos move in proportion: those stretches are straight.
+        Each stretch between two corners is straight in joint space, as the guard wants it.
         """
         here = self.position
         loads_now = self._loads(self._joints(here), payload)
@@ -244,7 +244,7 @@ class Core:
         for number, waypoint in enumerate(waypoints, start=1):
             goal = overlaid(goal, waypoint)
             going = move(here, goal, (stride,) * len(here), pace)
-            for stop in (going.at(k) for k in sorted({k for k in going.ticks if k})):
+            for stop in (going.at(k) for k in corners(self.config, going)):
                 self._check_stretch(here, stop, number)
                 here = stop
             self.heat.check(loads_now, self._loads(self._joints(goal), payload))

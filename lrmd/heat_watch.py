@@ -44,6 +44,15 @@ class HeatWatch:
         """Whether a second has passed since the last update."""
         return now - self._at >= SECOND
 
+    @property
+    def hot_in(self) -> list[float]:
+        """Seconds until each servo is hot, if the torques stay as they are; infinite if never."""
+        limit, model = self.model.limits[Heat.HOT - 1], self.model
+        return [
+            model.seconds_to(limit, T, tau, rise)
+            for T, tau, rise in zip(self.temperature, self.tau, model.rise, strict=True)
+        ]
+
     def update(self, now: int, tau: Sequence[float]) -> list[Change]:
         """Goes on to `now` (ns) with these torques (N m), 0 for servos without pulses."""
         seconds, self._at = (now - self._at) / SECOND, now

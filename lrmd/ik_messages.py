@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lrmd.messages import Header, Label, Message
+from lrmd.messages import Header, Label, Message, Part
 
 Coordinate = Annotated[float, Field(ge=-100, le=100)]
 Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
@@ -15,7 +15,7 @@ Joints = Annotated[list[Joint], Field(min_length=1, max_length=16)]
 Payload = Annotated[float, Field(ge=0, le=2)]
 
 
-class GoalEntry(Message):
+class GoalEntry(Part):
     """Where the tool shall be: `position_m`, and at most one of the others; without any the orientation is free.
 
     `rpy_rad`: turns about the fixed x, then y, then z axis. `quaternion_xyzw`: a unit quaternion. `approach`: direction
@@ -62,13 +62,34 @@ class FkRequest(Message):
     near_rad: Joints | None = None
 
 
+class PlanRequest(Message):
+    """`rpc/plan`: a way from `from_rad` to `to_rad`, or to a goal, round what is in between.
+
+    `seed`: the same seed finds the same way.
+    """
+
+    id: Label = ""
+    from_rad: Joints
+    to_rad: Joints | None = None
+    goal: GoalEntry | None = None
+    payload_kg: Payload = 0.0
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    deadline_ms: Annotated[float, Field(gt=0, le=60_000)] = 10_000.0
+
+    @model_validator(mode="after")
+    def _one_end(self) -> PlanRequest:
+        if (self.to_rad is None) == (self.goal is None):
+            raise ValueError("give to_rad or goal, one of them")
+        return self
+
+
 class CancelRequest(Message):
     """`rpc/cancel`: the request of this `id` need not be answered any more."""
 
     id: Annotated[str, Field(min_length=1, max_length=64)]
 
 
-class IkAnswer(Message):
+class IkAnswer(Part):
     """The answer to one goal.
 
     `verdict`: solved, out_of_reach, outside_limits, not_converged or collision; `text` says it in words. If solved:
@@ -109,7 +130,22 @@ class IkReply(Header):
     elapsed_ms: float
 
 
-class Place(Message):
+class PlanReply(Header):
+    """The way: straight moves through `waypoints_rad`, the start included; empty if there is none, as `text` says.
+
+    Waypoints stand where the way turns and where a joint passes a point of its level-1 table, so that moves which are
+    straight in pulses are straight in angles.
+    """
+
+    found: bool
+    text: str
+    waypoints_rad: list[list[float]] = []
+    model: str
+    model_sha256: str
+    elapsed_ms: float
+
+
+class Place(Part):
     """Where the tool is: position, rows of its rotation matrix, gravity's torque on every joint, standard deviation."""
 
     tcp_m: list[float]

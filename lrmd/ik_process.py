@@ -18,10 +18,11 @@ from lrmd import log
 from lrmd.config import Config
 from lrmd.deployed import deploy
 from lrmd.face import error_reply
-from lrmd.ik_messages import CancelRequest, FkReply, FkRequest, IkReply, IkRequest
+from lrmd.ik_messages import CancelRequest, FkReply, FkRequest, IkReply, IkRequest, PlanReply, PlanRequest
 from lrmd.ik_service import IkService
 from lrmd.mailbox import Shared
 from lrmd.messages import Message, pack, unpack
+from lrmd.planner import Way
 from lrmd.ramp_process import die_with_parent
 from lrmd.refusal import Refused
 from lrmd.shared_fd import SharedFd
@@ -31,6 +32,9 @@ QUEUE = 64
 """Queries that may wait; one more is told to come again."""
 MS = 1_000_000
 FK_DEADLINE = 1000 * MS
+
+
+Request = IkRequest | FkRequest | PlanRequest
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ class Waiting:
     """A query in the queue: who asked, what, and until when (monotonic ns) an answer is wanted."""
 
     query: zenoh.Query
-    request: IkRequest | FkRequest
+    request: Request
     until: int
 
 
@@ -72,6 +76,7 @@ class IkProcess:
         with zenoh.open(client(own_endpoints(zenoh_table), zenoh_table.config)) as session:
             self._declare(session, "rpc/ik", lambda q, data: self._enqueue(q, unpack(IkRequest, data)))
             self._declare(session, "rpc/fk", lambda q, data: self._enqueue(q, unpack(FkRequest, data)))
+            self._declare(session, "rpc/plan", lambda q, data: self._enqueue(q, unpack(PlanRequest, data)))
             self._declare(session, "rpc/cancel", lambda q, data: self._cancel(q, unpack(CancelRequest, data)))
             self._work()
 
@@ -91,8 +96,8 @@ class IkProcess:
 
         session.declare_queryable(own, received)
 
-    def _enqueue(self, query: zenoh.Query, request: IkRequest | FkRequest) -> None:
-        wanted = request.deadline_ms * MS if isinstance(request, IkRequest) else FK_DEADLINE
+    def _enqueue(self, query: zenoh.Query, request: Request) -> None:
+        wanted = FK_DEADLINE if isinstance(request, FkRequest) else request.deadline_ms * MS
         try:
             self._queue.put_nowait(Waiting(query, request, time.monotonic_ns() + int(wanted)))
         except queue.Full:
@@ -151,7 +156,7 @@ class IkProcess:
             self._shared.ik[0] = time.monotonic_ns()
             if time.monotonic_ns() > waiting.until:
                 raise Refused("deadline", "the deadline passed before the answer was there", retryable=True)
-            if isinstance(request, IkRequest) and request.id and self._cancelled.pop(request.id, None) is not None:
+            if not isinstance(request, FkRequest) and request.id and self._cancelled.pop(request.id, None) is not None:
                 raise Refused("cancelled", f"request {request.id} was cancelled")
 
         said: dict[str, Any] = {
@@ -160,8 +165,20 @@ class IkProcess:
         if isinstance(request, IkRequest):
             answers = self._service.inverse(request, goes_on)
             return IkReply(**self._header(), **said, answers=answers, elapsed_ms=(time.perf_counter() - started) * 1e3)
+        if isinstance(request, PlanRequest):
+            return self._planned(request, goes_on, started)
         places = self._service.forward(request, goes_on)
         return FkReply(**self._header(), **said, places=places, elapsed_ms=(time.perf_counter() - started) * 1e3)
+
+    def _planned(self, request: PlanRequest, goes_on: Callable[[], None], started: float) -> PlanReply:
+        way, deployed = self._service.plan(request, goes_on), self._service.deployed
+        found = isinstance(way, Way)
+        return PlanReply(
+            **self._header(), found=found,
+            text=f"{len(way.waypoints) - 1} straight moves" if isinstance(way, Way) else way,
+            waypoints_rad=[list(q) for q in way.waypoints] if isinstance(way, Way) else [],
+            model=deployed.path, model_sha256=deployed.sha256, elapsed_ms=(time.perf_counter() - started) * 1e3,
+        )  # fmt: skip
 
     def _header(self) -> dict[str, Any]:
         self._seq += 1

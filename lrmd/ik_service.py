@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from lrm_math.arm import Arm
 from lrm_math.collision import Scene, clearance_of
 from lrm_math.equilibrium import equilibrium
+from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CUBE, CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.deployment import Method
@@ -18,12 +18,15 @@ from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.reply import NotConverged, Reply, Solved, Unsolved
 from lrm_math.ik.rounding import Rounding
+from lrm_math.model import Model
 from lrm_math.poses import poses_of
 from lrm_math.walk import frames
 from lrmd.config import Config
 from lrmd.deployed import Deployed
-from lrmd.ik_messages import FkRequest, GoalEntry, IkAnswer, IkRequest, Place
+from lrmd.ik_messages import FkRequest, GoalEntry, IkAnswer, IkRequest, Place, PlanRequest
 from lrmd.messages import MessageError
+from lrmd.planner import Way, find_way
+from lrmd.refusal import Refused
 
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
@@ -74,9 +77,8 @@ def method_of(request: IkRequest) -> Method:
 class Clear:
     """Which commands keep the arm's bodies apart: as the rigid arm, and as the model has it sag."""
 
-    def __init__(self, arm: Arm, solver: CalibratedSolver) -> None:
-        self._scene = Scene.of(arm) if arm.shapes.capsules else None
-        self._model = solver.deployment.model
+    def __init__(self, scene: Scene | None, model: Model) -> None:
+        self._scene, self._model = scene, model
 
     def first(self, branches: Sequence[tuple[float, ...]], payload: float) -> tuple[list[int], str]:
         """Numbers of the branches (rad) that are free, and what is wrong with the first that is not."""
@@ -104,7 +106,9 @@ class IkService:
         self._solver = CalibratedSolver.of(
             deployed.model, left_out=deployed.left_out, covariance=deployed.covariance, clock=config.clock
         )
-        self._clear = Clear(config.arm, self._solver)
+        self._config, self._model = config, self._solver.deployment.model
+        self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
+        self._clear = Clear(self._scene, self._model)
         self._solver.warm_up()
 
     def inverse(self, request: IkRequest, goes_on: GoesOn) -> list[IkAnswer]:
@@ -133,6 +137,27 @@ class IkService:
                 )
             )  # fmt: skip
         return places
+
+    def plan(self, request: PlanRequest, goes_on: GoesOn) -> Way | str:
+        """A way, or why there is none. Raises `LrmError`, and what `goes_on` raises."""
+        if self._scene is None:
+            raise LrmError(f"{self._config.arm.name} has no collision shapes: nobody can tell which way is free")
+        ends = [request.to_rad] if request.to_rad is not None else self._commands(request, goes_on)
+        for end in ends:
+            ask = request.payload_kg, request.seed
+            way = find_way(self._config, self._scene, self._model, (request.from_rad, end), *ask, goes_on)
+            if isinstance(way, Way):
+                return way
+        return way
+
+    def _commands(self, request: PlanRequest, goes_on: GoesOn) -> list[list[float]]:
+        """Commands that take the goal of a plan, nearest first. Raises `LrmError` if there are none."""
+        assert request.goal is not None
+        ask = IkRequest(goals=[request.goal], near_rad=request.from_rad, payload_kg=request.payload_kg, method="direct")
+        answer = self.inverse(ask, goes_on)[0]
+        if answer.verdict != "solved":
+            raise Refused(answer.verdict, answer.text)
+        return answer.branches_rad
 
     def _answer(self, reply: Reply, request: IkRequest) -> IkAnswer:
         match reply:

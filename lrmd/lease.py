@@ -28,7 +28,7 @@ def acquire(present: Lease | None, holder: str, now: int, lifetime: int, take: b
     return Lease(holder, secrets.token_hex(8), now + lifetime)
 
 
-def renew(present: Lease | None, token: str, now: int, lifetime: int) -> Lease:
+def renew(present: Lease | None, token: str | None, now: int, lifetime: int) -> Lease:
     """The lease, alive for another lifetime. Raises `LeaseError` if it is not `token`'s, or has run out."""
     return replace(checked(present, token, now), until=now + lifetime)
 
@@ -38,7 +38,7 @@ def checked(present: Lease | None, token: str | None, now: int) -> Lease:
     if token is None:
         raise LeaseError("this needs a lease; ask for one with rpc/lease")
     if present is None or (present.token == token and now >= present.until):
-        raise LeaseError("the lease has run out; renew it sooner than every 400 ms, or acquire a new one")
+        raise LeaseError("the lease has run out; renew it well within its lease_ms, or acquire a new one")
     if present.token != token:
         raise LeaseError(f"the lease is {present.holder}'s now")
     return present

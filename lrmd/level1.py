@@ -21,10 +21,10 @@ from lrmd.angle import angle_of
 from lrmd.messages import InfoState, JointsState
 
 HELP = """\
-  +5, -2.5     change the pulse by so many us
-  ENTER        the pointer stands at the wanted angle: take it
-  98.5         the pointer shows this angle (deg) instead: take that
-  q            stop; nothing is written"""
+  +5, -2.5         change the pulse by so many us
+  ENTER            the pointer stands at the wanted angle: take it
+  98.5, -98.5deg   the pointer shows this angle instead: take that (below zero with its unit)
+  q                stop; nothing is written"""
 
 
 class Mover(Protocol):
@@ -51,11 +51,14 @@ def walk_through(
     """Walks a person through one servo, and writes the arm file with its new table. Raises `LrmError`."""
     _check(rover, servo, angles)
     load_arm(arm)
+    text = shipped_arms().get(arm, Path(arm)).read_text(encoding="utf-8")
+    _section(text.splitlines(), servo)
+    if not output.parent.is_dir():
+        raise FileError(output, "", "cannot be written (no such folder)")
     say(f"{servo}: put the protractor on. The arm will turn this servo to {len(angles)} places.\n{HELP}")
     pairs = sorted(_place(rover, servo, angle, ask, say) for angle in sorted(angles))
     table = ServoTable(tuple(a for a, _ in pairs), tuple(p * 1e-6 for _, p in pairs))
-    source = shipped_arms().get(arm, Path(arm))
-    write_whole(output, with_table(source.read_text(encoding="utf-8"), servo, table))
+    write_whole(output, with_table(text, servo, table))
     say(f"{output}: {servo} now has {len(pairs)} measured angles. Name this file as `arm` in lrmd.toml.")
 
 
@@ -82,7 +85,7 @@ def _place(
         if word == "q":
             raise Stopped("stopped; nothing was written")
         try:
-            if word[0] in "+-" and not word.endswith(("deg", "rad")):
+            if word[0] in "+-" and not word.endswith(("deg", "rad", "°")):
                 _nudge(rover, servo, float(word))
             else:
                 return angle_of(word), pulse

@@ -5,10 +5,12 @@ What a client may not say is an error that names the field; nothing is guessed a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgpack
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from lrm_math.errors import LrmError
 
@@ -20,18 +22,23 @@ class MessageError(LrmError):
     """Bytes that are not the message they should be."""
 
 
-class Message(BaseModel):
-    """A map with version 1; unknown fields, wrong types and numbers that are not finite are errors."""
+class Part(BaseModel):
+    """A map within a message; unknown fields, wrong types and numbers that are not finite are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+class Message(Part):
+    """A whole message, of version 1."""
 
     v: Literal[1] = 1
 
 
-Angles = Annotated[dict[str, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
-Servos = Annotated[list[str], Field(max_length=16)]
+Label = Annotated[str, Field(max_length=64, pattern=r"^\P{C}*$")]
+"""Text that others will read on a terminal: printable characters only."""
+Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
+Servos = Annotated[list[Label], Field(max_length=16)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
-Label = Annotated[str, Field(max_length=64)]
 
 
 # ---- what clients ask
@@ -57,6 +64,14 @@ class ArmRequest(Message):
     where: Literal["given", "stored", "board"] = "board"
     q_rad: Angles = {}
     servos: Servos | None = None
+
+    @field_validator("q_rad", "servos")
+    @classmethod
+    def _used(cls, value: Any, info: ValidationInfo) -> Any:
+        only = "given" if info.field_name == "q_rad" else "stored"
+        if value and info.data.get("where", only) != only:
+            raise ValueError(f"goes with where = '{only}' and with nothing else")
+        return value
 
 
 class MoveRequest(Message):
@@ -144,7 +159,7 @@ class ModeState(Header):
     payload_kg: float
 
 
-class FaultEntry(Message):
+class FaultEntry(Part):
     """One fault: its code, what happened, since when (monotonic ns)."""
 
     code: str
@@ -159,12 +174,16 @@ class FaultsState(Header):
 
 
 class ThermalState(Header):
-    """`state/thermal`, 1 Hz: modelled winding temperature and gravity's torque per servo; `level` cool, warm, hot."""
+    """`state/thermal`, 1 Hz, per servo: modelled winding temperature, gravity's torque, and what that means.
+
+    `level`: cool, warm, hot or too_hot. `hot_in_s`: time until it is hot if the arm stays as it is; None: never.
+    """
 
     names: list[str]
     temperature_c: list[float]
     tau_nm: list[float]
     level: list[str]
+    hot_in_s: list[float | None]
 
 
 class MetricsState(Header):
@@ -252,10 +271,25 @@ def unpack(kind: type[M], data: bytes) -> M:
         raise MessageError(f"not msgpack ({error or type(error).__name__})") from None
     if not isinstance(content, dict):
         raise MessageError(f"a {type(content).__name__}; should be a map with the fields of {kind.__name__}")
-    try:
+    with field_named():
         return kind.model_validate(content)
+
+
+@contextmanager
+def field_named() -> Iterator[None]:
+    """Where a message is made or checked: raises `MessageError`, one line that names the first wrong field."""
+    try:
+        yield
     except ValidationError as error:
         first, *others = error.errors(include_url=False)
-        where = ".".join(map(str, first["loc"]))
+        where = ".".join(_shown(part) for part in first["loc"])
+        what = first["msg"].removeprefix("Value error, ")
         more = f" (and {len(others)} more)" if others else ""
-        raise MessageError(f"{where}: {first['msg'][:1].lower()}{first['msg'][1:]}{more}") from None
+        raise MessageError(f"{where}: {what[:1].lower()}{what[1:]}{more}") from None
+
+
+def _shown(part: object) -> str:
+    """A name that a client made up, short and without control characters."""
+    text = str(part)
+    text = text if text.isprintable() else ascii(text)
+    return text if len(text) <= 64 else text[:61] + "..."

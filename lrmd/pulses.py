@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from lrmd.config import Config, Servo
 from lrmd.mailbox import HERE
+from lrmd.ramp import Move
 from lrmd.refusal import Refused
 
 SECOND = 1_000_000_000
@@ -62,6 +63,21 @@ def duration(config: Config, start: Sequence[int], waypoints: Sequence[Pulses], 
         ticks += max(-(-abs(b - a) // stride) for a, b in zip(here, there, strict=True))
         here = there
     return ticks * config.tick / SECOND
+
+
+def corners(config: Config, going: Move) -> list[int]:
+    """Ticks at which the way through joint space bends: a joint stops, or passes a point of its level-1 table.
+
+    Between them all joints turn in proportion, so each stretch is straight in angles, too.
+    """
+    found = set()
+    for servo, start, distance, ticks in zip(
+        config.servos[: config.dof], going.start, going.distance, going.ticks, strict=False
+    ):
+        if distance:
+            passed = [(round(p * 1e9) - start) * ticks / distance for p in servo.table.pulse]
+            found |= {ticks, *(math.ceil(k) for k in passed if 0 < k < ticks)}
+    return sorted(found)
 
 
 def turning(config: Config, i: int, here: int, rate: float) -> tuple[int, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import secrets
 import time
 from collections.abc import Callable
@@ -91,6 +92,7 @@ class Telling:
         return ThermalState(
             **self._header("state/thermal"), names=list(self._config.names), temperature_c=list(heat.temperature),
             tau_nm=list(heat.tau), level=[heat.model.heat(T).name.lower() for T in heat.temperature],
+            hot_in_s=[None if math.isinf(s) else s for s in heat.hot_in],
         )  # fmt: skip
 
     def _metrics(self) -> MetricsState:
