@@ -11,6 +11,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from bench.exchange import CHOSEN, search_on
+from bench.ik import one_pose
 from bench.peers import Pinocchio, scipy_fit
 from bench.timing import Timing, race
 from lrm_ident import synthetic
@@ -91,6 +93,8 @@ def tasks() -> list[Task]:
     }
     example = load_measurements(EXAMPLE, arm)
     found = fit_identifiable(model, example, model.keys).fit.model
+    rover, search = load_arm("lrm-rover"), search_on(data.poses)
+    exchange = {OURS: search.ours, "one exchange alone, decomposing": search.one_exchange_decomposed}
     whole: dict[str, Callable[[], object]] = {OURS: lambda: advise(diagnose(found, example))}
     return [
         Task(f"diagnose of {len(example)} poses, whole catalogue", "s", 1, 1.0, 15.0, whole),
@@ -98,6 +102,8 @@ def tasks() -> list[Task]:
         Task(f"elastic FK of {POSES} poses, to 1 µm", "µs/pose", POSES, 1e6, 6.0, bent),
         Task(f"3×45 total Jacobian of {POSES} poses", "ms", 1, 1e3, 10.0, jacobian),
         Task(f"fit of 28 parameters to {POSES} poses", "ms", 1, 1e3, 100.0, fits),
+        Task(f"exchange search, {CHOSEN} of {POSES} poses, 28 parameters", "s", 1, 1.0, 1.0, exchange),
+        Task("nominal IK of one pose, all branches in limits", "µs", 1, 1e6, 6.0, one_pose(rover, OURS)),
     ]
 
 

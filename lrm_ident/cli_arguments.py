@@ -41,6 +41,14 @@ LossName = Annotated[str, typer.Option(help="squared, huber or cauchy; the last 
 Unbounded = Annotated[
     bool, typer.Option("--unbounded", help="Allow what physics forbids, such as negative compliances.")
 ]
+PriorName = Annotated[
+    str | None,
+    typer.Option(
+        "--prior",
+        help="What is known beforehand: a shipped prior (printed, vague) or the path of a prior file. All parameters "
+        "are then fitted together, and shown beside what the data alone can tell.",
+    ),
+]
 ModelOutput = Annotated[Path | None, typer.Option("-o", "--output", metavar="MODEL", help="Where to write the model.")]
 TableOutput = Annotated[Path, typer.Option("-o", "--output", metavar="CSV", help="Where to write the predictions.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the result for machines.")]

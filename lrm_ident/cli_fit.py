@@ -21,29 +21,32 @@ from lrm_ident.cli_arguments import (
     ModelPath,
     Parameters,
     PosesFile,
+    PriorName,
     Start,
     TableOutput,
     Unbounded,
 )
-from lrm_ident.cli_common import app, out, progress, read_measurements, read_model
+from lrm_ident.cli_common import app, arm_for, out, progress, read_measurements, read_model
+from lrm_ident.compare import HeldOut, try_held_out
 from lrm_ident.compare import compare as run_compare
-from lrm_ident.compare import try_held_out
-from lrm_ident.dataset import Measurements, load_poses, metadata_of
+from lrm_ident.dataset import Measurements, load_poses
 from lrm_ident.figures_of_merit import figures
-from lrm_ident.fit import bounds_of, no_bounds
+from lrm_ident.fit import Bounds, Fit, bounds_of, no_bounds
 from lrm_ident.fit import fit as run_fit
 from lrm_ident.history import arm_name_for, model_file, model_text
 from lrm_ident.identifiability import IdentifiedFit, fit_identifiable
 from lrm_ident.loss import Loss, loss_named
 from lrm_ident.options import chosen
+from lrm_ident.priors import Prior, load_prior, prior_behind, prior_name_for
+from lrm_ident.progress import Tick
 from lrm_ident.show import print_comparison, print_fit
+from lrm_ident.show_priors import Elimination, print_beside_elimination
 from lrm_ident.table_file import Array, table_text
 from lrm_ident.write import write_text
 from lrm_math.arm import Arm
-from lrm_math.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.equilibrium import equilibrium
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, LrmError
 from lrm_math.model import Model, model_of
 from lrm_math.poses import Poses
 
@@ -57,6 +60,7 @@ def fit(
     parameters: Parameters = "identifiable",
     loss: LossName = "squared",
     unbounded: Unbounded = False,
+    prior: PriorName = None,
     output: ModelOutput = None,
     json: JsonFile = None,
     effects_file: EffectsFile = None,
@@ -64,24 +68,33 @@ def fit(
     """Fit the model of an arm to measurements: DATA -> MODEL.
 
     Prints every parameter with its standard error, what the data cannot tell, and the error before, after, and on
-    poses that the fit did not see.
+    poses that the fit did not see. With --prior: the same for all parameters at once (maximum a posteriori).
     """
-    arm_name, the_arm = _arm_for(data, arm)
+    arm_name, the_arm = arm_for(data, arm)
     measured = read_measurements(data, the_arm, arm_name)
-    model = _start_model(the_arm, effects, start, catalogue_with(effects_file))
-    how = loss_named(loss)
-    result = _fit(model, measured, parameters, how, unbounded)
+    model = _start_model(the_arm, effects, start, catalogue := catalogue_with(effects_file))
+    how, known = loss_named(loss), None if prior is None else load_prior(prior, model, catalogue)
+    result = _fit(model, measured, parameters, how, unbounded, known)
     fitted = result.fit.model
-    limits = no_bounds(fitted.free) if unbounded else bounds_of(fitted, fitted.free)
     with progress("held-out error") as tick:
-        held_out = try_held_out(fitted, measured, limits, how, tick)
+        held_out = try_held_out(fitted, measured, _limits(fitted, unbounded), how, tick, known)
     nominal = figures(measured.tcp - equilibrium(model_of(the_arm, ()), measured.poses).tcp)
     print_fit(out, result.fit, result.held, nominal, held_out, measured)
+    tables = as_json.fit_json(result.fit, result.held, nominal, held_out, measured)
+    if known:
+        with progress("held-out error without the prior") as tick:
+            beside = Elimination(
+                known, result.fit, held_out, *_alone(model, measured, parameters, how, unbounded, tick)
+            )
+        print_beside_elimination(out, beside)
+        tables["prior"] = beside.as_json()
     if json:
-        write_text(json, as_json.text(as_json.fit_json(result.fit, result.held, nominal, held_out, measured)))
+        write_text(json, as_json.text(tables))
     if output:
         name = arm_name_for(arm_name, output.parent)
-        write_text(output, model_text(model_file(result.fit, measured, held_out, name, "fit", how.name)))
+        where = None if prior is None else prior_name_for(prior)
+        file = model_file(result.fit, measured, held_out, name, "fit", how.name, prior=where)
+        write_text(output, model_text(file))
         out.print(f"Model written to {output}")
     else:
         out.print("Not saved; give -o MODEL to keep it.")
@@ -117,10 +130,11 @@ def compare(
 
     The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses.
     """
-    file, the_model = read_model(model, catalogue_with(effects_file))
+    file, the_model = read_model(model, catalogue := catalogue_with(effects_file))
     measured = read_measurements(data, the_model.arm, file.arm)
+    prior = prior_behind(file, the_model, catalogue)
     with progress("held-out error") as tick:
-        comparison = run_compare(the_model, measured, tick)
+        comparison = run_compare(the_model, measured, tick, prior)
     print_comparison(out, comparison, measured)
     if json:
         write_text(json, as_json.text(as_json.comparison_json(comparison, measured)))
@@ -131,12 +145,32 @@ def compare(
         out.print(f"Figure written to {figure}")
 
 
-def _fit(model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool) -> IdentifiedFit:
+def _fit(
+    model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, prior: Prior | None = None
+) -> IdentifiedFit:
     if parameters == "identifiable":
         keys = tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
-        return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
-    free = replace(model, free=chosen(model, parameters))
-    return IdentifiedFit(run_fit(free, data, no_bounds(free.free) if unbounded else None, loss), ())
+        if prior is None:
+            return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
+    else:
+        keys = chosen(model, parameters)
+    free = replace(model, free=keys)
+    return IdentifiedFit(run_fit(free, data, _limits(free, unbounded), loss, prior), ())
+
+
+def _alone(
+    model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, tick: Tick
+) -> tuple[Fit | str, HeldOut]:
+    """The fit without a prior and its held-out error, or the reason why there is none."""
+    try:
+        alone = _fit(model, data, parameters, loss, unbounded).fit
+    except LrmError as error:
+        return str(error), HeldOut(None, str(error))
+    return alone, try_held_out(alone.model, data, _limits(alone.model, unbounded), loss, tick)
+
+
+def _limits(model: Model, unbounded: bool) -> Bounds:
+    return no_bounds(model.free) if unbounded else bounds_of(model, model.free)
 
 
 def _start_model(arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
@@ -151,17 +185,6 @@ def _start_model(arm: Arm, effects: str | None, start: Path | None, catalogue: C
         return model
     known = {key: begun.value(key) for key in begun.keys if key in model.keys}
     return model_of(arm, model.effects, known)
-
-
-def _arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
-    if arm is not None:
-        return arm, load_arm(arm)
-    metadata = metadata_of(data) if data.exists() else None
-    if not data.exists():
-        raise FileError(data, "", "no such file")
-    if metadata is None or metadata.arm is None:
-        raise FileError(data, "", "no arm given", "name it with --arm, or as arm in the .toml file beside the data")
-    return metadata.arm, load_arm(metadata.arm)
 
 
 def _prediction(poses: Poses, tcp: Array, torque: Array, base_moment: Array) -> list[tuple[str, Array, int]]:

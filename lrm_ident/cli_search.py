@@ -21,7 +21,7 @@ from lrm_ident.cli_arguments import (
     NewModel,
     PosesFile,
 )
-from lrm_ident.cli_common import app, log, out, progress, read_measurements, read_model
+from lrm_ident.cli_common import app, log, out, progress, read_measurements, read_model, told_by_data
 from lrm_ident.compare import HeldOut, try_held_out
 from lrm_ident.dataset import load_poses
 from lrm_ident.diagnose import Diagnosis
@@ -68,6 +68,7 @@ def diagnose(
     """Find out which physical effect a model misses, that none is missing, or that no known one explains it."""
     file, the_model = read_model(model, catalogue := catalogue_with(effects_file))
     measured = read_measurements(data, the_model.arm, file.arm)
+    the_model = told_by_data(file, the_model, measured)
     with progress("trying every effect at every place") as tick:
         found = run_diagnose(the_model, measured, catalogue, tick)
     with log.status("cross-validating") as status:
@@ -94,6 +95,7 @@ def add(
     """Add an effect, refit everything, print the error before and after, and append the step to the model's history."""
     file, before = read_model(model, catalogue := catalogue_with(effects_file))
     measured = read_measurements(data, before.arm, file.arm)
+    before = told_by_data(file, before, measured)
     fitted = add_effects(before, measured, effects_at(before.arm, effect, catalogue))
     with progress("held-out error, before") as tick:
         left_before = try_held_out(before, measured, progress=tick)
@@ -137,6 +139,7 @@ def auto(
     """Follow the tool's own advice, effect by effect, until it says stop."""
     file, the_model = read_model(model, catalogue := catalogue_with(effects_file))
     measured = read_measurements(data, the_model.arm, file.arm)
+    the_model = told_by_data(file, the_model, measured)
     numbers = iter(range(max_effects + 2))
 
     def told(step: Step, found: Diagnosis) -> None:

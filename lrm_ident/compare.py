@@ -14,6 +14,7 @@ from lrm_ident.figures_of_merit import ErrorFigures, figures
 from lrm_ident.fit import Bounds
 from lrm_ident.folds import held_out
 from lrm_ident.loss import Loss
+from lrm_ident.priors import Prior
 from lrm_ident.progress import Tick, silent
 from lrm_math.derivatives import joint_jacobian
 from lrm_math.equilibrium import Equilibrium, equilibrium
@@ -83,7 +84,7 @@ class Comparison:
     worst: tuple[int, ...]
 
 
-def compare(model: Model, data: Measurements, progress: Tick = silent) -> Comparison:
+def compare(model: Model, data: Measurements, progress: Tick = silent, prior: Prior | None = None) -> Comparison:
     """Compares a model, as it is, with measurements; held out, its free parameters are refitted in every fold.
 
     Raises:
@@ -98,7 +99,7 @@ def compare(model: Model, data: Measurements, progress: Tick = silent) -> Compar
         residual=residual,
         nominal=figures(data.tcp - nominal.tcp),
         error=figures(residual),
-        held_out=try_held_out(model, data, progress=progress),
+        held_out=try_held_out(model, data, progress=progress, prior=prior),
         factors=tuple(sorted(_factors(rest, data, residual), key=lambda factor: -factor.share)),
         worst=tuple(np.argsort(-distance)[:WORST].tolist()),
     )
@@ -110,10 +111,11 @@ def try_held_out(
     bounds: Bounds | None = None,
     loss: Loss | None = None,
     progress: Tick = silent,
+    prior: Prior | None = None,
 ) -> HeldOut:
     """Held-out error, or why it cannot be had (too few poses, a fold that does not converge)."""
     try:
-        return HeldOut(held_out(model, data, bounds, loss, progress))
+        return HeldOut(held_out(model, data, bounds, loss, progress, prior=prior))
     except LrmError as error:
         return HeldOut(None, str(error))
 

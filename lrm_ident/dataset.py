@@ -19,7 +19,8 @@ from lrm_math.poses import Poses
 from lrm_math.toml_file import StrictSchema, read_toml
 
 Array = NDArray[np.float64]
-OPTIONAL = ("t_s", "session", "payload_g", "qw", "qx", "qy", "qz", "temp_c", "supply_v", "sd_mm", "repeat_of")
+ATTITUDE = ("qw", "qx", "qy", "qz")
+OPTIONAL = ("t_s", "session", "payload_g", *ATTITUDE, "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
 LIMIT_SLACK = np.radians(1e-6)
 
 
@@ -101,7 +102,7 @@ def load_measurements(path: Path, arm: Arm) -> Measurements:
         poses=Poses(
             q=q,
             payload=read_payload(table),
-            direction=directions(q, None if start is None else np.radians(start)),
+            direction=read_approach(table, directions(q, None if start is None else np.radians(start))),
             t=known.get("t_s"),
             session=known.get("session"),
             temperature=known.get("temp_c"),
@@ -126,7 +127,7 @@ def load_poses(path: Path, arm: Arm) -> Poses:
     return Poses(
         q=q,
         payload=read_payload(table),
-        direction=directions(q, None),
+        direction=read_approach(table, directions(q, None)),
         t=known.get("t_s"),
         session=known.get("session"),
         temperature=known.get("temp_c"),
@@ -159,6 +160,17 @@ def read_payload(table: Table) -> Array:
     if np.any(payload < 0):
         raise FileError(table.path, table.at(int(np.argmax(payload < 0)), "payload_g"), "a negative load")
     return payload * GRAM
+
+
+def read_approach(table: Table, moves: Array) -> Array:
+    """(N, n): the side that every joint came from where the file says so, else the moves. Raises `FileError`."""
+    if "approach" not in table.header:
+        return moves
+    side = table.numbers("approach")
+    odd = ~np.isin(side, (-1.0, 0.0, 1.0))
+    if odd.any():
+        raise FileError(table.path, table.at(int(np.argmax(odd)), "approach"), "not a side", "1, -1, or 0 if unknown")
+    return np.repeat(side[:, None], moves.shape[1], axis=1)
 
 
 def directions(q: Array, start: Array | None) -> Array:

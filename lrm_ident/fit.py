@@ -1,4 +1,8 @@
-"""Least squares of a model's free parameters: Levenberg–Marquardt on scaled parameters, with bounds."""
+"""Least squares of a model's free parameters: Levenberg–Marquardt on scaled parameters, with bounds.
+
+With a prior it is maximum a posteriori (Conenna 2024, Eq 2.66; Tenhumberg & Bäuml 2021): the noise against which the
+prior is weighed is what the fit leaves, with as many degrees of freedom as the data decide (MacKay 1992).
+"""
 
 from __future__ import annotations
 
@@ -10,8 +14,9 @@ from numpy.typing import NDArray
 
 from lrm_ident.dataset import Measurements
 from lrm_ident.loss import SQUARED, Loss, robust_scale
-from lrm_math.derivatives import parameter_jacobian
-from lrm_math.equilibrium import Equilibrium, equilibrium
+from lrm_ident.objective import Objective, State, Yardstick
+from lrm_ident.priors import Prior
+from lrm_math.equilibrium import Equilibrium
 from lrm_math.errors import LrmError, NotSettled
 from lrm_math.model import Model
 
@@ -19,6 +24,7 @@ Array = NDArray[np.float64]
 MOST_STEPS = 60
 STEP_TOLERANCE = 1e-8  # of the typical sizes
 GAIN_TOLERANCE = 1e-10  # of the loss, that a step promises
+LIKELIHOOD_TOLERANCE = 1e-6  # of a unit of the posterior's logarithm: parameters to a thousandth of their errors
 OUTLIER_DISTANCE = 5.0  # robust standard deviations per axis; a clean pose is beyond it once in 60 000
 
 
@@ -29,7 +35,7 @@ class NotConverged(LrmError):
         self.steps, self.step = steps, step
         super().__init__(
             f"the fit did not converge in {steps} steps (last step {step:.2g} of the typical sizes); "
-            "hold some parameters or start from a fitted model"
+            "hold some parameters, start from a fitted model, or try a prior (--prior)"
         )
 
 
@@ -48,7 +54,8 @@ class Fit:
     Attributes:
         rest: the model's equilibrium at the data's poses.
         residual: (N, 3), measured − predicted TCP (m).
-        covariance: (P, P) of the free parameters (SI); zero rows for those at a bound.
+        covariance: (P, P) of the free parameters (SI); zero rows for those at a bound. With a prior: of the posterior.
+        decided: how many parameters the data decide: all that are not at a bound, fewer where a prior helps.
         sigma: standard deviation of the residual per axis (m), degrees of freedom counted.
         at_bound: keys of parameters that a bound holds.
         weight: (N,), the weight of each pose, 1 for least squares.
@@ -60,6 +67,7 @@ class Fit:
     rest: Equilibrium
     residual: Array
     covariance: Array
+    decided: float
     sigma: float
     at_bound: tuple[str, ...]
     weight: Array
@@ -90,159 +98,121 @@ def no_bounds(keys: Sequence[str]) -> Bounds:
     return Bounds(np.full(len(keys), -np.inf), np.full(len(keys), np.inf))
 
 
-def fit(model: Model, data: Measurements, bounds: Bounds | None = None, loss: Loss | None = None) -> Fit:
+def fit(
+    model: Model,
+    data: Measurements,
+    bounds: Bounds | None = None,
+    loss: Loss | None = None,
+    prior: Prior | None = None,
+) -> Fit:
     """Fits the model's free parameters, starting from their present values.
 
     Args:
         bounds: of the free parameters; those that the effects state if None.
         loss: least squares if None.
+        prior: what is known of every free parameter beforehand; with one, a third as many poses will do.
 
     Raises:
-        LrmError: fewer poses than free parameters, or no convergence (`NotConverged`).
+        LrmError: fewer poses than free parameters (with a prior: than a third), or no convergence (`NotConverged`).
         NotSettled: the start has no elastic equilibrium.
     """
-    check_enough(len(data), len(model.free))
-    return _Problem(model, data, bounds or bounds_of(model, model.free), SQUARED if loss is None else loss).solve()
+    check_enough(len(data), len(model.free), prior)
+    limits = bounds or bounds_of(model, model.free)
+    goal = Objective(model, data, SQUARED if loss is None else loss, prior)
+    return _Search(goal, limits.lower / goal.typical, limits.upper / goal.typical).solve()
 
 
-def check_enough(poses: int, parameters: int) -> None:
-    """Raises `LrmError` if there are fewer poses than parameters."""
-    if poses < parameters:
+def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
+    """Raises `LrmError` for fewer poses than parameters; with a prior, for fewer coordinates than parameters.
+
+    With fewer still, nothing would tell the noise from what the parameters do.
+    """
+    least = parameters if prior is None else parameters // 3 + 1
+    if poses < least:
         raise LrmError(
-            f"{poses} poses for {parameters} parameters; measure at least {parameters} poses, or fit fewer parameters "
+            f"{poses} poses for {parameters} parameters; measure at least {least} poses, or fit fewer parameters "
             "(--parameters)"
         )
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
-    """One point of the search: scaled parameters z, equilibrium, residual (N, 3) in units of the noise."""
-
-    z: Array
-    rest: Equilibrium
-    residual: Array
-
-
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    model: Model
-    data: Measurements
-    bounds: Bounds
-    loss: Loss
-
-    @property
-    def _columns(self) -> list[int]:
-        return [self.model.position(key) for key in self.model.free]
-
-    @property
-    def _scale(self) -> Array:
-        return np.array([self.model.parameters[j].typical for j in self._columns])
-
-    def _at(self, z: Array, near: Equilibrium | None) -> _State:
-        values = self.model.values.copy()
-        values[self._columns] = z * self._scale
-        rest = equilibrium(self.model.with_values(values), self.data.poses, start=near)
-        return _State(z, rest, (self.data.tcp - rest.tcp) / self._noise)
-
-    @property
-    def _noise(self) -> Array:
-        return np.ones((1, 1)) if self.data.sd is None else self.data.sd[:, None]
-
-    def _jacobian(self, state: _State) -> Array:
-        """(N, 3, P), scaled."""
-        return parameter_jacobian(state.rest, self.model.free) * self._scale / self._noise[:, :, None]
+class _Search:
+    goal: Objective
+    lower: Array
+    upper: Array
 
     def solve(self) -> Fit:
         """Steps until none promises a gain. Raises `NotConverged`."""
-        lower, upper = self.bounds.lower / self._scale, self.bounds.upper / self._scale
-        state = self._at(np.clip(self.model.values[self._columns] / self._scale, lower, upper), None)
-        scale = self._loss_scale(state)
+        goal, model = self.goal, self.goal.model
+        state = goal.at(np.clip(model.values[goal.columns] / goal.typical, self.lower, self.upper), None)
+        held = np.zeros(len(model.free), dtype=np.bool_)
+        measure = goal.yardstick(state, None, ~held)
         damping, step = 1e-4, np.inf
         for steps in range(1, MOST_STEPS + 1):
-            if not self.model.free:
-                return self._finished(state, np.zeros(0, dtype=bool), 0)
-            weight = self.loss.weight(_distance(state) / scale)
-            J = (self._jacobian(state) * np.sqrt(weight)[:, None, None]).reshape(-1, len(state.z))
-            gradient = J.T @ (state.residual * np.sqrt(weight)[:, None]).reshape(-1)
-            held = ((state.z <= lower) & (gradient < 0)) | ((state.z >= upper) & (gradient > 0))
-            trial, damping = self._step(state, J, gradient, held, scale, damping, lower, upper)
+            if not model.free:
+                return self._finished(state, held, 0, measure)
+            J = goal.jacobian(state, measure)
+            descent = goal.descent(state, J, measure)
+            held = ((state.z <= self.lower) & (descent < 0)) | ((state.z >= self.upper) & (descent > 0))
+            trial, damping = self._step(state, J, descent, ~held, measure, damping)
             step = float(np.abs(trial.z - state.z).max())
-            promised = float(gradient @ (trial.z - state.z)) / scale**2
-            done = step < STEP_TOLERANCE or promised < GAIN_TOLERANCE * self._loss(state, scale)
+            promised = float(descent @ (trial.z - state.z)) / measure.scale**2
+            least = max(GAIN_TOLERANCE * goal.value(state, measure), LIKELIHOOD_TOLERANCE * measure.odds)
+            done = step < STEP_TOLERANCE or promised < least
             state = trial
             if done:
-                if self.loss.name == "squared" or abs(self._loss_scale(state) / scale - 1) < 1e-3:
-                    return self._finished(state, held, steps)
-                scale = self._loss_scale(state)
+                now = goal.yardstick(state, measure, ~held)
+                if now.close_to(measure):
+                    return self._finished(state, held, steps, measure)
+                measure = now
         raise NotConverged(MOST_STEPS, step)
 
     def _step(
-        self,
-        state: _State,
-        J: Array,
-        gradient: Array,
-        held: NDArray[np.bool_],
-        scale: float,
-        damping: float,
-        lower: Array,
-        upper: Array,
-    ) -> tuple[_State, float]:
-        """A step that does not raise the loss, and the damping to go on with; the state itself if there is none."""
-        free = ~held
-        A = J[:, free].T @ J[:, free]
+        self, state: State, J: Array, descent: Array, free: NDArray[np.bool_], measure: Yardstick, damping: float
+    ) -> tuple[State, float]:
+        """A step that does not raise the goal, and the damping to go on with; the state itself if there is none."""
+        goal = self.goal
+        A = goal.curvature(J, measure, free)
         diagonal = np.diag(A).copy()
-        before = self._loss(state, scale)
+        before = goal.value(state, measure)
         while damping < 1e12:
             change = np.zeros_like(state.z)
-            change[free] = _solve_damped(A, diagonal, damping, gradient[free])
-            z = np.clip(state.z + change, lower, upper)
+            change[free] = _solve_damped(A, diagonal, damping, descent[free])
+            z = np.clip(state.z + change, self.lower, self.upper)
             try:
-                trial = self._at(z, state.rest)
+                trial = goal.at(z, state.rest)
             except NotSettled:
                 damping *= 10.0
                 continue
-            if self._loss(trial, scale) <= before:
+            if goal.value(trial, measure) <= before:
                 return trial, damping * 0.1
             if np.abs(z - state.z).max() < STEP_TOLERANCE:
                 break
             damping *= 10.0
         return state, damping
 
-    def _loss_scale(self, state: _State) -> float:
-        return 1.0 if self.loss.name == "squared" else max(robust_scale(_distance(state)), 1e-9)
-
-    def _loss(self, state: _State, scale: float) -> float:
-        return float(self.loss.rho(_distance(state) / scale).sum())
-
-    def _finished(self, state: _State, held: NDArray[np.bool_], steps: int) -> Fit:
-        distance = _distance(state)
-        weight = self.loss.weight(distance / self._loss_scale(state))
-        residual = state.residual
-        freedom = 3 * weight.sum() - np.count_nonzero(~held)
-        sigma = float(np.sqrt((weight[:, None] * residual**2).sum() / freedom)) if freedom > 0 else np.nan
+    def _finished(self, state: State, held: NDArray[np.bool_], steps: int, measure: Yardstick) -> Fit:
+        goal, data, free = self.goal, self.goal.data, ~held
         covariance = np.zeros((len(held), len(held)))
-        if np.any(~held):
-            J = (self._jacobian(state) * np.sqrt(weight)[:, None, None]).reshape(-1, len(held))[:, ~held]
-            _, R = np.linalg.qr(J)
-            inverse = np.linalg.solve(R, np.eye(len(R)))
-            covariance[np.ix_(~held, ~held)] = sigma**2 * inverse @ inverse.T
-        covariance *= np.outer(self._scale, self._scale)
-        robust = robust_scale(distance)
+        decided, sigma = 0.0, goal.spread(state)
+        if free.any():
+            now = Yardstick(goal.yardstick(state, None, free).scale, measure.sigma)
+            inverse = goal.inverse(goal.jacobian(state, now), now, free)
+            decided = goal.decided(inverse, now, free)
+            sigma = goal.spread(state, decided)
+            covariance[np.ix_(free, free)] = (now.sigma or sigma) ** 2 * inverse
         return Fit(
-            model=replace(state.rest.model, free=self.model.free),
+            model=replace(state.rest.model, free=goal.model.free),
             rest=state.rest,
-            residual=residual * self._noise,
-            covariance=covariance,
-            sigma=sigma * (1.0 if self.data.sd is None else float(np.sqrt(np.mean(self.data.sd**2)))),
-            at_bound=tuple(key for key, bound in zip(self.model.free, held, strict=True) if bound),
-            weight=weight,
-            outliers=tuple(np.flatnonzero(distance > OUTLIER_DISTANCE * robust).tolist()),
+            residual=state.residual * goal.noise,
+            covariance=covariance * np.outer(goal.typical, goal.typical),
+            decided=decided,
+            sigma=sigma * (1.0 if data.sd is None else float(np.sqrt(np.mean(data.sd**2)))),
+            at_bound=tuple(key for key, bound in zip(goal.model.free, held, strict=True) if bound),
+            weight=goal.weight(state),
+            outliers=tuple(np.flatnonzero(state.distance > OUTLIER_DISTANCE * robust_scale(state.distance)).tolist()),
             steps=steps,
         )
-
-
-def _distance(state: _State) -> Array:
-    return np.asarray(np.linalg.norm(state.residual, axis=1))
 
 
 def _solve_damped(A: Array, diagonal: Array, damping: float, gradient: Array) -> Array:

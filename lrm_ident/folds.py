@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lrm_ident.dataset import Measurements
 from lrm_ident.fit import Bounds, fit
 from lrm_ident.loss import Loss
+from lrm_ident.priors import Prior
 from lrm_ident.progress import Tick, silent
 from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import LrmError
@@ -79,6 +80,7 @@ def held_out(
     loss: Loss | None = None,
     progress: Tick = silent,
     count: int = FOLDS,
+    prior: Prior | None = None,
 ) -> Array:
     """(N, 3), measured − predicted TCP (m), each block predicted by a fit of the model's free parameters to the others.
 
@@ -89,7 +91,7 @@ def held_out(
     residual = np.empty_like(data.tcp)
     for number in range(count):
         left_out = fold == number
-        fitted = fit(model, data.take(~left_out), bounds, loss).model if model.free else model
+        fitted = fit(model, data.take(~left_out), bounds, loss, prior).model if model.free else model
         residual[left_out] = data.tcp[left_out] - equilibrium(fitted, data.poses.take(left_out)).tcp
         progress(number + 1, count)
     return residual

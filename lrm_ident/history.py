@@ -7,12 +7,14 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import numpy as np
 import tomli_w
 
 from lrm_ident.compare import HeldOut
 from lrm_ident.dataset import Measurements
 from lrm_ident.figures_of_merit import figures
 from lrm_ident.fit import Fit
+from lrm_math.covariance import CovarianceTable, covariance_table
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.model import Model
@@ -35,12 +37,14 @@ def model_file(
     step: str,
     loss: str,
     before: Sequence[HistoryTable] = (),
+    prior: str | None = None,
 ) -> ModelFile:
     """The model file of a fit, one entry added to the history that came `before`.
 
     Args:
         arm: name of a shipped arm or path of its file, as the model file shall name it.
         step: what was done, in a few words.
+        prior: name of the prior that the fit took, if any.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
     entry = HistoryTable(
@@ -50,8 +54,15 @@ def model_file(
         effects=effect_names(model.effects),
         parameters=parameter_tables(model),
         sigma=sigma_table(fit),
+        covariance=covariance_table_of(fit),
         provenance=ProvenanceTable(
-            data=data.path.name, data_sha256=data.sha256, poses=len(data), tool=tool_version(), date=date, loss=loss
+            data=data.path.name,
+            data_sha256=data.sha256,
+            poses=len(data),
+            tool=tool_version(),
+            date=date,
+            loss=loss,
+            prior=prior,
         ),
     )
     return _standing_at(arm, [*before, entry])
@@ -73,6 +84,7 @@ def _standing_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
         effects=last.effects,
         parameters=last.parameters,
         sigma=last.sigma,
+        covariance=last.covariance,
         history=list(history),
         provenance=last.provenance,
     )
@@ -97,6 +109,15 @@ def sigma_table(fit: Fit) -> dict[str, float]:
         for key, error in zip(model.free, fit.standard_error, strict=True)
         if key not in fit.at_bound
     }
+
+
+def covariance_table_of(fit: Fit) -> CovarianceTable | None:
+    """Correlations of the same parameters; None if nothing was fitted."""
+    error = fit.standard_error
+    told = [j for j, key in enumerate(fit.model.free) if key not in fit.at_bound and error[j] > 0.0]
+    if not told:
+        return None
+    return covariance_table([fit.model.free[j] for j in told], fit.covariance[np.ix_(told, told)])
 
 
 def model_text(file: ModelFile) -> str:

@@ -107,7 +107,7 @@ def identifiable(rest: Equilibrium, keys: Sequence[str], noise: float, sd: Array
             basis = np.column_stack([basis, left / remains])
         else:
             dropped.append((j, remains))
-    held = [_describe(columns, typical, order, model, kept, j, remains, noise) for j, remains in dropped]
+    held = [describe(columns, typical, order, model, kept, j, remains, noise) for j, remains in dropped]
     chosen = {order[j] for j in kept}
     return Identifiable(tuple(key for key in model.keys if key in chosen), tuple(held))
 
@@ -132,7 +132,7 @@ def _weights(sd: Array | None) -> Array:
     return np.ones((1, 1, 1)) if sd is None else (np.sqrt(np.mean(sd**2)) / sd)[:, None, None]
 
 
-def _describe(
+def describe(
     columns: Array,
     typical: Array,
     order: Sequence[str],
@@ -142,6 +142,7 @@ def _describe(
     remains: float,
     noise: float,
 ) -> Unidentifiable:
+    """Why the data cannot tell parameter `j` from the kept ones: the combination that moves the tip as it does."""
     whole = float(np.linalg.norm(columns[:, j]))
     units = np.array([model.parameters[model.position(key)].si for key in order])
     share, *_ = np.linalg.lstsq(columns[:, kept], columns[:, j], rcond=None)

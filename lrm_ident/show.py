@@ -44,7 +44,7 @@ def parameter_table(fit: Fit) -> Table:
     """Estimates with standard errors; angles in degrees."""
     out = table(f"{len(fit.model.free)} parameters", "parameter", ">value", ">± standard error", "unit")
     for key, error in zip(fit.model.free, fit.standard_error, strict=True):
-        scale, unit = _screen_unit(fit.model, key)
+        scale, unit = screen_unit(fit.model, key)
         note = "at its bound" if key in fit.at_bound else f"± {error * scale:.4f}"
         name = key.removesuffix("_" + fit.model.parameters[fit.model.position(key)].unit)
         out.add_row(name, f"{fit.model.value(key) * scale:.4f}", note, unit)
@@ -59,7 +59,7 @@ def held_lines(model: Model, held: tuple[Unidentifiable, ...]) -> Iterator[str]:
 
 def _why(model: Model, parameter: Unidentifiable) -> str:
     if not parameter.combination or parameter.survival > 0.2:
-        scale, unit = _screen_unit(model, parameter.key)
+        scale, unit = screen_unit(model, parameter.key)
         return f"hardly moves the TCP (it would be known to ± {parameter.standard_error * scale:.3g} {unit})"
     unit = model.parameters[model.position(parameter.key)].unit
     parts = " and ".join(
@@ -168,7 +168,7 @@ def _mm(error: ErrorFigures) -> tuple[str, str, str, str]:
     return (f"{error.mean * 1e3:.2f}", f"{error.rms * 1e3:.2f}", f"{error.max * 1e3:.2f}", f"{error.sd * 1e3:.2f}")
 
 
-def _screen_unit(model: Model, key: str) -> tuple[float, str]:
+def screen_unit(model: Model, key: str) -> tuple[float, str]:
     """What to multiply an SI value by for the screen, and the unit to print."""
     parameter = model.parameters[model.position(key)]
     if parameter.unit == "rad":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +11,7 @@ import numpy as np
 
 from lrm_math import statics
 from lrm_math.chain import Array, Number, pull_back, trig, trig_of
-from lrm_math.effects import Effect
+from lrm_math.elementary import largest, size
 from lrm_math.errors import NotSettled
 from lrm_math.model import Model
 from lrm_math.poses import Poses
@@ -43,10 +44,16 @@ class Equilibrium:
     true_tcp: Array
     iterations: int
 
+    def one(self, row: int) -> Equilibrium:
+        """One pose alone, all numbers floats."""
+        slots, tau = (tuple(_at(a, row) for a in amounts) for amounts in (self.slots, self.tau))
+        tcp, true = self.tcp[[row]], self.true_tcp[[row]]
+        return Equilibrium(self.model, self.poses.one(row), slots, tau, tcp, true, self.iterations)
+
     @cached_property
     def weights(self) -> list[statics.Weight]:
         """Every body's mass and centre of mass, payload and effects included."""
-        return _weights(self.model, self.poses)
+        return weights_of(self.model, self.poses)
 
     def loads_on(self, slots: Sequence[int]) -> Array:
         """(N, len(slots)), gravity's load on rotating slots given by number, ascending (N·m)."""
@@ -72,6 +79,7 @@ def equilibrium(
 
     Fixed-point iteration (thesis Figure 4.4). Poses that do not settle soon take a share of each step, which
     follows from how the last step changed the next (Aitken's relaxation for vectors; Irons & Tuck 1969).
+    One pose alone is reckoned with Python's floats, many with numpy's arrays: each is many times faster there.
 
     Args:
         start: an equilibrium of the same poses for nearby parameters, to start from.
@@ -80,43 +88,61 @@ def equilibrium(
     Raises:
         NotSettled: naming the poses that did not come to rest, or only after giving way by half a radian or more.
     """
-    chain, count = model.chain, len(poses)
-    rigid, elastic = _rigid_amounts(model, poses)
-    weights, pushed = _weights(model, poses), _pushes(model, poses)
+    return settle(model, poses, None if start is None else start.slots, tolerance)
+
+
+def settle(
+    model: Model, poses: Poses, start: Sequence[Number] | None = None, tolerance: float = TOLERANCE
+) -> Equilibrium:
+    """`equilibrium`, from amounts of all slots (rad, m; each a float or (N,)) near those at rest."""
+    chain, wiring = model.chain, model.wiring
+    rigid = rigid_amounts(model, poses)
+    weights, pushed = weights_of(model, poses), pushes_of(model, poses)
     slots = list(rigid)
-    moving = sorted({chain.index[key] for e, _ in elastic for key in e.moves})
-    if start is not None:
-        for k in moving:
-            slots[k] = start.slots[k]
+    for k in wiring.moving if start is not None else ():
+        slots[k] = start[k]  # type: ignore[index]
     angles = trig(chain, slots)
     tau: list[Number] = []
     relaxed: _Relaxation | None = None
     for iteration in range(1, MOST_ITERATIONS + 1):
         tau = statics.loads(chain, slots, angles, weights, model.felt)
         tau = [load + pushed[k] if k in pushed else load for k, load in zip(model.felt, tau, strict=True)]
-        wanted = _elastic_amounts(model, poses, elastic, rigid, tau)
-        steps = [wanted[k] - slots[k] for k in moving]
-        change = np.zeros(count)
-        for k, step in zip(moving, steps, strict=True):
-            change += np.abs(step) * (_reach(model) if chain.slots[k].rotates else 1.0)
-        worst = change.max(initial=0.0)
-        if not np.isfinite(worst):
+        wanted = {k: rigid[k] for k in wiring.moving}
+        for effect in wiring.elastic:
+            for k, amount in effect.motion(poses, tau):
+                wanted[k] = wanted[k] + amount
+        steps = [wanted[k] - slots[k] for k in wiring.moving]
+        change: Number = 0.0
+        for k, step in zip(wiring.moving, steps, strict=True):
+            change = change + size(step) * (wiring.reach if chain.slots[k].rotates else 1.0)
+        worst = largest(change)
+        if not math.isfinite(worst):
             break
         if iteration > PLAIN_ITERATIONS and worst > tolerance:
-            relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, count) for step in steps]))
-            steps = list(relaxed.share * relaxed.step)
-        for k, step in zip(moving, steps, strict=True):
+            relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, len(poses)) for step in steps]))
+            steps = relaxed.steps
+        for k, step in zip(wiring.moving, steps, strict=True):
             slots[k] = slots[k] + step
             if chain.slots[k].rotates:
                 angles[k] = trig_of(slots[k])
         if worst <= tolerance:
-            _check_small(model, poses, slots, rigid, moving)
-            tcp = pull_back(chain, slots, angles)
-            true = np.stack([np.broadcast_to(component, count) for component in tcp], axis=1)
+            _check_small(model, poses, slots, rigid)
+            true = _columns(pull_back(chain, slots, angles), len(poses))
             return Equilibrium(model, poses, tuple(slots), tuple(tau), _seen(model, true), true, iteration)
-    restless = np.flatnonzero(~(change <= tolerance))
-    left = f"after {iteration} iterations the TCP still moves {change[restless].max() * 1e3:.3g} mm"
+    restless = np.flatnonzero(~(np.broadcast_to(change, len(poses)) <= tolerance))
+    left = f"after {iteration} iterations the TCP still moves {worst * 1e3:.3g} mm"
     raise NotSettled(poses.names(restless), left)
+
+
+def _at(amount: Number, row: int) -> float:
+    return amount if isinstance(amount, float) else float(amount[row if len(amount) > 1 else 0])
+
+
+def _columns(components: Sequence[Number], count: int) -> Array:
+    """(N, 3) from three components, each a float or (N,)."""
+    if count == 1:
+        return np.array([[float(c) for c in components]])
+    return np.stack([np.broadcast_to(c, count) for c in components], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,32 +162,50 @@ class _Relaxation:
         share = -before.share * np.einsum("mn,mn->n", before.step, change) / np.where(size > 0, size, 1.0)
         return cls(np.clip(np.where(size > 0, share, 1.0), SMALLEST_SHARE, 1.0), step)
 
-
-def _check_small(model: Model, poses: Poses, slots: list[Number], rigid: list[Number], moving: list[int]) -> None:
-    chain, count = model.chain, len(poses)
-    for k in moving:
-        motion = np.broadcast_to(np.abs(np.subtract(slots[k], rigid[k])), count)
-        if chain.slots[k].rotates and motion.max(initial=0.0) > LARGEST_MOTION:
-            far = np.flatnonzero(motion > LARGEST_MOTION)
-            raise NotSettled(poses.names(far), f"{chain.slots[k].key} gives way by {np.degrees(motion.max()):.0f} deg")
+    @property
+    def steps(self) -> list[Number]:
+        """The shares that the M slots take, each (N,), or a float for one pose."""
+        shares = self.share * self.step
+        return shares[:, 0].tolist() if shares.shape[1] == 1 else list(shares)
 
 
-def _weights(model: Model, poses: Poses) -> list[statics.Weight]:
+def _check_small(model: Model, poses: Poses, slots: list[Number], rigid: list[Number]) -> None:
+    chain = model.chain
+    for k in model.wiring.moving:
+        motion = size(slots[k] - rigid[k])
+        if chain.slots[k].rotates and largest(motion) > LARGEST_MOTION:
+            far = np.flatnonzero(np.broadcast_to(motion, len(poses)) > LARGEST_MOTION)
+            raise NotSettled(
+                poses.names(far), f"{chain.slots[k].key} gives way by {math.degrees(largest(motion)):.0f} deg"
+            )
+
+
+def rigid_amounts(model: Model, poses: Poses) -> list[Number]:
+    """Amount of every slot (rad, m) before anything gives way: the nominal arm, the command, effects without load."""
+    slots: list[Number] = list(model.wiring.steady)
+    for joint, k in enumerate(model.chain.joint_slots):
+        slots[k] = slots[k] + poses.angle(joint)
+    for effect in model.wiring.rigid:
+        for k, amount in effect.motion(poses, []):
+            slots[k] = slots[k] + amount
+    return slots
+
+
+def weights_of(model: Model, poses: Poses) -> list[statics.Weight]:
+    """Every body's mass and centre of mass, payload and effects included."""
     added = (
         (body, ballast)
-        for effect, p in model.parts()
-        if effect.weighs
-        for body, ballast in zip(effect.weighs, effect.weight(poses, p), strict=True)
+        for wired in model.wiring.weighing
+        for body, ballast in zip(wired.effect.weighs, wired.effect.weight(poses, wired.p), strict=True)
     )
-    return statics.weights(model.chain, _constant_if_equal(poses.payload), added)
+    return statics.weights(model.chain, poses.carried, added)
 
 
-def _pushes(model: Model, poses: Poses) -> dict[int, Number]:
-    """Loads that effects put on slots, by number of the slot."""
+def pushes_of(model: Model, poses: Poses) -> dict[int, Number]:
+    """Loads that effects put on slots (N·m), by number of the slot."""
     out: dict[int, Number] = {}
-    for effect, p in model.parts():
-        for key, load in zip(effect.pushes, effect.push(poses, p), strict=True):
-            k = model.chain.index[key]
+    for wired in model.wiring.pushing:
+        for k, load in zip(wired.pushes, wired.effect.push(poses, wired.p), strict=True):
             out[k] = out.get(k, 0.0) + load
     return out
 
@@ -173,47 +217,3 @@ def _seen(model: Model, tcp: Array) -> Array:
         if shift is not None:
             seen = seen + shift
     return seen
-
-
-def _rigid_amounts(model: Model, poses: Poses) -> tuple[list[Number], list[tuple[Effect, Array]]]:
-    """Slot amounts of the nominal arm and of every effect that feels no load; the effects that are left."""
-    chain = model.chain
-    slots = chain.values([poses.angle(i) for i in range(chain.dof)])
-    for place in {key.split(".")[0] for effect in model.effects for key in effect.moves}:
-        for k, way in chain.hinges(place):
-            slots[k] = way
-    elastic = []
-    for effect, span in zip(model.effects, model.spans, strict=True):
-        if effect.feels:
-            elastic.append((effect, model.values[span]))
-            continue
-        for key, amount in zip(effect.moves, effect.motion(poses, (), model.values[span].tolist()), strict=True):
-            slots[chain.index[key]] = slots[chain.index[key]] + amount
-    return slots, elastic
-
-
-def _elastic_amounts(
-    model: Model, poses: Poses, elastic: list[tuple[Effect, Array]], rigid: list[Number], tau: list[Number]
-) -> dict[int, Number]:
-    load = dict(zip(model.felt, tau, strict=True))
-    index = model.chain.index
-    wanted: dict[int, Number] = {}
-    for effect, p in elastic:
-        felt = tuple(load[index[key]] for key in effect.feels)
-        for key, amount in zip(effect.moves, effect.motion(poses, felt, p.tolist()), strict=True):
-            k = index[key]
-            wanted[k] = wanted.get(k, rigid[k]) + amount
-    return wanted
-
-
-def _constant_if_equal(payload: Array) -> Number:
-    return float(payload[0]) if len(payload) and np.all(payload == payload[0]) else payload
-
-
-def _reach(model: Model) -> float:
-    """No rotation by 1 rad can move the TCP further than this (m): the stretched nominal arm, with a margin."""
-    return 1.2 * sum(
-        abs(slot.nominal)
-        for slot in model.chain.slots
-        if not slot.rotates and not slot.place.startswith(("base", "link"))
-    )

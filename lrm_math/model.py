@@ -14,6 +14,7 @@ from lrm_math.arm import Arm
 from lrm_math.chain import Array, Chain, chain_of
 from lrm_math.effects import Effect, Parameter
 from lrm_math.errors import LrmError, UnknownName
+from lrm_math.wiring import Wiring, wire
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,11 @@ class Model:
     def felt(self) -> tuple[int, ...]:
         """Slots whose load some effect feels, ascending."""
         return tuple(sorted({self.chain.index[key] for e in self.effects for key in e.feels}))
+
+    @cached_property
+    def wiring(self) -> Wiring:
+        """The effects as they are connected to the chain's slots."""
+        return wire(self.chain, self.parts(), self.felt)
 
     def parts(self) -> Iterator[tuple[Effect, list[float]]]:
         """Every effect with its parameters' values (SI)."""

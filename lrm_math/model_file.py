@@ -11,6 +11,7 @@ from pydantic import Field
 
 from lrm_math.arm import Arm
 from lrm_math.arm_file import load_arm, shipped_arms
+from lrm_math.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model import Model, model_of
@@ -26,6 +27,7 @@ class ProvenanceTable(StrictSchema):
     tool: str
     date: str
     loss: str = "squared"
+    prior: str | None = None
 
 
 class HistoryTable(StrictSchema):
@@ -37,6 +39,7 @@ class HistoryTable(StrictSchema):
     effects: list[str]
     parameters: dict[str, float]
     sigma: dict[str, float] = {}
+    covariance: CovarianceTable | None = None
     provenance: ProvenanceTable | None = None
 
 
@@ -48,6 +51,7 @@ class ModelFile(StrictSchema):
     effects: list[str]
     parameters: dict[str, float] = {}
     sigma: dict[str, float] = {}
+    covariance: CovarianceTable | None = None
     history: list[HistoryTable] = []
     provenance: ProvenanceTable | None = None
 
@@ -60,6 +64,26 @@ def load_model(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> M
     """
     tables = read_toml(path, ModelFile)
     return to_model(path, tables, arm_of(path, tables.arm), catalogue)
+
+
+def load_covariance(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Covariance | None:
+    """How surely the parameters of a file's model are known (SI), or None if the file does not say.
+
+    Raises:
+        FileError: as `load_model`, or a `[covariance]` that contradicts itself.
+    """
+    tables = read_toml(path, ModelFile)
+    return covariance_of(path, tables, to_model(path, tables, arm_of(path, tables.arm), catalogue))
+
+
+def covariance_of(path: Path, tables: ModelFile, model: Model) -> Covariance | None:
+    """The same for a file that was read already; `model` is its `to_model`. Raises `FileError`."""
+    if tables.covariance is None:
+        return None
+    try:
+        return to_covariance(tables.covariance, tables.sigma, model)
+    except LrmError as error:
+        raise FileError(path, "covariance", str(error)) from None
 
 
 def arm_of(path: Path, arm: str) -> Arm:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lrm_math.chain import Number
 from lrm_math.errors import LrmError
 
 Array = NDArray[np.float64]
@@ -47,9 +48,19 @@ class Poses:
         chosen = np.asarray(rows)
         return [int(number) for number in (chosen + 1 if self.number is None else self.number[chosen])]
 
-    def angle(self, joint: int) -> Array:
-        """(N,), commanded angle of joint number `joint` from 0 (rad)."""
-        return np.ascontiguousarray(self.q[:, joint])
+    def angle(self, joint: int) -> Number:
+        """Commanded angle of joint number `joint` from 0 (rad): (N,), or a float if there is one pose only."""
+        return _number(self.q[:, joint])
+
+    def approach(self, joint: int) -> Number:
+        """Sign of the last move of joint number `joint` from 0, 0 where unknown: (N,), or a float for one pose."""
+        return 0.0 if self.direction is None else _number(self.direction[:, joint])
+
+    @property
+    def carried(self) -> Number:
+        """Load carried (kg): (N,), or a float if it is the same in all poses."""
+        same = len(self) and bool(np.all(self.payload == self.payload[0]))
+        return float(self.payload[0]) if same else self.payload
 
     def take(self, rows: ArrayLike) -> Poses:
         """The poses of some rows (indices or a mask), in that order."""
@@ -57,11 +68,21 @@ class Poses:
         columns = {f.name: getattr(self, f.name) for f in fields(self)}
         return replace(self, **{name: column[chosen] for name, column in columns.items() if column is not None})
 
+    def one(self, row: int) -> Poses:
+        """One pose alone."""
+        given = (self.direction, self.t, self.session, self.temperature, self.number)
+        rest = (None if column is None else column[row : row + 1] for column in given)
+        return Poses(self.q[row : row + 1], self.payload[row : row + 1], *rest)  # type: ignore[arg-type]
+
     def nudged(self, joint: int, step: float) -> Poses:
         """The same poses with one joint angle changed by `step` (rad)."""
         q = self.q.copy()
         q[:, joint] += step
         return replace(self, q=q)
+
+
+def _number(column: Array) -> Number:
+    return float(column[0]) if len(column) == 1 else np.ascontiguousarray(column)
 
 
 def poses_of(q: ArrayLike, payload: ArrayLike = 0.0) -> Poses:

@@ -122,8 +122,9 @@ def load_derivatives(chain: Chain, geometry: Walk, weights: Sequence[Weight], fe
     K, J = len(felt), len(chain.slots)
     rotates = np.array([slot.rotates for slot in chain.slots])
     m, mc = _suffix_moments(geometry, weights)
-    carried = [_lever(geometry, j, m[chain.moved[j]], mc[chain.moved[j]], rotates[j]) for j in range(J)]
-    u = np.array(carried)
+    moved = list(chain.moved)
+    u = cross(geometry.axis, mc[moved] - m[moved] * geometry.origin)
+    u[~rotates] = (m[moved] * geometry.axis)[~rotates]
     h = _levers_of_gravity(chain, geometry)
     out = np.empty((K, J, geometry.axis.shape[2]))
     for row, k in enumerate(felt):
@@ -159,17 +160,17 @@ def _levers_of_gravity(chain: Chain, geometry: Walk) -> Array:
     return h
 
 
-def _suffix_moments(geometry: Walk, weights: Sequence[Weight]) -> tuple[list[Number], list[Number | Array]]:
-    """Total mass (kg) and world first moment (3, N) of all bodies from number b outwards, for b = 0 … B."""
-    m: list[Number] = [0.0]
-    mc: list[Number | Array] = [np.zeros_like(geometry.tcp)]
-    for number in range(len(weights) - 1, -1, -1):
-        m.append(m[-1] + weights[number].mass)
-        mc.append(mc[-1] + weights[number].mass * geometry.body[number])
-    return m[::-1], mc[::-1]
+def _suffix_moments(geometry: Walk, weights: Sequence[Weight]) -> tuple[Array, Array]:
+    """Mass (B + 1, 1, N) in kg and world first moment (B + 1, 3, N) of all bodies from number b = 0 … B outwards."""
+    B, N = geometry.body.shape[::2]
+    m, mc = np.zeros((B + 1, 1, N)), np.zeros((B + 1, 3, N))
+    for number in range(B - 1, -1, -1):
+        m[number] = m[number + 1] + weights[number].mass
+        mc[number] = mc[number + 1] + weights[number].mass * geometry.body[number]
+    return m, mc
 
 
-def _lever(geometry: Walk, j: int, m: Number, mc: Number | Array, rotates: bool) -> Array:
+def _lever(geometry: Walk, j: int, m: Array, mc: Array, rotates: bool) -> Array:
     """∂(Σ m c)/∂s_j, (3, N): what a unit motion of slot j does to the first moment of the bodies given."""
     axis = geometry.axis[j]
     return cross(axis, mc - m * geometry.origin[j]) if rotates else np.asarray(m * axis)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgpack
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from lrm_math.errors import LrmError
 
@@ -34,8 +34,14 @@ class Message(Part):
     v: Literal[1] = 1
 
 
-Label = Annotated[str, Field(max_length=64, pattern=r"^\P{C}*$")]
-"""Text that others will read on a terminal: printable characters only."""
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("printable characters only")
+    return text
+
+
+Label = Annotated[str, Field(max_length=64), AfterValidator(_printable)]
+"""Text that others will read on a terminal."""
 Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
 Servos = Annotated[list[Label], Field(max_length=16)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
@@ -282,7 +288,7 @@ def field_named() -> Iterator[None]:
         yield
     except ValidationError as error:
         first, *others = error.errors(include_url=False)
-        where = ".".join(_shown(part) for part in first["loc"])
+        where = ".".join(_shown(part) for part in first["loc"]) or "fields"
         what = first["msg"].removeprefix("Value error, ")
         more = f" (and {len(others)} more)" if others else ""
         raise MessageError(f"{where}: {what[:1].lower()}{what[1:]}{more}") from None

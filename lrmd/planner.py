@@ -21,6 +21,8 @@ SAMPLES = 40
 """Random poses of one attempt: most ways take fewer; a new attempt begins with new trees."""
 MORE_MARGIN = 0.01
 """m: how much more distance is kept after an attempt whose way is too narrow for the sagging arm."""
+SAME = 1e-6
+"""Share of a move: corners that are no further apart than this are one."""
 LOOK_EVERY = 0.05
 """rad: how densely the sagging arm is looked at."""
 
@@ -71,6 +73,6 @@ def _with_corners(config: Config, way: Array) -> tuple[tuple[float, ...], ...]:
     for before, after in pairwise(way):
         at = {1.0}
         for servo, a, b in zip(config.servos, before.tolist(), after.tolist(), strict=False):
-            at |= {(knot - a) / (b - a) for knot in servo.table.angle if min(a, b) < knot < max(a, b)}
+            at |= {t for knot in servo.table.angle if a != b and SAME < (t := (knot - a) / (b - a)) < 1 - SAME}
         out += [tuple((before + t * (after - before)).tolist()) for t in sorted(at)]
     return tuple(out)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from lrm_math.effects.base import (
     FEW_REVERSALS,
     Amounts,
@@ -15,6 +13,7 @@ from lrm_math.effects.base import (
     LoadedJointEffect,
     Parameter,
 )
+from lrm_math.elementary import tanh
 from lrm_math.poses import Poses
 
 
@@ -47,16 +46,16 @@ class Backlash(LoadedJointEffect):
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """½ b tanh(τ/τ0)."""
-        return (0.5 * p[0] * np.tanh(tau[0] / p[1]),)
+        return (0.5 * p[0] * tanh(tau[0] / p[1]),)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """½ tanh(τ/τ0) and −½ b τ/τ0² sech²(τ/τ0)."""
-        tanh = np.tanh(tau[0] / p[1])
-        return ((0.5 * tanh,), (-0.5 * p[0] * tau[0] / p[1] ** 2 * (1.0 - tanh**2),))
+        taken = tanh(tau[0] / p[1])
+        return ((0.5 * taken,), (-0.5 * p[0] * tau[0] / p[1] ** 2 * (1.0 - taken**2),))
 
     def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """½ b/τ0 sech²(τ/τ0)."""
-        return ((0.5 * p[0] / p[1] * (1.0 - np.tanh(tau[0] / p[1]) ** 2),),)
+        return ((0.5 * p[0] / p[1] * (1.0 - tanh(tau[0] / p[1]) ** 2),),)
 
     def why_not(self, evidence: Evidence) -> str | None:
         """Play shows where the torque changes sign."""
@@ -84,9 +83,7 @@ class Hysteresis(JointEffect):
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """½ h · direction; zero where the direction is unknown."""
-        if poses.direction is None:
-            return (0.0,)
-        return (0.5 * p[0] * poses.direction[:, self.joint],)
+        return (0.5 * p[0] * poses.approach(self.joint),)
 
     def why_not(self, evidence: Evidence) -> str | None:
         """It shows only if the joint came from both sides."""

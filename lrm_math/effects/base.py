@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -114,6 +115,10 @@ class Effect(ABC):
     """What one says of it, with the parameters' names in braces: `{place} has {b_rad} of play`."""
     online: ClassVar[bool] = True
     """Whether the rover can compensate it: it depends on angles, load and direction only."""
+    constant: ClassVar[bool] = False
+    """Whether `motion` is the same whatever the pose, load and direction."""
+    linear: ClassVar[bool] = False
+    """Whether `motion` is in proportion to the loads that it feels, and depends on nothing else."""
     follows_angles: ClassVar[bool] = True
     """Whether `motion` depends on the commanded angles themselves, not only on loads."""
 
@@ -242,6 +247,7 @@ def _difference(plus: Amounts, minus: Amounts, h: float) -> Amounts:
     return tuple((b - a) / (2.0 * h) for a, b in zip(minus, plus, strict=True))
 
 
+@lru_cache(maxsize=256)
 def joint_number(place: str) -> int:
     """Number from 0 of `jointN`."""
     return int(place.removeprefix("joint")) - 1

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from lrm_math.arm import BASE, Arm
 from lrm_math.effects.base import Amounts, Effect, LoadedJointEffect, Parameter
+from lrm_math.elementary import size
 from lrm_math.poses import Poses
 
 
@@ -21,6 +20,7 @@ class Compliance(Effect):
     formula = "δq = k τ; the base: δβ = k τ about its y axis"
     source = "Conenna 2024, section 4.3; Kamali et al. 2016"
     claim = "{place} gives way by {k_rad_per_Nm}"
+    linear = True
     follows_angles = False
 
     @classmethod
@@ -65,6 +65,7 @@ class LateralCompliance(Effect):
     formula = "rotation of the link about x and y: k_x M_x, k_y M_y"
     source = "rotational virtual springs as in Klimchik et al. 2014; Conenna 2024 leaves them out (section 4.3)"
     claim = "{place} bends by {k_x_rad_per_Nm} about its x and {k_y_rad_per_Nm} about its y"
+    linear = True
     follows_angles = False
 
     @classmethod
@@ -112,6 +113,7 @@ class BaseCompliance(Effect):
     formula = "δα = k_x τ_x, δγ = k_z τ_z of the base; about z it is the same as the compliance of joint 1"
     source = "as the base compliance of Conenna 2024, section 4.3, about the axes it leaves out"
     claim = "the base rocks by {k_x_rad_per_Nm} about its x"
+    linear = True
     follows_angles = False
 
     @classmethod
@@ -164,12 +166,12 @@ class NonlinearStiffness(LoadedJointEffect):
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """c2 τ|τ| + c3 τ³."""
-        return (p[0] * tau[0] * np.abs(tau[0]) + p[1] * tau[0] ** 3,)
+        return (p[0] * tau[0] * size(tau[0]) + p[1] * tau[0] ** 3,)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """τ|τ| and τ³."""
-        return ((tau[0] * np.abs(tau[0]),), (tau[0] ** 3,))
+        return ((tau[0] * size(tau[0]),), (tau[0] ** 3,))
 
     def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """2 c2 |τ| + 3 c3 τ²."""
-        return ((2.0 * p[0] * np.abs(tau[0]) + 3.0 * p[1] * tau[0] ** 2,),)
+        return ((2.0 * p[0] * size(tau[0]) + 3.0 * p[1] * tau[0] ** 2,),)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arm import TOOL, Arm
-from lrm_math.chain import chain_of
+from lrm_math.chain import Number, chain_of
 from lrm_math.effects.base import (
     Amounts,
     Effect,
@@ -124,7 +124,8 @@ class Payload(Effect):
 
     def weight(self, poses: Poses, p: Sequence[float]) -> tuple[Ballast, ...]:
         """The errors, in poses with a load. The body's own mass moves with the load's centre."""
-        loaded = (poses.payload > 0).astype(np.float64)
+        carried = poses.carried
+        loaded: Number = float(carried > 0) if isinstance(carried, float) else (carried > 0).astype(np.float64)
         return tuple(Ballast(p[0] * loaded, (p[1] * loaded, p[2] * loaded, p[3] * loaded)) for _ in self.weighs)
 
     def why_not(self, evidence: Evidence) -> str | None:

@@ -23,6 +23,7 @@ class Offsets(Effect):
     formula = "each nominal dimension + its own constant"
     source = "Conenna 2024, Table 4.3; Hayati 1983"
     claim = "{place} is not as drawn"
+    constant = True
     follows_angles = False
 
     @classmethod

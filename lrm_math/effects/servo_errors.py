@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from lrm_math.arm import Arm
 from lrm_math.effects.base import (
     Amounts,
@@ -17,6 +15,7 @@ from lrm_math.effects.base import (
     joint_number,
     needs_levels,
 )
+from lrm_math.elementary import above_zero, below_zero, cos, sin
 from lrm_math.poses import Poses
 from lrm_math.servo import PwmClock, rounding
 
@@ -43,12 +42,12 @@ class ServoGain(JointEffect):
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """g± q."""
         q = poses.angle(self.joint)
-        return (p[0] * np.maximum(q, 0.0) + p[1] * np.minimum(q, 0.0),)
+        return (p[0] * above_zero(q) + p[1] * below_zero(q),)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """q on the parameter's own side."""
         q = poses.angle(self.joint)
-        return ((np.maximum(q, 0.0),), (np.minimum(q, 0.0),))
+        return ((above_zero(q),), (below_zero(q),))
 
     def why_not(self, evidence: Evidence) -> str | None:
         """It needs the joint to move."""
@@ -82,7 +81,7 @@ class Eccentricity(JointEffect):
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """The waves."""
         q = poses.angle(self.joint)
-        return tuple((wave,) for n in (1, 2) for wave in (np.sin(n * q), np.cos(n * q) - 1.0))
+        return tuple((wave,) for n in (1, 2) for wave in (sin(n * q), cos(n * q) - 1.0))
 
     def why_not(self, evidence: Evidence) -> str | None:
         """It needs the joint to move."""

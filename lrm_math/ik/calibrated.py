@@ -1,0 +1,287 @@
+"""The calibrated inverse as a service uses it: one solver per deployed model, goals in, replies out."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_math.chain import Array
+from lrm_math.covariance import Covariance
+from lrm_math.derivatives import joint_jacobian
+from lrm_math.equilibrium import Equilibrium, settle
+from lrm_math.errors import LrmError, NotSettled
+from lrm_math.ik.answer import Branch, Verdict, Violation
+from lrm_math.ik.compensation import deployed
+from lrm_math.ik.cube import Cube
+from lrm_math.ik.deployment import Ask, Deployment, Found, Method, Stalled
+from lrm_math.ik.goal import Goal, Rotation, Triple
+from lrm_math.ik.nearest import nearest
+from lrm_math.ik.newton import LEVER, Aim
+from lrm_math.ik.reply import NotConverged, Reply, Solved, Spread, Unsolved
+from lrm_math.ik.rounding import Rounded, Rounding, Servos, rounded
+from lrm_math.ik.uncertainty import position_covariance
+from lrm_math.model import Model
+from lrm_math.poses import Poses
+from lrm_math.servo import PwmClock
+
+SAME = 1e-6
+"""rad: commands no further apart are one branch."""
+CUBE = Cube()
+
+
+@dataclass(frozen=True, slots=True)
+class Forward:
+    """Where the model says that the tool is: position (m), orientation, gravity's joint torques (N·m), spread."""
+
+    tcp: Triple
+    rotation: Rotation
+    joint_torque: tuple[float, ...]
+    spread: Spread | None
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedSolver:
+    """Goals to commands, and back, with a deployed model. Make it once with `of`; it keeps what it has reckoned.
+
+    Attributes:
+        left_out: ids of the model's effects that are not compensated.
+        covariance: of the deployed parameters. joint_sd: (n,), rad.
+        servos: the board that commands are rounded by.
+    """
+
+    deployment: Deployment
+    left_out: tuple[str, ...] = ()
+    covariance: Covariance | None = None
+    joint_sd: tuple[float, ...] | None = None
+    servos: Servos | None = None
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        *,
+        left_out: Sequence[str] = (),
+        covariance: Covariance | None = None,
+        joint_sd: Sequence[float] | None = None,
+        clock: PwmClock | None = None,
+    ) -> CalibratedSolver:
+        """The solver of a model file's model.
+
+        Args:
+            left_out: effects to leave out. Those that only explain a measurement session (drift, session,
+                measurement_frame) have to be named here, so that none is dropped silently.
+            covariance: of the model's parameters; None if it is not known.
+            joint_sd: (n,), rad, how well each servo repeats a command; None if it is not known.
+            clock: of the servo board; None takes it from the effect `quantisation`, if the model has that.
+
+        Raises:
+            LrmError: an effect that cannot be compensated and is not left out; wrong names or shapes.
+        """
+        smooth = deployed(model, left_out)
+        if joint_sd is not None and (len(joint_sd) != model.arm.dof or not all(sd >= 0.0 for sd in joint_sd)):
+            raise LrmError(f"joint_sd = {list(joint_sd)}; should be {model.arm.dof} standard deviations in rad")
+        clock = clock or _clock_of(model)
+        return cls(
+            Deployment(smooth),
+            tuple(left_out),
+            None if covariance is None else _of_the_deployed(covariance, model, smooth),
+            None if joint_sd is None else tuple(float(sd) for sd in joint_sd),
+            None if clock is None else Servos.of(model.arm, clock),
+        )
+
+    def warm_up(self) -> None:
+        """Reckons beforehand what the first goals would wait for."""
+        deployment = self.deployment
+        _ = deployment.drawing, deployment.likeness, deployment.library, deployment.compensation.linkage
+
+    def solve(
+        self,
+        goal: Goal,
+        payload: float = 0.0,
+        near: Sequence[float] | None = None,
+        method: Method = CUBE,
+        rounding: Rounding = Rounding.EACH,
+    ) -> Reply:
+        """Commands for one goal.
+
+        Args:
+            payload: load carried (kg).
+            near: (n,), angles that the arm stands at (rad): branches nearest to them come first, and joints whose
+                error depends on the side that they arrive from are taken to come from there.
+            method: `Cube()`, `Direct()` or `Iterative()`.
+            rounding: how commands become counts, where the board's clock is known.
+
+        Raises:
+            LrmError: a load that is no weight, or `near` that is not n finite angles.
+        """
+        started = time.perf_counter()
+        ask = Ask(goal, _checked_load(payload), self._checked_angles("near", near))
+        found = method.find(self.deployment, ask)
+        if isinstance(found, Stalled):
+            spent = time.perf_counter() - started
+            return NotConverged(goal, found.q, found.errors, method.name, self.left_out, spent)
+        if found is not None:
+            order = self._ordered(ask, found)
+            for row in order:
+                try:
+                    best_first = [row, *(other for other in order if other != row)]
+                    return self._solved(ask, found, best_first, method.name, rounding, started)
+                except NotSettled:
+                    continue
+        return self._unsolved(ask, found, method.name, started)
+
+    def forward(self, q: Sequence[float], payload: float = 0.0, near: Sequence[float] | None = None) -> Forward:
+        """Where the tool is for commands q (n,) in rad, coming from `near`.
+
+        Raises:
+            NotSettled: the arm comes to no rest that the model could speak of.
+            LrmError: numbers that are not finite, or not n of them.
+        """
+        command, here = self._checked_angles("q", q), self._checked_angles("near", near)
+        ask = Ask(Goal((0.0, 0.0, 0.0)), _checked_load(payload), here)
+        angles = np.array([command])
+        side = None if here is None else np.sign(angles - here)
+        rest = settle(self.deployment.model, self.deployment.poses(ask, angles, side))
+        rotation = _rotation(self._tcp(rest))
+        return Forward(_triple(rest.true_tcp[0]), rotation, tuple(rest.joint_torque[0].tolist()), self._spread(rest))
+
+    def _ordered(self, ask: Ask, found: Found) -> list[int]:
+        """Rows of commands within the limits, best first, each branch once."""
+        rows = np.flatnonzero(self.deployment.usable(found)).tolist()
+        if ask.near is not None:
+            away = np.abs(found.q - ask.near).max(axis=1)
+            rows.sort(key=lambda row: float(away[row]))
+        else:
+            limits = self.deployment.limits
+            margin = np.minimum(found.q - limits.lower, np.array(limits.upper) - found.q).min(axis=1)
+            rows.sort(key=lambda row: -float(margin[row]))
+        kept: list[int] = []
+        for row in rows:
+            if all(np.abs(found.q[row] - found.q[other]).max() > SAME for other in kept):
+                kept.append(row)
+        return kept
+
+    def _solved(
+        self, ask: Ask, found: Found, order: list[int], method: str, rounding: Rounding, started: float
+    ) -> Solved:
+        """The reply with the rows `order` as branches, the first checked by the model's own equilibrium."""
+        row = order[0]
+        deployment = self.deployment
+        lower, upper = deployment.limits.lower, deployment.limits.upper
+        command = np.clip(found.q[row], lower, upper)
+        poses = deployment.poses(ask, command[None], found.direction[[row]])
+        rest = settle(deployment.model, poses, self._slots(found.reached.amounts[row]))
+        tcp = self._tcp(rest)
+        off = Aim.of(ask.goal).error(tcp[None])[0, 3:] / LEVER
+        return Solved(
+            goal=ask.goal,
+            q=tuple(command.tolist()),
+            branches=tuple(
+                Branch(tuple(np.clip(found.q[other], lower, upper).tolist()), -1, deployment.limits) for other in order
+            ),
+            tcp=_triple(rest.true_tcp[0]),
+            rotation=_rotation(tcp),
+            predicted_error=math.dist(rest.true_tcp[0], ask.goal.position),
+            predicted_turn=float(np.linalg.norm(off)),
+            spread=self._spread(rest),
+            direction=tuple(int(side) for side in found.direction[row]),
+            detours=tuple(int(joint) + 1 for joint in np.flatnonzero(found.detour[row])),
+            rounded=self._rounded(ask, rest, rounding),
+            method=method,
+            steps=found.steps,
+            cube_error=found.error,
+            left_out=self.left_out,
+            elapsed=time.perf_counter() - started,
+        )
+
+    def _unsolved(self, ask: Ask, found: Found | None, method: str, started: float) -> Unsolved:
+        limits, beyond = self.deployment.limits, np.empty((0, self.deployment.model.arm.dof))
+        if found is not None:
+            beyond = found.q[~self.deployment.usable(found)]
+        branches = sorted((Branch(tuple(q), -1, limits) for q in beyond.tolist()), key=lambda branch: -branch.margin)
+        violation = None
+        if branches:
+            margins = limits.margins(branches[0].q)
+            worst = min(range(len(margins)), key=margins.__getitem__)
+            violation = Violation(worst + 1, -margins[worst])
+        verdict = Verdict.OUTSIDE_LIMITS if branches else Verdict.OUT_OF_REACH
+        closest = nearest(self.deployment, ask, beyond)
+        spent = time.perf_counter() - started
+        return Unsolved(ask.goal, verdict, closest, tuple(branches), violation, method, self.left_out, spent)
+
+    def _slots(self, amounts: Array) -> list[float]:
+        """Amounts of all slots of the chain from those (V,) of the moving ones."""
+        out = list(self.deployment.model.wiring.steady)
+        for k, amount in zip(self.deployment.compensation.linkage.slots.tolist(), amounts.tolist(), strict=True):
+            out[k] = amount
+        return out
+
+    def _tcp(self, rest: Equilibrium) -> Array:
+        """(4, 4), the tool's frame in a single pose at rest."""
+        linkage = self.deployment.compensation.linkage
+        amounts = np.array([[float(np.asarray(rest.slots[k]).item()) for k in linkage.slots]])
+        return np.asarray(linkage.place(amounts).tcp[0])
+
+    def _spread(self, rest: Equilibrium) -> Spread | None:
+        covariance = position_covariance(rest, self.covariance, self.joint_sd)
+        if covariance is None:
+            return None
+        return Spread(_rotation(covariance[0]), math.sqrt(float(np.trace(covariance[0]))))
+
+    def _rounded(self, ask: Ask, rest: Equilibrium, rounding: Rounding) -> Rounded | None:
+        if self.servos is None:
+            return None
+        command = rest.poses.q[0]
+        joints = self.deployment.model.chain.joint_slots
+
+        def miss(q: tuple[float, ...]) -> float:
+            slots = list(rest.slots)
+            for k, change in zip(joints, (np.array(q) - command).tolist(), strict=True):
+                slots[k] = slots[k] + change
+            poses = Poses(np.array([q]), rest.poses.payload, rest.poses.direction)
+            return math.dist(settle(self.deployment.model, poses, slots).true_tcp[0], ask.goal.position)
+
+        return rounded(self.servos, command.tolist(), rounding, miss, lambda: joint_jacobian(rest)[0])
+
+    def _checked_angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
+        if q is None:
+            return None
+        n = self.deployment.model.arm.dof
+        angles = tuple(float(x) for x in q)
+        if len(angles) != n or not all(map(math.isfinite, angles)):
+            raise LrmError(f"{name} = {list(q)}; should be {n} finite joint angles in rad")
+        return angles
+
+
+def _checked_load(payload: float) -> float:
+    if not (math.isfinite(payload) and payload >= 0.0):
+        raise LrmError(f"payload = {payload} kg; should be a weight of zero or more")
+    return float(payload)
+
+
+def _clock_of(model: Model) -> PwmClock | None:
+    for effect, p in model.parts():
+        if effect.id == "quantisation":
+            return PwmClock(p[0], p[1])
+    return None
+
+
+def _of_the_deployed(covariance: Covariance, model: Model, smooth: Model) -> Covariance:
+    """The part of a covariance that speaks of the deployed parameters; the others are marginalised."""
+    for key in covariance.keys:
+        model.position(key)
+    rows = [i for i, key in enumerate(covariance.keys) if key in smooth.keys]
+    return Covariance(tuple(covariance.keys[i] for i in rows), covariance.matrix[np.ix_(rows, rows)])
+
+
+def _triple(v: Array) -> Triple:
+    x, y, z = v.tolist()
+    return x, y, z
+
+
+def _rotation(m: Array) -> Rotation:
+    return _triple(m[0, :3]), _triple(m[1, :3]), _triple(m[2, :3])

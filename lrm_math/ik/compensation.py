@@ -1,0 +1,254 @@
+"""From the angles that joints really have to the angles that make them so.
+
+Where the TCP is depends only on where the slots of the chain are. Solved for those, the effects on the joints follow
+without any inner iteration: commanded = real − (what springs, play and gears add there). Only effects of the
+commanded angle itself (gain, eccentricity, coupling, cables) need a few steps, and those cost no kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lrm_math.chain import Array, Number
+from lrm_math.equilibrium import pushes_of, weights_of
+from lrm_math.errors import LrmError
+from lrm_math.ik.linkage import Burden, Linkage, linkage_of
+from lrm_math.model import Model
+from lrm_math.poses import Poses, poses_of
+from lrm_math.wiring import Wired
+
+SETTLED = 1e-10
+"""rad: the commanded angles are found when no joint has turned more than this; the next step would be far smaller."""
+TELLING = 1e-7
+"""rad: shorter steps of a joint do not tell how effects follow it."""
+MOST_STEPS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Compensation:
+    """A model seen from the angles that its joints really have.
+
+    `model`: only effects that the rover can compensate, and no rounding (see `deployed`).
+    """
+
+    model: Model
+
+    @cached_property
+    def linkage(self) -> Linkage:
+        """The arm with everything welded together that never moves."""
+        wiring = self.model.wiring
+        rigid = {k for effect in wiring.rigid for k in effect.moves}
+        return linkage_of(self.model.chain, wiring.steady, sorted({*wiring.moving, *self.model.felt, *rigid}))
+
+    @cached_property
+    def steady(self) -> Array:
+        """(V,), what each moving slot has with all joints at zero and no load (rad, m)."""
+        return np.array(self.model.wiring.steady)[self.linkage.slots]
+
+    @cached_property
+    def _felt(self) -> list[int]:
+        return [self._row[k] for k in self.model.felt]
+
+    @cached_property
+    def _row(self) -> dict[int, int]:
+        return {int(k): v for v, k in enumerate(self.linkage.slots)}
+
+    @cached_property
+    def _springs(self) -> Array:
+        """(V, V), what the linear effects make of loads on the moving slots (rad/N·m, m/N·m)."""
+        out, nowhere = np.zeros((len(self._row), len(self._row))), poses_of([0.0] * self.model.arm.dof)
+        for effect in self.model.wiring.elastic:
+            if effect.effect.linear:
+                rows = effect.effect.d_tau(nowhere, (0.0,) * len(effect.feels), effect.p)
+                for i, answers in zip(effect.feels, rows, strict=True):
+                    for k, answer in zip(effect.moves, answers, strict=True):
+                        out[self._row[k], self._felt[i]] += answer
+        return out
+
+    @cached_property
+    def _bent(self) -> tuple[Wired, ...]:
+        """Effects that are not linear."""
+        wiring = self.model.wiring
+        return (*wiring.rigid, *(effect for effect in wiring.elastic if not effect.effect.linear))
+
+    @cached_property
+    def _on_others(self) -> tuple[Wired, ...]:
+        """Those of them that move more than joints."""
+        joints = set(self.model.chain.joint_slots)
+        return tuple(effect for effect in self._bent if set(effect.moves) - joints)
+
+    @cached_property
+    def _on_joints(self) -> tuple[Wired, ...]:
+        joints = set(self.model.chain.joint_slots)
+        return tuple(effect for effect in self._bent if set(effect.moves) & joints)
+
+    def _follows(self, effect: Wired) -> bool:
+        pushed = {k for other in self.model.wiring.pushing for k in other.pushes}
+        return effect.effect.follows_angles or any(self.model.felt[i] in pushed for i in effect.feels)
+
+    @cached_property
+    def _following(self) -> tuple[Wired, ...]:
+        """Effects on joints that change with the commanded angle while the arm stays where it is."""
+        return tuple(effect for effect in self._on_joints if self._follows(effect))
+
+    @cached_property
+    def _apart(self) -> tuple[Wired, ...]:
+        """The other effects on joints."""
+        return tuple(effect for effect in self._on_joints if not self._follows(effect))
+
+    @cached_property
+    def follows_command(self) -> bool:
+        """Whether the slots other than joints depend on the command itself, so that it must be known to place them."""
+        return any(self._follows(effect) or not effect.feels for effect in self._on_others) or any(
+            self._springs[self.linkage.others][:, self._row[k]].any()
+            for effect in self.model.wiring.pushing
+            for k in effect.pushes
+        )
+
+    def burden(self, poses: Poses) -> Burden:
+        """What the arm carries in poses of one payload."""
+        return self.linkage.burden(weights_of(self.model, poses))
+
+    def others(self, poses: Poses, tau: Array) -> Array:
+        """(W, K), where the slots that are no joints want to be at gravity's loads (V, K): rad, m."""
+        rows = self.linkage.others
+        total = tau + self._pushes(poses) if self.follows_command else tau
+        out = self.steady[rows, None] + self._springs[rows] @ total
+        if self._on_others:
+            bent = np.zeros_like(tau)
+            for effect in self._on_others:
+                for k, amount in effect.motion(poses, [total[v] for v in self._felt]):
+                    bent[self._row[k]] += amount
+            out += bent[rows]
+        return np.asarray(out)
+
+    def springs(self, poses: Poses, tau: Array) -> Array:
+        """(K, W, V), how `others` answers a change of the loads (rad/N·m, m/N·m)."""
+        rows = self.linkage.others
+        if not self._on_others:
+            return self._springs[None, rows]
+        total = tau + self._pushes(poses) if self.follows_command else tau
+        out = np.repeat(self._springs[:, :, None], len(poses), axis=2)
+        for effect in self._on_others:
+            loads = tuple(total[self._felt[i]] for i in effect.feels)
+            for i, answers in zip(effect.feels, effect.effect.d_tau(poses, loads, effect.p), strict=True):
+                for k, answer in zip(effect.moves, answers, strict=True):
+                    out[self._row[k], self._felt[i]] += answer
+        return out[rows].transpose(2, 0, 1)
+
+    def command(self, poses: Poses, tau: Array, real: Array) -> Array:
+        """The angles (K, n) to command so that the joints have the angles `real` (K, n) under gravity's loads (V, K).
+
+        `poses`: payload and direction, and angles near those to be found. One candidate after the other: effects
+        reckon with floats then, much faster than with short arrays.
+        """
+        joints = self.linkage.joints
+        aims = real - self.steady[joints] - (self._springs[joints] @ tau).T
+        if not (self._on_joints or self.model.wiring.pushing):
+            return np.asarray(aims)
+        rows = [self._command_one(poses.one(k), tau[:, k], aim) for k, aim in enumerate(aims)]
+        return np.array(rows).reshape(real.shape)
+
+    def _command_one(self, pose: Poses, tau: Array, aim: Array) -> Array:
+        """Joints by the slopes at zero, then secants joint by joint, since most effects follow one; then Broyden."""
+        if self._apart:
+            aim = aim - self._turns(self._apart, pose, tau.tolist())
+        if not (self._following or self.model.wiring.pushing):
+            return aim
+        q, inverse = pose.q[0], self._slope_inverse
+        left = aim - q - self._answer(pose, tau)
+        step = inverse @ left
+        for number in range(MOST_STEPS):
+            q = q + step
+            if abs(step).max() <= SETTLED:
+                break
+            now = aim - q - self._answer(replace(pose, q=q[None]), tau)
+            if number == 0:
+                inverse = self._with_secants(step, left - now)
+            else:
+                answer = inverse @ (left - now)
+                along = float(step @ answer)
+                if along != 0.0:
+                    inverse = inverse + np.outer((step - answer) / along, step @ inverse)
+            left, step = now, inverse @ now
+        return np.asarray(q)
+
+    @cached_property
+    def _slope(self) -> Array:
+        """(n, n), how a command and the effects that follow it turn the joints, at command zero without gravity."""
+        zero, tau = poses_of([0.0] * self.model.arm.dof), np.zeros(len(self._row))
+        n, h = zero.q.shape[1], 0.1
+        ends = [[self._answer(zero.nudged(i, way), tau) for i in range(n)] for way in (h, -h)]
+        return np.asarray(np.eye(n) + (np.array(ends[0]) - np.array(ends[1])).T / (2.0 * h))
+
+    @cached_property
+    def _slope_inverse(self) -> Array:
+        return np.asarray(np.linalg.inv(self._slope))
+
+    def _with_secants(self, step: Array, answer: Array) -> Array:
+        """(n, n), the inverse slope, its diagonal as a step of the joints and its answer (n,) have it."""
+        own = self._slope.diagonal()
+        told = abs(step) > TELLING
+        secant = (answer - self._slope @ step) / np.where(told, step, 1.0) + own
+        slope = self._slope.copy()
+        np.fill_diagonal(slope, np.where(told, np.clip(secant, 0.5, 2.0), own))
+        return np.asarray(np.linalg.inv(slope))
+
+    def commanding(self, poses: Poses, tau: Array, amounts: Array) -> Poses:
+        """The poses that command amounts (K, V) of the moving slots under gravity's loads (V, K)."""
+        return replace(poses, q=self.command(poses, tau, amounts[:, self.linkage.joints]))
+
+    def _answer(self, pose: Poses, tau: Array) -> Array:
+        """(n,), what the effects that follow the command add to the joints (rad), for one pose and loads (V,)."""
+        if not self.model.wiring.pushing:
+            return self._turns(self._following, pose, tau.tolist())
+        pushed = self._pushes(pose)[:, 0]
+        turns = self._turns(self._following, pose, (tau + pushed).tolist())
+        return np.asarray(turns + self._springs[self.linkage.joints] @ pushed)
+
+    def _turns(self, effects: Iterable[Wired], pose: Poses, loads: list[Number]) -> Array:
+        """(n,), what some effects add to the joints of one pose with loads on the moving slots (rad)."""
+        felt = [loads[v] for v in self._felt]
+        out = dict.fromkeys(self.model.chain.joint_slots, 0.0)
+        for effect in effects:
+            for k, amount in effect.motion(pose, felt):
+                if k in out:
+                    out[k] += amount  # type: ignore[assignment]
+        return np.array(list(out.values()))
+
+    def _pushes(self, poses: Poses) -> Array:
+        """(V, K), loads that effects put on the moving slots (N·m)."""
+        out = np.zeros((len(self._row), len(poses)))
+        for k, load in pushes_of(self.model, poses).items():
+            if k in self._row:
+                out[self._row[k]] += load
+        return out
+
+
+def deployed(model: Model, left_out: Sequence[str] = ()) -> Model:
+    """The effects of a model that the rover can compensate: not rounding, and none of those `left_out`.
+
+    Raises:
+        LrmError: an effect that only explains a measurement session (drift, session, measurement_frame) is neither
+            compensable nor named in `left_out`; or a name there that the model does not have.
+    """
+    names = {effect.id for effect in model.effects}
+    for name in left_out:
+        if name not in names:
+            raise LrmError(f"left out: '{name}' is no effect of this model; it has {', '.join(sorted(names))}")
+    kept = [e.online and e.id not in left_out for e in model.effects]
+    for effect, keep in zip(model.effects, kept, strict=True):
+        if not keep and effect.id not in left_out:
+            raise LrmError(
+                f"effect {effect.id}@{effect.place} explains a measurement session and cannot be compensated on the "
+                f"rover; name it as left out (left_out = ['{effect.id}']) to deploy the others"
+            )
+    effects = tuple(e for e, keep in zip(model.effects, kept, strict=True) if keep and e.id != "quantisation")
+    spans = [s for e, s, keep in zip(model.effects, model.spans, kept, strict=True) if keep and e.id != "quantisation"]
+    values = np.concatenate([np.empty(0), *(model.values[span] for span in spans)])
+    smooth = Model(model.arm, effects, values)
+    return replace(smooth, free=tuple(key for key in model.free if key in smooth.keys))

@@ -1,0 +1,132 @@
+"""The thesis's second method: search a cube of goals around the first correction (Conenna 2024, section 7.2)."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from lrm_math.chain import Array, Number
+from lrm_math.equilibrium import Equilibrium, rigid_amounts
+from lrm_math.errors import LrmError
+from lrm_math.ik.deployment import Ask, Deployment, Found
+from lrm_math.ik.direct import Direct
+from lrm_math.ik.first_guess import Drawn, first_guesses, nominal, taken
+from lrm_math.ik.settled import settled
+from lrm_math.model import Model
+from lrm_math.poses import Poses
+
+COARSE = 1e-5
+"""m: equilibria in the cube are settled to this, a hundredth of its grid."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hit:
+    """The best goal of a cube: amounts of the moving slots there (V,), and its distance from the one asked for (m)."""
+
+    amounts: Array
+    error: float
+
+
+@dataclass(frozen=True)
+class Cube:
+    """Nominal inverse, one correction by the calibrated arm's error there, then the best of a cube of goals about it.
+
+    The thesis corrects the position alone. With the orientation left as it was, nearly half of what the calibrated
+    arm reaches has no nominal answer within the limits; so the orientation is corrected with it. While the best is
+    further off than the grid is wide, the correction is made anew from there, at most `moves` times. Newton's method
+    then takes the best to the goal.
+
+    `side`: m. `points`: goals along each edge.
+    """
+
+    side: float = 0.01
+    points: int = 11
+    moves: int = 3
+    name: str = "cube"
+
+    def __post_init__(self) -> None:
+        if not (self.side > 0.0 and self.points >= 2 and self.moves >= 0):
+            raise LrmError(
+                f"cube: side {self.side} m, {self.points} points, {self.moves} moves; "
+                "should be a side above 0, 2 or more points and 0 or more moves"
+            )
+
+    def find(self, deployment: Deployment, ask: Ask) -> Found | None:
+        """The polished best of the cube, and the branches that the direct method finds."""
+        hit = self.search(deployment, ask)
+        others = Direct().find(deployment, ask)
+        if hit is None:
+            return others
+        polished = deployment.solve_from(ask, hit.amounts[None])
+        return replace(polished if others is None else polished.joined(others), error=hit.error)
+
+    def search(self, deployment: Deployment, ask: Ask) -> Hit | None:
+        """The best of the cubes; None where the arm does not settle or the nominal inverse has no answer.
+
+        First guesses are tried until one leads as close as the grid is wide.
+        """
+        best: Hit | None = None
+        for drawn in first_guesses(deployment, ask):
+            hit = self._search_from(deployment, ask, drawn)
+            best = hit if best is None or (hit is not None and hit.error < best.error) else best
+            if best is not None and best.error <= self.width:
+                break
+        return best
+
+    @property
+    def width(self) -> float:
+        """Of the grid (m)."""
+        return self.side / (self.points - 1)
+
+    def _search_from(self, deployment: Deployment, ask: Ask, drawn: Drawn) -> Hit | None:
+        best: Hit | None = None
+        rest, rows = settled(deployment.model, deployment.poses(ask, drawn.q[None]))
+        row = 0
+        for _ in range(self.moves + 1):
+            if not len(rows):
+                break
+            around = rest.one(row)
+            centre, rotation = _corrected(deployment, ask, drawn, around)
+            q, valid = nominal(deployment, centre + self.side * _grid(self.points), rotation, around.poses.q[0])
+            poses = deployment.poses(ask, q[valid])
+            rest, rows = settled(deployment.model, poses, _like(deployment.model, around, poses), COARSE)
+            if not len(rows):
+                break
+            away = np.linalg.norm(rest.true_tcp - ask.goal.position, axis=1)
+            row = int(away.argmin())
+            if best is not None and away[row] >= best.error:
+                break
+            best = Hit(_amounts(deployment, rest.one(row)), float(away[row]))
+            if best.error <= self.width:
+                break
+            drawn = taken(deployment, rest.poses.q[row])
+        return best
+
+
+def _corrected(deployment: Deployment, ask: Ask, drawn: Drawn, rest: Equilibrium) -> tuple[Array, Array]:
+    """Position (3,) and orientation (3, 3) to ask of the nominal arm, by what the calibrated one was off."""
+    position = drawn.position + ask.goal.position - rest.true_tcp[0]
+    if ask.goal.rotation is None:
+        return position, drawn.rotation
+    seen = deployment.compensation.linkage.place(_amounts(deployment, rest)[None]).tcp[0, :3, :3]
+    return position, np.array(ask.goal.rotation) @ seen.T @ drawn.rotation
+
+
+@lru_cache(maxsize=8)
+def _grid(points: int) -> Array:
+    """(points³, 3), a cube of side 1 about zero."""
+    return np.array(list(itertools.product(np.linspace(-0.5, 0.5, points), repeat=3)))
+
+
+def _like(model: Model, rest: Equilibrium, poses: Poses) -> list[Number]:
+    """Amounts of all slots at poses near one at rest, which give way as much as that one."""
+    given = zip(rigid_amounts(model, poses), rest.slots, rigid_amounts(model, rest.poses), strict=True)
+    return [rigid + (there - before) for rigid, there, before in given]
+
+
+def _amounts(deployment: Deployment, rest: Equilibrium) -> Array:
+    """(V,), the moving slots of a single pose."""
+    return np.array([float(rest.slots[k]) for k in deployment.compensation.linkage.slots])

@@ -1,0 +1,209 @@
+"""What every method of the calibrated inverse needs of one deployed model, reckoned once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.chain import Array
+from lrm_math.equilibrium import settle
+from lrm_math.ik.answer import Limits
+from lrm_math.ik.compensation import Compensation
+from lrm_math.ik.goal import Goal
+from lrm_math.ik.library import Library
+from lrm_math.ik.likeness import SLACK, Likeness, Seeds
+from lrm_math.ik.newton import Aim, Band, Reached, beside_folds, reach
+from lrm_math.ik.nominal import solver_of
+from lrm_math.ik.solver import NominalSolver
+from lrm_math.model import Model
+from lrm_math.poses import Poses
+
+AT_LIMIT = 1e-9
+"""rad: a command this far beyond a limit is at the limit."""
+MOST_TURNS = 2
+FOLDS = 3
+"""How many candidates that got stuck are helped off the fold that they may stand on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """One question: the goal, the load (kg), and the angles (rad) that the arm stands at, if known."""
+
+    goal: Goal
+    payload: float = 0.0
+    near: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Commands that a method proposes, the ways they were found included.
+
+    Attributes:
+        q: (K, n), rad, whatever the limits. `reached`: where the arm then is, at the goal.
+        direction: (K, n), the side that each joint arrives from (see `Poses`); zeros where it is not known.
+        detour: (K, n), where a move straight from `near` would arrive from the other side.
+        steps: how many steps the method took.
+        error: m, what was left of the goal before the polish, if the method has one.
+    """
+
+    q: Array
+    reached: Reached
+    direction: Array
+    detour: NDArray[np.bool_]
+    steps: int
+    error: float | None = None
+
+    def joined(self, others: Found) -> Found:
+        """These and others, in this order."""
+        q, direction = (np.concatenate(pair) for pair in ((self.q, others.q), (self.direction, others.direction)))
+        detour = np.concatenate([self.detour, others.detour])
+        return Found(q, self.reached.joined(others.reached), direction, detour, self.steps + others.steps, self.error)
+
+
+@dataclass(frozen=True, eq=False)
+class Stalled:
+    """A method that ended away from the goal.
+
+    `q`: its last command (rad). `errors`: m, the distance from the goal after each step.
+    """
+
+    q: tuple[float, ...]
+    errors: tuple[float, ...]
+
+
+class Method(Protocol):
+    """A way to solve the calibrated inverse."""
+
+    @property
+    def name(self) -> str:
+        """What replies call it."""
+
+    def find(self, deployment: Deployment, ask: Ask) -> Found | Stalled | None:
+        """Commands for one goal; None where the method finds no way to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deployment:
+    """A model as the rover uses it: effects that can be compensated only, and no rounding."""
+
+    model: Model
+
+    @cached_property
+    def compensation(self) -> Compensation:
+        """From real angles to commands."""
+        return Compensation(self.model)
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Of the commands."""
+        return Limits.of(self.model.arm)
+
+    @cached_property
+    def drawing(self) -> NominalSolver:
+        """The inverse of the arm as drawn, limits widened by `SLACK`."""
+        joints = (replace(j, lower=j.lower - SLACK, upper=j.upper + SLACK) for j in self.model.arm.joints)
+        return solver_of(replace(self.model.arm, joints=tuple(joints)))
+
+    @cached_property
+    def likeness(self) -> Likeness:
+        """An arm like the calibrated one, with a closed form."""
+        return Likeness.of(self.model)
+
+    @cached_property
+    def library(self) -> Library:
+        """Commands all over the range, and where the arm is then."""
+        return Library.of(self.model, self.compensation.linkage.slots.tolist())
+
+    def poses(self, ask: Ask, q: Array, direction: Array | None = None) -> Poses:
+        """Commands q (K, n) with the load of a question."""
+        return Poses(q, np.full(len(q), ask.payload), direction)
+
+    def solve_seeds(self, ask: Ask, seeds: Seeds) -> Found:
+        """The same from the look-alike's branches, after one correction by how far off the calibrated arm is there.
+
+        And from where the arm stands, if that is known.
+        """
+        linkage, joints = self.compensation.linkage, self.compensation.linkage.joints
+        start = np.repeat(self._resting[None], len(seeds.q), axis=0)
+        start[:, joints] = self.zero + seeds.q
+        if ask.goal.rotation is not None:
+            angles, sources = self.likeness.corrected(ask.goal, seeds, linkage.place(start).tcp)
+            start = start[sources]
+            start[:, joints] = self.zero + angles
+        if ask.near is not None:
+            start = np.concatenate([start, self._resting[None]])
+            start[-1, joints] = self.zero + ask.near
+        return self.solve_from(ask, start)
+
+    @cached_property
+    def _resting(self) -> Array:
+        """(V,), what the moving slots have on average over the library (rad, m)."""
+        return np.asarray(self.library.amounts.mean(axis=0))
+
+    def solve_from(self, ask: Ask, start: Array) -> Found:
+        """Newton's method from amounts (K, V) of the moving slots, then what to command for the result."""
+        found, reached = self._descend(ask, start)
+        if self.usable(found).any() or not (~reached.met).any():
+            return found
+        aside = beside_folds(self.compensation, Aim.of(ask.goal), reached, FOLDS)
+        again, _ = self._descend(ask, np.concatenate([reached.amounts[~reached.met], aside]))
+        return again if self.usable(again).any() or not len(found.q) else found
+
+    def _descend(self, ask: Ask, start: Array) -> tuple[Found, Reached]:
+        compensation, joints = self.compensation, self.compensation.linkage.joints
+        poses = self.poses(ask, start[:, joints] - self.zero)
+        burden = compensation.burden(poses.one(0))
+        reached = reach(compensation, Aim.of(ask.goal), burden, poses, start, self.band)
+        plausible = reached.met & self.band.holds(reached.amounts[:, joints])
+        return self.commands(ask, reached.take(plausible)), reached
+
+    def commands(self, ask: Ask, reached: Reached) -> Found:
+        """What to command so that the arm is where it was wanted; whence it arrives follows from where it is now."""
+        arrived = reached.amounts[:, self.compensation.linkage.joints]
+
+        def command(q: Array, side: Array | None) -> Array:
+            return self.compensation.command(self.poses(ask, q, side), reached.tau, arrived)
+
+        q = command(arrived - self.zero, None)
+        if ask.near is None:
+            return Found(q, reached, np.zeros_like(q), np.zeros(q.shape, dtype=bool), reached.steps)
+        side = np.sign(q - ask.near)
+        for _ in range(MOST_TURNS):
+            q = command(q, side)
+            wrong = np.sign(q - ask.near) != side
+            if not wrong.any():
+                return Found(q, reached, side, wrong, reached.steps)
+            side = np.where(wrong, -side, side)
+        q = command(q, side)
+        return Found(q, reached, side, np.sign(q - ask.near) != side, reached.steps)
+
+    @cached_property
+    def band(self) -> Band:
+        """Angles that the joints may really have at a command within the limits."""
+        return Band(self.zero + self.limits.lower - SLACK, self.zero + self.limits.upper + SLACK)
+
+    def standing(self, ask: Ask, q: Array, steps: int) -> Found:
+        """Commands (K, n) as they are, and where the arm then rests. Raises `NotSettled`."""
+        poses, goal = self.poses(ask, q), np.array(ask.goal.position)
+        rest = settle(self.model, poses)
+        slots = self.compensation.linkage.slots
+        amounts = np.array([np.broadcast_to(rest.slots[k], len(q)) for k in slots]).T
+        placed = self.compensation.linkage.place(amounts)
+        tau = self.compensation.linkage.loads(placed, self.compensation.burden(poses.one(0))).tau
+        miss = np.linalg.norm(placed.tcp[:, :3, 3] - goal, axis=1)
+        unknown = np.zeros_like(q)
+        return Found(q, Reached(amounts, tau, miss, placed.tcp, steps), unknown, unknown > 0.0, steps)
+
+    @cached_property
+    def zero(self) -> Array:
+        """(n,), the angle that each joint really has at command zero without load, constant effects included (rad)."""
+        return np.asarray(self.compensation.steady[self.compensation.linkage.joints])
+
+    def usable(self, found: Found) -> NDArray[np.bool_]:
+        """(K,), which commands keep the limits."""
+        lower, upper = np.array(self.limits.lower) - AT_LIMIT, np.array(self.limits.upper) + AT_LIMIT
+        return np.asarray(((found.q >= lower) & (found.q <= upper)).all(axis=1))

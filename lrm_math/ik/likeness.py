@@ -1,0 +1,123 @@
+"""An arm as much like the calibrated one as a closed form allows: where Newton's method starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lrm_math.arm import BASE, TOOL, Arm, Joint, Placement
+from lrm_math.chain import Array
+from lrm_math.ik.answer import Limits
+from lrm_math.ik.goal import Goal
+from lrm_math.ik.lines import lines_of
+from lrm_math.ik.nominal import solver_of
+from lrm_math.ik.one_goal import OneGoal, one_goal_solver
+from lrm_math.ik.pieper import pieper_form
+from lrm_math.ik.solver import NominalSolver
+from lrm_math.model import Model
+
+SLACK = 0.4
+"""rad: joints sag and play by less than this, so that seeds need not be sought further outside the limits."""
+PULLED = (0.0, 0.01, 0.03, 0.07, 0.15)
+"""Shares of the way to the arm's middle by which goals at the edge of reach are pulled in."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seeds:
+    """Angles `q` (K, n) of the look-alike (rad) that take the goal, or the goal pulled to `position` (3,) in m.
+
+    `numbers`: of the closed form's branches, or -1.
+    """
+
+    q: Array
+    numbers: tuple[int, ...]
+    position: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Likeness:
+    """The look-alike's inverse. Its joint angles are counted from where the calibrated arm's joints really are.
+
+    `middle`: (3,), m, the point that goals out of reach are pulled towards: the second joint's origin.
+    """
+
+    arm: Arm
+    solver: NominalSolver
+    one_goal: OneGoal | None
+    middle: Array
+
+    @classmethod
+    def of(cls, model: Model) -> Likeness:
+        """For a model."""
+        arm = _alike(model)
+        form = pieper_form(lines_of(arm))
+        one_goal = None if form is None else one_goal_solver(form, Limits.of(arm))
+        return cls(arm, solver_of(arm), one_goal, lines_of(arm).point[min(1, arm.dof - 1)])
+
+    def seeds(self, goal: Goal, near: Sequence[float] | None) -> Seeds:
+        """Angles that joints may have at a goal, limits widened by `SLACK`; perhaps none."""
+        if goal.rotation is None:
+            answer = self.solver.solve(goal, near)
+            rows = [branch.q for branch in (*answer.branches, *answer.beyond)]
+            return Seeds(np.array(rows).reshape(-1, self.arm.dof), (-1,) * len(rows), np.array(goal.position))
+        if self.one_goal is not None:
+            found = self.one_goal(goal.rotation, goal.position)
+            if found:
+                return Seeds(np.array([q for _, q in found]), tuple(n for n, _ in found), np.array(goal.position))
+        shares = np.array(PULLED)[:, None]
+        positions = (1.0 - shares) * goal.position + shares * self.middle
+        batch = self.solver.solve_batch(positions, np.broadcast_to(goal.rotation, (len(positions), 3, 3)))
+        row = int(np.argmax(batch.solved))
+        numbers = np.flatnonzero(batch.valid[row])
+        return Seeds(batch.q[row][numbers], tuple(numbers.tolist()), positions[row])
+
+    def corrected(self, goal: Goal, seeds: Seeds, tcp: Array) -> tuple[Array, list[int]]:
+        """(M, n), the seeds again, for the goal moved by what the calibrated arm's TCP (K, 4, 4) at them was off.
+
+        And from which seed each comes. A seed whose branch the moved goal does not have stays as it is; branches that
+        only the moved goal has are added.
+        """
+        rows, sources = list(seeds.q), list(range(len(seeds.q)))
+        if goal.rotation is None or self.one_goal is None:
+            return seeds.q, sources
+        wanted, numbers = np.array(goal.rotation), set(seeds.numbers)
+        back = wanted @ tcp[:, :3, :3].transpose(0, 2, 1)
+        positions = (goal.position + seeds.position - tcp[:, :3, 3]).tolist()
+        rotations = (back @ wanted).tolist()
+        for k, number in enumerate(seeds.numbers):
+            for other, q in self.one_goal(rotations[k], positions[k]) or ():
+                if other == number:
+                    rows[k] = np.array(q)
+                elif other not in numbers:
+                    numbers.add(other)
+                    rows.append(np.array(q))
+                    sources.append(k)
+        return np.array(rows), sources
+
+
+def _alike(model: Model) -> Arm:
+    """The arm with every corrected angle, and the lengths that the drawing has; other lengths would part its axes."""
+    amounts = dict(zip((slot.key for slot in model.chain.slots), model.wiring.steady, strict=True))
+
+    def placement(place: str) -> Placement:
+        return Placement(*(amounts[f"{place}.{name}"] for name in ("x", "y", "z", "alpha", "beta", "gamma")))
+
+    def length(place: str, name: str, nominal: float) -> float:
+        return amounts[f"{place}.{name}"] if nominal else 0.0
+
+    def joint(place: str, drawn: Joint) -> Joint:
+        return replace(
+            drawn,
+            theta=amounts[f"{place}.theta"],
+            d=length(place, "d", drawn.d),
+            a=length(place, "a", drawn.a),
+            alpha=amounts[f"{place}.alpha"],
+            extra_z=None if drawn.extra_z is None else length(place, "extra_z", drawn.extra_z),
+            lower=drawn.lower - SLACK,
+            upper=drawn.upper + SLACK,
+        )
+
+    joints = tuple(joint(f"joint{i + 1}", drawn) for i, drawn in enumerate(model.arm.joints))
+    return replace(model.arm, base=placement(BASE), joints=joints, tool=placement(TOOL))

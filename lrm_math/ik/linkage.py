@@ -1,0 +1,208 @@
+"""A calibrated arm at a few candidates at once: everything that never moves welded together, the rest vectorised.
+
+The chain keeps only the slots that change from goal to goal: the joints, and whatever else an effect moves (a base that
+tilts, a link that bends). A pose is then a product of a handful of 4x4 matrices, and screws, loads and their
+derivatives are array expressions over slots: about as cheap for eight branches as for one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.chain import Array, Chain, Slot
+from lrm_math.statics import Weight
+
+Indices = NDArray[np.int64]
+IDENTITY = np.eye(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Where K candidates stand, in the base's frame.
+
+    `tcp`: (K, 4, 4), the tool frame (m). `frames`: (V + 1, K, 4, 4), the base and the frame after each moving slot.
+    `axis`, `origin`: (V, 3, K), of every moving slot (unit vectors; m).
+    """
+
+    tcp: Array
+    frames: Array
+    axis: Array
+    origin: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Burden:
+    """What the linkage carries: `moment` (B, 1, 4, 1), mass times centre and mass of every body (kg m, kg), in its
+    moving slot's frame; `beyond` (B + 1,), mass of it and all bodies further out (kg)."""
+
+    moment: Array
+    beyond: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """Gravity's loads at K candidates.
+
+    `tau`: (V, K), on every moving slot (N·m). `lever`: (V, 3, K), gravity x axis, zero for translations.
+    `beyond`: (B + 1, 3, K), first mass moment of each body and all further out (kg m).
+    """
+
+    tau: Array
+    lever: Array
+    beyond: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Linkage:
+    """The moving slots of a chain and the rigid pieces between them.
+
+    Attributes:
+        slots: (V,), numbers of the moving slots in the chain, ascending.
+        joints: (n,), where the joints stand among them.
+        others: (W,), where the others stand among them; `slides`: where translations stand.
+        axes: (V,), along or about which axis each moves.
+        pieces: (3, V, 1, 4, 4); the step to the frame after slot v is pieces[0] + c pieces[1] + s pieces[2], with c, s
+            the cosine and sine of the slot's amount, or the amount and zero for a translation.
+        end: (4, 4), from the last moving slot to the TCP.
+        stands: (B,), how many moving slots each body stands behind; `seats`: (B, 4, 4), its frame seen from there.
+        counted, moved: (V,), the first body that a slot's load counts, and that the slot moves.
+        gravity_cross: (3, 3), the matrix of gravity x (m/s²).
+    """
+
+    slots: Indices
+    joints: Indices
+    others: Indices
+    slides: Indices
+    axes: Indices
+    pieces: Array
+    end: Array
+    stands: Indices
+    seats: Array
+    counted: Indices
+    moved: Indices
+    gravity_cross: Array
+
+    @cached_property
+    def after(self) -> Indices:
+        """(V,), number of the frame after each moving slot."""
+        return np.arange(1, len(self.slots) + 1)
+
+    @cached_property
+    def inner(self) -> NDArray[np.bool_]:
+        """(V, V, 1), whether slot k stands before slot j, or is it."""
+        return (self.after[:, None] <= self.after)[:, :, None]
+
+    def place(self, amounts: Array) -> Placed:
+        """Frames and screws at amounts (K, V) of the moving slots (rad, m)."""
+        c, s = np.cos(amounts.T), np.sin(amounts.T)
+        for v in self.slides:
+            c[v], s[v] = amounts[:, v], 0.0
+        fixed, by_c, by_s = self.pieces
+        steps = fixed + c[:, :, None, None] * by_c + s[:, :, None, None] * by_s
+        frames = np.empty((len(steps) + 1, *steps.shape[1:]))
+        frames[0] = IDENTITY
+        for v, step in enumerate(steps):
+            np.matmul(frames[v], step, out=frames[v + 1])
+        axis = frames[self.after, :, :3, self.axes].transpose(0, 2, 1)
+        return Placed(frames[-1] @ self.end, frames, axis, frames[1:, :, :3, 3].transpose(0, 2, 1))
+
+    def jacobian(self, placed: Placed) -> Array:
+        """(K, 6, V): the TCP's velocity (m/rad or 1) above the tool's rate of turn (base's frame), slot by slot."""
+        out = np.empty((len(placed.axis), 6, len(placed.tcp)))
+        out[:, 3:] = placed.axis
+        out[:, :3] = _cross(placed.axis, placed.tcp[:, :3, 3].T - placed.origin)
+        for v in self.slides:
+            out[v, :3], out[v, 3:] = placed.axis[v], 0.0
+        return out.transpose(2, 1, 0)
+
+    def loads(self, placed: Placed, burden: Burden) -> Loads:
+        """Gravity's loads on the moving slots."""
+        centres = (placed.frames[self.stands] @ burden.moment).transpose(0, 2, 1, 3)[:, :3, :, 0]
+        beyond = np.zeros((len(centres) + 1, 3, len(placed.tcp)))
+        np.cumsum(centres[::-1], axis=0, out=beyond[-2::-1])
+        lever = self.gravity_cross @ placed.axis
+        for v in self.slides:
+            lever[v] = 0.0
+        counted = beyond[self.counted] - burden.beyond[self.counted, None, None] * placed.origin
+        return Loads(np.einsum("vck,vck->vk", lever, counted), lever, beyond)
+
+    def slopes(self, placed: Placed, burden: Burden, loads: Loads) -> Array:
+        """(V, V, K): ∂tau_k/∂s_j, exact but for slots that count bodies which they do not move.
+
+        The Hessian of gravity's energy, as in `statics.load_derivatives`.
+        """
+        mass = burden.beyond[self.moved, None, None]
+        swept = _cross(placed.axis, loads.beyond[self.moved] - mass * placed.origin)
+        for v in self.slides:
+            swept[v] = mass[v] * placed.axis[v]
+        outer = np.einsum("ack,bck->abk", loads.lever, swept)
+        return np.asarray(np.where(self.inner, outer, outer.transpose(1, 0, 2)))
+
+    def burden(self, weights: Sequence[Weight]) -> Burden:
+        """Bodies as they are carried, from their weights in chain order (each the same for all candidates)."""
+        mass = np.array([float(w.mass) for w in weights])
+        com = np.array([[*w.com, 1.0] for w in weights], dtype=np.float64).reshape(-1, 4, 1)
+        moment = mass[:, None, None] * (self.seats @ com)
+        return Burden(moment[:, None], np.concatenate([np.cumsum(mass[::-1])[::-1], [0.0]]))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross product over the middle axis: (V, 3, K)."""
+    out = np.empty_like(a)
+    for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[:, y] * b[:, z], a[:, z] * b[:, y], out=out[:, x])
+    return out
+
+
+def linkage_of(chain: Chain, steady: Sequence[float], also: Sequence[int]) -> Linkage:
+    """The linkage of a chain whose slots keep the amounts `steady` (rad, m), but for the joints and those in `also`."""
+    slots = sorted({*chain.joint_slots, *also})
+    edges = [-1, *slots, len(chain.slots)]
+    welds = [_weld(chain, steady, a + 1, b) for a, b in pairwise(edges)]
+    x, y, z = chain.gravity
+    motions = np.array([_motion(chain.slots[k]) for k in slots])
+    stands = [sum(k < body.before for k in slots) for body in chain.bodies]
+    seats = [_weld(chain, steady, edges[n] + 1, b.before) for n, b in zip(stands, chain.bodies, strict=True)]
+    return Linkage(
+        slots=np.array(slots),
+        joints=np.array([slots.index(k) for k in chain.joint_slots]),
+        others=np.array([v for v, k in enumerate(slots) if chain.slots[k].joint is None], dtype=np.int64),
+        slides=np.array([v for v, k in enumerate(slots) if not chain.slots[k].rotates], dtype=np.int64),
+        axes=np.array([chain.slots[k].axis for k in slots]),
+        pieces=(np.array(welds[:-1]) @ motions.transpose(1, 0, 2, 3))[:, :, None],
+        end=welds[-1],
+        stands=np.array(stands, dtype=np.int64),
+        seats=np.array(seats).reshape(-1, 4, 4),
+        counted=np.array([chain.counted[k] for k in slots]),
+        moved=np.array([chain.moved[k] for k in slots]),
+        gravity_cross=np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]),
+    )
+
+
+def _weld(chain: Chain, steady: Sequence[float], start: int, stop: int) -> Array:
+    """The product of the slots start … stop − 1 at their steady amounts: (4, 4)."""
+    out = np.eye(4)
+    for k in range(start, stop):
+        fixed, by_c, by_s = _motion(chain.slots[k])
+        c, s = (np.cos(steady[k]), np.sin(steady[k])) if chain.slots[k].rotates else (steady[k], 0.0)
+        out = out @ (fixed + c * by_c + s * by_s)
+    return out
+
+
+def _motion(slot: Slot) -> Array:
+    """(3, 4, 4): the constant part of a slot's motion, and its parts times cosine and sine (or times the length)."""
+    out = np.zeros((3, 4, 4))
+    if not slot.rotates:
+        out[0], out[1, slot.axis, 3] = np.eye(4), 1.0
+        return out
+    i, j = (slot.axis + 1) % 3, (slot.axis + 2) % 3
+    out[0, slot.axis, slot.axis] = out[0, 3, 3] = 1.0
+    out[1, i, i] = out[1, j, j] = 1.0
+    out[2, j, i], out[2, i, j] = 1.0, -1.0
+    return out

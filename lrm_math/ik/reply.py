@@ -1,0 +1,135 @@
+"""What the calibrated inverse answers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from lrm_math.ik.answer import Branch, Nearest, Verdict, Violation
+from lrm_math.ik.goal import Goal, Rotation, Triple
+from lrm_math.ik.rounding import Rounded
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """How surely a position is known.
+
+    `covariance`: 3x3, m². `sd`: m, the root of its trace: the RMS distance that it stands for.
+    """
+
+    covariance: Rotation
+    sd: float
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """Commands that take the goal, as far as the model knows.
+
+    Attributes:
+        goal: what was asked for.
+        q: the commanded angles (rad): the first branch.
+        branches: all that were found within the limits, best first: nearest to `near`, else furthest from the limits.
+        tcp, rotation: where the model says that the tool then is (m).
+        predicted_error: distance from the goal's position (m).
+        predicted_turn: turn from the goal's orientation or approach (rad).
+        spread: of the prediction, from the parameters' covariance and the joints' repeatability; None if not known.
+        direction: side that each joint has to arrive from, -1, 0 (unknown or no matter), +1, for this to hold.
+        detours: joints, from 1, that would arrive from the other side if they moved straight from `near`.
+        rounded: what the servo board's whole counts make of it; None without a clock.
+        method: by which method. `steps`: how many it took. `cube_error`: m, the error before the polish, for the cube.
+        left_out: effects of the model that are not in this answer.
+        elapsed: s.
+    """
+
+    goal: Goal
+    q: tuple[float, ...]
+    branches: tuple[Branch, ...]
+    tcp: Triple
+    rotation: Rotation
+    predicted_error: float
+    predicted_turn: float
+    spread: Spread | None
+    direction: tuple[int, ...]
+    detours: tuple[int, ...]
+    rounded: Rounded | None
+    method: str
+    steps: int
+    cube_error: float | None
+    left_out: tuple[str, ...]
+    elapsed: float
+
+    @property
+    def verdict(self) -> Verdict:
+        """Solved."""
+        return Verdict.SOLVED
+
+    @property
+    def sd(self) -> float | None:
+        """Standard deviation of the predicted position (m), three-dimensional; None if not known."""
+        return None if self.spread is None else self.spread.sd
+
+    def __str__(self) -> str:
+        angles = " ".join(f"{math.degrees(x):.2f}" for x in self.q)
+        error = f"{1e3 * self.predicted_error:.2g} mm"
+        sure = "" if self.sd is None else f" ± {1e3 * self.sd:.2f} mm"
+        counts = "" if self.rounded is None else f", {1e3 * self.rounded.error:.2f} mm after rounding to counts"
+        return (
+            f"solved by {self.method}: {angles} deg; predicted error {error}{sure}{counts}; "
+            f"{len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Unsolved:
+    """Why there is no command.
+
+    Attributes:
+        verdict: out_of_reach or outside_limits.
+        nearest: the command within the limits that comes nearest, and where the model says that the tool then is.
+        beyond: commands that would take the goal but break limits, the least first.
+        violation: of the first of them.
+    """
+
+    goal: Goal
+    verdict: Verdict
+    nearest: Nearest
+    beyond: tuple[Branch, ...]
+    violation: Violation | None
+    method: str
+    left_out: tuple[str, ...]
+    elapsed: float
+
+    def __str__(self) -> str:
+        why = "out of reach"
+        if self.violation is not None:
+            over = math.degrees(self.violation.excess)
+            why = f"outside limits: joint {self.violation.joint} would have to go {over:.2f} deg beyond its limit"
+        turn = f" and {math.degrees(self.nearest.angle):.2f} deg" if self.nearest.angle else ""
+        return f"{why}; the nearest that can be commanded is {1e3 * self.nearest.distance:.2f} mm{turn} away"
+
+
+@dataclass(frozen=True, slots=True)
+class NotConverged:
+    """A method that ended away from the goal, though another one may take it.
+
+    `last`: its last command (rad), not to be sent. `errors`: m, distance from the goal after each of its steps.
+    """
+
+    goal: Goal
+    last: tuple[float, ...]
+    errors: tuple[float, ...]
+    method: str
+    left_out: tuple[str, ...]
+    elapsed: float
+
+    @property
+    def verdict(self) -> str:
+        """Not one of the goal, but of the method."""
+        return "not_converged"
+
+    def __str__(self) -> str:
+        return f"{self.method} stalled {1e3 * self.errors[-1]:.2f} mm from the goal after {len(self.errors)} steps"
+
+
+Reply: TypeAlias = Solved | Unsolved | NotConverged

@@ -1,0 +1,29 @@
+"""Equilibria of those poses of a batch that settle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lrm_math.chain import Number
+from lrm_math.equilibrium import TOLERANCE, Equilibrium, settle
+from lrm_math.errors import NotSettled
+from lrm_math.ik.linkage import Indices
+from lrm_math.model import Model
+from lrm_math.poses import Poses
+
+
+def settled(
+    model: Model, poses: Poses, start: Sequence[Number] | None = None, tolerance: float = TOLERANCE
+) -> tuple[Equilibrium, Indices]:
+    """Where the arm rests in the poses in which it does, and their rows; arguments as of `settle`."""
+    rows = np.arange(len(poses))
+    while True:
+        try:
+            some = poses.take(rows)
+            begin = None if start is None else [a if isinstance(a, float) else a[rows] for a in start]
+            return settle(model, some, begin, tolerance), rows
+        except NotSettled as error:
+            names = some.names(np.arange(len(rows)))
+            rows = rows[~np.isin(names, error.poses)]

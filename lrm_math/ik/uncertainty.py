@@ -1,0 +1,31 @@
+"""How surely the model knows where the TCP is: parameters and joints that are not known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lrm_math.chain import Array
+from lrm_math.covariance import Covariance
+from lrm_math.derivatives import joint_jacobian, parameter_jacobian
+from lrm_math.equilibrium import Equilibrium
+
+
+def position_covariance(
+    rest: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
+) -> Array | None:
+    """(N, 3, 3), m²: J C Jᵀ with the total derivatives through the equilibrium; None if neither cause is known.
+
+    Args:
+        covariance: of parameters of the model.
+        joint_sd: (n,), rad, how well each servo repeats a command, each by itself.
+    """
+    parts = []
+    if covariance is not None:
+        J = parameter_jacobian(rest, covariance.keys)
+        parts.append(J @ covariance.matrix @ J.transpose(0, 2, 1))
+    if joint_sd is not None:
+        J = joint_jacobian(rest) * np.asarray(joint_sd, dtype=np.float64)
+        parts.append(J @ J.transpose(0, 2, 1))
+    return np.asarray(sum(parts)) if parts else None

@@ -1,0 +1,89 @@
+"""How the effects of a model are connected to the slots of its chain: names looked up and constants added once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from lrm_math.chain import Chain, Number
+from lrm_math.effects.base import Effect
+from lrm_math.poses import Poses, poses_of
+
+
+@dataclass(frozen=True, eq=False)
+class Wired:
+    """One effect with its parameters and the slots that it is connected to.
+
+    Attributes:
+        p: its parameters' values (SI).
+        moves, pushes: numbers of the chain's slots.
+        feels: where each load that it feels stands among the loads of the slots `felt`.
+    """
+
+    effect: Effect
+    p: tuple[float, ...]
+    moves: tuple[int, ...]
+    feels: tuple[int, ...]
+    pushes: tuple[int, ...]
+
+    def motion(self, poses: Poses, tau: list[Number]) -> Iterable[tuple[int, Number]]:
+        """Slots that it moves and by how much, where `tau` are the loads of the slots `felt`."""
+        felt = tuple(tau[i] for i in self.feels)
+        return zip(self.moves, self.effect.motion(poses, felt, self.p), strict=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Wiring:
+    """A model's effects, sorted by what they need to know.
+
+    Attributes:
+        steady: amount of every slot with all joints at zero: the nominal arm and the effects that are constant.
+        rigid: effects that follow the command but no load.
+        elastic: effects that feel loads.
+        pushing, weighing: effects that put loads on slots, or change weights.
+        moving: slots that the elastic effects move, ascending.
+        reach: m; no rotation by 1 rad moves the TCP further (the stretched nominal arm, with a margin).
+    """
+
+    steady: tuple[float, ...]
+    rigid: tuple[Wired, ...]
+    elastic: tuple[Wired, ...]
+    pushing: tuple[Wired, ...]
+    weighing: tuple[Wired, ...]
+    moving: tuple[int, ...]
+    reach: float
+
+
+def wire(chain: Chain, parts: Iterable[tuple[Effect, list[float]]], felt: tuple[int, ...]) -> Wiring:
+    """The wiring of effects and their parameters (SI) on a chain; `felt`: slots whose load some effect feels."""
+    wired = [_wired(chain, effect, p, felt) for effect, p in parts]
+    return Wiring(
+        steady=_steady(chain, wired),
+        rigid=tuple(w for w in wired if w.moves and not w.feels and not w.effect.constant),
+        elastic=tuple(w for w in wired if w.feels),
+        pushing=tuple(w for w in wired if w.pushes),
+        weighing=tuple(w for w in wired if w.effect.weighs),
+        moving=tuple(sorted({k for w in wired if w.feels for k in w.moves})),
+        reach=1.2
+        * sum(abs(s.nominal) for s in chain.slots if not s.rotates and not s.place.startswith(("base", "link"))),
+    )
+
+
+def _wired(chain: Chain, effect: Effect, p: list[float], felt: tuple[int, ...]) -> Wired:
+    moves, feels, pushes = (
+        tuple(chain.index[key] for key in keys) for keys in (effect.moves, effect.feels, effect.pushes)
+    )
+    return Wired(effect, tuple(p), moves, tuple(felt.index(k) for k in feels), pushes)
+
+
+def _steady(chain: Chain, wired: list[Wired]) -> tuple[float, ...]:
+    at_zero = poses_of([0.0] * chain.dof)
+    amounts = [float(value) for value in chain.values([0.0] * chain.dof)]
+    for place in {chain.slots[k].place for w in wired for k in w.moves}:
+        for k, way in chain.hinges(place):
+            amounts[k] = way
+    for w in wired:
+        if w.effect.constant:
+            for k, amount in w.motion(at_zero, []):
+                amounts[k] += float(amount)
+    return tuple(amounts)
