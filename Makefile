@@ -1,14 +1,16 @@
-# make demo   sets itself up, fits a data set, finds what is missing   [DATA=measurements.csv ARM=arm]
+# make demo   sets itself up, fits a data set, finds what is missing, drives a simulated arm   [DATA=my.csv ARM=arm]
 # make test   sets itself up, runs all tests
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 DATA ?= lrm_ident/examples/hidden-play.csv
 OUT ?= out
+MINUTES ?= 10
+HOURS ?= 24
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench confusion clean
+.PHONY: help setup demo test lint bench soak coverage confusion install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -21,12 +23,13 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev]'
 	@touch $@
 
-demo: setup ## fit a data set, show where the model fails, find what is missing, add it (DATA=, ARM=)
+demo: setup ## find what is missing in a model (DATA=, ARM=), then drive a simulated arm through the daemon
 	@mkdir -p $(OUT)
 	$(BIN)/lrm-ident fit $(DATA) $(if $(ARM),--arm $(ARM)) -o $(OUT)/model.toml --json $(OUT)/fit.json
 	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png
 	$(BIN)/lrm-ident diagnose $(OUT)/model.toml $(DATA) --json $(OUT)/diagnosis.json --figure $(OUT)/diagnosis.png
 	$(BIN)/lrm-ident auto $(OUT)/model.toml $(DATA) -o $(OUT)/better.toml --json $(OUT)/course.json
+	$(BIN)/python -m lrmd.demo
 
 test: setup lint ## all tests, after the linters
 	$(ONE_THREAD) $(BIN)/python -m pytest
@@ -35,13 +38,32 @@ lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-bench: setup ## our figures beside the peers', as ratios
+bench: setup ## our figures beside the peers', as ratios; the daemon's for MINUTES=10
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev,bench]'
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-deps EAIK
 	$(ONE_THREAD) $(BIN)/python -m bench
+	$(ONE_THREAD) $(BIN)/python -m bench.ik
+	$(ONE_THREAD) $(BIN)/python -m bench.ik_calibrated
+	$(ONE_THREAD) $(BIN)/python -m bench.daemon --minutes $(MINUTES)
+
+soak: setup ## the daemon's core, ramp and board for HOURS=24 of simulated time, and a million broken messages
+	$(ONE_THREAD) $(BIN)/python -m bench.soak --hours $(HOURS)
+	$(ONE_THREAD) $(BIN)/python -m bench.fuzz
+	$(ONE_THREAD) $(BIN)/python -m bench.fuzz_messages
+	$(ONE_THREAD) $(BIN)/python -m bench.fuzz_ik
+
+coverage: setup ## are the standard errors honest? (about a minute)
+	$(ONE_THREAD) $(BIN)/python -m bench.coverage --seeds 250
 
 confusion: setup ## what is named when each effect is hidden, and the table of the docs (about 20 minutes)
 	$(BIN)/python -m bench.hidden --seeds 5 --jobs 2 --out docs/confusion.md
 	$(ONE_THREAD) $(BIN)/python -m bench.hidden.unseen
+
+install: ## the daemon on this rover, as root (DESTDIR=, PYTHON=)
+	PYTHON=$(PYTHON) DESTDIR=$(DESTDIR) systemd/install.sh
+
+uninstall: ## takes it away again; keeps configuration that was changed
+	DESTDIR=$(DESTDIR) systemd/install.sh uninstall
 
 clean: ## removes what was built
 	rm -rf $(VENV) $(OUT) build dist *.egg-info

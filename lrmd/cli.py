@@ -16,7 +16,7 @@ from lrmd import cli_text
 from lrmd.angle import angle_of, angles_of
 from lrmd.client import Interrupted, RequestRefused, Rover
 from lrmd.ik_messages import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
-from lrmd.messages import Event
+from lrmd.messages import Event, field_named
 
 TEXT = """\
 Speaks to lrmd, the daemon that owns a robot arm. The usual course:
@@ -39,7 +39,8 @@ def main(argv: list[str] | None = None) -> int:
     options = parser().parse_args(argv)
     try:
         run: Callable[[argparse.Namespace], int] = options.run
-        return run(options)
+        with field_named():
+            return run(options)
     except Interrupted as error:
         print(f"lrm: {error}", file=sys.stderr)
         return 1

@@ -201,7 +201,7 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         raise LrmError(f"link: reply_ms = {t.link.reply_ms:g} must be at least twice tick_ms = {t.ramp.tick_ms:g}")
     clock = PwmClock(t.link.pwm_hz, t.link.oscillator_hz)
     for servo in servos:
-        clock.counts_of([servo.lowest * 1e-9, servo.highest * 1e-9])
+        _check_fits(servo, clock)
     return Config(
         robot=t.robot,
         arm=arm,
@@ -273,6 +273,14 @@ def _table(name: str, entry: ServoEntry, arm: Arm) -> ServoTable:
             f"the arm file knows {', '.join(known) or 'none'}"
         )
     return known[name]
+
+
+def _check_fits(servo: Servo, clock: PwmClock) -> None:
+    try:
+        clock.counts_of([servo.lowest * 1e-9, servo.highest * 1e-9])
+    except LrmError as error:
+        longest = f"{servo.highest / US:g} us"
+        raise LrmError(f"servo {servo.name}: {error}; its longest pulse is {longest}: lower pwm_hz") from None
 
 
 def _check_rest(arm: Arm, rest: list[float]) -> None:

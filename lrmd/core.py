@@ -6,6 +6,8 @@ a servo that gets too hot sends the arm to its rest pose, and then stops the pul
 
 from __future__ import annotations
 
+import errno
+import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -99,6 +101,7 @@ class Core:
         self.payload = 0.0
         self.happenings: list[Happening] = []
         self.stored = stored
+        self._left_still = stored is None or stored.still
         self.boots = (stored.boots if stored else 0) + 1
         self._torques = torques
         self.guard = guard
@@ -109,6 +112,7 @@ class Core:
         self._jog_until: int | None = None
         self._looked_at = now
         self._link_was = LinkState.CLOSED
+        self._port_error = 0
         self.heat = HeatWatch(config, stored, now, wall)
 
     # ---- what it knows
@@ -133,11 +137,12 @@ class Core:
         return not self.report.outputs
 
     def saved(self, wall: int) -> Saved:
-        """What must survive a crash. Servos that never had pulses keep what was stored before."""
-        known = dict(self.stored.pulse_ns) if self.stored else {}
-        known |= {n: p for n, p in zip(self.config.names, self.position, strict=True) if p}
+        """What must survive a crash. Servos that had no pulses yet keep what was stored before, and its doubts."""
+        before = dict(self.stored.pulse_ns) if self.stored else {}
+        known = {n: p for n, p in zip(self.config.names, self.position, strict=True) if p}
+        still = not self.report.moving and (self._left_still or before.keys() <= known.keys())
         return Saved(
-            saved_wall_ns=wall, boots=self.boots, mode=self.mode, still=not self.report.moving, pulse_ns=known,
+            saved_wall_ns=wall, boots=self.boots, mode=self.mode, still=still, pulse_ns=before | known,
             temperature_c=dict(zip(self.config.names, self.heat.temperature, strict=True)),
         )  # fmt: skip
 
@@ -203,7 +208,8 @@ class Core:
     def _arm(self, request: ArmRequest, now: int) -> Done:
         follow(self.mode, Trigger.ARM)
         if self.report.link is not LinkState.READY:
-            raise Refused("link", f"the board is not there yet (link {self.report.link.name.lower()})", retryable=True)
+            why = self._port_trouble() or f"link {self.report.link.name.lower()}"
+            raise Refused("link", f"the board is not there yet ({why})", retryable=True)
         fresh = standing(request, self.config, self.report, self.stored)
         self._go(Trigger.ARM, "arm", now)
         pulses = list(self.position)
@@ -313,6 +319,10 @@ class Core:
         self.report = report
         if report.link is not self._link_was:
             self._link_changed(report)
+        if report.port_error != self._port_error:
+            self._port_error = report.port_error
+            if report.port_error:
+                self._tell("port_refused", "warning", self._port_trouble())
         if report.trips != self.order.trips:
             self._tripped(report, now)
         elif report.order == self.order.number:
@@ -347,6 +357,12 @@ class Core:
         except Refused as error:
             self._tell("jog_stopped", "warning", str(error), **error.detail)
             self._stop_motion(now, "a collision ahead")
+
+    def _port_trouble(self) -> str:
+        """Why the port cannot be opened, empty if it could."""
+        number = self.report.port_error
+        why = "another program has it open" if number == errno.EAGAIN else os.strerror(number).lower()
+        return f"{self.config.link.port}: {why}" if number else ""
 
     def _link_changed(self, report: Report) -> None:
         was, self._link_was = self._link_was, report.link

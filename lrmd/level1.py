@@ -120,9 +120,7 @@ def with_table(text: str, servo: str, table: ServoTable) -> str:
     else:
         kept = [line for line in lines[first:last] if not re.match(r"\s*(angle_deg|pulse_us)\s*=", line)]
         new = [f"angle_deg = [{angles}]", f"pulse_us = [{pulses}]"]
-    while kept and not kept[-1].strip():
-        kept.pop()
-    return "\n".join([*lines[:first], *kept, *new, *([""] if last < len(lines) else []), *lines[last:]]) + "\n"
+    return "\n".join([*lines[:first], *kept, *new, *lines[last:]]) + "\n"
 
 
 def _section(lines: Sequence[str], servo: str) -> tuple[int, int]:

@@ -86,10 +86,11 @@ class Report:
     `tick` counts deadlines kept, `time` is monotonic ns, `order` the number of the last order taken. `outputs`: servos
     that the ramp keeps pulsing. `position`: their pulses (ns), the last known ones of the others. `board_outputs` and
     `register`: what the board's chip was putting out when it was last asked (bit per servo, ns).
+    `port_error`: errno of the last attempt to open the port, 0 if it succeeded.
     `taken` says whether order `order` was carried out (1) or dropped, because a trip came first (0).
     """
 
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct(f"<Qq11IHHHBBBBB{SERVOS}i{SERVOS}i")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct(f"<Qq11IHHHHBBBBB{SERVOS}i{SERVOS}i")
 
     tick: int = 0
     time: int = 0
@@ -107,6 +108,7 @@ class Report:
     outputs: int = 0
     board_outputs: int = 0
     boot: int = 0
+    port_error: int = 0
     link: LinkState = LinkState.CLOSED
     trip: Trip = Trip.NONE
     moving: bool = False
@@ -120,8 +122,8 @@ class Report:
         return self.LAYOUT.pack(
             self.tick, self.time, self.order, self.trips, self.sent, self.acknowledged, self.bad_frames,
             self.board_errors, self.reconnects, self.skipped, self.latest, self.starts, self.remaining,
-            self.outputs, self.board_outputs, self.boot, self.link, self.trip, self.moving, self.taken, self.realtime,
-            *_padded(self.position), *_padded(self.register),
+            self.outputs, self.board_outputs, self.boot, self.port_error, self.link, self.trip, self.moving,
+            self.taken, self.realtime, *_padded(self.position), *_padded(self.register),
         )  # fmt: skip
 
     @classmethod
@@ -137,7 +139,7 @@ class Report:
 
 _NUMBERS = (
     "tick", "time", "order", "trips", "sent", "acknowledged", "bad_frames", "board_errors", "reconnects", "skipped",
-    "latest", "starts", "remaining", "outputs", "board_outputs", "boot",
+    "latest", "starts", "remaining", "outputs", "board_outputs", "boot", "port_error",
 )  # fmt: skip
 
 

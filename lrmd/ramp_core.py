@@ -291,10 +291,12 @@ class RampCore:
         if self._k >= going.length:
             self._move, self._k = None, 0
 
-    def report(self, tick: int, time: int, skipped: int, latest: int, starts: int, realtime: bool) -> Report:
+    def report(
+        self, tick: int, time: int, skipped: int, latest: int, starts: int, realtime: bool, port_error: int = 0
+    ) -> Report:
         """What to tell the API after a tick."""
         return Report(
             tick, time, self.order, self.trips, self.sent, self.acknowledged, self.bad_frames, self.board_errors,
             self.reconnects, skipped, latest, starts, self.remaining, self.outputs, self.board_outputs, self.boot,
-            self.link, self.trip, self.moving, self.taken, realtime, self.position, self.register,
+            port_error, self.link, self.trip, self.moving, self.taken, realtime, self.position, self.register,
         )  # fmt: skip

@@ -60,6 +60,8 @@ def _loop(setup: RampSetup, shared: Shared, core: RampCore, realtime: bool) -> N
     real = Clock()
     earlier = shared.report() or Report()
     tick, skipped, latest, starts = earlier.tick, earlier.skipped, earlier.latest, earlier.starts + 1
+    if port.open():
+        core.opened(clock.now())
     due = clock.now() + setup.tick
     while not stopped:
         clock.sleep_until(due)
@@ -72,7 +74,7 @@ def _loop(setup: RampSetup, shared: Shared, core: RampCore, realtime: bool) -> N
         shared.lateness[min(max(0, lateness // BUCKET_NS), BUCKETS - 1)] += 1
         latest = max(latest, lateness)
         tick += 1
-        shared.tell(core.report(tick, now, skipped, min(latest, 0xFFFFFFFF), starts, realtime))
+        shared.tell(core.report(tick, now, skipped, min(latest, 0xFFFFFFFF), starts, realtime, port.error))
         if core.link is LinkState.CLOSED and tick % REOPEN_EVERY == 0 and port.open():
             core.opened(clock.now())
         end = clock.now()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import termios
 
@@ -10,12 +11,16 @@ import serial
 
 
 class Port:
-    """A serial port that may come and go. Everything that the system may raise means one thing: closed."""
+    """A serial port that may come and go. Everything that the system may raise means one thing: closed.
+
+    `error`: the errno of the last attempt to open it, 0 if it succeeded; EAGAIN: another program has the port.
+    """
 
     def __init__(self, path: str, baud: int) -> None:
         self._path, self._baud = path, baud
         self._line: serial.Serial | None = None
         self._torn = False
+        self.error = 0
 
     @property
     def is_open(self) -> bool:
@@ -25,11 +30,14 @@ class Port:
     def open(self) -> bool:
         """Tries once, without waiting. A board that resets on DTR is left alone where the driver allows it."""
         if not os.path.exists(self._path):
+            self.error = errno.ENOENT
             return False
         try:
             self._line = serial.Serial(self._path, self._baud, timeout=0, write_timeout=0, exclusive=True)
-        except (OSError, ValueError, termios.error):
+            self.error = 0
+        except (OSError, ValueError, termios.error) as error:
             self._line = None
+            self.error = getattr(error, "errno", None) or errno.EIO
         self._torn = False
         return self.is_open
 

@@ -11,27 +11,27 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 import lrmd
-from lrmd.messages import Header, Message
+from lrmd.messages import Header, Message, Part
 
 Content = dict[str, Any]
 
 
-def every_message() -> dict[str, type[Message]]:
-    """The messages by name, wherever they are defined."""
+def every_message() -> dict[str, type[Part]]:
+    """The messages and their parts by name, wherever they are defined."""
     for module in pkgutil.iter_modules(lrmd.__path__, "lrmd."):
         if "messages" in module.name:
             importlib.import_module(module.name)
-    found: dict[str, type[Message]] = {}
-    waiting: list[type[Message]] = [Message]
+    found: dict[str, type[Part]] = {}
+    waiting: list[type[Part]] = [Part]
     while waiting:
         for kind in waiting.pop().__subclasses__():
             if kind.__module__.startswith("lrmd."):
                 found[kind.__name__] = kind
                 waiting.append(kind)
-    return {name: kind for name, kind in sorted(found.items()) if kind is not Header}
+    return {name: kind for name, kind in sorted(found.items()) if kind not in (Message, Header)}
 
 
-def contents(kind: type[Message]) -> st.SearchStrategy[Content]:
+def contents(kind: type[Part]) -> st.SearchStrategy[Content]:
     """What may be sent as a message, drawn from its JSON schema; without fields that do not go together."""
     schema = kind.model_json_schema()
 

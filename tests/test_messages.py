@@ -74,7 +74,7 @@ def test_what_the_schema_allows_is_taken_and_comes_back_the_same(name: str) -> N
         message = unpack(kind, msgpack.packb(content))
         assert unpack(kind, pack(message)) == message
         sent = msgpack.unpackb(pack(message))
-        assert sent["v"] == 1
+        assert ("v" in sent) is issubclass(kind, Message)
         for key, value in content.items():
             if not isinstance(value, list | dict):
                 assert sent[key] == value

@@ -60,7 +60,7 @@ class Cube:
         others = Direct().find(deployment, ask)
         if hit is None:
             return others
-        polished = deployment.solve_from(ask, hit.amounts[None])
+        polished, _ = deployment.solve_from(ask, hit.amounts[None])
         return replace(polished if others is None else polished.joined(others), error=hit.error)
 
     def search(self, deployment: Deployment, ask: Ask) -> Hit | None:

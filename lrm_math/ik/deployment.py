@@ -16,7 +16,7 @@ from lrm_math.ik.compensation import Compensation
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.library import Library
 from lrm_math.ik.likeness import SLACK, Likeness, Seeds
-from lrm_math.ik.newton import Aim, Band, Reached, beside_folds, reach
+from lrm_math.ik.newton import EVERY_BRANCH, Aim, Band, Effort, Reached, reach
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.solver import NominalSolver
 from lrm_math.model import Model
@@ -25,8 +25,6 @@ from lrm_math.poses import Poses
 AT_LIMIT = 1e-9
 """rad: a command this far beyond a limit is at the limit."""
 MOST_TURNS = 2
-FOLDS = 3
-"""How many candidates that got stuck are helped off the fold that they may stand on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,42 +120,34 @@ class Deployment:
         """Commands q (K, n) with the load of a question."""
         return Poses(q, np.full(len(q), ask.payload), direction)
 
-    def solve_seeds(self, ask: Ask, seeds: Seeds) -> Found:
-        """The same from the look-alike's branches, after one correction by how far off the calibrated arm is there.
+    def start_at(self, ask: Ask, seeds: Seeds) -> Array:
+        """Amounts (K, V) of the moving slots at the look-alike's branches, and where the arm stands, if that is known.
 
-        And from where the arm stands, if that is known.
+        The branches are corrected once by how far off the calibrated arm is there.
         """
         linkage, joints = self.compensation.linkage, self.compensation.linkage.joints
         start = np.repeat(self._resting[None], len(seeds.q), axis=0)
         start[:, joints] = self.zero + seeds.q
-        if ask.goal.rotation is not None:
+        if ask.goal.rotation is not None and len(start):
             angles, sources = self.likeness.corrected(ask.goal, seeds, linkage.place(start).tcp)
             start = start[sources]
             start[:, joints] = self.zero + angles
         if ask.near is not None:
             start = np.concatenate([start, self._resting[None]])
             start[-1, joints] = self.zero + ask.near
-        return self.solve_from(ask, start)
+        return start
 
     @cached_property
     def _resting(self) -> Array:
         """(V,), what the moving slots have on average over the library (rad, m)."""
         return np.asarray(self.library.amounts.mean(axis=0))
 
-    def solve_from(self, ask: Ask, start: Array) -> Found:
-        """Newton's method from amounts (K, V) of the moving slots, then what to command for the result."""
-        found, reached = self._descend(ask, start)
-        if self.usable(found).any() or not (~reached.met).any():
-            return found
-        aside = beside_folds(self.compensation, Aim.of(ask.goal), reached, FOLDS)
-        again, _ = self._descend(ask, np.concatenate([reached.amounts[~reached.met], aside]))
-        return again if self.usable(again).any() or not len(found.q) else found
-
-    def _descend(self, ask: Ask, start: Array) -> tuple[Found, Reached]:
+    def solve_from(self, ask: Ask, start: Array, effort: Effort = EVERY_BRANCH) -> tuple[Found, Reached]:
+        """Newton's method from amounts (K, V) of the moving slots: commands for those that met the goal, and all."""
         compensation, joints = self.compensation, self.compensation.linkage.joints
         poses = self.poses(ask, start[:, joints] - self.zero)
         burden = compensation.burden(poses.one(0))
-        reached = reach(compensation, Aim.of(ask.goal), burden, poses, start, self.band)
+        reached = reach(compensation, Aim.of(ask.goal), burden, poses, start, self.band, effort)
         plausible = reached.met & self.band.holds(reached.amounts[:, joints])
         return self.commands(ask, reached.take(plausible)), reached
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from lrm_math.ik.deployment import Ask, Deployment, Found
+from lrm_math.ik.newton import ANY_BRANCH, Aim, beside_folds
 
 BATCHES = (8, 24, 96)
-"""How many poses of the library are tried at a time when the closed form's branches lead to nothing."""
+"""How many poses of the library are tried at a time when what was tried before leads to nothing."""
+FOLDS = 3
+"""How many candidates that got stuck are helped off the fold that they may stand on."""
 
 
 @dataclass(frozen=True)
@@ -25,15 +29,22 @@ class Direct:
 
     def find(self, deployment: Deployment, ask: Ask) -> Found | None:
         """All branches that the seeds lead to; None if no seed leads to the goal."""
-        seeds = deployment.likeness.seeds(ask.goal, ask.near)
-        found = deployment.solve_seeds(ask, seeds) if len(seeds.q) else None
-        if found is not None and deployment.usable(found).any():
-            return found
-        best = found if found is not None and len(found.q) else None
-        order = deployment.library.closest(ask.goal, sum(BATCHES))
-        for batch in np.split(order, np.cumsum(BATCHES)[:-1]):
-            found = deployment.solve_from(ask, deployment.library.amounts[batch])
+        best: Found | None = None
+        for found in self._attempts(deployment, ask):
             if deployment.usable(found).any():
                 return found
             best = found if best is None and len(found.q) else best
         return best
+
+    def _attempts(self, deployment: Deployment, ask: Ask) -> Iterator[Found]:
+        start = deployment.start_at(ask, deployment.likeness.seeds(ask.goal, ask.near))
+        if len(start):
+            found, reached = deployment.solve_from(ask, start)
+            yield found
+            start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)
+        order = deployment.library.closest(ask.goal, sum(BATCHES))
+        for batch in np.split(order, np.cumsum(BATCHES)[:-1]):
+            start = np.concatenate([start, deployment.library.amounts[batch]])
+            found, reached = deployment.solve_from(ask, start, ANY_BRANCH)
+            yield found
+            start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)

@@ -17,8 +17,8 @@ CLOSE = 5e-11
 """m: a goal is met when position, turn times `LEVER` and what the equilibrium lacks are all below."""
 LEVER = 0.1
 """m: a turn by 1 rad weighs as much as this distance."""
-MOST_STEPS, PATIENCE = 40, 5
-"""Singular poses are met slowly: each step halves the way. Who does not halve what it misses in a while is stuck."""
+MOST_STEPS = 40
+"""Singular poses are met slowly: each step halves the way."""
 LONGEST_STEP = 0.6
 """rad: no joint turns further in one step."""
 DAMPING = 0.05
@@ -113,6 +113,18 @@ class Reached:
         return self.amounts, self.miss, self.tcp
 
 
+@dataclass(frozen=True)
+class Effort:
+    """When to end: with `enough` candidates at the goal, or none that halved what it misses in `patience` steps."""
+
+    enough: int
+    patience: int
+
+
+EVERY_BRANCH = Effort(enough=1000, patience=5)
+ANY_BRANCH = Effort(enough=4, patience=12)
+
+
 @dataclass(frozen=True, eq=False)
 class Band:
     """Angles that the joints may have at a solution, (n,) each (rad): the limits, and room for what effects add."""
@@ -125,14 +137,16 @@ class Band:
         return np.asarray(((real > self.lower) & (real < self.upper)).all(axis=1))
 
 
-def reach(c: Compensation, aim: Aim, burden: Burden, poses: Poses, start: Array, band: Band) -> Reached:
+def reach(c: Compensation, aim: Aim, burden: Burden, poses: Poses, start: Array, band: Band, effort: Effort) -> Reached:
     """Newton's method from amounts `start` (K, V) of the moving slots, for all candidates at once.
 
     The slots that are no joints follow by the linear answer of the loads, so that convergence stays fast. Damping in
     proportion to the squared error keeps it so where the Jacobian is singular (Yamashita & Fukushima 2001). Once a
     candidate within the band has met the goal, only those within it count.
 
-    `poses`: K rows with payload, direction and, for effects that need it, the command so far.
+    Args:
+        poses: K rows with payload, direction and, for effects that need it, the command so far.
+        effort: see `Effort`.
     """
     linkage, joints, others = c.linkage, c.linkage.joints, c.linkage.others
     amounts, stiff = start.copy(), np.empty(0)
@@ -150,12 +164,13 @@ def reach(c: Compensation, aim: Aim, burden: Burden, poses: Poses, start: Array,
             miss += np.abs(lacking).sum(axis=1) * c.model.wiring.reach
         hopeful = band.holds(amounts[:, joints])
         going = miss > CLOSE
-        if (hopeful & ~going).any():
+        met = np.count_nonzero(hopeful & ~going)
+        if met:
             going &= hopeful
         trail.append(miss)
-        if len(trail) > PATIENCE:
-            going &= miss < 0.5 * trail[-1 - PATIENCE]
-        if step == MOST_STEPS or not going.any():
+        if len(trail) > effort.patience:
+            going &= miss < 0.5 * trail[-1 - effort.patience]
+        if step == MOST_STEPS or met >= effort.enough or not going.any():
             break
         damping = np.where(miss > before, 30.0 * damping, np.maximum(0.3 * damping, DAMPING))
         before = miss
