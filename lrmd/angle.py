@@ -13,9 +13,9 @@ _FORM = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(deg|°|rad)?
 def angle_of(text: str) -> float:
     """Radians from a number with `deg`, `rad` or nothing (degrees). Raises `LrmError`."""
     match = _FORM.fullmatch(text)
-    if match is None:
+    value = math.nan if match is None else float(match[1])
+    if match is None or not math.isfinite(value):
         raise LrmError(f"angle '{text}': should be like 30deg, 30 (degrees) or 0.5rad")
-    value = float(match[1])
     return value if (match[2] or "").lower() == "rad" else math.radians(value)
 
 

@@ -56,7 +56,7 @@ class Api:
         self._estop = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         memory = SharedFd(self._shared.descriptor)
         setup = RampSetup(
-            Board.of(config), config.link.port, config.link.baud, config.tick, config.realtime_priority, speed, memory,
+            Board.of(config, speed), config.link.port, config.link.baud, config.tick, config.realtime_priority, speed, memory,
             SharedFd(self._estop),
         )  # fmt: skip
         self._ramp = Child("ramp", ramp_process.run, setup)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import getpass
 import math
+import re
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from lrm_math.errors import LrmError, nearest
 from lrmd import cli_text
@@ -52,7 +53,11 @@ def main(argv: list[str] | None = None) -> int:
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Says what is wrong in one line, and takes `-10deg` and `-10,0,20` for angles, not for options."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
         """Ends the program."""

@@ -10,12 +10,21 @@ from contextlib import contextmanager
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgpack
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
 from lrm_math.errors import LrmError
 
-LONGEST = 65_536
-"""Bytes; a longer message is refused unread."""
+LONGEST = 2_097_152
+"""Bytes; a longer message is refused unread. The longest that the limits below allow is shorter."""
 
 
 class MessageError(LrmError):
@@ -238,7 +247,7 @@ class Event(Header):
     code: str
     level: Literal["info", "warning", "error"]
     text: str
-    detail: dict[str, Any] = {}
+    detail: dict[str, JsonValue] = {}
 
 
 class Reply(Header):
@@ -256,7 +265,7 @@ class ErrorReply(Message):
     code: str
     msg: str
     retryable: bool = False
-    detail: dict[str, Any] = {}
+    detail: dict[str, JsonValue] = {}
 
 
 M = TypeVar("M", bound=Message)

@@ -25,18 +25,22 @@ API_SILENCE = 500_000_000
 
 @dataclass(frozen=True)
 class Board:
-    """What the ramp needs to know of the board and its servos. `reply`, ns; `step`, ns of pulse per tick."""
+    """What the ramp needs to know of the board and its servos. `reply`, ns; `step`, ns of pulse per tick.
+
+    `simulated`: the clock is not the real one, so that no real board may be driven by it.
+    """
 
     servos: tuple[Servo, ...]
     clock: PwmClock
     step: int
     reply: int
     silence_ms: int
+    simulated: bool = False
 
     @classmethod
-    def of(cls, config: Config) -> Board:
-        """From the daemon's configuration."""
-        return cls(config.servos, config.clock, config.step, config.reply, config.link.silence_ms)
+    def of(cls, config: Config, speed: float = 1.0) -> Board:
+        """From the daemon's configuration, for a clock that runs `speed` times as fast as the real one."""
+        return cls(config.servos, config.clock, config.step, config.reply, config.link.silence_ms, speed != 1.0)
 
     def counts(self, outputs: int, position: Sequence[int]) -> tuple[int, ...]:
         """OFF count of every servo: the nearest to its pulse (ns), 0 where it has none."""
@@ -197,6 +201,8 @@ class RampCore:
             self.link = LinkState.GREETING
 
     def _greeted(self, info: protocol.Info) -> None:
+        if self._board.simulated and not info.simulated:
+            return
         self._check_board(info.status, info.boot)
         if self.link is not LinkState.GREETING or Status.CHIP_FAULT in info.status:
             return

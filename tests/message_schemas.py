@@ -50,6 +50,8 @@ PRINTABLE = st.characters(codec="utf-8", exclude_categories=["C", "Z"], include_
 
 def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> st.SearchStrategy[Any]:
     match schema:
+        case {"$ref": "#/$defs/JsonValue"}:
+            return st.integers(-5, 5)
         case {"$ref": where}:
             return _of(defs[where.rpartition("/")[2]], defs)
         case {"anyOf": choices}:
@@ -74,9 +76,9 @@ def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> st.SearchStrategy
             others = {k: _of(s, defs) for k, s in fields.items() if k not in needed}
             return st.fixed_dictionaries(needed, optional=others)
         case {"type": "object"}:
-            inner = schema.get("additionalProperties", True)
-            values = st.integers(-5, 5) if inner is True else _of(inner, defs)
-            return st.dictionaries(_of({"type": "string", **schema.get("propertyNames", {})}, defs), values, max_size=3)
+            inner = schema["additionalProperties"]
+            keys = _of({"type": "string", **schema.get("propertyNames", {})}, defs)
+            return st.dictionaries(keys, _of(inner, defs), max_size=3)
     raise AssertionError(f"no way to draw {schema}")
 
 

@@ -24,6 +24,7 @@ from lrm_math.ik.answer import Verdict
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.compensation import Compensation
 from lrm_math.ik.cube import Cube
+from lrm_math.ik.deployment import Ask
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.iterative import Iterative
@@ -146,10 +147,10 @@ def test_cube_comes_within_its_grid_and_the_polish_does_the_rest(name: str) -> N
 def test_a_finer_cube_comes_closer() -> None:
     solve = solver("table_b2")
     _, tools = reachable(solve.deployment.model, 12, 13, 0.0)
-    coarse, fine = (
-        np.median([solve.solve(goal_of(tool), method=Cube(points=points)).cube_error for tool in tools])
-        for points in (5, 15)
-    )
+    asks = [Ask(goal_of(tool)) for tool in tools]
+    hits = [[Cube(points=points).search(solve.deployment, ask) for ask in asks] for points in (5, 15)]
+    assert all(hit is not None for some in hits for hit in some)
+    coarse, fine = (np.median([hit.error for hit in some if hit is not None]) for some in hits)
     assert fine < coarse
 
 
@@ -331,7 +332,7 @@ def test_choosing_counts_together_gains_a_lot() -> None:
 def test_quantisation_gives_the_clock_and_is_not_compensated() -> None:
     model = with_effects(table_b2(), ("quantisation",), 0)
     model = model.with_values(
-        [100.0 if key == "quantisation.arm.pwm_Hz" else v for key, v in zip(model.keys, model.values)]
+        [100.0 if key == "quantisation.arm.pwm_Hz" else v for key, v in zip(model.keys, model.values, strict=True)]
     )
     solve = CalibratedSolver.of(model)
     _, tools = reachable(table_b2(), 1, 20, 0.0)
@@ -412,5 +413,5 @@ def test_bad_joint_sd() -> None:
 def test_an_arm_without_servo_tables_has_no_counts() -> None:
     arm = load_arm("lrm-rover")
     bare = replace(arm, joints=tuple(replace(joint, servo=None) for joint in arm.joints))
-    with pytest.raises(LrmError, match="joint 1.*servo table"):
+    with pytest.raises(LrmError, match=r"joint 1.*servo table"):
         CalibratedSolver.of(model_of(bare, ()), clock=PwmClock(50.0))

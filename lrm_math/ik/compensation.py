@@ -146,12 +146,16 @@ class Compensation:
         `poses`: payload and direction, and angles near those to be found. One candidate after the other: effects
         reckon with floats then, much faster than with short arrays.
         """
-        joints = self.linkage.joints
-        aims = real - self.steady[joints] - (self._springs[joints] @ tau).T
+        aims = self.roughly(tau, real)
         if not (self._on_joints or self.model.wiring.pushing):
-            return np.asarray(aims)
+            return aims
         rows = [self._command_one(poses.one(k), tau[:, k], aim) for k, aim in enumerate(aims)]
         return np.array(rows).reshape(real.shape)
+
+    def roughly(self, tau: Array, real: Array) -> Array:
+        """The same as `command`, with the linear effects only."""
+        joints = self.linkage.joints
+        return np.asarray(real - self.steady[joints] - (self._springs[joints] @ tau).T)
 
     def _command_one(self, pose: Poses, tau: Array, aim: Array) -> Array:
         """Joints by the slopes at zero, then secants joint by joint, since most effects follow one; then Broyden."""

@@ -22,6 +22,10 @@ COARSE = 1e-5
 """m: equilibria in the cube are settled to this, a hundredth of its grid."""
 
 
+SHRINK = 0.6
+"""Side of each further cube over that of the one before."""
+
+
 @dataclass(frozen=True, eq=False)
 class Hit:
     """The best goal of a cube: amounts of the moving slots there (V,), and its distance from the one asked for (m)."""
@@ -36,22 +40,24 @@ class Cube:
 
     The thesis corrects the position alone. With the orientation left as it was, nearly half of what the calibrated
     arm reaches has no nominal answer within the limits; so the orientation is corrected with it. While the best is
-    further off than the grid is wide, the correction is made anew from there, at most `moves` times. Newton's method
-    then takes the best to the goal.
+    further off than the grid is wide, the correction is made anew from there, with a smaller cube, at most `moves`
+    times. Newton's method then takes the best to the goal.
 
-    `side`: m. `points`: goals along each edge.
+    `side`: m. `points`: goals along each edge. `guesses`: how many nominal answers are tried, each with its cubes,
+    until one leads within the grid's width; few keep the slowest answers quick, and the polish mostly does without.
     """
 
     side: float = 0.01
     points: int = 11
-    moves: int = 3
+    moves: int = 4
+    guesses: int = 24
     name: str = "cube"
 
     def __post_init__(self) -> None:
-        if not (self.side > 0.0 and self.points >= 2 and self.moves >= 0):
+        if not (self.side > 0.0 and self.points >= 2 and self.moves >= 0 and self.guesses >= 1):
             raise LrmError(
-                f"cube: side {self.side} m, {self.points} points, {self.moves} moves; "
-                "should be a side above 0, 2 or more points and 0 or more moves"
+                f"cube: side {self.side} m, {self.points} points, {self.moves} moves, {self.guesses} guesses; "
+                "should be a side above 0, 2 or more points, 0 or more moves and 1 or more guesses"
             )
 
     def find(self, deployment: Deployment, ask: Ask) -> Found | None:
@@ -69,7 +75,7 @@ class Cube:
         First guesses are tried until one leads as close as the grid is wide.
         """
         best: Hit | None = None
-        for drawn in first_guesses(deployment, ask):
+        for drawn in itertools.islice(first_guesses(deployment, ask), self.guesses):
             hit = self._search_from(deployment, ask, drawn)
             best = hit if best is None or (hit is not None and hit.error < best.error) else best
             if best is not None and best.error <= self.width:
@@ -85,12 +91,14 @@ class Cube:
         best: Hit | None = None
         rest, rows = settled(deployment.model, deployment.poses(ask, drawn.q[None]))
         row = 0
-        for _ in range(self.moves + 1):
+        for move in range(self.moves + 1):
             if not len(rows):
                 break
             around = rest.one(row)
             centre, rotation = _corrected(deployment, ask, drawn, around)
-            q, valid = nominal(deployment, centre + self.side * _grid(self.points), rotation, around.poses.q[0])
+            q, valid = nominal(
+                deployment, centre + self.side * SHRINK**move * _grid(self.points), rotation, around.poses.q[0]
+            )
             poses = deployment.poses(ask, q[valid])
             rest, rows = settled(deployment.model, poses, _like(deployment.model, around, poses), COARSE)
             if not len(rows):

@@ -148,7 +148,8 @@ class Deployment:
         poses = self.poses(ask, start[:, joints] - self.zero)
         burden = compensation.burden(poses.one(0))
         reached = reach(compensation, Aim.of(ask.goal), burden, poses, start, self.band, effort)
-        plausible = reached.met & self.band.holds(reached.amounts[:, joints])
+        roughly = compensation.roughly(reached.tau, reached.amounts[:, joints])
+        plausible = reached.met & self.band.holds(roughly, SLACK)
         return self.commands(ask, reached.take(plausible)), reached
 
     def commands(self, ask: Ask, reached: Reached) -> Found:
@@ -173,8 +174,8 @@ class Deployment:
 
     @cached_property
     def band(self) -> Band:
-        """Angles that the joints may really have at a command within the limits."""
-        return Band(self.zero + self.limits.lower - SLACK, self.zero + self.limits.upper + SLACK)
+        """The limits as arrays."""
+        return Band(np.array(self.limits.lower), np.array(self.limits.upper))
 
     def standing(self, ask: Ask, q: Array, steps: int) -> Found:
         """Commands (K, n) as they are, and where the arm then rests. Raises `NotSettled`."""
@@ -195,5 +196,4 @@ class Deployment:
 
     def usable(self, found: Found) -> NDArray[np.bool_]:
         """(K,), which commands keep the limits."""
-        lower, upper = np.array(self.limits.lower) - AT_LIMIT, np.array(self.limits.upper) + AT_LIMIT
-        return np.asarray(((found.q >= lower) & (found.q <= upper)).all(axis=1))
+        return self.band.holds(found.q, AT_LIMIT)

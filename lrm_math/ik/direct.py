@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.ik.deployment import Ask, Deployment, Found
-from lrm_math.ik.newton import ANY_BRANCH, Aim, beside_folds
+from lrm_math.ik.newton import ANY_BRANCH, LAST_RESORT, Aim, beside_folds
 
-BATCHES = (8, 24, 96)
-"""How many poses of the library are tried at a time when what was tried before leads to nothing."""
+TRIES = ((8, ANY_BRANCH), (24, LAST_RESORT), (96, LAST_RESORT))
+"""How many poses of the library are tried, and how hard, when what was tried before leads to nothing."""
 FOLDS = 3
 """How many candidates that got stuck are helped off the fold that they may stand on."""
 
@@ -42,9 +42,10 @@ class Direct:
             found, reached = deployment.solve_from(ask, start)
             yield found
             start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)
-        order = deployment.library.closest(ask.goal, sum(BATCHES))
-        for batch in np.split(order, np.cumsum(BATCHES)[:-1]):
+        order = deployment.library.closest(ask.goal, sum(count for count, _ in TRIES))
+        for count, effort in TRIES:
+            batch, order = order[:count], order[count:]
             start = np.concatenate([start, deployment.library.amounts[batch]])
-            found, reached = deployment.solve_from(ask, start, ANY_BRANCH)
+            found, reached = deployment.solve_from(ask, start, effort)
             yield found
             start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)

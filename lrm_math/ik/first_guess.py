@@ -14,7 +14,7 @@ from lrm_math.walk import frames
 
 PULLED = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 """Shares of the way to the arm's middle by which goals beyond the nominal arm's reach are pulled in."""
-FROM_LIBRARY = 3
+FROM_LIBRARY = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class Drawn:
 def first_guesses(deployment: Deployment, ask: Ask) -> Iterator[Drawn]:
     """Nominal answers, nearest to `near` first, or else furthest from the limits; they may break them by a little.
 
-    Goals that the nominal arm cannot take so are pulled inwards. The closest poses of the library come last. What the
-    goal leaves free of the orientation is as the guess has it.
+    Goals that the nominal arm cannot take so are pulled inwards. After those come answers of the arm's look-alike, and
+    the closest poses of the library. What the goal leaves free of the orientation is as the guess has it.
     """
     if ask.goal.rotation is None:
         for branch in deployment.drawing.solve(ask.goal, ask.near):
@@ -46,6 +46,8 @@ def first_guesses(deployment: Deployment, ask: Ask) -> Iterator[Drawn]:
                 for q in _in_order(deployment, ask, batch.q[row][batch.valid[row]]):
                     yield Drawn(q, some[row], rotation)
                 break
+        for q in deployment.likeness.seeds(ask.goal, ask.near).q:
+            yield taken(deployment, q)
     for row in deployment.library.closest(ask.goal, FROM_LIBRARY):
         yield taken(deployment, deployment.library.q[row])
 

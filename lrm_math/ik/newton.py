@@ -29,6 +29,8 @@ TURN_AND_TRACE[[7, 2, 3], [0, 1, 2]], TURN_AND_TRACE[[5, 6, 1], [0, 1, 2]] = 1.0
 TURN_AND_TRACE[[0, 4, 8], 3] = 1.0
 TINY = 1e-18
 """m²: keeps exactly singular poses solvable."""
+ROUGHLY = 0.15
+"""rad: what effects that are not linear, and steps still to be taken, may change of a command."""
 FLAT = 1e-3
 """1 + trace of a rotation below which it is taken for half a turn."""
 STEPS_ASIDE = (0.03, 0.1)
@@ -122,19 +124,20 @@ class Effort:
 
 
 EVERY_BRANCH = Effort(enough=1000, patience=5)
-ANY_BRANCH = Effort(enough=4, patience=12)
+ANY_BRANCH = Effort(enough=2, patience=5)
+LAST_RESORT = Effort(enough=4, patience=12)
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Angles that the joints may have at a solution, (n,) each (rad): the limits, and room for what effects add."""
+    """Limits of the commands, (n,) each (rad)."""
 
     lower: Array
     upper: Array
 
-    def holds(self, real: Array) -> NDArray[np.bool_]:
-        """(K,), whether all joints of (K, n) are within."""
-        return np.asarray(((real > self.lower) & (real < self.upper)).all(axis=1))
+    def holds(self, q: Array, slack: float) -> NDArray[np.bool_]:
+        """(K,), whether commands (K, n) keep them but for `slack`."""
+        return np.asarray(((q > self.lower - slack) & (q < self.upper + slack)).all(axis=1))
 
 
 def reach(c: Compensation, aim: Aim, burden: Burden, poses: Poses, start: Array, band: Band, effort: Effort) -> Reached:
@@ -142,7 +145,7 @@ def reach(c: Compensation, aim: Aim, burden: Burden, poses: Poses, start: Array,
 
     The slots that are no joints follow by the linear answer of the loads, so that convergence stays fast. Damping in
     proportion to the squared error keeps it so where the Jacobian is singular (Yamashita & Fukushima 2001). Once a
-    candidate within the band has met the goal, only those within it count.
+    candidate within the limits has met the goal, only those near them count.
 
     Args:
         poses: K rows with payload, direction and, for effects that need it, the command so far.
@@ -162,11 +165,10 @@ def reach(c: Compensation, aim: Aim, burden: Burden, poses: Poses, start: Array,
             poses = c.commanding(poses, loads.tau, amounts) if c.follows_command else poses
             lacking = c.others(poses, loads.tau).T - amounts[:, others]
             miss += np.abs(lacking).sum(axis=1) * c.model.wiring.reach
-        hopeful = band.holds(amounts[:, joints])
-        going = miss > CLOSE
-        met = np.count_nonzero(hopeful & ~going)
+        q, going = c.roughly(loads.tau, amounts[:, joints]), miss > CLOSE
+        met = np.count_nonzero(band.holds(q, 0.0) & ~going)
         if met:
-            going &= hopeful
+            going &= band.holds(q, ROUGHLY)
         trail.append(miss)
         if len(trail) > effort.patience:
             going &= miss < 0.5 * trail[-1 - effort.patience]

@@ -1,0 +1,61 @@
+"""Orientations spread evenly: directions all round the sphere, each with some turns of the tool about itself."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.errors import LrmError
+
+Array = NDArray[np.float64]
+GOLDEN = 0.5 * (1.0 + math.sqrt(5.0))
+ALONG_X = 0.9
+"""Cosine to the x axis beyond which turns are counted from the z axis instead."""
+EXAMPLES = (12, 42, 92, 162, 252)
+
+
+def directions(count: int) -> Array:
+    """(count, 3), unit vectors: corners of an icosahedron whose faces are divided into f² triangles; 10 f² + 2 of them.
+
+    Mirrored at a coordinate plane the set stays the same, so that the map of a symmetric arm is symmetric.
+
+    Raises:
+        LrmError: a count that is not 12, 42, 92, 162, …
+    """
+    f = math.isqrt(max(count - 2, 0) // 10)
+    if f < 1 or count != 10 * f * f + 2:
+        raise LrmError(f"{count} directions cannot be spread evenly; take one of {', '.join(map(str, EXAMPLES))}, …")
+    signs = [(a, b * GOLDEN) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+    corners = np.array([np.roll((0.0, a, b), turn) for turn in range(3) for a, b in signs])
+    faces = [face for face in combinations(corners, 3) if all(_neighbours(p, q) for p, q in combinations(face, 2))]
+    weights = [(i, j, f - i - j) for i in range(f + 1) for j in range(f + 1 - i)]
+    points = np.array([(i * a + j * b + k * c) / f for a, b, c in faces for i, j, k in weights])
+    unit = points / np.linalg.norm(points, axis=1, keepdims=True)
+    _, first = np.unique(np.round(unit, 9) + 0.0, axis=0, return_index=True)
+    return np.asarray(unit[first])
+
+
+def _neighbours(one: Array, other: Array) -> bool:
+    return math.isclose(float(np.linalg.norm(one - other)), 2.0)
+
+
+def rotations(along: Array, rolls: int) -> Array:
+    """(D, rolls, 3, 3), tool frames whose z axes point along the unit vectors (D, 3), each turned evenly about z.
+
+    Raises:
+        LrmError: no roll.
+    """
+    if rolls < 1:
+        raise LrmError(f"{rolls} turns of the tool about its axis; there must be at least 1")
+    start = np.where(np.abs(along[:, :1]) < ALONG_X, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    x = start - along * (start * along).sum(axis=1, keepdims=True)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    y = np.cross(along, x)
+    angle = np.arange(rolls)[:, None] * (2.0 * np.pi / rolls)
+    turned_x = np.cos(angle) * x[:, None] + np.sin(angle) * y[:, None]
+    turned_y = np.cos(angle) * y[:, None] - np.sin(angle) * x[:, None]
+    z = np.broadcast_to(along[:, None], turned_x.shape)
+    return np.stack([turned_x, turned_y, z], axis=-1)
