@@ -11,6 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -21,6 +22,7 @@ from typing import IO, Any, Self
 from lrmd.board_answers import Answer
 from lrmd.board_control import ask
 from lrmd.client import Rover
+from lrmd.demo import free_port
 from lrmd.zenoh_session import key
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,13 +42,6 @@ def wait_for(what: Callable[[], bool], why: str, seconds: float = PATIENCE, paus
         if time.monotonic() > end:
             raise TooLong(f"waited {seconds:g} s in vain: {why}")
         time.sleep(pause)
-
-
-def free_port() -> int:
-    """A TCP port on loopback that nobody has now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @dataclass(frozen=True)
@@ -164,37 +159,44 @@ class BoardProcess(Running):
 
 
 class Notifications:
-    """What systemd would be told: a socket, and the messages that came with their time (monotonic ns)."""
+    """What systemd would be told: a socket that a thread reads, and the messages with the time they came (mono ns).
+
+    `listening`: cleared, nobody reads, and the socket fills up.
+    """
 
     def __init__(self, path: Path) -> None:
         path.unlink(missing_ok=True)
         self.path = path
+        self.came: list[tuple[int, str]] = []
+        self.listening = threading.Event()
+        self.listening.set()
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(path))
-        self.came: list[tuple[int, str]] = []
+        self._closed = False
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
 
-    def listen(self, seconds: float) -> None:
-        """Takes in what comes within a time."""
-        end = time.monotonic() + seconds
-        while (rest := end - time.monotonic()) > 0:
-            self._socket.settimeout(rest)
-            with suppress(TimeoutError):
-                self.came.append((time.monotonic_ns(), self._socket.recv(4096).decode()))
+    def _listen(self) -> None:
+        self._socket.settimeout(0.05)
+        while not self._closed:
+            if self.listening.wait(0.05):
+                with suppress(TimeoutError):
+                    message = self._socket.recv(4096).decode()
+                    self.came.append((time.monotonic_ns(), message))
+
+    def times(self, word: str, since: int = 0) -> list[int]:
+        """Monotonic ns at which messages with that word came."""
+        return [t for t, message in self.came if t >= since and word in message]
 
     def wait_for(self, word: str, seconds: float = PATIENCE) -> int:
-        """Monotonic ns at which a message with that word came. Raises `TooLong`."""
-        end = time.monotonic() + seconds
-        while (rest := end - time.monotonic()) > 0:
-            self._socket.settimeout(rest)
-            with suppress(TimeoutError):
-                message = self._socket.recv(4096).decode()
-                self.came.append((time.monotonic_ns(), message))
-                if word in message:
-                    return self.came[-1][0]
-        raise TooLong(f"no {word} within {seconds:g} s")
+        """Monotonic ns at which the first message with that word came. Raises `TooLong`."""
+        wait_for(lambda: bool(self.times(word)), f"systemd is told {word}", seconds)
+        return self.times(word)[0]
 
     def close(self) -> None:
         """Nobody listens any more."""
+        self._closed = True
+        self._thread.join()
         self._socket.close()
         self.path.unlink(missing_ok=True)
 

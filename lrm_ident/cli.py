@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import sys
 
-from lrm_ident import cli_design, cli_fit, cli_identifiability, cli_method, cli_preliminary, cli_search
+from lrm_ident import cli_design, cli_fit, cli_identifiability, cli_method, cli_preliminary, cli_reach, cli_search
 from lrm_ident.cli_common import app
 from lrm_math.errors import LrmError
 
-__all__ = ["cli_design", "cli_fit", "cli_identifiability", "cli_method", "cli_preliminary", "cli_search", "main"]
+__all__ = [
+    "cli_design",
+    "cli_fit",
+    "cli_identifiability",
+    "cli_method",
+    "cli_preliminary",
+    "cli_reach",
+    "cli_search",
+    "main",
+]
 
 
 def main() -> None:

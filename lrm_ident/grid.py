@@ -39,7 +39,7 @@ class Area:
 
 @dataclass(frozen=True)
 class Grid:
-    """Cubes of edge `step` (m). Cell number k of an axis lies between k and k + 1 steps; `first` and `count` of each.
+    """N cubes of edge `step` (m); number k along an axis is from k to k + 1 steps. `first` number, `count` of each.
 
     No centre lies on a coordinate plane, where symmetric arms are singular.
     """
@@ -58,19 +58,29 @@ class Grid:
 
     def axis(self, i: int) -> Array:
         """Centres along one axis (m)."""
-        return (self.first[i] + np.arange(self.count[i]) + 0.5) * self.step
+        return np.asarray((self.first[i] + np.arange(self.count[i]) + 0.5) * self.step, dtype=np.float64)
 
     @property
     def centres(self) -> Array:
         """(N, 3), m, z running fastest."""
         return np.stack(np.meshgrid(*(self.axis(i) for i in range(3)), indexing="ij"), axis=-1).reshape(-1, 3)
 
+    def inside(self, area: Area) -> Mask:
+        """(N,), which cells have their centre in an area. Raises `LrmError` if there are none."""
+        cells = area.holds(self.centres)
+        if not cells.any():
+            raise LrmError(
+                f"area '{area.name}' holds no centre of a cell: it is out of all reach, or too small for a step of "
+                f"{self.step * 1e3:g} mm"
+            )
+        return cells
+
     def cell_of(self, points: Array) -> NDArray[np.int64]:
         """(N, 3), which cell along each axis, from 0, the points (N, 3) in m lie in; may be outside the grid."""
         return np.floor(points / self.step).astype(np.int64) - self.first
 
-    def box(self, values: NDArray[np.generic]) -> NDArray[np.generic]:
-        """Values of the cells (N,) by axis, (x, y, z)."""
+    def by_axis(self, values: Array) -> Array:
+        """Values of the cells (N,) by their numbers along x, y and z."""
         return values.reshape(self.count)
 
 

@@ -75,19 +75,17 @@ class Capability:
         Raises:
             LrmError: no cell has its centre there.
         """
-        inside = area.holds(self.grid.centres)
-        if not inside.any():
-            raise LrmError(
-                f"area '{area.name}' holds no centre of a cell; it lies out of all reach, "
-                f"or is smaller than the step of {self.grid.step * 1e3:g} mm"
-            )
-        return self._figures(inside)
+        return self._figures(self.grid.inside(area))
 
     def score(self, areas: Sequence[Area]) -> float:
-        """Mean index of all cells in any of the areas: the thesis's total score over the number of goals. 0 to 1."""
-        centres = self.grid.centres
-        inside = np.any([area.holds(centres) for area in areas], axis=0)
-        return self._figures(inside).index
+        """Mean index of all cells in any of the areas, 0 to 1: the thesis's total score over the number of goals.
+
+        Raises:
+            LrmError: no area, or no cell has its centre in one of them.
+        """
+        if not areas:
+            raise LrmError("a score is the mean over areas; give one at least")
+        return self._figures(np.any([self.grid.inside(area) for area in areas], axis=0)).index
 
     def _figures(self, cells: Mask) -> Figures:
         if not cells.any():
@@ -96,29 +94,36 @@ class Capability:
         return Figures(float(index.mean()), float(ways.mean()), float((index > 0.0).mean()))
 
 
+def pose_solver(arm: Arm) -> NominalSolver:
+    """The inverse kinematics that a map goes through. Raises `LrmError` for an arm of fewer than six joints."""
+    if arm.dof < WHOLE_POSE:
+        raise LrmError(f"arm '{arm.name}' has {arm.dof} joints; a capability map asks for whole poses, which take six")
+    return solver_of(arm)
+
+
 def capability(
-    arm: Arm, grid: Grid, tools: Array, scene: Scene | None = None, margin: float = 0.0, progress: Tick = silent
+    arm: Arm, grid: Grid, tools: Array, scene: Scene | None = None, margin: float | None = None, progress: Tick = silent
 ) -> Capability:
     """The capability map of the nominal arm.
 
     Args:
         tools: (D, R, 3, 3), orientations of the tool: D directions with R turns about each.
-        scene: the arm's shapes; poses in which two of them come closer than `margin` (m) do not count. None: all count.
+        scene: the arm's shapes; poses in which two of them come closer than `margin` (m; None: the scene's own) do not
+            count. None: all count.
         progress: told how many goals of all are done.
 
     Raises:
-        LrmError: an arm with fewer than six joints, for which nearly every pose is out of reach.
+        LrmError: an arm with fewer than six joints, for which nearly every pose is out of reach; a margin below zero.
     """
-    if arm.dof < WHOLE_POSE:
-        raise LrmError(f"arm '{arm.name}' has {arm.dof} joints; a capability map asks for whole poses, which take six")
     ways, rolls = tools.shape[:2]
-    turns, centres, solver = tools.reshape(-1, 3, 3), grid.centres, solver_of(arm)
+    turns, centres, solver = tools.reshape(-1, 3, 3), grid.centres, pose_solver(arm)
+    apart = 0.0 if scene is None else scene.margin_or(margin)
     index, directions = np.zeros((2, len(grid)))
     cells = max(1, AT_ONCE // len(turns))
     for start in range(0, len(grid), cells):
         here = centres[start : start + cells]
         p, R = np.repeat(here, len(turns), axis=0), np.tile(turns, (len(here), 1, 1))
-        reached = _reached(solver, p, R, scene, margin).reshape(len(here), ways, rolls)
+        reached = _reached(solver, p, R, scene, apart).reshape(len(here), ways, rolls)
         index[start : start + cells] = reached.mean(axis=(1, 2))
         directions[start : start + cells] = reached.any(axis=2).mean(axis=1)
         progress((start + len(here)) * len(turns), len(grid) * len(turns))

@@ -26,6 +26,7 @@ VALUE = re.compile(rf"(\w+?)_(\w+)_(mm|deg)=({NUMBER})")
 LONGER = re.compile(r"link(\d+)([+-](?:\d+\.?\d*|\.\d+))mm")
 PLACEMENT = {"mm": ("x", "y", "z"), "deg": ("alpha", "beta", "gamma")}
 JOINT = {"mm": ("d", "a", "extra_z"), "deg": ("theta", "alpha")}
+NANOMETRE = 1e-9
 MOST = {"mm": 10_000.0, "deg": 360.0}
 """As in arm files."""
 
@@ -68,7 +69,7 @@ def lengthened(arm: Arm, link: int, by: float) -> Arm:
     lengths = [(f"joint{link}", name, getattr(arm.joints[link - 1], name) or 0.0) for name in JOINT["mm"]]
     if link == arm.dof:
         lengths += [(TOOL, name, getattr(arm.tool, name)) for name in PLACEMENT["mm"]]
-    real = [part for part in lengths if part[2] != 0.0]
+    real = [part for part in lengths if abs(part[2]) > NANOMETRE]
     if len(real) != 1:
         listed = ", ".join(f"{place}_{name}_mm={length * 1e3:g}" for place, name, length in real or lengths)
         raise LrmError(f"link{link} of arm '{arm.name}' has no single length; set one of {listed}")
@@ -96,7 +97,7 @@ def _replaced(arm: Arm, place: str, name: str, value: float) -> Arm:
     if place in (BASE, TOOL):
         return replace(arm, **{place: replace(getattr(arm, place), **{name: value})})
     i = arm.joint_names.index(place)
-    joint = replace(arm.joints[i], **{name: value})
+    joint = replace(arm.joints[i], **{name: value})  # type: ignore[arg-type]
     return replace(arm, joints=(*arm.joints[:i], joint, *arm.joints[i + 1 :]))
 
 
@@ -116,12 +117,14 @@ def _with_length(arm: Arm, place: str, name: str, value: float) -> Arm:
 def _stretched(capsule: Capsule, far: int, before: Array, after: Array) -> Capsule:
     """A capsule whose ends shift with the link's far end, as far along the link from its near end as they stand."""
     shift, way = (b[far, :3, 3] - a for b, a in ((after, before[far, :3, 3]), (before, before[far - 1, :3, 3])))
-    along = float(way @ shift)
+    along, beyond = float(way @ shift), float(capsule.frame == far)
     old, new = before[capsule.frame], after[capsule.frame]
+
+    has_length = abs(along) > NANOMETRE * float(np.linalg.norm(shift))
 
     def moved(end: Triple) -> Triple:
         point = old[:3, :3] @ end + old[:3, 3]
-        share = np.clip((point - before[far - 1, :3, 3]) @ shift / along, 0.0, 1.0) if along else 1.0
+        share = np.clip((point - before[far - 1, :3, 3]) @ shift / along, 0.0, 1.0) if has_length else beyond
         x, y, z = (new[:3, :3].T @ (point + share * shift - new[:3, 3])).tolist()
         return (x, y, z)
 
@@ -131,4 +134,4 @@ def _stretched(capsule: Capsule, far: int, before: Array, after: Array) -> Capsu
 def _home(arm: Arm) -> Array:
     """(n + 2, 4, 4), frames with all joints at zero."""
     chain = chain_of(arm)
-    return frames(chain, chain.values([0.0] * arm.dof), 1)[0]
+    return np.asarray(frames(chain, chain.values([0.0] * arm.dof), 1)[0])

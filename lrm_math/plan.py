@@ -6,9 +6,11 @@ random generator in the same state gives the same path, and effort is counted in
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +18,7 @@ from numpy.typing import ArrayLike
 from lrm_math.chain import Array
 from lrm_math.collision import Closest, Scene
 from lrm_math.errors import LrmError
-from lrm_math.move import RESOLUTION, check_move
+from lrm_math.move import RESOLUTION, Move, check_move
 
 STEP = 0.4
 """rad: a tree grows towards a sample by this much at once; all lengths of moves are Euclidean norms of joint angles."""
@@ -25,7 +27,11 @@ BACK = 0.02
 SHORTCUTS = 60
 LIMIT_ROUND_OFF = 1e-9
 
-Reason = Literal["start outside limits", "goal outside limits", "start in collision", "goal in collision", "not found"]
+Check: TypeAlias = Callable[[Array, Array, float], Move]
+"""What is known of the straight move between two poses (n,) in rad that shall keep a margin (m)."""
+Reason: TypeAlias = Literal[
+    "start outside limits", "goal outside limits", "start in collision", "goal in collision", "not found"
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +85,7 @@ def plan(
     limits: ArrayLike | None = None,
     margin: float | None = None,
     samples: int = 2000,
+    check: Check | None = None,
 ) -> Path | NoPath:
     """A free way from start to goal, each (n,) in rad, or why there is none.
 
@@ -89,6 +96,8 @@ def plan(
         limits: (2, n), lower and upper joint limits (rad); the arm's if None.
         margin: m; the one of the arm's file if None.
         samples: random poses to try before giving up.
+        check: judges the pieces of the way, for instance of an arm that sags; `check_move` if None. It may refuse more
+            than that, and start and goal should pass it.
 
     Raises:
         LrmError: start, goal or limits of the wrong shape or not finite, a margin below zero.
@@ -106,17 +115,18 @@ def plan(
         beyond = np.flatnonzero((q < box[0] - LIMIT_ROUND_OFF) | (q > box[1] + LIMIT_ROUND_OFF))
         if len(beyond):
             return NoPath(outside, int(beyond[0]) + 1, None, keep, 0)
-    straight = check_move(scene, a, b, keep)
+    judge = check or partial(check_move, scene)
+    straight = judge(a, b, keep)
     if straight.free:
         return Path(np.array([a, b]), 0)
     for q, _, close in ends:
         closest = scene.closest(q)
         if closest.distance < keep + RESOLUTION:
             return NoPath(close, None, closest, keep, 0)
-    found = _connect(scene, a, b, box, keep + RESOLUTION, rng, samples)
+    found = _connect(judge, a, b, box, keep + RESOLUTION, rng, samples)
     if found is None:
         return NoPath("not found", None, Closest(straight.distance, straight.first, straight.second), keep, samples)
-    return Path(_shortened(scene, found.waypoints, keep + RESOLUTION, rng), found.samples)
+    return Path(_shortened(judge, found.waypoints, keep + RESOLUTION, rng), found.samples)
 
 
 def stream(path: Path, step: float = np.radians(0.25)) -> Array:
@@ -138,7 +148,7 @@ class _Tree:
     def __init__(self, root: Array) -> None:
         self.poses, self.parents = root[None], [0]
 
-    def grow(self, scene: Scene, margin: float, target: Array, furthest: float) -> tuple[int, bool]:
+    def grow(self, check: Check, margin: float, target: Array, furthest: float) -> tuple[int, bool]:
         """Grows from the nearest pose straight towards a target; the pose it ends at, and whether that is the target.
 
         A long branch leaves a pose at every `STEP`.
@@ -148,7 +158,7 @@ class _Tree:
         length = float(np.linalg.norm(target - root))
         aim = target if length <= furthest else root + furthest / length * (target - root)
         length = min(length, furthest)
-        move = check_move(scene, root, aim, margin)
+        move = check(root, aim, margin)
         reached = 1.0 if move.free else move.proven - BACK / max(length, BACK)
         if reached <= 0.0:
             return nearest, False
@@ -168,14 +178,14 @@ class _Tree:
 
 
 def _connect(
-    scene: Scene, start: Array, goal: Array, limits: Array, margin: float, rng: np.random.Generator, samples: int
+    check: Check, start: Array, goal: Array, limits: Array, margin: float, rng: np.random.Generator, samples: int
 ) -> Path | None:
     """Two trees that take turns: one grows towards a random pose, the other towards what the first has reached."""
     trees = _Tree(start), _Tree(goal)
     for sample in range(1, samples + 1):
         one, other = trees if sample % 2 else trees[::-1]
-        tip, _ = one.grow(scene, margin, rng.uniform(limits[0], limits[1]), STEP)
-        end, met = other.grow(scene, margin, one.poses[tip], np.inf)
+        tip, _ = one.grow(check, margin, rng.uniform(limits[0], limits[1]), STEP)
+        end, met = other.grow(check, margin, one.poses[tip], np.inf)
         if met:
             ways = [one.way_from(tip), other.way_from(end)]
             first, last = ways if sample % 2 else ways[::-1]
@@ -183,18 +193,18 @@ def _connect(
     return None
 
 
-def _shortened(scene: Scene, way: Array, margin: float, rng: np.random.Generator) -> Array:
+def _shortened(check: Check, way: Array, margin: float, rng: np.random.Generator) -> Array:
     """Cuts a way short between two points chosen at random along it, many times; then drops what corners it can."""
     for _ in range(SHORTCUTS):
         at = np.concatenate([[0.0], np.cumsum(_lengths(way))])
         one, other = np.sort(rng.uniform(0.0, at[-1], 2))
         i, j = np.searchsorted(at, one, side="right"), np.searchsorted(at, other, side="left")
         a, b = _point(way, at, one), _point(way, at, other)
-        if i < j and check_move(scene, a, b, margin).free:
+        if i < j and check(a, b, margin).free:
             way = _without_repeats(np.concatenate([way[:i], [a, b], way[j:]]))
     corner = 1
     while corner < len(way) - 1:
-        if check_move(scene, way[corner - 1], way[corner + 1], margin).free:
+        if check(way[corner - 1], way[corner + 1], margin).free:
             way = np.delete(way, corner, axis=0)
         else:
             corner += 1

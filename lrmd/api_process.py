@@ -7,26 +7,27 @@ import signal
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 from typing import Any, Literal
 
 import structlog
 import zenoh
 
 from lrm_math.errors import FileError, LrmError
-from lrm_math.model import Model
-from lrm_math.model_file import load_model
 from lrmd import ik_process, ramp_process, store
 from lrmd.config import Config
 from lrmd.core import Core, Done, Happening
+from lrmd.deployed import Deployed
 from lrmd.face import Face, error_reply
 from lrmd.gravity import torques_of
-from lrmd.guard import guard_of
 from lrmd.ik_process import IkSetup
 from lrmd.mailbox import Shared
-from lrmd.messages import EstopCommand, Message, pack, unpack
+from lrmd.messages import EstopCommand, Message, ReloadRequest, pack, unpack
+from lrmd.model_in_use import ModelInUse
 from lrmd.notify import notify, watchdog_s
 from lrmd.ramp_core import Board
 from lrmd.ramp_process import RampSetup
+from lrmd.refusal import Refused
 from lrmd.shared_fd import SharedFd
 from lrmd.supervisor import Child, GivenUp
 from lrmd.telling import Telling
@@ -56,20 +57,21 @@ class Api:
         self._estop = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         memory = SharedFd(self._shared.descriptor)
         setup = RampSetup(
-            Board.of(config, speed), config.link.port, config.link.baud, config.tick, config.realtime_priority, speed, memory,
-            SharedFd(self._estop),
+            Board.of(config, speed), config.link.port, config.link.baud, config.tick, config.realtime_priority, speed,
+            memory, SharedFd(self._estop),
         )  # fmt: skip
         self._ramp = Child("ramp", ramp_process.run, setup)
         self._ik = Child("ik", ik_process.run, IkSetup(config, memory))
         now = time.monotonic_ns()
-        guard = guard_of(config.arm, self._model())
+        self._model = ModelInUse(config, self._shared)
+        guard = self._model.guard
         if guard is None:
             self._happened("no_shapes", "warning", f"{config.arm.name} has no collision shapes; no move is checked")
         stored, wall = self._load(), time.time_ns()
         self._core = Core(config, torques_of(config.arm), stored, guard or (lambda *_: None), now, wall)
         self._telling = Telling(config, self._core, self._shared, self._ramp, self._ik)
         self._writer = Writer(config.state, self._writing)
-        self._stopping, self._reloading = threading.Event(), threading.Event()
+        self._stopping = self._reloading = False
         self._face: Face | None = None
         self._tick_seen, self._ticked_at = 0, now
         self._saved_at = 0
@@ -77,17 +79,14 @@ class Api:
         self._told_at = 0
         self._told: tuple[Any, ...] = ()
 
-    def _model(self) -> Model | None:
-        """The deployed model. Raises `FileError`."""
-        return None if self._config.model is None else load_model(self._config.model)
-
     # ---- its life
 
     def run(self) -> int:
         """Runs until it is told to stop. Returns the exit code: 0, or 1 if a process cannot be kept alive."""
+        # Handlers run in the middle of anything, also of a held lock: they may set a flag and nothing else.
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: self._stopping.set())
-        signal.signal(signal.SIGHUP, lambda *_: self._reloading.set())
+            signal.signal(number, lambda *_: setattr(self, "_stopping", True))
+        signal.signal(signal.SIGHUP, lambda *_: setattr(self, "_reloading", True))
         now = time.monotonic_ns()
         self._shared.post(self._core.order)
         self._ramp.start(now)
@@ -121,31 +120,35 @@ class Api:
     def _loop(self) -> None:
         sign_of_life = int((watchdog_s() or 2.0) / 4 * SECOND)
         due, alive_at = time.monotonic_ns(), 0
-        while not self._stopping.is_set():
+        while not self._stopping:
             now = time.monotonic_ns()
-            if self._reloading.is_set():
-                self._reloading.clear()
-                self.reload()
+            if self._reloading:
+                self._reloading = False
+                with suppress(Refused):
+                    self.reload()
             with self._lock:
                 self._cycle(now)
             if now - alive_at >= sign_of_life and now - self._ticked_at < STUCK:
                 alive_at = now
                 notify(f"WATCHDOG=1\nSTATUS={self._core.mode}")
             due = max(due + PERIOD, now)
-            self._stopping.wait((due - time.monotonic_ns()) / SECOND)
+            time.sleep(max(0, due - time.monotonic_ns()) / SECOND)
 
-    def reload(self) -> None:
-        """Takes the model's file as it is now, or keeps the model it has and says why."""
+    def reload(self) -> Deployed:
+        """Takes the model's file as it is now. Raises `Refused` if it cannot be used: the model in use stays."""
         try:
-            guard = guard_of(self._config.arm, self._model())
+            deployed = self._model.load()
         except LrmError as error:
+            text = f"{error}; the model in use stays"
             with self._lock:
-                self._happened("model_refused", "error", f"{error}; the model in use stays")
-            return
+                self._happened("model_refused", "error", text)
+                self._flush()
+            raise Refused("model", text) from None
         with self._lock:
-            self._core.guard = guard or self._core.guard
-            self._happened("model_loaded", "info", f"model {self._config.model or 'nominal'}")
-        self._ik.signal(signal.SIGHUP)
+            self._core.guard = self._model.guard or self._core.guard
+            self._happened("model_loaded", "info", f"model {deployed.path}", model_sha256=deployed.sha256)
+            self._flush()
+        return deployed
 
     def _cycle(self, now: int) -> None:
         self._look(now)
@@ -221,6 +224,10 @@ class Api:
 
     def carry_out(self, tail: str, request: Message) -> Message:
         """Carries out a request. Raises `LrmError` if it cannot."""
+        if isinstance(request, ReloadRequest):
+            deployed = self.reload()
+            self._model.wait_for_ik(deployed)
+            return self._telling.reloaded(deployed)
         with self._lock:
             now = time.monotonic_ns()
             self._look(now)

@@ -120,6 +120,7 @@ def parser() -> argparse.ArgumentParser:
     command("hold", hold, "stop where it is, with pulses on; anybody may")
     c = command("relax", relax, "stop the pulses: what they carried falls")
     c.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
+    command("reload", reload, "take the model's file as it is now; nothing moves")
     command("disarm", disarm, "stop all pulses of an arm that stands still")
     command("reset", reset, "leave fault or estop; nothing moves")
     c = command("estop", estop, "stop all pulses at the next tick; anybody may")
@@ -354,6 +355,13 @@ def reset(o: argparse.Namespace) -> int:
     with rover_of(o) as rover, rover.control(holder(), o.take):
         rover.reset_fault()
         print(rover.mode().mode)
+    return 0
+
+
+def reload(o: argparse.Namespace) -> int:
+    """`lrm reload`."""
+    with rover_of(o) as rover:
+        print(cli_text.model_text((reply := rover.reload()).model, reply.model_sha256))
     return 0
 
 

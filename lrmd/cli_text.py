@@ -78,9 +78,9 @@ def metrics_line(m: MetricsState) -> str:
 
 def info_text(info: InfoState) -> str:
     """Who this is."""
-    model = info.model or "nominal"
+    model = model_text(info.model or "nominal", info.model_sha256)
     lines = [
-        f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, model {model}",
+        f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, {model}",
         paint(f"{'servo':<10}{'limits':>18}{'fastest':>12}", "bold"),
     ]
     for name, (low, high), rate in zip(info.names, info.limits_rad, info.rate_rad_per_s, strict=True):
@@ -90,6 +90,11 @@ def info_text(info: InfoState) -> str:
         pose = ", ".join(f"{n} {math.degrees(q):.1f}" for n, q in info.stored_rad.items())
         lines.append(f"last pose (deg): {pose}{'' if info.stored_still else '; it was moving then'}")
     return "\n".join(lines)
+
+
+def model_text(model: str, sha256: str) -> str:
+    """Which model it is."""
+    return f"model {model}" + (f", sha256 {sha256[:12]}" if sha256 else "")
 
 
 def answer_text(answer: IkAnswer, names: Sequence[str]) -> str:

@@ -20,7 +20,7 @@ from typing import Literal, Self, TypeVar
 import zenoh
 
 from lrm_math.errors import LrmError
-from lrmd.ik_messages import FkReply, FkRequest, IkReply, IkRequest, PlanReply, PlanRequest
+from lrmd.ik_messages import CancelRequest, FkReply, FkRequest, IkReply, IkRequest, PlanReply, PlanRequest
 from lrmd.messages import (
     ArmRequest,
     DisarmRequest,
@@ -39,6 +39,8 @@ from lrmd.messages import (
     ModeState,
     MoveRequest,
     RelaxRequest,
+    ReloadReply,
+    ReloadRequest,
     Reply,
     ResetRequest,
     ThermalState,
@@ -51,6 +53,7 @@ from lrmd.zenoh_session import client, key
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 ROBOT_NAME = r"[A-Za-z0-9_-]+"
 STANDING = ("armed", "holding")
+RELOAD_MS = 10_000.0
 S = TypeVar("S", bound=Header)
 
 
@@ -213,6 +216,10 @@ class Rover:
         """Leaves fault or estop. Nothing moves."""
         self._ask("rpc/reset_fault", ResetRequest(lease=self._token()))
 
+    def reload(self) -> ReloadReply:
+        """Has the daemon take the model's file as it is now. Needs no lease; nothing moves. Raises `RequestRefused`."""
+        return self._question("rpc/reload", ReloadRequest(), ReloadReply, RELOAD_MS)
+
     def estop(self, why: str = "") -> None:
         """Stops all pulses at the next tick. Needs no lease."""
         command = EstopCommand(why="".join(c for c in why if c.isprintable())[:64])
@@ -232,6 +239,12 @@ class Rover:
     def plan(self, request: PlanRequest) -> PlanReply:
         """A way round what is between. Raises `RequestRefused`."""
         return self._question("rpc/plan", request, PlanReply, request.deadline_ms)
+
+    def cancel(self, name: str) -> None:
+        """Gives up a query or plan that was asked with this `id`; whoever waits for it gets `cancelled`."""
+        with field_named():
+            request = CancelRequest(id=name)
+        self._replies("rpc/cancel", pack(request), self._timeout)
 
     def standing(self) -> list[float]:
         """Angles (rad) that the arm's joints were last told."""

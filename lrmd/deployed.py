@@ -11,17 +11,26 @@ from lrm_math.errors import FileError
 from lrm_math.model import Model, model_of
 from lrm_math.model_file import load_covariance, load_model
 from lrmd.config import Config
+from lrmd.mailbox import NOMINAL
 
 
 @dataclass(frozen=True, eq=False)
 class Deployed:
-    """A model and what it was read from. `left_out`: ids of its effects that no rover can compensate."""
+    """A model and what it was read from.
+
+    `sha256`: of the file, empty for the nominal arm. `left_out`: ids of its effects that no rover can compensate.
+    """
 
     model: Model
     covariance: Covariance | None
     path: str
     sha256: str
     left_out: tuple[str, ...]
+
+    @property
+    def digest(self) -> bytes:
+        """What the processes compare, see `mailbox.NOMINAL`."""
+        return bytes.fromhex(self.sha256) if self.sha256 else NOMINAL
 
 
 def deploy(config: Config) -> Deployed:
@@ -35,10 +44,24 @@ def deploy(config: Config) -> Deployed:
     return _from_file(config, config.model)
 
 
+def digest_of(config: Config) -> bytes:
+    """Digest of the configured model file as it is now. Raises `FileError`."""
+    return NOMINAL if config.model is None else hashlib.sha256(_content(config.model)).digest()
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise FileError(path, "model", error.strerror or "cannot be read") from None
+
+
 def _from_file(config: Config, path: Path) -> Deployed:
-    model = load_model(path)
+    content = _content(path)
+    model, covariance = load_model(path), load_covariance(path)
+    if _content(path) != content:
+        raise FileError(path, "model", "changed while it was read", "write it whole, then load it again")
     if model.arm.name != config.arm.name:
         raise FileError(path, "arm", f"a model of {model.arm.name}", f"this daemon drives {config.arm.name}")
     left_out = tuple(sorted({e.id for e in model.effects if not e.online and e.id != "quantisation"}))
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return Deployed(model, load_covariance(path), str(path), digest, left_out)
+    return Deployed(model, covariance, str(path), hashlib.sha256(content).hexdigest(), left_out)

@@ -22,6 +22,7 @@ from lrmd.messages import (
     MessageError,
     MoveRequest,
     RelaxRequest,
+    ReloadRequest,
     ResetRequest,
     pack,
     unpack,
@@ -38,6 +39,7 @@ REQUESTS: dict[str, type[Message]] = {
     "rpc/relax": RelaxRequest,
     "rpc/disarm": DisarmRequest,
     "rpc/reset_fault": ResetRequest,
+    "rpc/reload": ReloadRequest,
 }
 COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest}
 

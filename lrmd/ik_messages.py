@@ -98,7 +98,8 @@ class IkAnswer(Part):
     standard deviation (None where the model file has no covariance), `counts` what the board would put out and
     `rounded_error_m` the error that is left then, `direction` the side that each joint has to come from (0: either),
     `detours` joints that would come from the other side. `cube_error_m`: before the polish. Else: `nearest_rad`, the
-    command that comes nearest, `nearest_distance_m` away.
+    command that comes nearest, `nearest_distance_m` away; or, of a collision, the two `bodies` and how far apart they
+    would be, `clearance_m` (below zero: inside each other).
     """
 
     verdict: Literal["solved", "out_of_reach", "outside_limits", "not_converged", "collision"]
@@ -117,6 +118,8 @@ class IkAnswer(Part):
     cube_error_m: float | None = None
     nearest_rad: list[float] | None = None
     nearest_distance_m: float | None = None
+    bodies: list[str] = []
+    clearance_m: float | None = None
     elapsed_ms: float
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import secrets
 import signal
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,14 +14,14 @@ from typing import Any
 import structlog
 import zenoh
 
-from lrm_math.errors import LrmError
+from lrm_math.errors import FileError, LrmError
 from lrmd import log
 from lrmd.config import Config
-from lrmd.deployed import deploy
+from lrmd.deployed import deploy, digest_of
 from lrmd.face import error_reply
 from lrmd.ik_messages import CancelRequest, FkReply, FkRequest, IkReply, IkRequest, PlanReply, PlanRequest
 from lrmd.ik_service import IkService
-from lrmd.mailbox import Shared
+from lrmd.mailbox import NO_MODEL, Shared
 from lrmd.messages import Message, pack, unpack
 from lrmd.planner import Way
 from lrmd.ramp_process import die_with_parent
@@ -45,13 +46,14 @@ class IkSetup:
     memory: SharedFd
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Waiting:
-    """A query in the queue: who asked, what, and until when (monotonic ns) an answer is wanted."""
+    """A query in the queue: who asked, what, until when (monotonic ns) an answer is wanted, and if not any more."""
 
     query: zenoh.Query
     request: Request
     until: int
+    cancelled: threading.Event
 
 
 class IkProcess:
@@ -61,17 +63,20 @@ class IkProcess:
         self._config = setup.config
         self._shared = Shared(setup.memory.number)
         self._log = structlog.get_logger().bind(robot=setup.config.robot, process="ik")
-        self._queue: queue.Queue[Waiting | None] = queue.Queue(QUEUE)
-        self._cancelled: dict[str, int] = {}
+        self._queue: queue.Queue[Waiting] = queue.Queue(QUEUE)
+        self._ending = False
+        self._unanswered: list[Waiting] = []
         self._boot_id, self._seq = secrets.token_hex(8), 0
-        self._service = IkService(setup.config, deploy(setup.config))
-        self._reload = False
+        self._service: IkService | None = None
+        self._tried: tuple[bytes, bytes] | None = None
+        self._shared.ik_model = NO_MODEL
+        self._follow()
 
     def run(self) -> None:
         """Answers until it is told to stop."""
-        signal.signal(signal.SIGTERM, lambda *_: self._queue.put(None))
+        signal.signal(signal.SIGTERM, lambda *_: setattr(self, "_ending", True))
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGHUP, lambda *_: setattr(self, "_reload", True))
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
         zenoh_table = self._config.zenoh
         with zenoh.open(client(own_endpoints(zenoh_table), zenoh_table.config)) as session:
             self._declare(session, "rpc/ik", lambda q, data: self._enqueue(q, unpack(IkRequest, data)))
@@ -98,42 +103,55 @@ class IkProcess:
 
     def _enqueue(self, query: zenoh.Query, request: Request) -> None:
         wanted = FK_DEADLINE if isinstance(request, FkRequest) else request.deadline_ms * MS
+        waiting = Waiting(query, request, time.monotonic_ns() + int(wanted), threading.Event())
+        self._unanswered.append(waiting)
         try:
-            self._queue.put_nowait(Waiting(query, request, time.monotonic_ns() + int(wanted)))
+            self._queue.put_nowait(waiting)
         except queue.Full:
+            self._unanswered.remove(waiting)
             raise Refused("busy", f"{QUEUE} queries are waiting; ask again", retryable=True) from None
 
     def _cancel(self, query: zenoh.Query, request: CancelRequest) -> None:
-        now = time.monotonic_ns()
-        self._cancelled = {name: at for name, at in self._cancelled.items() if now - at < 60_000 * MS}
-        self._cancelled[request.id] = now
+        for waiting in tuple(self._unanswered):
+            if not isinstance(waiting.request, FkRequest) and waiting.request.id == request.id:
+                waiting.cancelled.set()
         with query:
             query.reply(query.key_expr, pack(Message()))
 
     def _work(self) -> None:
-        while True:
+        while not self._ending:
             try:
                 waiting = self._queue.get(timeout=0.2)
             except queue.Empty:
-                self._take_new_model()
+                self._follow()
                 continue
-            if waiting is None:
-                return
-            self._take_new_model()
+            self._follow()
             self._shared.ik[0] = time.monotonic_ns()
             try:
                 self._answer(waiting)
             finally:
                 self._shared.ik[0] = 0
+                self._unanswered.remove(waiting)
 
-    def _take_new_model(self) -> None:
-        """Takes the model's file as it is now, or keeps the model in use and logs why."""
-        if self._reload:
-            self._reload = False
-            try:
-                self._service = IkService(self._config, deploy(self._config))
-            except LrmError as error:
-                self._log.error("model_refused", text=str(error))
+    def _follow(self) -> None:
+        """Takes the model that the daemon accepted, as soon as the file is that one, and no other."""
+        accepted = self._shared.model
+        if accepted == self._shared.ik_model and self._service is not None:
+            return
+        try:
+            found = digest_of(self._config)
+        except FileError:
+            found = NO_MODEL
+        if (accepted, found) == self._tried:
+            return
+        self._tried = accepted, found
+        try:
+            if found != accepted:
+                raise LrmError(f"{self._config.model} is not the file that the daemon accepted; reload it")
+            self._service = IkService(self._config, deploy(self._config))
+            self._shared.ik_model = self._service.deployed.digest
+        except LrmError as error:
+            self._log.error("model_refused", text=str(error))
 
     def _answer(self, waiting: Waiting) -> None:
         started = time.perf_counter()
@@ -150,28 +168,33 @@ class IkProcess:
                 query.reply(query.key_expr, pack(reply))
 
     def _solved(self, waiting: Waiting, started: float) -> Message:
-        request, deployed = waiting.request, self._service.deployed
+        request, service = waiting.request, self._service
+        if service is None:
+            raise Refused("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
+        deployed = service.deployed
 
         def goes_on() -> None:
             self._shared.ik[0] = time.monotonic_ns()
             if time.monotonic_ns() > waiting.until:
                 raise Refused("deadline", "the deadline passed before the answer was there", retryable=True)
-            if not isinstance(request, FkRequest) and request.id and self._cancelled.pop(request.id, None) is not None:
-                raise Refused("cancelled", f"request {request.id} was cancelled")
+            if waiting.cancelled.is_set():
+                raise Refused("cancelled", "the request was cancelled")
 
         said: dict[str, Any] = {
             "model": deployed.path, "model_sha256": deployed.sha256, "left_out": list(deployed.left_out)
         }  # fmt: skip
         if isinstance(request, IkRequest):
-            answers = self._service.inverse(request, goes_on)
+            answers = service.inverse(request, goes_on)
             return IkReply(**self._header(), **said, answers=answers, elapsed_ms=(time.perf_counter() - started) * 1e3)
         if isinstance(request, PlanRequest):
-            return self._planned(request, goes_on, started)
-        places = self._service.forward(request, goes_on)
+            return self._planned(service, request, goes_on, started)
+        places = service.forward(request, goes_on)
         return FkReply(**self._header(), **said, places=places, elapsed_ms=(time.perf_counter() - started) * 1e3)
 
-    def _planned(self, request: PlanRequest, goes_on: Callable[[], None], started: float) -> PlanReply:
-        way, deployed = self._service.plan(request, goes_on), self._service.deployed
+    def _planned(
+        self, service: IkService, request: PlanRequest, goes_on: Callable[[], None], started: float
+    ) -> PlanReply:
+        way, deployed = service.plan(request, goes_on), service.deployed
         found = isinstance(way, Way)
         return PlanReply(
             **self._header(), found=found,

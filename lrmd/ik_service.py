@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrm_math.collision import Scene, clearance_of
-from lrm_math.equilibrium import equilibrium
+from lrm_math.chain import Array
+from lrm_math.collision import Clearance, Closest, Scene, clearance_of
+from lrm_math.equilibrium import Equilibrium
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CUBE, CalibratedSolver
 from lrm_math.ik.cube import Cube
@@ -16,8 +19,9 @@ from lrm_math.ik.deployment import Method
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.reply import NotConverged, Reply, Solved, Unsolved
+from lrm_math.ik.reply import Barred, NotConverged, Reply, Solved, Unsolved
 from lrm_math.ik.rounding import Rounding
+from lrm_math.ik.settled import settled
 from lrm_math.model import Model
 from lrm_math.poses import poses_of
 from lrm_math.walk import frames
@@ -25,7 +29,7 @@ from lrmd.config import Config
 from lrmd.deployed import Deployed
 from lrmd.ik_messages import FkRequest, GoalEntry, IkAnswer, IkRequest, Place, PlanRequest
 from lrmd.messages import MessageError
-from lrmd.planner import Way, find_way
+from lrmd.planner import Planner, Way
 from lrmd.refusal import Refused
 
 UNIT = 1e-3
@@ -74,28 +78,46 @@ def method_of(request: IkRequest) -> Method:
             return CUBE if same else Cube(request.cube_side_m, request.cube_points)
 
 
-class Clear:
-    """Which commands keep the arm's bodies apart: as the rigid arm, and as the model has it sag."""
+def solver_of(config: Config, deployed: Deployed) -> CalibratedSolver:
+    """The solver that answers with a model. Raises `LrmError` for a model that cannot be used so."""
+    return CalibratedSolver.of(
+        deployed.model, left_out=deployed.left_out, covariance=deployed.covariance, clock=config.clock
+    )
 
-    def __init__(self, scene: Scene | None, model: Model) -> None:
-        self._scene, self._model = scene, model
 
-    def first(self, branches: Sequence[tuple[float, ...]], payload: float) -> tuple[list[int], str]:
-        """Numbers of the branches (rad) that are free, and what is wrong with the first that is not."""
-        if self._scene is None:
-            return list(range(len(branches))), ""
-        rest = equilibrium(self._model, poses_of(np.array(branches), payload))
-        sagging = clearance_of(self._scene, frames(self._model.chain, rest.slots, len(branches)))
-        rigid = clearance_of(self._scene, self._scene.frames(np.array(branches)))
-        worst = np.minimum(sagging.distance, rigid.distance)
-        free = np.flatnonzero(worst >= self._scene.margin).tolist()
-        hit = int(np.argmax(worst < self._scene.margin))
-        seen = sagging if sagging.distance[hit] <= rigid.distance[hit] else rigid
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Whether the arm may stand at commands: it comes to rest, rigid and sagging bodies keep their margin."""
+
+    scene: Scene | None
+    model: Model
+
+    def free(self, q: Array, payload: float) -> NDArray[np.bool_]:
+        """(K,), for commands (K, n) in rad."""
+        rest, rows = settled(self.model, poses_of(q, payload))
+        free = np.zeros(len(q), dtype=bool)
+        free[rows] = True
+        if self.scene is not None and len(rows):
+            sagging, rigid = self._near(self.scene, rest, q[rows])
+            free[rows] = np.minimum(sagging.distance, rigid.distance) >= self.scene.margin
+        return free
+
+    def blocked(self, q: tuple[float, ...], payload: float) -> tuple[str, Closest | None]:
+        """What is wrong with a command (rad) that is not free, in words, and the two bodies that are too close."""
+        at = np.array([q])
+        rest, rows = settled(self.model, poses_of(at, payload))
+        if self.scene is None or not len(rows):
+            return "the arm would come to no rest there that the model could speak of", None
+        near = min(self._near(self.scene, rest, at), key=lambda clearance: float(clearance.distance[0]))
+        closest = Closest(float(near.distance[0]), str(near.first[0]), str(near.second[0]))
         text = (
-            f"{seen.first[hit]} and {seen.second[hit]} would be {worst[hit] * 1e3:.0f} mm apart; "
-            f"{self._scene.margin * 1e3:.0f} mm must be kept"
+            f"{closest.first} and {closest.second} would be {closest.distance * 1e3:.1f} mm apart; "
+            f"{self.scene.margin * 1e3:.1f} mm must be kept"
         )
-        return free, text
+        return text, closest
+
+    def _near(self, scene: Scene, rest: Equilibrium, q: Array) -> tuple[Clearance, Clearance]:
+        return clearance_of(scene, frames(self.model.chain, rest.slots, len(q))), clearance_of(scene, scene.frames(q))
 
 
 class IkService:
@@ -103,29 +125,48 @@ class IkService:
 
     def __init__(self, config: Config, deployed: Deployed) -> None:
         self.deployed = deployed
-        self._solver = CalibratedSolver.of(
-            deployed.model, left_out=deployed.left_out, covariance=deployed.covariance, clock=config.clock
-        )
+        self._solver = solver_of(config, deployed)
         self._config, self._model = config, self._solver.deployment.model
         self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
-        self._clear = Clear(self._scene, self._model)
+        self._standing = Standing(self._scene, self._model)
         self._solver.warm_up()
 
     def inverse(self, request: IkRequest, goes_on: GoesOn) -> list[IkAnswer]:
         """One answer per goal. Raises `LrmError` for goals that are none, and what `goes_on` raises."""
-        goals = [goal_of(entry) for entry in request.goals]
+        self._check_angles("near_rad", request.near_rad)
+        goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         method, rounding = method_of(request), Rounding(request.round)
+        payload, near = request.payload_kg, request.near_rad
         answers = []
         for goal in goals:
             goes_on()
             started = time.perf_counter()
-            reply = self._solver.solve(goal, request.payload_kg, request.near_rad, method, rounding)
-            answer = self._answer(reply, request)
+            try:
+                reply = self._solver.solve(
+                    goal, payload, near, method, rounding, lambda q: self._standing.free(q, payload)
+                )
+            except LrmError as error:
+                answer = IkAnswer(verdict="not_converged", text=str(error), elapsed_ms=0.0)
+            else:
+                answer = self._answer(reply, payload)
             answers.append(answer.model_copy(update={"elapsed_ms": (time.perf_counter() - started) * 1e3}))
         return answers
 
+    def _goal(self, number: int, entry: GoalEntry) -> Goal:
+        try:
+            return goal_of(entry)
+        except LrmError as error:
+            raise MessageError(f"goals.{number}: {str(error).removeprefix('goal: ')}") from None
+
+    def _check_angles(self, name: str, q: Sequence[float] | None) -> None:
+        if q is not None and len(q) != (n := self._config.dof):
+            raise MessageError(f"{name}: {len(q)} angles; {self._config.arm.name} has {n} joints")
+
     def forward(self, request: FkRequest, goes_on: GoesOn) -> list[Place]:
         """One place per row of angles. Raises `LrmError`."""
+        self._check_angles("near_rad", request.near_rad)
+        for number, q in enumerate(request.q_rad):
+            self._check_angles(f"q_rad.{number}", q)
         places = []
         for q in request.q_rad:
             goes_on()
@@ -142,13 +183,11 @@ class IkService:
         """A way, or why there is none. Raises `LrmError`, and what `goes_on` raises."""
         if self._scene is None:
             raise LrmError(f"{self._config.arm.name} has no collision shapes: nobody can tell which way is free")
+        for name in ("from_rad", "to_rad"):
+            self._check_angles(name, getattr(request, name))
         ends = [request.to_rad] if request.to_rad is not None else self._commands(request, goes_on)
-        for end in ends:
-            ask = request.payload_kg, request.seed
-            way = find_way(self._config, self._scene, self._model, (request.from_rad, end), *ask, goes_on)
-            if isinstance(way, Way):
-                return way
-        return way
+        planner = Planner(self._config, self._scene, self.deployed.model, request.payload_kg)
+        return planner.find(request.from_rad, ends, request.seed, goes_on)
 
     def _commands(self, request: PlanRequest, goes_on: GoesOn) -> list[list[float]]:
         """Commands that take the goal of a plan, nearest first. Raises `LrmError` if there are none."""
@@ -159,10 +198,18 @@ class IkService:
             raise Refused(answer.verdict, answer.text)
         return answer.branches_rad
 
-    def _answer(self, reply: Reply, request: IkRequest) -> IkAnswer:
+    def _answer(self, reply: Reply, payload: float) -> IkAnswer:
         match reply:
             case Solved():
-                return self._solved(reply, request)
+                return _solved(reply)
+            case Barred():
+                text, closest = self._standing.blocked(reply.branches[0].q, payload)
+                if closest is None:
+                    return IkAnswer(verdict="not_converged", text=text, elapsed_ms=0.0)
+                return IkAnswer(
+                    verdict="collision", text=text, bodies=[closest.first, closest.second],
+                    clearance_m=closest.distance, elapsed_ms=0.0,
+                )  # fmt: skip
             case Unsolved():
                 return IkAnswer(
                     verdict="outside_limits" if reply.violation else "out_of_reach", text=str(reply),
@@ -171,17 +218,14 @@ class IkService:
             case NotConverged():
                 return IkAnswer(verdict="not_converged", text=str(reply), elapsed_ms=0.0)
 
-    def _solved(self, reply: Solved, request: IkRequest) -> IkAnswer:
-        branches = [branch.q for branch in reply.branches]
-        free, why = self._clear.first(branches, request.payload_kg)
-        if not free:
-            return IkAnswer(verdict="collision", text=why, elapsed_ms=0.0)
-        rounded = reply.rounded
-        return IkAnswer(
-            verdict="solved", text=str(reply), q_rad=list(reply.q), branches_rad=[list(branches[i]) for i in free],
-            tcp_m=list(reply.tcp), predicted_error_m=reply.predicted_error, predicted_turn_rad=reply.predicted_turn,
-            sd_m=reply.sd, counts=None if rounded is None else list(rounded.counts),
-            rounded_q_rad=None if rounded is None else list(rounded.q),
-            rounded_error_m=None if rounded is None else rounded.error, direction=list(reply.direction),
-            detours=list(reply.detours), cube_error_m=reply.cube_error, elapsed_ms=0.0,
-        )  # fmt: skip
+
+def _solved(reply: Solved) -> IkAnswer:
+    rounded = reply.rounded
+    return IkAnswer(
+        verdict="solved", text=str(reply), q_rad=list(reply.q), branches_rad=[list(b.q) for b in reply.branches],
+        tcp_m=list(reply.tcp), predicted_error_m=reply.predicted_error, predicted_turn_rad=reply.predicted_turn,
+        sd_m=reply.sd, counts=None if rounded is None else list(rounded.counts),
+        rounded_q_rad=None if rounded is None else list(rounded.q),
+        rounded_error_m=None if rounded is None else rounded.error, direction=list(reply.direction),
+        detours=list(reply.detours), cube_error_m=reply.cube_error, elapsed_ms=0.0,
+    )  # fmt: skip

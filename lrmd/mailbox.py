@@ -174,13 +174,19 @@ class Mailbox:
 BUCKET_NS, BUCKETS = 5_000, 512
 """The histogram of lateness: 512 buckets of 5 us; the last one also holds whatever is later."""
 
+DIGEST = 32
+"""Bytes of a SHA-256."""
+NO_MODEL, NOMINAL = bytes(DIGEST), bytes(DIGEST - 1) + b"\1"
+"""In place of a model file's digest: none yet, and the nominal arm, which has no file."""
+
 
 class Shared:
     """The memory that the processes share, behind one descriptor: an order, a report, the histogram of lateness, and
     what the ik process is at.
 
     `lateness`: counts by bucket. `duty`: share of the tick that the ramp works, averaged over some. `ik`: [since when a
-    query is being worked on (ns, 0 = none), queries answered, refused].
+    query is being worked on (ns, 0 = none), queries answered, refused]. `model`: SHA-256 of the model file that the
+    daemon accepted, `ik_model`: of the one that the ik process answers with; see `NOMINAL` and `NO_MODEL`.
     """
 
     _ORDER = 0
@@ -188,7 +194,9 @@ class Shared:
     _HISTOGRAM = 2048
     _IK = _HISTOGRAM + 8 * BUCKETS
     _DUTY = _IK + 8 * 3
-    SIZE = _DUTY + 8
+    _MODEL = _DUTY + 8
+    _IK_MODEL = _MODEL + DIGEST
+    SIZE = _IK_MODEL + DIGEST
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
@@ -198,7 +206,8 @@ class Shared:
         self._report = Mailbox(view, self._REPORT, Report.LAYOUT.size)
         self.lateness = view[self._HISTOGRAM : self._IK].cast("Q")
         self.ik = view[self._IK : self._DUTY].cast("Q")
-        self._duty = view[self._DUTY : self.SIZE].cast("d")
+        self._duty = view[self._DUTY : self._MODEL].cast("d")
+        self._model, self._ik_model = view[self._MODEL : self._IK_MODEL], view[self._IK_MODEL : self.SIZE]
 
     @classmethod
     def create(cls) -> Shared:
@@ -215,6 +224,24 @@ class Shared:
     @duty.setter
     def duty(self, share: float) -> None:
         self._duty[0] = share
+
+    @property
+    def model(self) -> bytes:
+        """What the daemon accepted."""
+        return bytes(self._model)
+
+    @model.setter
+    def model(self, digest: bytes) -> None:
+        self._model[:] = digest
+
+    @property
+    def ik_model(self) -> bytes:
+        """What the ik process answers with."""
+        return bytes(self._ik_model)
+
+    @ik_model.setter
+    def ik_model(self, digest: bytes) -> None:
+        self._ik_model[:] = digest
 
     def post(self, order: Order) -> None:
         """The API's side: leaves an order."""

@@ -133,6 +133,10 @@ class ResetRequest(Message):
     lease: Token
 
 
+class ReloadRequest(Message):
+    """`rpc/reload`: takes the model's file as it is now. Nothing moves; anybody may."""
+
+
 class EstopCommand(Message):
     """`cmd/estop`: stops all pulses at the next tick. Anybody may; `why` is for the log."""
 
@@ -222,7 +226,10 @@ class MetricsState(Header):
 
 
 class InfoState(Header):
-    """`info`: who this is. Per servo: `limits_rad`, lowest and highest angle; `tables_rad`, `tables_us`: level 1."""
+    """`info`: who this is. Per servo: `limits_rad`, lowest and highest angle; `tables_rad`, `tables_us`: level 1.
+
+    `model_sha256`: of the model file as it was when it was loaded, empty for the nominal arm.
+    """
 
     robot: str
     arm: str
@@ -237,6 +244,7 @@ class InfoState(Header):
     lease_ms: float
     command_ms: float
     model: str | None
+    model_sha256: str
     stored_rad: dict[str, float]
     stored_still: bool
 
@@ -257,6 +265,13 @@ class Reply(Header):
     lease: str | None = None
     lease_ms: float | None = None
     seconds: float | None = None
+
+
+class ReloadReply(Header):
+    """The answer to `rpc/reload`: the file and its SHA-256, which answers of `rpc/ik` carry from now on."""
+
+    model: str
+    model_sha256: str
 
 
 class ErrorReply(Message):

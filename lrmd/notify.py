@@ -7,6 +7,10 @@ import os
 import socket
 
 
+PATIENCE = 0.05
+"""s: the socket of a systemd that does not read fills up, and the daemon must not stand still with it."""
+
+
 def notify(message: str) -> bool:
     """Tells systemd, if there is one to tell: `READY=1`, `WATCHDOG=1`, `STATUS=…`, `STOPPING=1`."""
     address = os.environ.get("NOTIFY_SOCKET", "")
@@ -14,6 +18,7 @@ def notify(message: str) -> bool:
         return False
     target = "\0" + address[1:] if address.startswith("@") else address
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as s:
+        s.settimeout(PATIENCE)
         s.sendto(message.encode(), target)
         return True
     return False

@@ -11,6 +11,7 @@ from typing import Any
 
 from lrmd.config import Config
 from lrmd.core import Core, Done, Happening
+from lrmd.deployed import Deployed
 from lrmd.mailbox import BUCKET_NS, Shared
 from lrmd.messages import (
     Event,
@@ -21,6 +22,7 @@ from lrmd.messages import (
     JointsState,
     MetricsState,
     ModeState,
+    ReloadReply,
     Reply,
     ThermalState,
 )
@@ -60,6 +62,10 @@ class Telling:
             lease=None if lease is None else lease.token,
             lease_ms=None if lease is None else self._config.lease / 1e6,
         )  # fmt: skip
+
+    def reloaded(self, deployed: Deployed) -> ReloadReply:
+        """The answer to a reload."""
+        return ReloadReply(**self._header("rpc/reload"), model=deployed.path, model_sha256=deployed.sha256)
 
     def event(self, h: Happening) -> Event:
         """Something that happened."""
@@ -120,5 +126,6 @@ class Telling:
             tables_us=[[p * 1e6 for p in s.table.pulse] for s in config.servos],
             tick_ms=config.tick / 1e6, lease_ms=config.lease / 1e6, command_ms=config.command / 1e6,
             model=None if config.model is None else str(config.model),
+            model_sha256="" if config.model is None else self._shared.model.hex(),
             stored_rad=stored_angles(config, stored), stored_still=bool(stored and stored.still),
         )  # fmt: skip

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import os
 import termios
+from array import array
 
 import serial
 
@@ -20,6 +22,7 @@ class Port:
         self._path, self._baud = path, baud
         self._line: serial.Serial | None = None
         self._torn = False
+        self._waiting = array("i", [0])
         self.error = 0
 
     @property
@@ -42,11 +45,16 @@ class Port:
         return self.is_open
 
     def read(self) -> bytes | None:
-        """What has come since the last time, or None if the port is closed."""
+        """What has come since the last time, or None if the port is closed.
+
+        Asks first how much there is: a read of an empty terminal waits for the kernel's worker that fills it, and this
+        one stands back behind every busy process.
+        """
         if self._line is None:
             return None
         try:
-            return os.read(self._line.fileno(), 4096)
+            fcntl.ioctl(self._line.fileno(), termios.FIONREAD, self._waiting)
+            return os.read(self._line.fileno(), 4096) if self._waiting[0] else b""
         except BlockingIOError:
             return b""
         except OSError:

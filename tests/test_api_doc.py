@@ -153,13 +153,21 @@ def test_fields_types_defaults_and_units_are_those_of_the_code(name: str) -> Non
     assert SECTIONS[name].fields == described(Header if name == "Header" else MESSAGES[name])
 
 
+def within(part: Any, whole: Any) -> bool:
+    """Whether `part` says the same as `whole`, but for fields that it leaves to their defaults."""
+    if isinstance(part, dict):
+        return all(within(value, whole[key]) for key, value in part.items())
+    if isinstance(part, list):
+        return len(part) == len(whole) and all(map(within, part, whole))
+    return bool(part == whole)
+
+
 @pytest.mark.parametrize("name", [n for n, kind in MESSAGES.items() if issubclass(kind, Message)])
 def test_every_example_is_a_message_and_none_is_missing(name: str) -> None:
     assert SECTIONS[name].examples
     for example in SECTIONS[name].examples:
         message = unpack(MESSAGES[name], msgpack.packb(example))
-        sent = json.loads(json.dumps(message.model_dump()))
-        assert {key: sent[key] for key in example} == example
+        assert within(example, json.loads(json.dumps(message.model_dump())))
 
 
 def literals(pattern: str) -> set[str]:

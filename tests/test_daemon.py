@@ -496,22 +496,36 @@ def test_a_second_daemon_on_the_same_port_touches_nothing(rig: Rig, tmp_path: Pa
 def test_systemd_hears_of_it_as_long_as_the_ramp_ticks(tmp_path: Path) -> None:
     place = Place.make(tmp_path)
     with BoardProcess(place), DaemonProcess(place, watchdog_s=0.2) as daemon:
-        listener = daemon.notifications
+        systemd = daemon.notifications
         daemon.ready()
-        listener.wait_for("WATCHDOG=1")
-        assert listener.came[0][1].startswith("READY=1")
-        listener.came.clear()
-        listener.listen(1.0)
-        assert sum("WATCHDOG=1" in message for _, message in listener.came) >= 5
+        systemd.wait_for("WATCHDOG=1")
+        assert systemd.came[0][1].startswith("READY=1")
+        time.sleep(1.0)
+        assert len(systemd.times("WATCHDOG=1")) >= 5
+        stopped = time.monotonic_ns()
         os.kill(daemon.child("ramp"), signal.SIGSTOP)
-        listener.came.clear()
-        listener.listen(1.5)
-        beats = [t for t, message in listener.came if "WATCHDOG=1" in message]
+        wait_for(lambda: "ramp_died" in daemon.codes(), "the ramp is replaced")
+        wait_for(
+            lambda: bool(systemd.times("WATCHDOG=1", time.monotonic_ns() - SECOND // 5)), "there are signs of life"
+        )
+        wait_for(lambda: len(systemd.times("WATCHDOG=1", stopped + SECOND)) >= 2, "they go on")
+        beats = systemd.times("WATCHDOG=1", stopped)
         assert max(b - a for a, b in itertools.pairwise(beats)) > SECOND // 10, "it was told of a ramp that stood still"
-        listener.wait_for("WATCHDOG=1")
         daemon.signal(signal.SIGTERM)
-        listener.wait_for("STOPPING=1")
+        systemd.wait_for("STOPPING=1")
         assert daemon.process.wait(5) == 0
+
+
+def test_a_systemd_that_does_not_listen_stops_nothing(tmp_path: Path) -> None:
+    place = Place.make(tmp_path)
+    with BoardProcess(place), DaemonProcess(place, watchdog_s=0.2) as daemon:
+        daemon.ready()
+        daemon.notifications.listening.clear()
+        with place.rover() as rover:
+            came: list[JointsState] = []
+            time.sleep(1.2)
+            rover.watch(JointsState, "state/joints", came.append)
+            wait_for(lambda: len(came) >= 10, "state flows on", 3.0)
 
 
 def test_a_ramp_that_dies_again_and_again_ends_the_daemon(tmp_path: Path) -> None:

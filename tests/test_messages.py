@@ -42,6 +42,7 @@ FULL: dict[str, dict[str, Any]] = {
     "HoldRequest": {},
     "DisarmRequest": {"lease": "t"},
     "ResetRequest": {"lease": "t"},
+    "ReloadRequest": {},
 }
 
 

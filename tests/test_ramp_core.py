@@ -150,6 +150,20 @@ def test_a_board_with_another_prescale_is_left_to_fall_silent_before_it_is_set_u
     assert line.ramp.link is LinkState.READY
 
 
+@pytest.mark.parametrize("kind", [0, 1])
+def test_a_clock_that_is_not_the_real_one_drives_no_real_board(
+    config: Config, kind: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lrmd.board_sim.SIMULATED", kind)
+    line = Line(config)
+    line.ramp = RampCore(Board.of(config, speed=2.0))
+    line.ramp.opened(line.now)
+    for _ in range(20):
+        line.tick(line.order())
+    assert (line.ramp.link is LinkState.READY) == (kind == 1)
+    assert kind == 1 or {frame.type for frame in line.sent} == {FrameType.HELLO}
+
+
 @given(st.lists(st.binary(max_size=60), max_size=30))
 @settings(max_examples=60, deadline=None)
 def test_no_bytes_from_the_port_can_stop_it_or_switch_anything_on(config: Config, noise: list[bytes]) -> None:

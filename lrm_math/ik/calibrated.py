@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.chain import Array
 from lrm_math.covariance import Covariance
@@ -21,7 +23,7 @@ from lrm_math.ik.deployment import Ask, Deployment, Found, Method, Stalled
 from lrm_math.ik.goal import Goal, Rotation, Triple
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.newton import LEVER, Aim
-from lrm_math.ik.reply import NotConverged, Reply, Solved, Spread, Unsolved
+from lrm_math.ik.reply import Barred, NotConverged, Reply, Solved, Spread, Unsolved
 from lrm_math.ik.rounding import Rounded, Rounding, Servos, rounded
 from lrm_math.ik.uncertainty import position_covariance
 from lrm_math.model import Model
@@ -31,6 +33,8 @@ from lrm_math.servo import PwmClock
 SAME = 1e-6
 """rad: commands no further apart are one branch."""
 CUBE = Cube()
+Allowed: TypeAlias = Callable[[Array], NDArray[np.bool_]]
+"""Which commands (K, n) in rad may be answered: (K,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +109,7 @@ class CalibratedSolver:
         near: Sequence[float] | None = None,
         method: Method = CUBE,
         rounding: Rounding = Rounding.EACH,
+        allowed: Allowed | None = None,
     ) -> Reply:
         """Commands for one goal.
 
@@ -114,6 +119,7 @@ class CalibratedSolver:
                 error depends on the side that they arrive from are taken to come from there.
             method: `Cube()`, `Direct()` or `Iterative()`.
             rounding: how commands become counts, where the board's clock is known.
+            allowed: which commands may be answered, for instance those that keep the arm clear; None: all.
 
         Raises:
             LrmError: a load that is no weight, or `near` that is not n finite angles.
@@ -125,7 +131,11 @@ class CalibratedSolver:
             spent = time.perf_counter() - started
             return NotConverged(goal, found.q, found.errors, method.name, self.left_out, spent)
         if found is not None:
-            order = self._ordered(ask, found)
+            order = in_limits = self._ordered(ask, found)
+            if allowed is not None and in_limits:
+                order = [row for row, free in zip(order, allowed(self._clipped(found, order)), strict=True) if free]
+                if not order:
+                    return self._barred(ask, found, in_limits, method.name, started)
             for row in order:
                 try:
                     best_first = [row, *(other for other in order if other != row)]
@@ -171,18 +181,15 @@ class CalibratedSolver:
         """The reply with the rows `order` as branches, the first checked by the model's own equilibrium."""
         row = order[0]
         deployment = self.deployment
-        lower, upper = deployment.limits.lower, deployment.limits.upper
-        command = np.clip(found.q[row], lower, upper)
-        poses = deployment.poses(ask, command[None], found.direction[[row]])
+        command = self._clipped(found, [row])
+        poses = deployment.poses(ask, command, found.direction[[row]])
         rest = settle(deployment.model, poses, self._slots(found.reached.amounts[row]))
         tcp = self._tcp(rest)
         off = Aim.of(ask.goal).error(tcp[None])[0, 3:] / LEVER
         return Solved(
             goal=ask.goal,
-            q=tuple(command.tolist()),
-            branches=tuple(
-                Branch(tuple(np.clip(found.q[other], lower, upper).tolist()), -1, deployment.limits) for other in order
-            ),
+            q=tuple(command[0].tolist()),
+            branches=self._branches(found, order),
             tcp=_triple(rest.true_tcp[0]),
             rotation=_rotation(tcp),
             predicted_error=math.dist(rest.true_tcp[0], ask.goal.position),
@@ -197,6 +204,17 @@ class CalibratedSolver:
             left_out=self.left_out,
             elapsed=time.perf_counter() - started,
         )
+
+    def _clipped(self, found: Found, rows: list[int]) -> Array:
+        """(len(rows), n), commands without the round-off that leads beyond a limit."""
+        return np.clip(found.q[rows], self.deployment.limits.lower, self.deployment.limits.upper)
+
+    def _branches(self, found: Found, rows: list[int]) -> tuple[Branch, ...]:
+        return tuple(Branch(tuple(q), -1, self.deployment.limits) for q in self._clipped(found, rows).tolist())
+
+    def _barred(self, ask: Ask, found: Found, rows: list[int], method: str, started: float) -> Barred:
+        spent = time.perf_counter() - started
+        return Barred(ask.goal, self._branches(found, rows), method, self.left_out, spent)
 
     def _unsolved(self, ask: Ask, found: Found | None, method: str, started: float) -> Unsolved:
         limits, beyond = self.deployment.limits, np.empty((0, self.deployment.model.arm.dof))

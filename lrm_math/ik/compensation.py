@@ -58,7 +58,7 @@ class Compensation:
         return {int(k): v for v, k in enumerate(self.linkage.slots)}
 
     @cached_property
-    def _springs(self) -> Array:
+    def compliances(self) -> Array:
         """(V, V), what the linear effects make of loads on the moving slots (rad/N·m, m/N·m)."""
         out, nowhere = np.zeros((len(self._row), len(self._row))), poses_of([0.0] * self.model.arm.dof)
         for effect in self.model.wiring.elastic:
@@ -104,10 +104,15 @@ class Compensation:
     def follows_command(self) -> bool:
         """Whether the slots other than joints depend on the command itself, so that it must be known to place them."""
         return any(self._follows(effect) or not effect.feels for effect in self._on_others) or any(
-            self._springs[self.linkage.others][:, self._row[k]].any()
+            self.compliances[self.linkage.others][:, self._row[k]].any()
             for effect in self.model.wiring.pushing
             for k in effect.pushes
         )
+
+    @property
+    def others_are_springs(self) -> bool:
+        """Whether the slots other than joints follow loads in proportion, and nothing else."""
+        return not (self._on_others or self.follows_command)
 
     def burden(self, poses: Poses) -> Burden:
         """What the arm carries in poses of one payload."""
@@ -117,7 +122,7 @@ class Compensation:
         """(W, K), where the slots that are no joints want to be at gravity's loads (V, K): rad, m."""
         rows = self.linkage.others
         total = tau + self._pushes(poses) if self.follows_command else tau
-        out = self.steady[rows, None] + self._springs[rows] @ total
+        out = self.steady[rows, None] + self.compliances[rows] @ total
         if self._on_others:
             bent = np.zeros_like(tau)
             for effect in self._on_others:
@@ -130,9 +135,9 @@ class Compensation:
         """(K, W, V), how `others` answers a change of the loads (rad/N·m, m/N·m)."""
         rows = self.linkage.others
         if not self._on_others:
-            return self._springs[None, rows]
+            return self.compliances[None, rows]
         total = tau + self._pushes(poses) if self.follows_command else tau
-        out = np.repeat(self._springs[:, :, None], len(poses), axis=2)
+        out = np.repeat(self.compliances[:, :, None], len(poses), axis=2)
         for effect in self._on_others:
             loads = tuple(total[self._felt[i]] for i in effect.feels)
             for i, answers in zip(effect.feels, effect.effect.d_tau(poses, loads, effect.p), strict=True):
@@ -155,7 +160,7 @@ class Compensation:
     def roughly(self, tau: Array, real: Array) -> Array:
         """The same as `command`, with the linear effects only."""
         joints = self.linkage.joints
-        return np.asarray(real - self.steady[joints] - (self._springs[joints] @ tau).T)
+        return np.asarray(real - self.steady[joints] - (self.compliances[joints] @ tau).T)
 
     def _command_one(self, pose: Poses, tau: Array, aim: Array) -> Array:
         """Joints by the slopes at zero, then secants joint by joint, since most effects follow one; then Broyden."""
@@ -212,7 +217,7 @@ class Compensation:
             return self._turns(self._following, pose, tau.tolist())
         pushed = self._pushes(pose)[:, 0]
         turns = self._turns(self._following, pose, (tau + pushed).tolist())
-        return np.asarray(turns + self._springs[self.linkage.joints] @ pushed)
+        return np.asarray(turns + self.compliances[self.linkage.joints] @ pushed)
 
     def _turns(self, effects: Iterable[Wired], pose: Poses, loads: list[Number]) -> Array:
         """(n,), what some effects add to the joints of one pose with loads on the moving slots (rad)."""

@@ -16,7 +16,8 @@ from lrm_math.ik.compensation import Compensation
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.library import Library
 from lrm_math.ik.likeness import SLACK, Likeness, Seeds
-from lrm_math.ik.newton import EVERY_BRANCH, Aim, Band, Effort, Reached, reach
+from lrm_math.ik.newton import EVERY_BRANCH, Aim, Band, Effort, Reached, reach, ROUGHLY, CLOSE
+from lrm_math.ik.one_start import OneStart, reached
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.solver import NominalSolver
 from lrm_math.model import Model
@@ -136,6 +137,45 @@ class Deployment:
             start = np.concatenate([start, self._resting[None]])
             start[-1, joints] = self.zero + ask.near
         return start
+
+    def solve_seeds(self, ask: Ask) -> tuple[Found, Reached]:
+        """As `solve_from` from where `start_at` starts, one branch at a time."""
+        one, rotation = self.one_start, ask.goal.rotation
+        seeds = self.likeness.seeds(ask.goal, ask.near)
+        joints = self.compensation.linkage.joints
+        burden = self.compensation.burden(self.poses(ask, self.zero[None]))
+        cargo = one.linkage.cargo(burden)
+        resting, starts, tcps = self._resting.tolist(), [], []
+        zero = self.zero.tolist()
+        for q in seeds.q.tolist():
+            start = list(resting)
+            for v, z, x in zip(one.joints, zero, q): start[v] = z + x
+            stand, _, tau = one.stand(start, cargo)
+            for v, x in zip(one.others, one.given_way(tau)): start[v] = x
+            starts.append(start)
+            tcps.append(stand.matrix())
+        if starts:
+            angles, sources = self.likeness.corrected(ask.goal, seeds, np.array(tcps))
+            starts = [list(starts[k]) for k in sources]
+            for start, q in zip(starts, angles.tolist()):
+                for v, z, x in zip(one.joints, zero, q): start[v] = z + x
+        if ask.near is not None:
+            start = list(resting)
+            for v, z, x in zip(one.joints, zero, ask.near): start[v] = z + x
+            starts.append(start)
+        ends = [one.reach(rotation, ask.goal.position, cargo, start, ROUGHLY) for start in starts]
+        if not any(end.miss <= CLOSE for end in ends):
+            ends = [end if end.miss <= CLOSE else one.reach(rotation, ask.goal.position, cargo, end.amounts) for end in ends]
+        if not ends:
+            return None
+        reach_ = reached(ends)
+        roughly = self.compensation.roughly(reach_.tau, reach_.amounts[:, joints])
+        plausible = reach_.met & self.band.holds(roughly, SLACK)
+        return self.commands(ask, reach_.take(plausible)), reach_
+
+    @cached_property
+    def one_start(self):
+        return OneStart.of(self.compensation, self.band)
 
     @cached_property
     def _resting(self) -> Array:

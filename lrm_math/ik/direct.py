@@ -37,8 +37,16 @@ class Direct:
         return best
 
     def _attempts(self, deployment: Deployment, ask: Ask) -> Iterator[Found]:
-        start = deployment.start_at(ask, deployment.likeness.seeds(ask.goal, ask.near))
-        if len(start):
+        if ask.goal.rotation is not None and deployment.one_start is not None:
+            r = deployment.solve_seeds(ask)
+            start = np.empty((0,len(deployment._resting)))
+            if r:
+              found, reached = r
+              yield found
+              start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)
+        else:
+          start = deployment.start_at(ask, deployment.likeness.seeds(ask.goal, ask.near))
+          if len(start):
             found, reached = deployment.solve_from(ask, start)
             yield found
             start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,6 +135,11 @@ class Band:
 
     lower: Array
     upper: Array
+
+    @cached_property
+    def limits(self) -> tuple[list[float], list[float]]:
+        """The same as lists: lower and upper."""
+        return self.lower.tolist(), self.upper.tolist()
 
     def holds(self, q: Array, slack: float) -> NDArray[np.bool_]:
         """(K,), whether commands (K, n) keep them but for `slack`."""

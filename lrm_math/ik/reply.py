@@ -132,4 +132,19 @@ class NotConverged:
         return f"{self.method} stalled {1e3 * self.errors[-1]:.2f} mm from the goal after {len(self.errors)} steps"
 
 
-Reply: TypeAlias = Solved | Unsolved | NotConverged
+@dataclass(frozen=True, slots=True)
+class Barred:
+    """Commands that take the goal within the limits, none of which the caller allows: best first."""
+
+    goal: Goal
+    branches: tuple[Branch, ...]
+    method: str
+    left_out: tuple[str, ...]
+    elapsed: float
+
+    def __str__(self) -> str:
+        count = len(self.branches)
+        return f"{count} branch{'' if count == 1 else 'es'} would take the goal, and none is allowed"
+
+
+Reply: TypeAlias = Solved | Unsolved | NotConverged | Barred

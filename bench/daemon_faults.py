@@ -1,0 +1,204 @@
+"""How the daemon takes what goes wrong while the arm moves: stops, cables, clients and processes that die."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import signal
+import time
+from bisect import bisect_left
+from contextlib import suppress
+from pathlib import Path
+
+import zenoh
+
+from bench.daemon_process import BoardProcess, DaemonProcess, Place, children, is_alive, wait_for
+from bench.daemon_rig import (
+    FAR,
+    HOME,
+    MS,
+    NEAR,
+    SECOND,
+    Figure,
+    Rig,
+    delays,
+    place_with_board,
+    rig,
+    step,
+    wait_for_link,
+    when,
+)
+from bench.frame_laws import read_frames
+from lrm_math.errors import LrmError
+from lrmd.config import load_config
+from lrmd.messages import ArmRequest, EstopCommand, Event, LeaseRequest, Message, MoveRequest, Reply, pack, unpack
+from lrmd.zenoh_session import client
+
+
+def estops(n: int) -> list[Figure]:
+    """From a put on cmd/estop by a client without lease to the frame that switches everything off."""
+    asked = []
+    with rig() as r, r.rover.control("bench"), zenoh.open(client([r.place.endpoint])) as stranger:
+        stop = stranger.declare_publisher(r.place.key("cmd/estop"), express=True)
+        for _ in range(n):
+            r.arm()
+            r.rover.move(FAR, wait=False)
+            time.sleep(random.uniform(0.1, 0.2))
+            asked.append(time.monotonic_ns())
+            stop.put(pack(EstopCommand(why="bench")))
+            wait_for(lambda: not any(r.rover.joints().on), "the pulses are off")
+            r.rover.reset_fault()
+        off = [line.t for line in r.frames() if not line.pulsing]
+        return [Figure("e-stop to the frame that stops", delays(asked, off), "ms", 13), r.step()]
+
+
+def hang_ups(n: int) -> list[Figure]:
+    """The device vanishes: until the ramp has closed it, until that is told, and from its return to frames again."""
+    closed, told, back = [], [], []
+    with rig() as r, r.rover.control("bench"):
+        events: list[Event] = []
+        r.rover.watch(Event, "event/link_down", events.append)
+        r.arm()
+        for _ in range(n):
+            r.rover.move(NEAR if r.rover.joints().q_rad[0] > 0 else FAR, wait=False)
+            time.sleep(random.uniform(0.3, 0.4))
+            gone, let_go = _hang_up(r)
+            back.append(when(r.place.link.is_symlink))
+            r.wait_for_mode("fault")
+            wait_for_link(r.rover)
+            closed.append((let_go - gone) / MS)
+            told.append((events[-1].t_mono_ns - gone) / MS)
+            r.rover.reset_fault()
+        pulsing = [line.t for line in r.frames() if line.pulsing]
+        return [
+            Figure("disconnect to the ramp's letting go", tuple(closed), "ms", 10),
+            Figure("- to the event", tuple(told), "ms"),
+            Figure("port back to pulses streaming again", delays(back, pulsing), "ms", 100),
+            r.step(),
+        ]
+
+
+def _hang_up(r: Rig) -> tuple[int, int]:
+    """Monotonic ns at which the device vanished, and at which the ramp had closed it."""
+    node = os.readlink(r.place.link)
+    files = Path(f"/proc/{r.daemon.child('ramp')}/fd")
+    opened = next(file for file in files.iterdir() if _target(file) == node)
+    r.board.ask("hangup 0.3")
+    gone = when(lambda: not r.place.link.is_symlink())
+    return gone, when(lambda: not _target(opened).startswith(node))
+
+
+def _target(link: Path) -> str:
+    try:
+        return os.readlink(link).removesuffix(" (deleted)")
+    except OSError:
+        return ""
+
+
+def leases(n: int) -> list[Figure]:
+    """A client that falls silent in the middle of a move: from its last sign of life to the last change of a pulse."""
+    last = []
+    with rig() as r, zenoh.open(client([r.place.endpoint])) as session:
+        for k in range(n):
+            token = _ask(session, r.place, "rpc/lease", LeaseRequest(action="acquire", holder="bench")).lease or ""
+            if not k:
+                r.armed_at.append(time.monotonic_ns())
+                _ask(session, r.place, "rpc/arm", ArmRequest(lease=token, where="given", q_rad=HOME))
+                time.sleep(0.25)
+            _ask(session, r.place, "rpc/lease", LeaseRequest(action="renew", lease=token))
+            _ask(session, r.place, "rpc/move", MoveRequest(lease=token, waypoints=[FAR if k % 2 else NEAR]))
+            last.append(time.monotonic_ns())
+            _ask(session, r.place, "rpc/lease", LeaseRequest(action="renew", lease=token))
+            r.wait_for_mode("holding")
+            time.sleep(1.0)  # so that the next move begins after the second in which this one ended
+        changed = [b.t for a, b in itertools.pairwise(r.frames()) if a.counts != b.counts]
+        stopped = [max(t for t in changed if at <= t < at + SECOND) for at in last]
+        held = tuple((end - at) / MS for at, end in zip(last, stopped, strict=True))
+        return [Figure("last sign of life to hold", held, "ms", 500), r.step()]
+
+
+def _ask(session: zenoh.Session, place: Place, tail: str, request: Message) -> Reply:
+    for reply in session.get(place.key(tail), payload=pack(request), timeout=5.0):
+        if reply.ok is not None:
+            return unpack(Reply, reply.ok.payload.to_bytes())
+    raise AssertionError(f"{tail} was refused")
+
+
+def child_kills(n: int) -> list[Figure]:
+    """kill -9 of the ramp process, then of ik: how long no frame comes, and whether the arm stands with all its pulses.
+
+    A move goes on while ik is killed.
+    """
+    killed, limp, held = [], 0, 0
+    with rig() as r, r.rover.control("bench"):
+        r.arm()
+        for k in range(n):
+            r.rover.move(FAR if k % 2 else NEAR, wait=False)
+            time.sleep(0.5)
+            os.kill(r.daemon.child("ik"), signal.SIGKILL)
+            time.sleep(0.5)
+            held += r.rover.mode().mode != "moving"
+            killed.append(time.monotonic_ns())
+            os.kill(r.daemon.child("ramp"), signal.SIGKILL)
+            r.wait_for_mode("holding")
+            wait_for_link(r.rover)
+            limp += not all(r.rover.joints().on[:6])
+        m, pauses = r.rover.metrics(), [_pause(at, [line.t for line in r.frames()]) for at in killed]
+        return [
+            Figure(f"ramp killed {m.ramp_starts - 1} times: no frame for", tuple(pauses), "ms", 1000),
+            Figure("- times that the arm went limp", (limp,), "", 0),
+            Figure(f"- ik killed {m.ik_starts - 1} times: moves that it stopped", (held,), "", 0),
+            r.step(),
+        ]
+
+
+def _pause(at: int, frames: list[int]) -> float:
+    """The longest time (ms) without a frame that begins about `at` (ns)."""
+    first = bisect_left(frames, at - 20 * MS)
+    about = [(b - a) / MS for a, b in itertools.pairwise(frames[first:]) if a <= at + 20 * MS]
+    return max(about)
+
+
+def api_kills(n: int) -> list[Figure]:
+    """kill -9 of the api: its processes end, the board falls silent, the next daemon is disarmed and knows the pose."""
+    ended, silent, off, wrong, armed_at = [], [], [], 0, []
+    with place_with_board() as (place, board):
+        servo, count_s = (config := load_config(place.config)).servos[0], config.clock.count_s
+        started, there = board.started_at(), servo.pulse_ns(0.0)
+        for k in range(n):
+            with DaemonProcess(place) as daemon:
+                daemon.ready()
+                with place.rover() as rover, suppress(LrmError), rover.control("bench"):
+                    wait_for_link(rover)
+                    wrong += rover.mode().mode != "disarmed" or any(rover.joints().on)
+                    pose = rover.info().stored_rad or HOME
+                    off.append(abs(servo.pulse_ns(pose["joint1"]) - there) / 1e3)
+                    armed_at.append(time.monotonic_ns())
+                    rover.arm("given", pose)
+                    rover.move(FAR if k % 2 else NEAR, wait=False)
+                    time.sleep(random.uniform(0.6, 0.9))
+                    ended.append(_kill(daemon))
+            wait_for(lambda: not _pulsing(board), "the board stops by itself")
+            *_, last, silence = read_frames(place.log)
+            there = round(last.counts[servo.channel] * count_s * 1e9)
+            silent.append((silence.t - last.t) / MS)
+        return [
+            Figure(f"api killed {len(ended)} times: its processes end", tuple(ended), "ms"),
+            Figure("- last frame to the board's silence", tuple(silent), "ms"),
+            Figure("- pose that the next one knows is off by", tuple(off), "us", 500 / 6.5 + 1),
+            Figure("- times not disarmed at boot", (wrong,), "", 0),
+            step(place, started, armed_at),
+        ]
+
+
+def _kill(daemon: DaemonProcess) -> float:
+    """kill -9; ms until all its processes have ended."""
+    own, at = children(daemon.pid), time.monotonic_ns()
+    daemon.signal(signal.SIGKILL)
+    return (when(lambda: not any(map(is_alive, own))) - at) / MS
+
+
+def _pulsing(board: BoardProcess) -> bool:
+    pulses = board.ask("status")["pulse_us"]
+    return isinstance(pulses, list) and any(pulses)

@@ -1,0 +1,154 @@
+"""How punctual the daemon is, and what it costs: start, processor, state, lateness beside 200 queries a second."""
+
+from __future__ import annotations
+
+import os
+import random
+import threading
+import time
+from pathlib import Path
+
+import zenoh
+from scipy.spatial.transform import Rotation
+
+from bench.daemon_process import DaemonProcess, Place, wait_for
+from bench.daemon_rig import FAR, HOME, MS, NEAR, Figure, place_with_board, rig
+from lrmd.client import NoAnswer, Rover
+from lrmd.ik_messages import FkRequest, GoalEntry, IkRequest
+from lrmd.ik_messages import Place as PlaceEntry
+from lrmd.messages import JointsState, MetricsState, pack
+from lrmd.zenoh_session import client
+
+QUERIES_PER_S = 200
+
+
+def starts(n: int) -> list[Figure]:
+    """From the start of the program to READY=1."""
+    took = []
+    with place_with_board() as (place, _):
+        for _ in range(n):
+            with DaemonProcess(place) as daemon:
+                took.append((daemon.notifications.wait_for("READY=1") - daemon.started) / MS)
+    return [Figure("start to ready", tuple(took), "ms", 1000)]
+
+
+def cpu_seconds(pid: int) -> float:
+    """What a process has used of a core."""
+    used = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(used[11]) + int(used[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def idle(seconds: float) -> list[Figure]:
+    """Share of one core of the three processes together, disarmed and standing; and how old a state is on arrival."""
+    ages: list[float] = []
+    with rig() as r:
+        pids = [r.daemon.pid, r.daemon.child("ramp"), r.daemon.child("ik")]
+
+        def share() -> float:
+            before = sum(map(cpu_seconds, pids))
+            time.sleep(seconds)
+            return 100 * (sum(map(cpu_seconds, pids)) - before) / seconds
+
+        time.sleep(1.0)
+        disarmed = share()
+        with r.rover.control("bench"):
+            r.arm()
+            standing = share()
+            r.rover.watch(JointsState, "state/joints", lambda s: ages.append((time.monotonic_ns() - s.t_mono_ns) / 1e3))
+            time.sleep(seconds)
+    return [
+        Figure("processor, three processes, disarmed", (disarmed,), "%", 5),
+        Figure("- armed and standing", (standing,), "%"),
+        Figure("state: made to received", tuple(ages), "us"),
+    ]
+
+
+def lateness(minutes: float) -> list[Figure]:
+    """The arm moves and 200 queries for inverse kinematics come in every second: how late the ramp's ticks are."""
+    with rig() as r, r.rover.control("bench"), zenoh.open(client([r.place.endpoint])) as session:
+        r.arm()
+        asking = Asking(session, r.place, queries(r.rover))
+        asking.start()
+        end, to_far = time.monotonic() + 60 * minutes, True
+        while time.monotonic() < end:
+            r.rover.move(FAR if to_far else NEAR, HOME, wait=False)
+            to_far = not to_far
+            wait_for(lambda: r.rover.mode().mode == "armed" or time.monotonic() > end, "it arrives", 120, pause=0.5)
+        asking.stop()
+        return [*_punctual(r.rover.metrics()), *asking.figures(60 * minutes), r.step()]
+
+
+def _punctual(m: MetricsState) -> list[Figure]:
+    return [
+        Figure(f"lateness of {m.ticks} ticks, {'' if m.realtime else 'no '}SCHED_FIFO: p50", (m.late_p50_us,), "us"),
+        Figure("- p99", (m.late_p99_us,), "us", 150),
+        Figure("- p99.9", (m.late_p999_us,), "us", 500),
+        Figure("- the latest", (m.late_max_us,), "us"),
+        Figure("- ticks skipped", (m.skipped,), ""),
+        Figure("- frames that either side refused", (m.bad_frames + m.board_errors,), "", 0),
+    ]
+
+
+def queries(rover: Rover) -> list[bytes]:
+    """Questions for poses that the arm can reach, by the method that takes about a millisecond."""
+    rng = random.Random(0)
+    q = [[rng.uniform(-1.0, 1.0) for _ in range(6)] for _ in range(200)]
+    while True:
+        try:
+            places = rover.fk(FkRequest(q_rad=q)).places
+        except NoAnswer:  # the daemon is ready before its ik process is
+            time.sleep(0.2)
+        else:
+            return [pack(IkRequest(goals=[_goal(place)], method="direct")) for place in places]
+
+
+def _goal(place: PlaceEntry) -> GoalEntry:
+    x, y, z, w = Rotation.from_matrix(place.rotation).as_quat()
+    return GoalEntry(position_m=place.tcp_m, quaternion_xyzw=[x, y, z, w])
+
+
+class Asking:
+    """A client that asks 200 times a second, whether answers come or not. `took`: ms, of those that were answered."""
+
+    def __init__(self, session: zenoh.Session, place: Place, questions: list[bytes]) -> None:
+        self._session, self._key, self._questions = session, place.key("rpc/ik"), questions
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self.took: list[float] = []
+        self.refused = 0
+
+    def start(self) -> None:
+        """Begins."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Asks no more."""
+        self._over.set()
+        self._thread.join()
+
+    def figures(self, seconds: float) -> list[Figure]:
+        """How long the answers took."""
+        trips = sorted(self.took)
+        p50, p99, p999 = (trips[int(len(trips) * share)] for share in (0.5, 0.99, 0.999))
+        return [
+            Figure(f"ik: {len(trips) / seconds:.0f} answers/s, {self.refused} refused: p50", (p50,), "ms"),
+            Figure("- p99", (p99,), "ms", 8),
+            Figure("- p99.9", (p999,), "ms"),
+        ]
+
+    def _run(self) -> None:
+        due, n = time.monotonic(), 0
+        while not self._over.wait(max(0.0, due - time.monotonic())):
+            self._ask(self._questions[n % len(self._questions)])
+            due, n = due + 1 / QUERIES_PER_S, n + 1
+
+    def _ask(self, question: bytes) -> None:
+        asked = time.monotonic_ns()
+
+        def answered(reply: zenoh.Reply) -> None:
+            if reply.ok is None:
+                self.refused += 1
+            else:
+                self.took.append((time.monotonic_ns() - asked) / MS)
+
+        self._session.get(self._key, answered, payload=question, timeout=2.0, express=True)
