@@ -10,7 +10,7 @@ import os
 import platform
 import statistics
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from rich.console import Console
 from rich.table import Table
@@ -18,6 +18,7 @@ from rich.table import Table
 from bench import daemon_faults as faults
 from bench import daemon_timing as timing
 from bench.daemon_rig import Figure
+from lrm_math.errors import LrmError
 
 
 def parts(minutes: float, kills: int) -> Mapping[str, Callable[[], list[Figure]]]:
@@ -51,8 +52,18 @@ def _verdict(figure: Figure) -> tuple[str, str]:
     return f"{figure.goal:.4g}", said
 
 
+def table_of(figures: Sequence[Figure]) -> Table:
+    """One part's figures, in columns that are the same for every part."""
+    table = Table()
+    for name, width in (("what", 51), ("min", 6), ("median", 6), ("max", 6), ("", 2), ("at most", 7), ("", 17)):
+        table.add_column(name, width=width, justify="right" if width in (6, 7) else "left")
+    for figure in figures:
+        table.add_row(*row(figure))
+    return table
+
+
 def main() -> int:
-    """Measures and prints; exit code 1 if a law was broken. A figure that was missed is only told."""
+    """Measures and prints; exit code 1 if a law was broken or a part failed. A figure that was missed is only told."""
     p = argparse.ArgumentParser("bench.daemon", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("--minutes", type=float, default=10.0, help="how long lateness is measured (default: %(default)g)")
     p.add_argument("--kills", type=int, default=100, help="of each process (default: %(default)s)")
@@ -62,19 +73,16 @@ def main() -> int:
         n: run for n, run in parts(options.minutes, options.kills).items() if options.only in (None, n)
     }  # fmt: skip
     console, broken = Console(width=120), 0
-    table = Table(title="The daemon in real processes on a simulated board", title_justify="left")
-    for name in ("what", "min", "median", "max", "", "at most", ""):
-        table.add_column(name, justify="right" if name in ("min", "median", "max", "at most") else "left")
+    console.print("The daemon in real processes on a simulated board")
     for name, run in chosen.items():
         with console.status(name):
             try:
-                for figure in run():
-                    table.add_row(*row(figure))
-            except AssertionError as error:
+                figures = run()
+            except (AssertionError, LrmError) as error:
                 broken += 1
-                table.add_row(name, "", "", "", "", "", f"[red]{error}[/red]")
-        table.add_section()
-    console.print(table)
+                console.print(f"[red]{name}: {error}[/red]")
+                continue
+        console.print(table_of(figures))
     console.print(f"Python {platform.python_version()}, {platform.release()}, {os.cpu_count()} processors, ", end="")
     console.print(f"load {os.getloadavg()[0]:.1f}")
     return 1 if broken else 0

@@ -196,7 +196,7 @@ def weights_of(model: Model, poses: Poses) -> list[statics.Weight]:
     added = (
         (body, ballast)
         for wired in model.wiring.weighing
-        for body, ballast in zip(wired.effect.weighs, wired.effect.weight(poses, wired.p), strict=True)
+        for body, ballast in zip(wired.weighs, wired.effect.weight(poses, wired.p), strict=True)
     )
     return statics.weights(model.chain, poses.carried, added)
 
@@ -212,8 +212,8 @@ def pushes_of(model: Model, poses: Poses) -> dict[int, Number]:
 
 def _seen(model: Model, tcp: Array) -> Array:
     seen = tcp
-    for effect, p in model.parts():
-        shift = effect.seen(tcp, p)
+    for wired in model.wiring.seeing:
+        shift = wired.effect.seen(tcp, wired.p)
         if shift is not None:
             seen = seen + shift
     return seen

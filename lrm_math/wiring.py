@@ -18,6 +18,7 @@ class Wired:
         p: its parameters' values (SI).
         moves, pushes: numbers of the chain's slots.
         feels: where each load that it feels stands among the loads of the slots `felt`.
+        weighs: numbers of the bodies whose weight it changes.
     """
 
     effect: Effect
@@ -25,10 +26,11 @@ class Wired:
     moves: tuple[int, ...]
     feels: tuple[int, ...]
     pushes: tuple[int, ...]
+    weighs: tuple[int, ...]
 
     def motion(self, poses: Poses, tau: list[Number]) -> Iterable[tuple[int, Number]]:
         """Slots that it moves and by how much, where `tau` are the loads of the slots `felt`."""
-        felt = tuple(tau[i] for i in self.feels)
+        felt = tuple([tau[i] for i in self.feels]) if self.feels else ()
         return zip(self.moves, self.effect.motion(poses, felt, self.p), strict=True)
 
 
@@ -41,6 +43,7 @@ class Wiring:
         rigid: effects that follow the command but no load.
         elastic: effects that feel loads.
         pushing, weighing: effects that put loads on slots, or change weights.
+        seeing: effects that change what the tracker sees.
         moving: slots that the elastic effects move, ascending.
         reach: m; no rotation by 1 rad moves the TCP further (the stretched nominal arm, with a margin).
     """
@@ -50,6 +53,7 @@ class Wiring:
     elastic: tuple[Wired, ...]
     pushing: tuple[Wired, ...]
     weighing: tuple[Wired, ...]
+    seeing: tuple[Wired, ...]
     moving: tuple[int, ...]
     reach: float
 
@@ -62,7 +66,8 @@ def wire(chain: Chain, parts: Iterable[tuple[Effect, list[float]]], felt: tuple[
         rigid=tuple(w for w in wired if w.moves and not w.feels and not w.effect.constant),
         elastic=tuple(w for w in wired if w.feels),
         pushing=tuple(w for w in wired if w.pushes),
-        weighing=tuple(w for w in wired if w.effect.weighs),
+        weighing=tuple(w for w in wired if w.weighs),
+        seeing=tuple(w for w in wired if type(w.effect).seen is not Effect.seen),
         moving=tuple(sorted({k for w in wired if w.feels for k in w.moves})),
         reach=1.2
         * sum(abs(s.nominal) for s in chain.slots if not s.rotates and not s.place.startswith(("base", "link"))),
@@ -73,7 +78,7 @@ def _wired(chain: Chain, effect: Effect, p: list[float], felt: tuple[int, ...]) 
     moves, feels, pushes = (
         tuple(chain.index[key] for key in keys) for keys in (effect.moves, effect.feels, effect.pushes)
     )
-    return Wired(effect, tuple(p), moves, tuple(felt.index(k) for k in feels), pushes)
+    return Wired(effect, tuple(p), moves, tuple(felt.index(k) for k in feels), pushes, effect.weighs)
 
 
 def _steady(chain: Chain, wired: list[Wired]) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_math.chain import Array
+from lrm_math.chain import Number
 from lrm_math.collision import Clearance, Closest, Scene, clearance_of
 from lrm_math.equilibrium import Equilibrium
 from lrm_math.errors import LrmError
@@ -19,11 +19,12 @@ from lrm_math.ik.deployment import Method
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.iterative import Iterative
+from lrm_math.ik.linkage import Indices
 from lrm_math.ik.reply import Barred, NotConverged, Reply, Solved, Unsolved
 from lrm_math.ik.rounding import Rounding
 from lrm_math.ik.settled import settled
 from lrm_math.model import Model
-from lrm_math.poses import poses_of
+from lrm_math.poses import Poses, poses_of
 from lrm_math.walk import frames
 from lrmd.config import Config
 from lrmd.deployed import Deployed
@@ -34,6 +35,8 @@ from lrmd.refusal import Refused
 
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
+ONE_REST = 1e-6
+"""rad, m: amounts of slots that differ by less are of one equilibrium."""
 GoesOn = Callable[[], None]
 """Called between goals; raises an `LrmError` if the rest is not wanted any more."""
 
@@ -92,32 +95,46 @@ class Standing:
     scene: Scene | None
     model: Model
 
-    def free(self, q: Array, payload: float) -> NDArray[np.bool_]:
-        """(K,), for commands (K, n) in rad."""
-        rest, rows = settled(self.model, poses_of(q, payload))
-        free = np.zeros(len(q), dtype=bool)
-        free[rows] = True
-        if self.scene is not None and len(rows):
-            sagging, rigid = self._near(self.scene, rest, q[rows])
-            free[rows] = np.minimum(sagging.distance, rigid.distance) >= self.scene.margin
+    def free(self, poses: Poses, near_rest: Sequence[Number]) -> NDArray[np.bool_]:
+        """(K,), for commands that a solver proposes; `near_rest`: amounts of all slots that it has them come to."""
+        rest, rows = settled(self.model, poses)
+        free = np.zeros(len(poses), dtype=bool)
+        if len(rows):
+            free[rows] = self._same(rest, near_rest, rows)
+            if self.scene is not None:
+                free[rows] &= self._near(self.scene, rest).distance.reshape(2, -1).min(axis=0) >= self.scene.margin
         return free
+
+    def _same(self, rest: Equilibrium, near_rest: Sequence[Number], rows: Indices) -> NDArray[np.bool_]:
+        """Whether it comes to the same rest from the rigid arm's pose: overloaded, an arm may have more than one."""
+        apart = [
+            np.broadcast_to(a, len(rows)) - (b if isinstance(b, float) else b[rows])
+            for a, b in zip(rest.slots, near_rest, strict=True)
+        ]
+        return np.asarray(np.abs(apart).max(axis=0) < ONE_REST)
 
     def blocked(self, q: tuple[float, ...], payload: float) -> tuple[str, Closest | None]:
         """What is wrong with a command (rad) that is not free, in words, and the two bodies that are too close."""
-        at = np.array([q])
-        rest, rows = settled(self.model, poses_of(at, payload))
-        if self.scene is None or not len(rows):
-            return "the arm would come to no rest there that the model could speak of", None
-        near = min(self._near(self.scene, rest, at), key=lambda clearance: float(clearance.distance[0]))
-        closest = Closest(float(near.distance[0]), str(near.first[0]), str(near.second[0]))
-        text = (
-            f"{closest.first} and {closest.second} would be {closest.distance * 1e3:.1f} mm apart; "
-            f"{self.scene.margin * 1e3:.1f} mm must be kept"
+        rest, rows = settled(self.model, poses_of(np.array([q]), payload))
+        if self.scene is not None and len(rows):
+            near = self._near(self.scene, rest)
+            k = int(near.distance.argmin())
+            closest = Closest(float(near.distance[k]), str(near.first[k]), str(near.second[k]))
+            if closest.distance < self.scene.margin:
+                text = (
+                    f"{closest.first} and {closest.second} would be {closest.distance * 1e3:.1f} mm apart; "
+                    f"{self.scene.margin * 1e3:.1f} mm must be kept"
+                )
+                return text, closest
+        return (
+            "the model has the arm come to no rest there, or to more than one: the load may be too heavy for it",
+            None,
         )
-        return text, closest
 
-    def _near(self, scene: Scene, rest: Equilibrium, q: Array) -> tuple[Clearance, Clearance]:
-        return clearance_of(scene, frames(self.model.chain, rest.slots, len(q))), clearance_of(scene, scene.frames(q))
+    def _near(self, scene: Scene, rest: Equilibrium) -> Clearance:
+        """Of 2 N arms: those that sag, then the rigid ones at the same commands."""
+        bent = frames(self.model.chain, rest.slots, len(rest.poses))
+        return clearance_of(scene, np.concatenate([bent, scene.frames(rest.poses.q)]))
 
 
 class IkService:
@@ -142,9 +159,7 @@ class IkService:
             goes_on()
             started = time.perf_counter()
             try:
-                reply = self._solver.solve(
-                    goal, payload, near, method, rounding, lambda q: self._standing.free(q, payload)
-                )
+                reply = self._solver.solve(goal, payload, near, method, rounding, self._standing.free)
             except LrmError as error:
                 answer = IkAnswer(verdict="not_converged", text=str(error), elapsed_ms=0.0)
             else:

@@ -6,7 +6,6 @@ import contextlib
 import os
 import socket
 
-
 PATIENCE = 0.05
 """s: the socket of a systemd that does not read fills up, and the daemon must not stand still with it."""
 

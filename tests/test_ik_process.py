@@ -115,7 +115,7 @@ def test_fifty_at_once_are_all_answered_each_with_its_own(rig: Rig) -> None:
 def test_what_does_not_fit_into_the_queue_is_told_to_come_again(rig: Rig) -> None:
     """All are sent before the first is answered; nobody is left without an answer."""
     count = QUEUE + 40
-    payload = pack(IkRequest(goals=[GOAL] * 5, method="direct", deadline_ms=60_000.0))
+    payload = pack(IkRequest(goals=[GOAL] * 3, method="direct", deadline_ms=60_000.0))
     with zenoh.open(client([rig.place.endpoint])) as session:
         key = rig.place.key("rpc/ik")
         waiting = [session.get(key, payload=payload, timeout=60.0) for _ in range(count)]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from test_collision import sampled_distance
 from world import CONFIG
 
+from bench.fuzz_ik import fuzz
 from lrm_math.collision import Scene, clearance, clearance_of
 from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import LrmError
@@ -46,6 +47,13 @@ def config() -> Config:
 @lru_cache
 def service() -> IkService:
     return IkService(config(), deploy(config()))
+
+
+@lru_cache
+def drawn_service() -> IkService:
+    """The nominal arm's: nothing bends."""
+    drawn = replace(config(), model=None)
+    return IkService(drawn, deploy(drawn))
 
 
 def at_leisure() -> None:
@@ -188,7 +196,7 @@ def test_a_collision_names_two_bodies_and_their_distance() -> None:
 
 def test_the_distance_of_a_collision_is_that_of_plain_geometry() -> None:
     """A nominal arm does not sag; points on the capsules' axes and link matrices, nothing else, see the distance."""
-    rigid = IkService(replace(config(), model=None), deploy(replace(config(), model=None)))
+    rigid = drawn_service()
     seen = 0
     for seed in range(60):
         at = anywhere(seed)
@@ -258,6 +266,59 @@ def test_the_best_counts_are_never_worse_than_the_nearest_of_each_joint() -> Non
     assert len(known) > 20
     assert all(b <= a for a, b in known)
     assert np.median([b for _, b in known]) < 0.6 * np.median([a for a, _ in known])
+
+
+@settings(max_examples=60)
+@given(
+    angles=st.lists(st.sampled_from([0.0, 0.5, -0.7, math.pi / 2, 1.7]), min_size=6, max_size=6),
+    near=st.sampled_from([None, "zero", "there"]), method=st.sampled_from(["direct", "cube"]),
+)  # fmt: skip
+def test_the_drawn_arm_finds_poses_in_which_its_axes_line_up(
+    angles: list[float], near: str | None, method: str
+) -> None:
+    drawn = drawn_service()
+    place = drawn.forward(FkRequest(q_rad=[angles]), at_leisure)[0]
+    here = {"zero": [0.0] * 6, "there": angles, None: None}[near]
+    goal = GoalEntry(position_m=place.tcp_m, quaternion_xyzw=quaternion_of(np.array(place.rotation)))
+    ask = IkRequest(goals=[goal], near_rad=here, method=method)  # type: ignore[arg-type]
+    (answer,) = drawn.inverse(ask, at_leisure)
+    assert answer.verdict in ("solved", "collision")
+    for branch in answer.branches_rad:
+        back = drawn.forward(FkRequest(q_rad=[branch]), at_leisure)[0]
+        np.testing.assert_allclose(back.tcp_m, place.tcp_m, atol=EXACT)
+
+
+def test_a_direction_leaves_equations_without_a_unique_answer_which_is_no_reason_to_fail() -> None:
+    """Two questions to the drawn arm whose Newton steps have matrices that are singular to the last bit."""
+    found = [
+        ([0.3118282770975559, -0.10881796946858899, 0.4085660519256962],
+         [0.021305887141035637, 0.015719398573535697, 0.007556811556273123],
+         [-3.258763547376413, -4.038096081750809, 2.79356728312084, 5.235987755982989, -3.6040125341365727,
+          -3.232601886770838]),
+        ([0.20489454064015145, 0.18958699302829513, 0.13133562033038665],
+         [-0.019831091625694436, 0.025913422199892625, -0.014396296377060008],
+         [4.84936174584451, -5.235987755982989, 4.570705232835024, -0.25305121602087177, -3.435296056952226,
+          -3.311362092498135]),
+    ]  # fmt: skip
+    for position, along, here in found:
+        goal = GoalEntry(position_m=position, approach=along)
+        answers = drawn_service().inverse(IkRequest(goals=[goal], near_rad=here, method="direct"), at_leisure)
+        assert answers[0].verdict == "solved"
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10_000), payload=st.floats(0.3, 2.0))
+def test_an_overloaded_arm_is_promised_no_rest_that_it_may_not_come_to(seed: int, payload: float) -> None:
+    """What is answered is where the model has the arm rest when nothing is known of how it got there."""
+    tool = bent(anywhere(seed)[None], 0.0)[0, -1]
+    (answer,) = asked(pose_goal(tool), payload_kg=payload, method="direct")
+    assert answer.text
+    if answer.verdict == "solved":
+        assert_true(answer, pose_goal(tool), payload)
+
+
+def test_made_up_questions_break_nothing() -> None:
+    assert fuzz(120, 3).violations == []
 
 
 def test_forward_says_where_the_bent_arm_is() -> None:

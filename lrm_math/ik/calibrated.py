@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_math.chain import Array
+from lrm_math.chain import Array, Number
 from lrm_math.covariance import Covariance
 from lrm_math.derivatives import joint_jacobian
 from lrm_math.equilibrium import Equilibrium, settle
@@ -33,8 +33,8 @@ from lrm_math.servo import PwmClock
 SAME = 1e-6
 """rad: commands no further apart are one branch."""
 CUBE = Cube()
-Allowed: TypeAlias = Callable[[Array], NDArray[np.bool_]]
-"""Which commands (K, n) in rad may be answered: (K,)."""
+Allowed: TypeAlias = Callable[[Poses, Sequence[Number]], NDArray[np.bool_]]
+"""Which of K commands may be answered, (K,); with amounts of all slots that are near those at rest there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,8 @@ class CalibratedSolver:
         if found is not None:
             order = in_limits = self._ordered(ask, found)
             if allowed is not None and in_limits:
-                order = [row for row, free in zip(order, allowed(self._clipped(found, order)), strict=True) if free]
+                free = allowed(*self._standing(ask, found, order))
+                order = [row for row, may in zip(order, free, strict=True) if may]
                 if not order:
                     return self._barred(ask, found, in_limits, method.name, started)
             for row in order:
@@ -181,14 +182,13 @@ class CalibratedSolver:
         """The reply with the rows `order` as branches, the first checked by the model's own equilibrium."""
         row = order[0]
         deployment = self.deployment
-        command = self._clipped(found, [row])
-        poses = deployment.poses(ask, command, found.direction[[row]])
-        rest = settle(deployment.model, poses, self._slots(found.reached.amounts[row]))
+        poses, near_rest = self._standing(ask, found, [row])
+        rest = settle(deployment.model, poses, near_rest)
         tcp = self._tcp(rest)
         off = Aim.of(ask.goal).error(tcp[None])[0, 3:] / LEVER
         return Solved(
             goal=ask.goal,
-            q=tuple(command[0].tolist()),
+            q=tuple(poses.q[0].tolist()),
             branches=self._branches(found, order),
             tcp=_triple(rest.true_tcp[0]),
             rotation=_rotation(tcp),
@@ -231,12 +231,15 @@ class CalibratedSolver:
         spent = time.perf_counter() - started
         return Unsolved(ask.goal, verdict, closest, tuple(branches), violation, method, self.left_out, spent)
 
-    def _slots(self, amounts: Array) -> list[float]:
-        """Amounts of all slots of the chain from those (V,) of the moving ones."""
-        out = list(self.deployment.model.wiring.steady)
-        for k, amount in zip(self.deployment.compensation.linkage.slots.tolist(), amounts.tolist(), strict=True):
-            out[k] = amount
-        return out
+    def _standing(self, ask: Ask, found: Found, rows: list[int]) -> tuple[Poses, list[Number]]:
+        """Commands as poses, and amounts of all slots of the chain near those at rest there."""
+        poses = self.deployment.poses(ask, self._clipped(found, rows), found.direction[rows])
+        near: list[Number] = list(self.deployment.model.wiring.steady)
+        moving = found.reached.amounts[rows].T
+        amounts: list[Number] = moving[:, 0].tolist() if len(rows) == 1 else list(moving)
+        for k, amount in zip(self.deployment.compensation.linkage.slots.tolist(), amounts, strict=True):
+            near[k] = amount
+        return poses, near
 
     def _tcp(self, rest: Equilibrium) -> Array:
         """(4, 4), the tool's frame in a single pose at rest."""

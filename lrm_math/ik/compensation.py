@@ -7,16 +7,19 @@ commanded angle itself (gain, eccentricity, coupling, cables) need a few steps, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import TypeAlias
 
 import numpy as np
 
-from lrm_math.chain import Array, Number
+from lrm_math.chain import Array
+from lrm_math.effects import Effect
 from lrm_math.equilibrium import pushes_of, weights_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.linkage import Burden, Linkage, linkage_of
+from lrm_math.ik.one_pose import OnePose
 from lrm_math.model import Model
 from lrm_math.poses import Poses, poses_of
 from lrm_math.wiring import Wired
@@ -26,6 +29,12 @@ SETTLED = 1e-10
 TELLING = 1e-7
 """rad: shorter steps of a joint do not tell how effects follow it."""
 MOST_STEPS = 25
+MOST_BEND = 0.5
+"""How far effects may bend the slope from a joint's command to its angle away from the one at zero."""
+LOADS_KEPT = 16
+Turning: TypeAlias = tuple[Effect, tuple[float, ...], tuple[int, ...], tuple[int, ...]]
+"""An effect, its parameters, which moving slots' loads it feels, and which joints it turns; the number after the last
+joint's is that of anything else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +90,12 @@ class Compensation:
         joints = set(self.model.chain.joint_slots)
         return tuple(effect for effect in self._bent if set(effect.moves) - joints)
 
+    def _turning(self, wired: Wired) -> Turning:
+        """An effect as `_turns` has it."""
+        joints = {k: joint for joint, k in enumerate(self.model.chain.joint_slots)}
+        feels = tuple(self._felt[i] for i in wired.feels)
+        return wired.effect, wired.p, feels, tuple(joints.get(k, len(joints)) for k in wired.moves)
+
     @cached_property
     def _on_joints(self) -> tuple[Wired, ...]:
         joints = set(self.model.chain.joint_slots)
@@ -91,14 +106,14 @@ class Compensation:
         return effect.effect.follows_angles or any(self.model.felt[i] in pushed for i in effect.feels)
 
     @cached_property
-    def _following(self) -> tuple[Wired, ...]:
+    def _following(self) -> tuple[Turning, ...]:
         """Effects on joints that change with the commanded angle while the arm stays where it is."""
-        return tuple(effect for effect in self._on_joints if self._follows(effect))
+        return tuple(self._turning(effect) for effect in self._on_joints if self._follows(effect))
 
     @cached_property
-    def _apart(self) -> tuple[Wired, ...]:
+    def _apart(self) -> tuple[Turning, ...]:
         """The other effects on joints."""
-        return tuple(effect for effect in self._on_joints if not self._follows(effect))
+        return tuple(self._turning(effect) for effect in self._on_joints if not self._follows(effect))
 
     @cached_property
     def follows_command(self) -> bool:
@@ -116,7 +131,16 @@ class Compensation:
 
     def burden(self, poses: Poses) -> Burden:
         """What the arm carries in poses of one payload."""
-        return self.linkage.burden(weights_of(self.model, poses))
+        return self._burden_of(float(poses.payload[0]))
+
+    @cached_property
+    def _burden_of(self) -> Callable[[float], Burden]:
+        """What the arm carries with a payload (kg), kept for the last ones."""
+
+        def burden(payload: float) -> Burden:
+            return self.linkage.burden(weights_of(self.model, poses_of([0.0] * self.model.arm.dof, payload)))
+
+        return lru_cache(maxsize=LOADS_KEPT)(burden)
 
     def others(self, poses: Poses, tau: Array) -> Array:
         """(W, K), where the slots that are no joints want to be at gravity's loads (V, K): rad, m."""
@@ -154,7 +178,7 @@ class Compensation:
         aims = self.roughly(tau, real)
         if not (self._on_joints or self.model.wiring.pushing):
             return aims
-        rows = [self._command_one(poses.one(k), tau[:, k], aim) for k, aim in enumerate(aims)]
+        rows = [self._command_one(OnePose.of(poses, k, aim), tau[:, k], aim) for k, aim in enumerate(aims)]
         return np.array(rows).reshape(real.shape)
 
     def roughly(self, tau: Array, real: Array) -> Array:
@@ -162,34 +186,42 @@ class Compensation:
         joints = self.linkage.joints
         return np.asarray(real - self.steady[joints] - (self.compliances[joints] @ tau).T)
 
-    def _command_one(self, pose: Poses, tau: Array, aim: Array) -> Array:
+    def _command_one(self, pose: OnePose, tau: Array, aim: Array) -> Array:
         """Joints by the slopes at zero, then secants joint by joint, since most effects follow one; then Broyden."""
+        loads: list[float] = tau.tolist()
         if self._apart:
-            aim = aim - self._turns(self._apart, pose, tau.tolist())
+            aim = aim - self._turns(self._apart, pose, loads)
         if not (self._following or self.model.wiring.pushing):
             return aim
-        q, inverse = pose.q[0], self._slope_inverse
-        left = aim - q - self._answer(pose, tau)
+        inverse, before, largest = self._slope_inverse, 0.0, 0.0
+        q = inverse @ (aim - self._at_zero)
+        left = aim - q - self._answer(pose.turned_to(q), loads)
         step = inverse @ left
         for number in range(MOST_STEPS):
             q = q + step
-            if abs(step).max() <= SETTLED:
+            before, largest = largest, max(map(abs, step.tolist()))
+            if largest <= SETTLED or largest * largest <= SETTLED * before:
                 break
-            now = aim - q - self._answer(replace(pose, q=q[None]), tau)
+            now = aim - q - self._answer(pose.turned_to(q), loads)
             if number == 0:
                 inverse = self._with_secants(step, left - now)
             else:
                 answer = inverse @ (left - now)
                 along = float(step @ answer)
                 if along != 0.0:
-                    inverse = inverse + np.outer((step - answer) / along, step @ inverse)
+                    inverse = inverse + ((step - answer) / along)[:, None] * (step @ inverse)
             left, step = now, inverse @ now
         return np.asarray(q)
 
     @cached_property
+    def _at_zero(self) -> Array:
+        """(n,), what the effects that follow the command add at command zero without gravity (rad)."""
+        return self._answer(poses_of([0.0] * self.model.arm.dof), [0.0] * len(self._row))
+
+    @cached_property
     def _slope(self) -> Array:
         """(n, n), how a command and the effects that follow it turn the joints, at command zero without gravity."""
-        zero, tau = poses_of([0.0] * self.model.arm.dof), np.zeros(len(self._row))
+        zero, tau = poses_of([0.0] * self.model.arm.dof), [0.0] * len(self._row)
         n, h = zero.q.shape[1], 0.1
         ends = [[self._answer(zero.nudged(i, way), tau) for i in range(n)] for way in (h, -h)]
         return np.asarray(np.eye(n) + (np.array(ends[0]) - np.array(ends[1])).T / (2.0 * h))
@@ -199,35 +231,44 @@ class Compensation:
         return np.asarray(np.linalg.inv(self._slope))
 
     def _with_secants(self, step: Array, answer: Array) -> Array:
-        """(n, n), the inverse slope, its diagonal as a step of the joints and its answer (n,) have it."""
-        own = self._slope.diagonal()
+        """(n, n), the inverse slope, its diagonal as a step of the joints and its answer (n,) have it.
+
+        To first order in how far the diagonal is from the one at zero.
+        """
         told = abs(step) > TELLING
-        secant = (answer - self._slope @ step) / np.where(told, step, 1.0) + own
-        slope = self._slope.copy()
-        np.fill_diagonal(slope, np.where(told, np.clip(secant, 0.5, 2.0), own))
-        return np.asarray(np.linalg.inv(slope))
+        change = (answer - self._slope @ step) / np.where(told, step, np.inf)
+        inverse = self._slope_inverse
+        return np.asarray(inverse - (inverse * np.minimum(np.maximum(change, -MOST_BEND), MOST_BEND)) @ inverse)
 
     def commanding(self, poses: Poses, tau: Array, amounts: Array) -> Poses:
         """The poses that command amounts (K, V) of the moving slots under gravity's loads (V, K)."""
         return replace(poses, q=self.command(poses, tau, amounts[:, self.linkage.joints]))
 
-    def _answer(self, pose: Poses, tau: Array) -> Array:
+    def _answer(self, pose: Poses, tau: list[float]) -> Array:
         """(n,), what the effects that follow the command add to the joints (rad), for one pose and loads (V,)."""
-        if not self.model.wiring.pushing:
-            return self._turns(self._following, pose, tau.tolist())
-        pushed = self._pushes(pose)[:, 0]
-        turns = self._turns(self._following, pose, (tau + pushed).tolist())
-        return np.asarray(turns + self.compliances[self.linkage.joints] @ pushed)
+        loads, given = list(tau), [0.0] * self.model.arm.dof
+        for k, load in pushes_of(self.model, pose).items():
+            v = self._row.get(k)
+            if v is not None:
+                loads[v] += float(load)
+                for joint, compliance in self._gives[v]:
+                    given[joint] += compliance * float(load)
+        return self._turns(self._following, pose, loads) + given
 
-    def _turns(self, effects: Iterable[Wired], pose: Poses, loads: list[Number]) -> Array:
+    @cached_property
+    def _gives(self) -> list[list[tuple[int, float]]]:
+        """For every moving slot: which joints its load turns, and by how much (rad/N·m)."""
+        columns = self.compliances[self.linkage.joints].T
+        return [[(joint, k) for joint, k in enumerate(column) if k] for column in columns.tolist()]
+
+    def _turns(self, effects: Iterable[Turning], pose: Poses, loads: list[float]) -> Array:
         """(n,), what some effects add to the joints of one pose with loads on the moving slots (rad)."""
-        felt = [loads[v] for v in self._felt]
-        out = dict.fromkeys(self.model.chain.joint_slots, 0.0)
-        for effect in effects:
-            for k, amount in effect.motion(pose, felt):
-                if k in out:
-                    out[k] += amount  # type: ignore[assignment]
-        return np.array(list(out.values()))
+        out = [0.0] * (self.model.arm.dof + 1)
+        for effect, p, feels, joints in effects:
+            felt = tuple([loads[v] for v in feels]) if feels else ()
+            for joint, amount in zip(joints, effect.motion(pose, felt, p), strict=True):
+                out[joint] += amount  # type: ignore[assignment]
+        return np.array(out[:-1])
 
     def _pushes(self, poses: Poses) -> Array:
         """(V, K), loads that effects put on the moving slots (N·m)."""

@@ -22,7 +22,7 @@ COARSE = 1e-5
 """m: equilibria in the cube are settled to this, a hundredth of its grid."""
 
 
-SHRINK = 0.6
+SHRINK = 0.4
 """Side of each further cube over that of the one before."""
 
 
@@ -43,8 +43,9 @@ class Cube:
     further off than the grid is wide, the correction is made anew from there, with a smaller cube, at most `moves`
     times. Newton's method then takes the best to the goal.
 
-    `side`: m. `points`: goals along each edge. `guesses`: how many nominal answers are tried, each with its cubes,
-    until one leads within the grid's width; few keep the slowest answers quick, and the polish mostly does without.
+    `side`: m. `points`: goals along each edge of the first cube; all others have two thirds as many,
+    since they only lead on.
+    `guesses`: how many nominal answers are tried, each with its cubes, until one leads within the first grid's width.
     """
 
     side: float = 0.01
@@ -75,8 +76,8 @@ class Cube:
         First guesses are tried until one leads as close as the grid is wide.
         """
         best: Hit | None = None
-        for drawn in itertools.islice(first_guesses(deployment, ask), self.guesses):
-            hit = self._search_from(deployment, ask, drawn)
+        for number, drawn in enumerate(itertools.islice(first_guesses(deployment, ask), self.guesses)):
+            hit = self._search_from(deployment, ask, drawn, self.points if number == 0 else self._fewer)
             best = hit if best is None or (hit is not None and hit.error < best.error) else best
             if best is not None and best.error <= self.width:
                 break
@@ -87,7 +88,11 @@ class Cube:
         """Of the grid (m)."""
         return self.side / (self.points - 1)
 
-    def _search_from(self, deployment: Deployment, ask: Ask, drawn: Drawn) -> Hit | None:
+    @property
+    def _fewer(self) -> int:
+        return 2 * self.points // 3 + 1
+
+    def _search_from(self, deployment: Deployment, ask: Ask, drawn: Drawn, points: int) -> Hit | None:
         best: Hit | None = None
         rest, rows = settled(deployment.model, deployment.poses(ask, drawn.q[None]))
         row = 0
@@ -97,7 +102,10 @@ class Cube:
             around = rest.one(row)
             centre, rotation = _corrected(deployment, ask, drawn, around)
             q, valid = nominal(
-                deployment, centre + self.side * SHRINK**move * _grid(self.points), rotation, around.poses.q[0]
+                deployment,
+                centre + self.side * SHRINK**move * _grid(points if move == 0 else self._fewer),
+                rotation,
+                around.poses.q[0],
             )
             poses = deployment.poses(ask, q[valid])
             rest, rows = settled(deployment.model, poses, _like(deployment.model, around, poses), COARSE)

@@ -16,9 +16,11 @@ from lrm_math.ik.compensation import Compensation
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.library import Library
 from lrm_math.ik.likeness import SLACK, Likeness, Seeds
-from lrm_math.ik.newton import EVERY_BRANCH, Aim, Band, Effort, Reached, reach, ROUGHLY, CLOSE
-from lrm_math.ik.one_start import OneStart, reached
+from lrm_math.ik.linkage import Burden
+from lrm_math.ik.newton import EVERY_BRANCH, Aim, Band, Effort, Reached, reach
 from lrm_math.ik.nominal import solver_of
+from lrm_math.ik.one_pose import OnePose
+from lrm_math.ik.one_start import OneStart
 from lrm_math.ik.solver import NominalSolver
 from lrm_math.model import Model
 from lrm_math.poses import Poses
@@ -119,18 +121,22 @@ class Deployment:
 
     def poses(self, ask: Ask, q: Array, direction: Array | None = None) -> Poses:
         """Commands q (K, n) with the load of a question."""
-        return Poses(q, np.full(len(q), ask.payload), direction)
+        return (OnePose if len(q) == 1 else Poses)(q, np.full(len(q), ask.payload), direction)
 
     def start_at(self, ask: Ask, seeds: Seeds) -> Array:
         """Amounts (K, V) of the moving slots at the look-alike's branches, and where the arm stands, if that is known.
 
-        The branches are corrected once by how far off the calibrated arm is there.
+        The branches are corrected once by how far off the calibrated arm is there, which gives way as it does there.
         """
         linkage, joints = self.compensation.linkage, self.compensation.linkage.joints
         start = np.repeat(self._resting[None], len(seeds.q), axis=0)
         start[:, joints] = self.zero + seeds.q
         if ask.goal.rotation is not None and len(start):
-            angles, sources = self.likeness.corrected(ask.goal, seeds, linkage.place(start).tcp)
+            if self.one_start is None:
+                tcp = linkage.place(start).tcp
+            else:
+                tcp, start[:, linkage.others] = self.one_start.seen(start.tolist(), self._burden(ask))
+            angles, sources = self.likeness.corrected(ask.goal, seeds, tcp)
             start = start[sources]
             start[:, joints] = self.zero + angles
         if ask.near is not None:
@@ -138,56 +144,31 @@ class Deployment:
             start[-1, joints] = self.zero + ask.near
         return start
 
-    def solve_seeds(self, ask: Ask) -> tuple[Found, Reached]:
-        """As `solve_from` from where `start_at` starts, one branch at a time."""
-        one, rotation = self.one_start, ask.goal.rotation
-        seeds = self.likeness.seeds(ask.goal, ask.near)
-        joints = self.compensation.linkage.joints
-        burden = self.compensation.burden(self.poses(ask, self.zero[None]))
-        cargo = one.linkage.cargo(burden)
-        resting, starts, tcps = self._resting.tolist(), [], []
-        zero = self.zero.tolist()
-        for q in seeds.q.tolist():
-            start = list(resting)
-            for v, z, x in zip(one.joints, zero, q): start[v] = z + x
-            stand, _, tau = one.stand(start, cargo)
-            for v, x in zip(one.others, one.given_way(tau)): start[v] = x
-            starts.append(start)
-            tcps.append(stand.matrix())
-        if starts:
-            angles, sources = self.likeness.corrected(ask.goal, seeds, np.array(tcps))
-            starts = [list(starts[k]) for k in sources]
-            for start, q in zip(starts, angles.tolist()):
-                for v, z, x in zip(one.joints, zero, q): start[v] = z + x
-        if ask.near is not None:
-            start = list(resting)
-            for v, z, x in zip(one.joints, zero, ask.near): start[v] = z + x
-            starts.append(start)
-        ends = [one.reach(rotation, ask.goal.position, cargo, start, ROUGHLY) for start in starts]
-        if not any(end.miss <= CLOSE for end in ends):
-            ends = [end if end.miss <= CLOSE else one.reach(rotation, ask.goal.position, cargo, end.amounts) for end in ends]
-        if not ends:
-            return None
-        reach_ = reached(ends)
-        roughly = self.compensation.roughly(reach_.tau, reach_.amounts[:, joints])
-        plausible = reach_.met & self.band.holds(roughly, SLACK)
-        return self.commands(ask, reach_.take(plausible)), reach_
-
-    @cached_property
-    def one_start(self):
-        return OneStart.of(self.compensation, self.band)
-
     @cached_property
     def _resting(self) -> Array:
         """(V,), what the moving slots have on average over the library (rad, m)."""
         return np.asarray(self.library.amounts.mean(axis=0))
 
+    @cached_property
+    def one_start(self) -> OneStart | None:
+        """What one start at a time is solved with; None for models that are only solved in batches."""
+        return OneStart.of(self.compensation, self.band)
+
+    def _burden(self, ask: Ask) -> Burden:
+        return self.compensation.burden(self.poses(ask, self.zero[None]))
+
     def solve_from(self, ask: Ask, start: Array, effort: Effort = EVERY_BRANCH) -> tuple[Found, Reached]:
-        """Newton's method from amounts (K, V) of the moving slots: commands for those that met the goal, and all."""
+        """Newton's method from amounts (K, V) of the moving slots: commands for those that met the goal, and all.
+
+        Good starts at a whole pose are few and done one after the other, so that none waits for the slowest.
+        """
         compensation, joints = self.compensation, self.compensation.linkage.joints
-        poses = self.poses(ask, start[:, joints] - self.zero)
-        burden = compensation.burden(poses.one(0))
-        reached = reach(compensation, Aim.of(ask.goal), burden, poses, start, self.band, effort)
+        burden = self._burden(ask)
+        if effort is EVERY_BRANCH and self.one_start is not None and ask.goal.rotation is not None:
+            reached = self.one_start.reach_all(ask.goal.rotation, ask.goal.position, burden, start.tolist())
+        else:
+            poses = self.poses(ask, start[:, joints] - self.zero)
+            reached = reach(compensation, Aim.of(ask.goal), burden, poses, start, self.band, effort)
         roughly = compensation.roughly(reached.tau, reached.amounts[:, joints])
         plausible = reached.met & self.band.holds(roughly, SLACK)
         return self.commands(ask, reached.take(plausible)), reached

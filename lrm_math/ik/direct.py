@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,19 +37,17 @@ class Direct:
         return best
 
     def _attempts(self, deployment: Deployment, ask: Ask) -> Iterator[Found]:
-        if ask.goal.rotation is not None and deployment.one_start is not None:
-            r = deployment.solve_seeds(ask)
-            start = np.empty((0,len(deployment._resting)))
-            if r:
-              found, reached = r
-              yield found
-              start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)
-        else:
-          start = deployment.start_at(ask, deployment.likeness.seeds(ask.goal, ask.near))
-          if len(start):
+        seeds = deployment.likeness.seeds(ask.goal, ask.near)
+        start = deployment.start_at(ask, seeds)
+        if len(start):
             found, reached = deployment.solve_from(ask, start)
             yield found
             start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)
+        if ask.goal.rotation is not None:
+            pulled = deployment.start_at(replace(ask, near=None), deployment.likeness.pulled(ask.goal, seeds.numbers))
+            if len(pulled):
+                found, _ = deployment.solve_from(ask, pulled)
+                yield found
         order = deployment.library.closest(ask.goal, sum(count for count, _ in TRIES))
         for count, effort in TRIES:
             batch, order = order[:count], order[count:]

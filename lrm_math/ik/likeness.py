@@ -26,7 +26,7 @@ PULLED = (0.0, 0.01, 0.03, 0.07, 0.15)
 
 @dataclass(frozen=True, eq=False)
 class Seeds:
-    """Angles `q` (K, n) of the look-alike (rad) that take the goal, or the goal pulled to `position` (3,) in m.
+    """Angles `q` (K, n) of the look-alike (rad) that take the goal, or the goal pulled to `position` (K, 3) in m.
 
     `numbers`: of the closed form's branches, or -1.
     """
@@ -61,17 +61,25 @@ class Likeness:
         if goal.rotation is None:
             answer = self.solver.solve(goal, near)
             rows = [branch.q for branch in (*answer.branches, *answer.beyond)]
-            return Seeds(np.array(rows).reshape(-1, self.arm.dof), (-1,) * len(rows), np.array(goal.position))
-        if self.one_goal is not None:
-            found = self.one_goal(goal.rotation, goal.position)
-            if found:
-                return Seeds(np.array([q for _, q in found]), tuple(n for n, _ in found), np.array(goal.position))
+            return self._unpulled(goal, [(-1, q) for q in rows])
+        found = None if self.one_goal is None else self.one_goal(goal.rotation, goal.position)
+        return self._unpulled(goal, found) if found else self.pulled(goal, ())
+
+    def _unpulled(self, goal: Goal, found: Sequence[tuple[int, tuple[float, ...]]]) -> Seeds:
+        q = np.array([q for _, q in found]).reshape(-1, self.arm.dof)
+        return Seeds(q, tuple(number for number, _ in found), np.tile(goal.position, (len(q), 1)))
+
+    def pulled(self, goal: Goal, known: Sequence[int]) -> Seeds:
+        """For a pose, branches other than those `known` by number, each with the goal pulled in as little as can be.
+
+        Beyond the look-alike's reach, and for branches that end near the goal, which the calibrated arm may still have.
+        """
         shares = np.array(PULLED)[:, None]
         positions = (1.0 - shares) * goal.position + shares * self.middle
-        batch = self.solver.solve_batch(positions, np.broadcast_to(goal.rotation, (len(positions), 3, 3)))
-        row = int(np.argmax(batch.solved))
-        numbers = np.flatnonzero(batch.valid[row])
-        return Seeds(batch.q[row][numbers], tuple(numbers.tolist()), positions[row])
+        batch = self.solver.solve_batch(positions, np.broadcast_to(np.array(goal.rotation), (len(positions), 3, 3)))
+        numbers = [k for k in np.flatnonzero(batch.valid.any(axis=0)).tolist() if k not in known]
+        rows = batch.valid.argmax(axis=0)[numbers]
+        return Seeds(batch.q[rows, numbers], tuple(numbers), positions[rows])
 
     def corrected(self, goal: Goal, seeds: Seeds, tcp: Array) -> tuple[Array, list[int]]:
         """(M, n), the seeds again, for the goal moved by what the calibrated arm's TCP (K, 4, 4) at them was off.

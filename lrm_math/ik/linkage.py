@@ -133,16 +133,23 @@ class Linkage:
         return Loads(np.einsum("vck,vck->vk", lever, counted), lever, beyond)
 
     def slopes(self, placed: Placed, burden: Burden, loads: Loads) -> Array:
-        """(V, V, K): ∂tau_k/∂s_j, exact but for slots that count bodies which they do not move.
+        """(V, V, K): ∂tau_k/∂s_j, as `statics.load_derivatives`: the Hessian of gravity's energy.
 
-        The Hessian of gravity's energy, as in `statics.load_derivatives`.
+        A load may count bodies which its slot does not move; exact but where such a body stands behind slot j too.
         """
-        mass = burden.beyond[self.moved, None, None]
-        swept = _cross(placed.axis, loads.beyond[self.moved] - mass * placed.origin)
+        outer = np.einsum("ack,bck->abk", loads.lever, self._swept(placed, burden, loads, self.moved))
+        inner = outer
+        if np.any(self.counted != self.moved):
+            inner = np.einsum("ack,bck->abk", loads.lever, self._swept(placed, burden, loads, self.counted))
+        return np.asarray(np.where(self.inner, outer, inner.transpose(1, 0, 2)))
+
+    def _swept(self, placed: Placed, burden: Burden, loads: Loads, first: Indices) -> Array:
+        """(V, 3, K): what a unit motion of each slot does to the mass moment of the bodies from `first` outwards."""
+        mass = burden.beyond[first, None, None]
+        swept = _cross(placed.axis, loads.beyond[first] - mass * placed.origin)
         for v in self.slides:
             swept[v] = mass[v] * placed.axis[v]
-        outer = np.einsum("ack,bck->abk", loads.lever, swept)
-        return np.asarray(np.where(self.inner, outer, outer.transpose(1, 0, 2)))
+        return swept
 
     def burden(self, weights: Sequence[Weight]) -> Burden:
         """Bodies as they are carried, from their weights in chain order (each the same for all candidates)."""

@@ -28,7 +28,7 @@ TURN_AND_TRACE = np.zeros((9, 4))
 """What gives of a rotation matrix, row by row, its axis times twice the sine of its angle, and its trace."""
 TURN_AND_TRACE[[7, 2, 3], [0, 1, 2]], TURN_AND_TRACE[[5, 6, 1], [0, 1, 2]] = 1.0, -1.0
 TURN_AND_TRACE[[0, 4, 8], 3] = 1.0
-TINY = 1e-18
+TINY = 1e-15
 """m²: keeps exactly singular poses solvable."""
 ROUGHLY = 0.15
 """rad: what effects that are not linear, and steps still to be taken, may change of a command."""
@@ -125,8 +125,8 @@ class Effort:
 
 
 EVERY_BRANCH = Effort(enough=1000, patience=5)
-ANY_BRANCH = Effort(enough=2, patience=5)
-LAST_RESORT = Effort(enough=4, patience=12)
+ANY_BRANCH = Effort(enough=1, patience=3)
+LAST_RESORT = Effort(enough=2, patience=12)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,17 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import cos, sin
 from typing import TypeAlias
 
 import numpy as np
 
-from lrm_math.chain import Array
+from lrm_math.chain import Array, X, Z
 from lrm_math.ik.goal import Triple
 from lrm_math.ik.linkage import Burden, Linkage
 
 Frame: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
 """Columns x, y, z and origin, one after the other (1; m)."""
+Turn: TypeAlias = tuple[Triple, Triple, Triple]
+NO_AXIS = -1
 START: Frame = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -35,12 +38,6 @@ class Stand:
     origin: list[Triple]
     beyond: list[Triple]
 
-    def matrix(self) -> Array:
-        """(4, 4), the tool's frame."""
-        out = np.eye(4)
-        out[:3] = np.array(self.tcp).reshape(4, 3).T
-        return out
-
 
 @dataclass(frozen=True)
 class Cargo:
@@ -52,18 +49,39 @@ class Cargo:
 
 
 @dataclass(frozen=True)
+class Piece:
+    """A rigid piece: a `shift` (m), then a turn: a `tilt` about x (cosine and sine) or any other `turn` (columns x, y,
+    z); each None where there is none."""
+
+    shift: Triple | None
+    tilt: tuple[float, float] | None
+    turn: Turn | None
+
+    @classmethod
+    def of(cls, weld: Array) -> Piece:
+        """From a matrix (4, 4). Denavit and Hartenberg's links only tilt, and most other pieces do not even that."""
+        R, way = weld[:3, :3], weld[:3, 3].tolist()
+        shift = (way[0], way[1], way[2]) if any(way) else None
+        if np.array_equal(R, np.eye(3)):
+            return cls(shift, None, None)
+        if R[0, 0] == 1.0:
+            return cls(shift, (float(R[1, 1]), float(R[2, 1])), None)
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = R.T.tolist()
+        return cls(shift, None, ((ax, ay, az), (bx, by, bz), (cx, cy, cz)))
+
+
+@dataclass(frozen=True)
 class OneLinkage:
-    """The rotating slots of a linkage, each about the z axis of a frame of its own, and the rigid pieces between.
+    """The rotating slots of a linkage and the rigid pieces between them.
 
     Attributes:
-        pieces: the way to each slot's frame, and last to the tool's; None where only the axes change their names, z
-            to y, y to x, x to z.
-        axes: number from 0 of the axis that each slot turns about as the linkage has it.
+        pieces: shift, tilt and turn (see `Piece`) of the way to each slot, and of the last one to the tool's frame.
+        axes: number from 0 of the axis that each slot turns about.
         stands: how many slots each body stands behind.
         counted: the first body that each slot's load counts. `gravity`: m/s².
     """
 
-    pieces: tuple[Frame | None, ...]
+    pieces: tuple[Piece, ...]
     axes: tuple[int, ...]
     stands: tuple[int, ...]
     counted: tuple[int, ...]
@@ -74,46 +92,71 @@ class OneLinkage:
         """That of a linkage; None if some of its slots are translations."""
         if len(linkage.slides):
             return None
-        axes = tuple(linkage.axes.tolist())
         fixed, by_c, _ = linkage.pieces[:, :, 0]
-        welds = [*(fixed + by_c), linkage.end]
-        turns = [np.eye(4), *(_z_to(axis) for axis in axes), np.eye(4)]
-        pieces = tuple(_piece(turns[v].T @ weld @ turns[v + 1]) for v, weld in enumerate(welds))
         cross = linkage.gravity_cross
-        gravity = (float(cross[2, 1]), float(cross[0, 2]), float(cross[1, 0]))
-        return cls(pieces, axes, tuple(linkage.stands.tolist()), tuple(linkage.counted.tolist()), gravity)
+        return cls(
+            pieces=tuple(Piece.of(weld) for weld in (*(fixed + by_c), linkage.end)),
+            axes=tuple(linkage.axes.tolist()),
+            stands=tuple(linkage.stands.tolist()),
+            counted=tuple(linkage.counted.tolist()),
+            gravity=(float(cross[2, 1]), float(cross[0, 2]), float(cross[1, 0])),
+        )
 
     def cargo(self, burden: Burden) -> Cargo:
-        """The same burden, seen from these frames."""
+        """The same burden, sorted by slots."""
         bodies: list[list[tuple[float, float, float, float]]] = [[] for _ in self.pieces]
-        for stands, row in zip(self.stands, burden.moment[:, 0, :, 0].tolist(), strict=True):
-            x, y, z, mass = row
-            axis = self.axes[stands - 1] if stands else 2
-            bodies[stands].append(((x, y, z), (y, z, x), (z, x, y))[(axis + 1) % 3] + (mass,))
+        for stands, (x, y, z, mass) in zip(self.stands, burden.moment[:, 0, :, 0].tolist(), strict=True):
+            bodies[stands].append((x, y, z, mass))
         return Cargo(tuple(map(tuple, bodies)), tuple(burden.beyond.tolist()))
+
+    @cached_property
+    def _stages(self) -> list[tuple[Triple | None, tuple[float, float] | None, Turn | None, int]]:
+        """Pieces and the axes after them, the tool's frame after the last."""
+        axes = (*self.axes, NO_AXIS)
+        return [(p.shift, p.tilt, p.turn, axis) for p, axis in zip(self.pieces, axes, strict=True)]
 
     def stand(self, amounts: Sequence[float], cargo: Cargo) -> Stand:
         """Frames, screws and mass moments at the amounts (V,) of the slots (rad)."""
         ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz = START
         axis: list[Triple] = []
         origin: list[Triple] = []
-        moments = [mass_and_centre[:3] for mass_and_centre in cargo.bodies[0]]
-        for piece, amount, bodies in zip(self.pieces, amounts, cargo.bodies[1:], strict=False):
-            if piece is None:
-                ax, ay, az, bx, by, bz, cx, cy, cz = bx, by, bz, cx, cy, cz, ax, ay, az
-            else:
-                x0, x1, x2, y0, y1, y2, z0, z1, z2, o0, o1, o2 = piece
-                px += ax * o0 + bx * o1 + cx * o2
-                py += ay * o0 + by * o1 + cy * o2
-                pz += az * o0 + bz * o1 + cz * o2
+        moments = [(x, y, z) for x, y, z, _ in cargo.bodies[0]]
+        for (shift, tilt, turn, about), amount, bodies in zip(
+            self._stages, (*amounts, 0.0), (*cargo.bodies[1:], ()), strict=True
+        ):
+            if shift is not None:
+                x, y, z = shift
+                px += ax * x + bx * y + cx * z
+                py += ay * x + by * y + cy * z
+                pz += az * x + bz * y + cz * z
+            if tilt is not None:
+                c, s = tilt
+                bx, cx = c * bx + s * cx, c * cx - s * bx
+                by, cy = c * by + s * cy, c * cy - s * by
+                bz, cz = c * bz + s * cz, c * cz - s * bz
+            elif turn is not None:
+                (x0, x1, x2), (y0, y1, y2), (z0, z1, z2) = turn
                 ax, bx, cx = ax * x0 + bx * x1 + cx * x2, ax * y0 + bx * y1 + cx * y2, ax * z0 + bx * z1 + cx * z2
                 ay, by, cy = ay * x0 + by * x1 + cy * x2, ay * y0 + by * y1 + cy * y2, ay * z0 + by * z1 + cy * z2
                 az, bz, cz = az * x0 + bz * x1 + cz * x2, az * y0 + bz * y1 + cz * y2, az * z0 + bz * z1 + cz * z2
+            if about == NO_AXIS:
+                break
             c, s = cos(amount), sin(amount)
-            ax, bx = c * ax + s * bx, c * bx - s * ax
-            ay, by = c * ay + s * by, c * by - s * ay
-            az, bz = c * az + s * bz, c * bz - s * az
-            axis.append((cx, cy, cz))
+            if about == Z:
+                axis.append((cx, cy, cz))
+                ax, bx = c * ax + s * bx, c * bx - s * ax
+                ay, by = c * ay + s * by, c * by - s * ay
+                az, bz = c * az + s * bz, c * bz - s * az
+            elif about == X:
+                axis.append((ax, ay, az))
+                bx, cx = c * bx + s * cx, c * cx - s * bx
+                by, cy = c * by + s * cy, c * cy - s * by
+                bz, cz = c * bz + s * cz, c * cz - s * bz
+            else:
+                axis.append((bx, by, bz))
+                cx, ax = c * cx + s * ax, c * ax - s * cx
+                cy, ay = c * cy + s * ay, c * ay - s * cy
+                cz, az = c * cz + s * az, c * az - s * cz
             origin.append((px, py, pz))
             for x, y, z, m in bodies:
                 moments.append(
@@ -123,8 +166,7 @@ class OneLinkage:
                         az * x + bz * y + cz * z + pz * m,
                     )
                 )
-        frame = (ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz)
-        return Stand(_then(frame, self.pieces[-1]), axis, origin, _summed(moments))
+        return Stand((ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz), axis, origin, _summed(moments))
 
     def levers(self, stand: Stand) -> list[Triple]:
         """Gravity x axis of every slot (m/s²)."""
@@ -150,13 +192,21 @@ def swept(stand: Stand, cargo: Cargo, moved: Sequence[int]) -> list[Triple]:
     return out
 
 
-def screws(stand: Stand, lever: float) -> list[tuple[float, ...]]:
-    """The TCP's velocity (m/rad) and `lever` times the tool's rate of turn, in the base's frame, slot by slot."""
+def screws(stand: Stand, lever: float) -> Array:
+    """(V, 6), the TCP's velocity (m/rad) and `lever` times the tool's rate of turn, in the base's frame."""
     px, py, pz = stand.tcp[9:]
-    out = []
+    out: list[float] = []
     for (ax, ay, az), (ox, oy, oz) in zip(stand.axis, stand.origin, strict=True):
         x, y, z = px - ox, py - oy, pz - oz
-        out.append((ay * z - az * y, az * x - ax * z, ax * y - ay * x, lever * ax, lever * ay, lever * az))
+        out += (ay * z - az * y, az * x - ax * z, ax * y - ay * x, lever * ax, lever * ay, lever * az)
+    return np.array(out).reshape(-1, 6)
+
+
+def matrices(frames: Sequence[Frame]) -> Array:
+    """(K, 4, 4), the same frames."""
+    out = np.zeros((len(frames), 4, 4))
+    out[:, :3] = np.array(frames).reshape(-1, 4, 3).transpose(0, 2, 1)
+    out[:, 3, 3] = 1.0
     return out
 
 
@@ -169,36 +219,3 @@ def _summed(moments: list[Triple]) -> list[Triple]:
         out.append((x, y, z))
     out.reverse()
     return out
-
-
-def _then(frame: Frame, piece: Frame | None) -> Frame:
-    """The frame at the end of a rigid piece that starts at a frame."""
-    ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz = frame
-    if piece is None:
-        return bx, by, bz, cx, cy, cz, ax, ay, az, px, py, pz
-    x0, x1, x2, y0, y1, y2, z0, z1, z2, o0, o1, o2 = piece
-    return (
-        *(ax * x0 + bx * x1 + cx * x2, ay * x0 + by * x1 + cy * x2, az * x0 + bz * x1 + cz * x2),
-        *(ax * y0 + bx * y1 + cx * y2, ay * y0 + by * y1 + cy * y2, az * y0 + bz * y1 + cz * y2),
-        *(ax * z0 + bx * z1 + cx * z2, ay * z0 + by * z1 + cy * z2, az * z0 + bz * z1 + cz * z2),
-        *(px + ax * o0 + bx * o1 + cx * o2, py + ay * o0 + by * o1 + cy * o2, pz + az * o0 + bz * o1 + cz * o2),
-    )
-
-
-def _z_to(axis: int) -> Array:
-    """(4, 4), a frame whose z is the given axis: its x and y the next two, in a circle."""
-    out = np.zeros((4, 4))
-    out[[(axis + 1) % 3, (axis + 2) % 3, axis, 3], [0, 1, 2, 3]] = 1.0
-    return out
-
-
-NEXT_AXIS = _z_to(0)
-"""(4, 4), what turns the frame of a slot about x into that of one about y at the same place, or y into z, z into x."""
-
-
-def _piece(weld: Array) -> Frame | None:
-    """The twelve numbers of a rigid piece, or None for a mere change of names."""
-    if np.array_equal(weld, NEXT_AXIS):
-        return None
-    (x0, y0, z0, o0), (x1, y1, z1, o1), (x2, y2, z2, o2), _ = weld.tolist()
-    return x0, x1, x2, y0, y1, y2, z0, z1, z2, o0, o1, o2

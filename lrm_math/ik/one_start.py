@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.chain import Array
 from lrm_math.ik.compensation import Compensation
 from lrm_math.ik.goal import Rotation, Triple
+from lrm_math.ik.linkage import Burden, Indices
 from lrm_math.ik.newton import (
     CLOSE,
-    DAMPING,
     EVERY_BRANCH,
     FLAT,
     LEVER,
@@ -23,41 +25,55 @@ from lrm_math.ik.newton import (
     Band,
     Reached,
 )
-from lrm_math.ik.one_linkage import Cargo, Frame, OneLinkage, Stand, screws, swept
+from lrm_math.ik.one_linkage import Cargo, Frame, OneLinkage, Stand, matrices, screws, swept
 
 Springs = tuple[tuple[float, tuple[tuple[int, float], ...]], ...]
 """For some slots: what they have without load (rad), and by which slots' loads they give way how much (rad/N·m)."""
+DAMPING = 1e-3
+NEW_SLOPE = 1e-3
+"""rad: after a larger step of any slot it is reckoned anew how the other slots follow the joints."""
+PATIENCE = EVERY_BRANCH.patience
+AT_FIRST, LATER = 0.3, 0.1
+"""rad: a command this far beyond the limits at the start, or after a step, is not worth following while there are
+others. Steps still to be taken, and effects that are not linear, may change it."""
 
 
 @dataclass(frozen=True)
 class End:
-    """Where one start led to: `amounts` (V,) of the moving slots (rad), loads `tau` (V,) there (N·m), `stand`, and
-    `miss`, what is left of the goal and of the equilibrium (m), after some `steps`."""
+    """Where one start led to: `amounts` (V,) of the moving slots (rad), loads `tau` (V,) there (N·m), the tool's frame,
+    and `miss`, what is left of the goal and of the equilibrium (m), after some `steps`. `left`: whether it was
+    followed no further because it breaks limits."""
 
     amounts: list[float]
     tau: list[float]
-    stand: Stand
+    tcp: Frame
     miss: float
     steps: int
+    left: bool
+
+    @property
+    def met(self) -> bool:
+        """Whether the goal is met."""
+        return self.miss <= CLOSE
 
 
 @dataclass(frozen=True, eq=False)
 class OneStart:
     """A deployed model's arm, with what else one start needs.
 
-    `moved`: the first body that each slot moves. `joints`, `others`: where they stand among the moving slots, and
-    what their linear effects make of loads. `compliant`: (W, V), the same of the others. `inner`: (V, V), whether slot
-    k stands before slot j, or is it. `wide`: m, by which others' turns count.
+    `moved`: the first body that each slot moves. `joints`, `others`: where they stand among the moving slots;
+    `on_joints`, `on_others`: what their linear effects make of loads; `compliant`: (W, V), the same of the others.
+    `inner`: (V, V), whether slot k stands before slot j, or is it. `wide`: m, by which others' turns count.
     """
 
     linkage: OneLinkage
     moved: tuple[int, ...]
-    joints: tuple[int, ...]
-    others: tuple[int, ...]
+    joints: Indices
+    others: Indices
     on_joints: Springs
     on_others: Springs
     compliant: Array
-    inner: Array
+    inner: NDArray[np.bool_]
     wide: float
     band: Band
 
@@ -67,109 +83,138 @@ class OneStart:
         linkage = OneLinkage.of(c.linkage)
         if linkage is None or not c.others_are_springs:
             return None
-        joints, others = tuple(c.linkage.joints.tolist()), tuple(c.linkage.others.tolist())
         return cls(
             linkage=linkage,
             moved=tuple(c.linkage.moved.tolist()),
-            joints=joints,
-            others=others,
-            on_joints=_springs(c, joints),
-            on_others=_springs(c, others),
+            joints=c.linkage.joints,
+            others=c.linkage.others,
+            on_joints=_springs(c, c.linkage.joints),
+            on_others=_springs(c, c.linkage.others),
             compliant=c.compliances[c.linkage.others],
             inner=c.linkage.inner[:, :, 0],
             wide=c.model.wiring.reach,
             band=band,
         )
 
-    def stand(self, amounts: Sequence[float], cargo: Cargo) -> tuple[Stand, list[Triple], list[float]]:
+    def seen(self, starts: Sequence[list[float]], burden: Burden) -> tuple[Array, Array]:
+        """Tool frames (K, 4, 4) at amounts (K, V), and where the slots that are no joints want to be there (K, W)."""
+        cargo = self.linkage.cargo(burden)
+        stands = [self._stand(start, cargo) for start in starts]
+        wanted = [self._given_way(tau) for _, _, tau in stands]
+        return matrices([stand.tcp for stand, _, _ in stands]), np.array(wanted).reshape(len(stands), -1)
+
+    def reach_all(self, rotation: Rotation, position: Triple, burden: Burden, starts: Sequence[list[float]]) -> Reached:
+        """Where amounts (K, V) lead to; beyond the limits they are followed only if none gets there within."""
+        cargo = self.linkage.cargo(burden)
+        ends = [self.reach(rotation, position, cargo, start, True) for start in starts]
+        if not any(end.met and self._beyond(end.amounts, end.tau) <= 0.0 for end in ends):
+            ends = [self.reach(rotation, position, cargo, end.amounts, False) if end.left else end for end in ends]
+        return Reached(
+            np.array([end.amounts for end in ends]),
+            np.array([end.tau for end in ends]).T,
+            np.array([end.miss for end in ends]),
+            matrices([end.tcp for end in ends]),
+            max(end.steps for end in ends),
+        )
+
+    def reach(self, rotation: Rotation, position: Triple, cargo: Cargo, start: Sequence[float], limited: bool) -> End:
+        """As `newton.reach` from amounts (V,), for a pose; `limited`: only while the command may keep the limits.
+
+        How the other slots follow the joints is a small share of what the joints do themselves: it is left out of the
+        first step, and reckoned anew after large ones.
+        """
+        amounts, follow, before, largest = list(start), self._still, inf, 0.0
+        trail: list[float] = []
+        damping = DAMPING
+        for step in range(MOST_STEPS + 1):
+            stand, levers, tau = self._stand(amounts, cargo)
+            error = way(rotation, position, stand.tcp)
+            square = sum([e * e for e in error])
+            lacking = [
+                wanted - amounts[v] for v, wanted in zip(self.others.tolist(), self._given_way(tau), strict=True)
+            ]
+            miss = sqrt(square) + self.wide * sum(map(abs, lacking))
+            trail.append(miss)
+            stuck = step >= PATIENCE and miss > 0.5 * trail[-1 - PATIENCE]
+            if miss <= CLOSE or stuck or step == MOST_STEPS:
+                break
+            if limited and self._beyond(amounts, tau) > (AT_FIRST if step == 0 else LATER):
+                return End(amounts, tau, stand.tcp, miss, step, True)
+            damping = 30.0 * damping if miss > before else max(0.3 * damping, DAMPING)
+            before = miss
+            if lacking and largest > NEW_SLOPE:
+                follow = _Follow.of(self, stand, levers, cargo)
+            turns = follow.turns(self, screws(stand, LEVER), error, lacking, damping * square + TINY)
+            amounts = [amount + turn for amount, turn in zip(amounts, turns, strict=True)]
+            largest = max(map(abs, turns))
+        return End(amounts, tau, stand.tcp, miss, step, False)
+
+    @cached_property
+    def _still(self) -> _Follow:
+        """Other slots that do not follow the joints."""
+        return _Follow(np.zeros((len(self.others), len(self.joints))), np.eye(len(self.others)))
+
+    def _stand(self, amounts: Sequence[float], cargo: Cargo) -> tuple[Stand, list[Triple], list[float]]:
         """Frames, gravity x axis of every slot, and gravity's loads."""
         stand = self.linkage.stand(amounts, cargo)
         levers = self.linkage.levers(stand)
         return stand, levers, self.linkage.loads(stand, levers, cargo)
 
-    def given_way(self, tau: Sequence[float]) -> list[float]:
+    def _given_way(self, tau: Sequence[float]) -> list[float]:
         """Where the slots that are no joints want to be under loads (V,): rad."""
-        return [amount + sum([k * tau[v] for v, k in springs]) for amount, springs in self.on_others]
+        return [rest + sum([k * tau[v] for v, k in springs]) for rest, springs in self.on_others]
 
-    def reach(
-        self, rotation: Rotation, position: Triple, cargo: Cargo, start: Sequence[float], slack: float = inf
-    ) -> End:
-        """As `newton.reach` from amounts (V,), for a whole pose; given up where a command breaks limits by `slack`.
-
-        How the other slots follow the joints is reckoned at the start only; on the way it hardly changes.
-        """
-        amounts, follow = list(start), _Follow.none()
-        trail: list[float] = []
-        damping, before = DAMPING, inf
-        for step in range(MOST_STEPS + 1):
-            stand, levers, tau = self.stand(amounts, cargo)
-            error = way(rotation, position, stand.tcp)
-            square = sum([e * e for e in error])
-            lacking = [wanted - amounts[v] for v, wanted in zip(self.others, self.given_way(tau), strict=True)]
-            miss = sqrt(square) + self.wide * sum(map(abs, lacking))
-            trail.append(miss)
-            stuck = step >= EVERY_BRANCH.patience and miss > 0.5 * trail[-1 - EVERY_BRANCH.patience]
-            if miss <= CLOSE or stuck or step == MOST_STEPS or not self._may_keep_limits(amounts, tau, slack):
-                break
-            damping = 30.0 * damping if miss > before else max(0.3 * damping, DAMPING)
-            before = miss
-            if self.others and step == 0:
-                follow = _Follow.of(self, levers, swept(stand, cargo, self.moved))
-            joint_turns, other_turns = follow.steps(self, stand, error, lacking, damping * square + TINY)
-            for v, turn in zip(self.joints, joint_turns, strict=True):
-                amounts[v] += turn
-            for v, turn in zip(self.others, other_turns, strict=True):
-                amounts[v] += turn
-        return End(amounts, tau, stand, miss, step)
-
-    def _may_keep_limits(self, amounts: Sequence[float], tau: Sequence[float], slack: float) -> bool:
-        """Whether the command, with the linear effects only, keeps the limits but for `slack` (rad)."""
-        if slack == inf:
-            return True
+    def _beyond(self, amounts: Sequence[float], tau: Sequence[float]) -> float:
+        """How far the command, with the linear effects only, is beyond the limits at most; negative within (rad)."""
+        worst = -inf
         for v, (rest, springs), lower, upper in zip(
-            self.joints, self.on_joints, *self.band.limits, strict=True
+            self.joints.tolist(), self.on_joints, *self.band.limits, strict=True
         ):
             q = amounts[v] - rest - sum([k * tau[u] for u, k in springs])
-            if not lower - slack < q < upper + slack:
-                return False
-        return True
+            worst = max(worst, lower - q, q - upper)
+        return worst
 
 
 @dataclass(frozen=True, eq=False)
 class _Follow:
-    """How the other slots follow the joints (W, n), and what is left to do (W, W) of what they lack by themselves."""
+    """How the other slots follow the joints (W, n), and how each other's lack spreads among them (W, W)."""
 
     joints: Array
-    lack: Array
+    spread: Array
 
     @classmethod
-    def none(cls) -> _Follow:
-        return cls(np.empty((0, 0)), np.empty((0, 0)))
+    def of(cls, one: OneStart, stand: Stand, levers: list[Triple], cargo: Cargo) -> _Follow:
+        """From the slopes of the loads, as `Linkage.slopes` has them, to second order in what others do to others."""
+        lever = np.array(levers)
+        outer = inner = lever @ np.array(swept(stand, cargo, one.moved)).T
+        if one.linkage.counted != one.moved:
+            inner = lever @ np.array(swept(stand, cargo, one.linkage.counted)).T
+        stiff = one.compliant @ np.where(one.inner, outer, inner.T)
+        among = stiff[:, one.others]
+        spread = among + among @ among
+        spread.flat[:: len(among) + 1] += 1.0
+        return cls(spread @ stiff[:, one.joints], spread)
 
-    @classmethod
-    def of(cls, one: OneStart, levers: list[Triple], moments: list[Triple]) -> _Follow:
-        """From the slopes of the loads, as `Linkage.slopes` has them."""
-        outer = np.array(levers) @ np.array(moments).T
-        stiff = one.compliant @ np.where(one.inner, outer, outer.T)
-        others = list(one.others)
-        lack = np.linalg.inv(np.eye(len(others)) - stiff[:, others])
-        return cls(lack @ stiff[:, list(one.joints)], lack)
+    def turns(
+        self, one: OneStart, screw: Array, error: Sequence[float], lacking: list[float], damping: float
+    ) -> list[float]:
+        """(V,), the least turns of the joints that take the error away, damped (m²) and cut to size; others follow."""
+        if not lacking:
+            return _least(screw, np.array(error), damping).tolist()  # type: ignore[no-any-return]
+        by_other, left = screw[one.others], self.spread @ lacking
+        by_joint = screw[one.joints] + self.joints.T @ by_other
+        out = np.empty(len(screw))
+        out[one.joints] = turn = _least(by_joint, error - left @ by_other, damping)
+        out[one.others] = self.joints @ turn + left
+        return out.tolist()
 
-    def steps(
-        self, one: OneStart, stand: Stand, error: Sequence[float], lacking: list[float], damping: float
-    ) -> tuple[list[float], list[float]]:
-        """The least turns of the joints that take the error away, damped (m²), cut to size, and of the others (rad)."""
-        J = np.array(screws(stand, LEVER))
-        by_joint, missing = J[list(one.joints)], np.array(error)
-        if lacking:
-            by_other, left = J[list(one.others)], self.lack @ lacking
-            by_joint += self.joints.T @ by_other
-            missing -= left @ by_other
-        normal = by_joint.T @ by_joint
-        normal.flat[:: len(normal) + 1] += damping
-        turn = by_joint @ np.linalg.solve(normal, missing)
-        turn *= LONGEST_STEP / max(LONGEST_STEP, float(abs(turn).max()))
-        return turn.tolist(), (self.joints @ turn + left).tolist() if lacking else []
+
+def _least(by_joint: Array, missing: Array, damping: float) -> Array:
+    """(n,), rad: see `newton._damped`; `by_joint` (n, 6) is the Jacobian's transpose."""
+    normal = by_joint.T @ by_joint
+    normal.flat[::7] += damping
+    turn = by_joint @ np.linalg.solve(normal, missing)
+    return np.asarray(turn * (LONGEST_STEP / max(LONGEST_STEP, *map(abs, turn.tolist()))))
 
 
 def way(rotation: Rotation, position: Triple, tcp: Frame) -> tuple[float, ...]:
@@ -189,18 +234,7 @@ def way(rotation: Rotation, position: Triple, tcp: Frame) -> tuple[float, ...]:
     )
 
 
-def reached(ends: Sequence[End]) -> Reached:
-    """The ends of several starts as arrays."""
-    return Reached(
-        np.array([end.amounts for end in ends]),
-        np.array([end.tau for end in ends]).T,
-        np.array([end.miss for end in ends]),
-        np.array([end.stand.matrix() for end in ends]),
-        max(end.steps for end in ends),
-    )
-
-
-def _springs(c: Compensation, rows: Sequence[int]) -> Springs:
+def _springs(c: Compensation, rows: Indices) -> Springs:
     return tuple(
         (float(c.steady[v]), tuple((int(u), float(c.compliances[v, u])) for u in np.flatnonzero(c.compliances[v])))
         for v in rows

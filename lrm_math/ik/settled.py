@@ -22,8 +22,15 @@ def settled(
     while True:
         try:
             some = poses.take(rows)
-            begin = None if start is None else [a if isinstance(a, float) else a[rows] for a in start]
+            begin = None if start is None else [_of(a, rows) for a in start]
             return settle(model, some, begin, tolerance), rows
         except NotSettled as error:
             names = some.names(np.arange(len(rows)))
             rows = rows[~np.isin(names, error.poses)]
+
+
+def _of(amount: Number, rows: Indices) -> Number:
+    """An amount in some poses; of one pose a float, as all that is reckoned for one pose alone."""
+    if isinstance(amount, float):
+        return amount
+    return float(amount[rows[0]]) if len(rows) == 1 else amount[rows]

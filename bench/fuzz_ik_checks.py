@@ -1,0 +1,176 @@
+"""What answers of the inverse kinematics may never be, by model, limits, shapes and servo tables alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.fuzz_ik_questions import Subject
+from lrm_math.collision import Scene, clearance_of
+from lrm_math.ik.goal import Goal
+from lrm_math.ik.settled import settled
+from lrm_math.model import Model
+from lrm_math.poses import Poses
+from lrm_math.walk import frames
+from lrmd.ik_messages import IkAnswer, IkRequest
+from lrmd.ik_service import goal_of
+
+Array = NDArray[np.float64]
+EXACT, TURNED = 1e-6, 1e-5
+"""m and rad: the worst that a direct or cube answer may be off by the model's own equilibrium."""
+CLOSE = 1e-3
+"""m: the same for the thesis's first method, which is not polished."""
+DETOUR = 0.1
+"""rad: a joint that is further away from where it shall go comes from the side that it stands on."""
+LEAST = 1e-9
+"""m: round-off of a distance."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """One goal, by its number in a request, and its answer."""
+
+    request: IkRequest
+    number: int
+    answer: IkAnswer
+
+    @property
+    def goal(self) -> Goal:
+        """The goal."""
+        return goal_of(self.request.goals[self.number])
+
+    @property
+    def polished(self) -> bool:
+        """Whether the method ends with Newton's."""
+        return self.request.method != "iterative"
+
+    def __str__(self) -> str:
+        return f"{self.request} goal {self.number}: {self.answer}"
+
+
+@dataclass
+class Figures:
+    """How many commands were looked at, and how far the worst polished one was off (m)."""
+
+    commands: int = 0
+    worst: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """One branch of an answer: q (n,) in rad, the sides that the joints come from, whether it is the first."""
+
+    said: Said
+    q: Array
+    direction: Array
+    first: bool
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is known which side its joints come from: an answer tells that of its first branch."""
+        near = self.said.request.near_rad
+        return self.first or near is None or float(np.abs(self.q - near).min()) > DETOUR
+
+
+def check(subject: Subject, said: list[Said], figures: Figures) -> Iterator[str]:
+    """What is wrong with the answers to the queries of one model, in words."""
+    commands = [command for s in said if s.answer.verdict == "solved" for command in commands_of(s)]
+    if commands:
+        yield from check_commands(subject, commands, figures)
+    for s in said:
+        if s.answer.verdict == "solved":
+            yield from check_counts(subject, s)
+        else:
+            yield from check_nearest(subject, s)
+
+
+def commands_of(said: Said) -> Iterator[Command]:
+    """The branches of an answer."""
+    near = said.request.near_rad
+    for k, branch in enumerate(said.answer.branches_rad):
+        q = np.array(branch)
+        side = np.zeros(len(q)) if near is None else np.sign(q - near)
+        yield Command(said, q, np.array(said.answer.direction, dtype=float) if k == 0 else side, k == 0)
+
+
+def check_commands(subject: Subject, commands: list[Command], figures: Figures) -> Iterator[str]:
+    """Limits, distances, and where the tool is."""
+    q = np.array([command.q for command in commands])
+    payload = np.array([command.said.request.payload_kg for command in commands])
+    joints, margin = subject.model.arm.joints, Scene.of(subject.model.arm).margin
+    inside = np.all((q >= [j.lower for j in joints]) & (q <= [j.upper for j in joints]), axis=1)
+    poses = Poses(q, payload, np.array([command.direction for command in commands]))
+    near, tools = distances(subject.model, poses), tools_at(subject.model, poses)
+    figures.commands += len(q)
+    for k, command in enumerate(commands):
+        said = command.said
+        off, turn = errors(tools[k], said.goal)
+        if not inside[k]:
+            yield f"outside the limits: {said}"
+        if not near[k] >= margin - (LEAST if command.certain else CLOSE):
+            yield f"{near[k] * 1e3:.3f} mm apart: {said}"
+        if command.certain and not off <= (EXACT if said.polished else CLOSE):
+            yield f"off by {off * 1e3:.2e} mm: {said}"
+        if command.certain and said.polished and not turn <= TURNED:
+            yield f"turned by {turn:.2e} rad: {said}"
+        if command.first and not abs((said.answer.predicted_error_m or 0.0) - off) <= EXACT:
+            yield f"off by {off * 1e3:.2e} mm, not as it says: {said}"
+        if command.certain and said.polished and math.isfinite(off):
+            figures.worst = max(figures.worst, off)
+
+
+def distances(model: Model, poses: Poses) -> Array:
+    """(N,), how close the closest bodies are (m), rigid or bent; minus infinity where the arm comes to no rest."""
+    scene, out = Scene.of(model.arm), np.full(len(poses), -np.inf)
+    rest, rows = settled(model, poses)
+    if len(rows):
+        out[rows] = clearance_of(scene, frames(model.chain, rest.slots, len(rows))).distance
+    return np.asarray(np.minimum(out, clearance_of(scene, scene.frames(poses.q)).distance))
+
+
+def tools_at(model: Model, poses: Poses) -> Array:
+    """(N, 4, 4), the tool's frames at rest; infinite where the arm comes to none."""
+    out = np.full((len(poses), 4, 4), np.inf)
+    rest, rows = settled(model, poses)
+    if len(rows):
+        out[rows] = frames(model.chain, rest.slots, len(rows))[:, -1]
+    return out
+
+
+def errors(tool: Array, goal: Goal) -> tuple[float, float]:
+    """How far a tool's frame (4, 4) is from a goal: m, and rad of what the goal says of the orientation."""
+    off = math.dist(tool[:3, 3], goal.position)
+    if goal.rotation is not None:
+        return off, float(np.linalg.norm(tool[:3, :3] - np.array(goal.rotation))) / math.sqrt(2.0)
+    return off, 0.0 if goal.approach is None else float(np.linalg.norm(tool[:3, 2] - np.array(goal.approach)))
+
+
+def check_counts(subject: Subject, said: Said) -> Iterator[str]:
+    """Whether the counts leave the error that the answer says."""
+    tables = [joint.servo for joint in subject.model.arm.joints if joint.servo is not None]
+    pulses = [subject.clock.pulse_of(count) for count in said.answer.counts or []]
+    angles = np.array([[float(t.angle_of(pulse)) for t, pulse in zip(tables, pulses, strict=True)]])
+    side = np.array([said.answer.direction], dtype=float)
+    tool = tools_at(subject.model, Poses(angles, np.array([said.request.payload_kg]), side))[0]
+    off = math.dist(tool[:3, 3], said.goal.position)
+    if not abs(off - (said.answer.rounded_error_m or 0.0)) <= EXACT:
+        yield f"the counts leave {off * 1e3:.2e} mm, not as it says: {said}"
+
+
+def check_nearest(subject: Subject, said: Said) -> Iterator[str]:
+    """Whether an answer without a solution has no command but a nearest one, and that one is as near as it says."""
+    answer = said.answer
+    if answer.q_rad is not None or answer.branches_rad or not answer.text:
+        yield f"commands without a solution, or no reason: {said}"
+    if answer.nearest_rad is None:
+        return
+    q = np.array([answer.nearest_rad])
+    if not all(j.lower <= x <= j.upper for x, j in zip(answer.nearest_rad, subject.model.arm.joints, strict=True)):
+        yield f"nearest outside the limits: {said}"
+    tool = tools_at(subject.model, Poses(q, np.array([said.request.payload_kg])))[0]
+    if not abs(math.dist(tool[:3, 3], said.goal.position) - (answer.nearest_distance_m or 0.0)) <= EXACT:
+        yield f"nearest is elsewhere: {said}"
