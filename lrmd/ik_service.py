@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ from lrmd.refusal import Refused
 
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
+NO_REST = "the model has the arm come to no rest there, or to more than one: the load may be too heavy for it"
 ONE_REST = 1e-6
 """rad, m: amounts of slots that differ by less are of one equilibrium."""
 GoesOn = Callable[[], None]
@@ -113,6 +115,16 @@ class Standing:
         ]
         return np.asarray(np.abs(apart).max(axis=0) < ONE_REST)
 
+    def rests_at_counts(self, reply: Solved, payload: float) -> bool:
+        """Whether the board's counts leave the error that the reply says, wherever the arm comes from."""
+        if reply.rounded is None:
+            return True
+        side = np.array([reply.direction], dtype=np.float64)
+        rest, rows = settled(self.model, Poses(np.array([reply.rounded.q]), np.array([payload]), side))
+        if not len(rows):
+            return False
+        return abs(math.dist(rest.true_tcp[0], reply.goal.position) - reply.rounded.error) < ONE_REST
+
     def blocked(self, q: tuple[float, ...], payload: float) -> tuple[str, Closest | None]:
         """What is wrong with a command (rad) that is not free, in words, and the two bodies that are too close."""
         rest, rows = settled(self.model, poses_of(np.array([q]), payload))
@@ -126,10 +138,7 @@ class Standing:
                     f"{self.scene.margin * 1e3:.1f} mm must be kept"
                 )
                 return text, closest
-        return (
-            "the model has the arm come to no rest there, or to more than one: the load may be too heavy for it",
-            None,
-        )
+        return NO_REST, None
 
     def _near(self, scene: Scene, rest: Equilibrium) -> Clearance:
         """Of 2 N arms: those that sag, then the rigid ones at the same commands."""
@@ -216,7 +225,9 @@ class IkService:
     def _answer(self, reply: Reply, payload: float) -> IkAnswer:
         match reply:
             case Solved():
-                return _solved(reply)
+                if self._standing.rests_at_counts(reply, payload):
+                    return _solved(reply)
+                return IkAnswer(verdict="not_converged", text=NO_REST, elapsed_ms=0.0)
             case Barred():
                 text, closest = self._standing.blocked(reply.branches[0].q, payload)
                 if closest is None:

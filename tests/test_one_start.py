@@ -77,10 +77,7 @@ def test_one_arm_stands_as_many_do(arm: Arm, seed: int, payload: float) -> None:
 
 @pytest.mark.parametrize("name", ["lrm-rover", "lrm-lab"])
 def test_slopes_are_how_loads_change(name: str) -> None:
-    """Against central differences, on arms some of whose joints count bodies that they do not move.
-
-    Left aside: slots inside of a counted body that they do not move either, which `Linkage.slopes` says it gets wrong.
-    """
+    """Against central differences, on arms some of whose joints count bodies that they do not move."""
     model = giving(load_arm(name), 1)
     assert chain_of(model.arm).counted != chain_of(model.arm).moved
     linkage = Compensation(model).linkage
@@ -91,9 +88,7 @@ def test_slopes_are_how_loads_change(name: str) -> None:
     for v in range(len(linkage.slots)):
         step = h * (np.arange(len(linkage.slots)) == v)
         up, down = (linkage.loads(linkage.place(here + way * step), burden).tau[:, 0] for way in (1, -1))
-        told = (linkage.counted >= linkage.moved[v]) | linkage.inner[:, v, 0]
-        assert told.sum() >= len(told) - 4
-        np.testing.assert_allclose(slopes[told, v], ((up - down) / (2 * h))[told], atol=2e-8)
+        np.testing.assert_allclose(slopes[:, v], (up - down) / (2 * h), atol=2e-8)
 
 
 @pytest.mark.parametrize("name", ["table_b2", "lab"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -18,11 +19,13 @@ from lrm_math.ik.settled import settled
 from lrm_math.model import Model
 from lrm_math.poses import Poses
 
+REGION = 0.05
+"""rad: to which known commands are rounded, so that the search has something to find."""
 COARSE = 1e-5
 """m: equilibria in the cube are settled to this, a hundredth of its grid."""
 
 
-SHRINK = 0.4
+SHRINK = 0.6
 """Side of each further cube over that of the one before."""
 
 
@@ -43,9 +46,11 @@ class Cube:
     further off than the grid is wide, the correction is made anew from there, with a smaller cube, at most `moves`
     times. Newton's method then takes the best to the goal.
 
-    `side`: m. `points`: goals along each edge of the first cube; all others have two thirds as many,
-    since they only lead on.
-    `guesses`: how many nominal answers are tried, each with its cubes, until one leads within the first grid's width.
+    Where the first nominal answer leads nowhere, the next start is the neighbourhood of a command known from the direct
+    method, if that has one; it is a neighbourhood only, so that the error of the best still tells what a cube can do.
+
+    `side`: m. `points`: goals along each edge. `guesses`: how many starts are tried, each with its cubes, until one
+    leads within the grid's width.
     """
 
     side: float = 0.01
@@ -63,21 +68,25 @@ class Cube:
 
     def find(self, deployment: Deployment, ask: Ask) -> Found | None:
         """The polished best of the cube, and the branches that the direct method finds."""
-        hit = self.search(deployment, ask)
         others = Direct().find(deployment, ask)
+        hit = self.search(deployment, ask, None if others is None else others.q[deployment.usable(others)])
         if hit is None:
             return others
         polished, _ = deployment.solve_from(ask, hit.amounts[None])
         return replace(polished if others is None else polished.joined(others), error=hit.error)
 
-    def search(self, deployment: Deployment, ask: Ask) -> Hit | None:
+    def search(self, deployment: Deployment, ask: Ask, commands: Array | None = None) -> Hit | None:
         """The best of the cubes; None where the arm does not settle or the nominal inverse has no answer.
 
-        First guesses are tried until one leads as close as the grid is wide.
+        Starts are tried until one leads as close as the grid is wide.
+
+        Args:
+            commands: (K, n), rad, that are known to take the goal; see the class.
         """
         best: Hit | None = None
-        for number, drawn in enumerate(itertools.islice(first_guesses(deployment, ask), self.guesses)):
-            hit = self._search_from(deployment, ask, drawn, self.points if number == 0 else self._fewer)
+        guesses = itertools.islice(_promising(deployment, first_guesses(deployment, ask), commands), self.guesses)
+        for drawn in guesses:
+            hit = self._search_from(deployment, ask, drawn)
             best = hit if best is None or (hit is not None and hit.error < best.error) else best
             if best is not None and best.error <= self.width:
                 break
@@ -88,11 +97,7 @@ class Cube:
         """Of the grid (m)."""
         return self.side / (self.points - 1)
 
-    @property
-    def _fewer(self) -> int:
-        return 2 * self.points // 3 + 1
-
-    def _search_from(self, deployment: Deployment, ask: Ask, drawn: Drawn, points: int) -> Hit | None:
+    def _search_from(self, deployment: Deployment, ask: Ask, drawn: Drawn) -> Hit | None:
         best: Hit | None = None
         rest, rows = settled(deployment.model, deployment.poses(ask, drawn.q[None]))
         row = 0
@@ -103,7 +108,7 @@ class Cube:
             centre, rotation = _corrected(deployment, ask, drawn, around)
             q, valid = nominal(
                 deployment,
-                centre + self.side * SHRINK**move * _grid(points if move == 0 else self._fewer),
+                centre + self.side * SHRINK**move * _grid(self.points),
                 rotation,
                 around.poses.q[0],
             )
@@ -120,6 +125,14 @@ class Cube:
                 break
             drawn = taken(deployment, rest.poses.q[row])
         return best
+
+
+def _promising(deployment: Deployment, guesses: Iterator[Drawn], commands: Array | None) -> Iterator[Drawn]:
+    """The first guess; then the neighbourhoods of commands (K, n) that take the goal, if any are known; the others."""
+    yield from itertools.islice(guesses, 1)
+    for q in () if commands is None else np.round(commands / REGION) * REGION:
+        yield taken(deployment, q)
+    yield from guesses
 
 
 def _corrected(deployment: Deployment, ask: Ask, drawn: Drawn, rest: Equilibrium) -> tuple[Array, Array]:

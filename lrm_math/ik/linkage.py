@@ -132,23 +132,33 @@ class Linkage:
         counted = beyond[self.counted] - burden.beyond[self.counted, None, None] * placed.origin
         return Loads(np.einsum("vck,vck->vk", lever, counted), lever, beyond)
 
+    @cached_property
+    def behind(self) -> tuple[Indices, Indices]:
+        """Slots k and j, k outside of j, where the load of k counts bodies that stand behind j too."""
+        k, j = np.nonzero(self.counted[:, None] < self.moved)
+        return k[j < k], j[j < k]
+
     def slopes(self, placed: Placed, burden: Burden, loads: Loads) -> Array:
         """(V, V, K): ∂tau_k/∂s_j, as `statics.load_derivatives`: the Hessian of gravity's energy.
 
-        A load may count bodies which its slot does not move; exact but where such a body stands behind slot j too.
+        Where loads count bodies that their slots do not move there is no such energy, and the matrix is not symmetric.
         """
-        outer = np.einsum("ack,bck->abk", loads.lever, self._swept(placed, burden, loads, self.moved))
-        inner = outer
-        if np.any(self.counted != self.moved):
-            inner = np.einsum("ack,bck->abk", loads.lever, self._swept(placed, burden, loads, self.counted))
-        return np.asarray(np.where(self.inner, outer, inner.transpose(1, 0, 2)))
+        every = np.arange(len(self.slots))
+        by_outer = self._swept(placed, burden, loads, every, self.moved)
+        by_inner = self._swept(placed, burden, loads, every, self.counted)
+        outer, inner = (np.einsum("ack,bck->abk", loads.lever, swept) for swept in (by_outer, by_inner))
+        out = np.asarray(np.where(self.inner, outer, inner.transpose(1, 0, 2)))
+        k, j = self.behind
+        unmoved = self._swept(placed, burden, loads, j, self.counted[k]) - by_outer[j]
+        out[k, j] -= np.einsum("pck,pck->pk", loads.lever[k], unmoved)
+        return out
 
-    def _swept(self, placed: Placed, burden: Burden, loads: Loads, first: Indices) -> Array:
-        """(V, 3, K): what a unit motion of each slot does to the mass moment of the bodies from `first` outwards."""
-        mass = burden.beyond[first, None, None]
-        swept = _cross(placed.axis, loads.beyond[first] - mass * placed.origin)
-        for v in self.slides:
-            swept[v] = mass[v] * placed.axis[v]
+    def _swept(self, placed: Placed, burden: Burden, loads: Loads, slots: Indices, first: Indices) -> Array:
+        """(len(slots), 3, K): what unit motions of slots do to the mass moment of bodies from `first` outwards."""
+        mass, axis = burden.beyond[first, None, None], placed.axis[slots]
+        swept = _cross(axis, loads.beyond[first] - mass * placed.origin[slots])
+        slides = np.isin(slots, self.slides)
+        swept[slides] = (mass * axis)[slides]
         return swept
 
     def burden(self, weights: Sequence[Weight]) -> Burden:

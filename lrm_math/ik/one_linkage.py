@@ -6,7 +6,7 @@ out here. For one candidate Python's floats are several times faster.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import cos, sin
@@ -182,14 +182,19 @@ class OneLinkage:
         return out
 
 
-def swept(stand: Stand, cargo: Cargo, moved: Sequence[int]) -> list[Triple]:
-    """What a turn of each slot by 1 rad does to the first mass moment of the bodies from `moved` outwards (kg m)."""
-    out = []
-    for (ax, ay, az), (ox, oy, oz), body in zip(stand.axis, stand.origin, moved, strict=True):
-        (x, y, z), m = stand.beyond[body], cargo.beyond[body]
+def swept(stand: Stand, cargo: Cargo, slots: Iterable[int], first: Sequence[int]) -> Array:
+    """(len(slots), 3), what a turn of some slots by 1 rad does to the mass moment of bodies from `first` outwards."""
+    out: list[float] = []
+    for v, body in zip(slots, first, strict=True):
+        (ax, ay, az), (ox, oy, oz), (x, y, z), m = (
+            stand.axis[v],
+            stand.origin[v],
+            stand.beyond[body],
+            cargo.beyond[body],
+        )
         x, y, z = x - m * ox, y - m * oy, z - m * oz
-        out.append((ay * z - az * y, az * x - ax * z, ax * y - ay * x))
-    return out
+        out += (ay * z - az * y, az * x - ax * z, ax * y - ay * x)
+    return np.array(out).reshape(-1, 3)
 
 
 def screws(stand: Stand, lever: float) -> Array:

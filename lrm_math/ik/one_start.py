@@ -63,7 +63,8 @@ class OneStart:
 
     `moved`: the first body that each slot moves. `joints`, `others`: where they stand among the moving slots;
     `on_joints`, `on_others`: what their linear effects make of loads; `compliant`: (W, V), the same of the others.
-    `inner`: (V, V), whether slot k stands before slot j, or is it. `wide`: m, by which others' turns count.
+    `inner`: (V, V), whether slot k stands before slot j, or is it. `behind`: see `Linkage.behind`; `unmoved`: the first
+    body that each of those loads counts. `wide`: m, by which others' turns count.
     """
 
     linkage: OneLinkage
@@ -74,6 +75,8 @@ class OneStart:
     on_others: Springs
     compliant: Array
     inner: NDArray[np.bool_]
+    behind: tuple[Indices, Indices]
+    unmoved: tuple[int, ...]
     wide: float
     band: Band
 
@@ -92,6 +95,8 @@ class OneStart:
             on_others=_springs(c, c.linkage.others),
             compliant=c.compliances[c.linkage.others],
             inner=c.linkage.inner[:, :, 0],
+            behind=c.linkage.behind,
+            unmoved=tuple(c.linkage.counted[c.linkage.behind[0]].tolist()),
             wide=c.model.wiring.reach,
             band=band,
         )
@@ -185,11 +190,15 @@ class _Follow:
     @classmethod
     def of(cls, one: OneStart, stand: Stand, levers: list[Triple], cargo: Cargo) -> _Follow:
         """From the slopes of the loads, as `Linkage.slopes` has them, to second order in what others do to others."""
-        lever = np.array(levers)
-        outer = inner = lever @ np.array(swept(stand, cargo, one.moved)).T
-        if one.linkage.counted != one.moved:
-            inner = lever @ np.array(swept(stand, cargo, one.linkage.counted)).T
-        stiff = one.compliant @ np.where(one.inner, outer, inner.T)
+        lever, slots = np.array(levers), range(len(levers))
+        by_outer = swept(stand, cargo, slots, one.moved)
+        by_inner = swept(stand, cargo, slots, one.linkage.counted)
+        slopes = np.where(one.inner, lever @ by_outer.T, by_inner @ lever.T)
+        if one.unmoved:
+            k, j = one.behind
+            left = swept(stand, cargo, j.tolist(), one.unmoved) - by_outer[j]
+            slopes[k, j] -= np.einsum("pc,pc->p", lever[k], left)
+        stiff = one.compliant @ slopes
         among = stiff[:, one.others]
         spread = among + among @ among
         spread.flat[:: len(among) + 1] += 1.0
