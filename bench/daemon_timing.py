@@ -22,7 +22,7 @@ from lrmd.zenoh_session import client
 
 QUERIES_PER_S = 200
 REST = {"joint2": math.radians(-60.0)}
-"""Upright, where no servo gets hot: with the arm stretched out the daemon goes to rest after some minutes, as it must."""
+"""Upright, where no servo gets hot: stretched out, the arm is sent to rest by the daemon after some minutes."""
 
 
 def starts(n: int) -> list[Figure]:
