@@ -170,9 +170,9 @@ class Api:
         silent = now - max(self._ticked_at, self._ramp.started_at)
         stuck = silent > (STUCK if self._ticked_at > self._ramp.started_at else START_TIME)
         self._keep_alive(self._ramp, f"no tick for {silent / SECOND:.1f} s" if stuck else None, "error", now)
-        busy = self._shared.ik[0]
-        stuck = 0 < busy < now - IK_STUCK
-        if self._keep_alive(self._ik, f"busy for {IK_STUCK // SECOND} s" if stuck else None, "warning", now):
+        alive = self._shared.ik[0]
+        stuck = 0 < alive < now - IK_STUCK
+        if self._keep_alive(self._ik, f"no sign of life for {IK_STUCK // SECOND} s" if stuck else None, "warning", now):
             self._shared.ik[0] = 0
 
     def _keep_alive(self, child: Child, stuck: str | None, level: Literal["warning", "error"], now: int) -> bool:

@@ -120,17 +120,16 @@ class IkProcess:
 
     def _work(self) -> None:
         while not self._ending:
+            self._shared.ik[0] = time.monotonic_ns()
             try:
                 waiting = self._queue.get(timeout=0.2)
             except queue.Empty:
                 self._follow()
                 continue
             self._follow()
-            self._shared.ik[0] = time.monotonic_ns()
             try:
                 self._answer(waiting)
             finally:
-                self._shared.ik[0] = 0
                 self._unanswered.remove(waiting)
 
     def _follow(self) -> None:

@@ -184,8 +184,8 @@ class Shared:
     """The memory that the processes share, behind one descriptor: an order, a report, the histogram of lateness, and
     what the ik process is at.
 
-    `lateness`: counts by bucket. `duty`: share of the tick that the ramp works, averaged over some. `ik`: [since when a
-    query is being worked on (ns, 0 = none), queries answered, refused]. `model`: SHA-256 of the model file that the
+    `lateness`: counts by bucket. `duty`: share of the tick that the ramp works, averaged over some. `ik`: [its last
+    sign of life (ns, 0 = none yet), queries answered, refused]. `model`: SHA-256 of the model file that the
     daemon accepted, `ik_model`: of the one that the ik process answers with; see `NOMINAL` and `NO_MODEL`.
     """
 
