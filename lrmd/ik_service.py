@@ -109,11 +109,11 @@ class Standing:
 
     def _same(self, rest: Equilibrium, near_rest: Sequence[Number], rows: Indices) -> NDArray[np.bool_]:
         """Whether it comes to the same rest from the rigid arm's pose: overloaded, an arm may have more than one."""
-        apart = [
-            np.broadcast_to(a, len(rows)) - (b if isinstance(b, float) else b[rows])
-            for a, b in zip(rest.slots, near_rest, strict=True)
-        ]
-        return np.asarray(np.abs(apart).max(axis=0) < ONE_REST)
+        same = np.ones(len(rows), dtype=bool)
+        for k in self.model.wiring.moving:
+            there = near_rest[k]
+            same &= np.abs(rest.slots[k] - (there if isinstance(there, float) else there[rows])) < ONE_REST
+        return same
 
     def rests_at_counts(self, reply: Solved, payload: float) -> bool:
         """Whether the board's counts leave the error that the reply says, wherever the arm comes from."""
