@@ -22,6 +22,7 @@ from bench.daemon_process import Place, running, wait_for
 from bench.daemon_rig import FAR, HOME, NEAR, Figure
 from bench.daemon_timing import QUERIES_PER_S, Asking, queries
 from bench.ik_calibrated import TABLE_B2
+from lrmd.client import Rover
 from lrmd.ik_messages import IkRequest
 from lrmd.messages import MetricsState, pack, unpack
 from lrmd.zenoh_session import client
@@ -41,20 +42,23 @@ def figures(method: Method, seconds: float) -> Iterator[Figure]:
             questions = [pack(request.model_copy(update={"method": method})) for request in plain]
             with rover.control("bench"):
                 rover.arm("given", HOME)
-                asking = Asking(session, place, questions)
-                asking.start()
-                end, to_far = time.monotonic() + seconds, True
-                while time.monotonic() < end:
-                    if rover.mode().mode == "armed":
-                        rover.move(FAR if to_far else NEAR, wait=False)
-                        to_far = not to_far
-                    time.sleep(0.1)
-                asking.stop()
+                with Asking(session, place, questions) as asking:
+                    swing(rover, seconds)
                 time.sleep(1.1)
                 metrics = rover.metrics()
             assert not {"ramp_died", "ik_died"} & set(daemon.codes()), "a process died meanwhile"
     yield from asking.figures(seconds)
     yield from punctuality(metrics)
+
+
+def swing(rover: Rover, seconds: float) -> None:
+    """The arm goes to and fro."""
+    end, to_far = time.monotonic() + seconds, True
+    while time.monotonic() < end:
+        if rover.mode().mode == "armed":
+            rover.move(FAR if to_far else NEAR, wait=False)
+            to_far = not to_far
+        time.sleep(0.1)
 
 
 def punctuality(m: MetricsState) -> Iterator[Figure]:
