@@ -44,6 +44,7 @@ bench: setup ## our figures beside the peers', as ratios; the daemon's for MINUT
 	$(ONE_THREAD) $(BIN)/python -m bench
 	$(ONE_THREAD) $(BIN)/python -m bench.ik
 	$(ONE_THREAD) $(BIN)/python -m bench.ik_calibrated
+	$(ONE_THREAD) $(BIN)/python -m bench.ik_zenoh 20
 	$(ONE_THREAD) $(BIN)/python -m bench.daemon --minutes $(MINUTES)
 
 soak: setup ## the daemon's core, ramp and board for HOURS=24 of simulated time, and a million broken messages
