@@ -85,7 +85,8 @@ def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> st.SearchStrategy
 def _number(schema: Mapping[str, Any], kind: str) -> st.SearchStrategy[Any]:
     low, high = (schema.get(key, schema.get(f"exclusive{key.capitalize()}")) for key in ("minimum", "maximum"))
     if kind == "integer":
-        return st.integers(-(2**40) if low is None else low, 2**40 if high is None else high)
+        lowest = -(2**40) if low is None else low + ("exclusiveMinimum" in schema)
+        return st.integers(lowest, 2**40 if high is None else high - ("exclusiveMaximum" in schema))
     return st.floats(
         low, high, exclude_min="exclusiveMinimum" in schema, exclude_max="exclusiveMaximum" in schema,
         allow_nan=False, allow_infinity=False,
