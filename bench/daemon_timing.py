@@ -14,7 +14,7 @@ import zenoh
 from scipy.spatial.transform import Rotation
 
 from bench.daemon_process import DaemonProcess, Place
-from bench.daemon_rig import FAR, MS, NEAR, Figure, place_with_board, rig
+from bench.daemon_rig import MS, Figure, place_with_board, rig
 from lrmd.client import NoAnswer, Rover
 from lrmd.ik_messages import FkRequest, GoalEntry, IkRequest
 from lrmd.ik_messages import Place as PlaceEntry
@@ -23,7 +23,7 @@ from lrmd.zenoh_session import client
 
 QUERIES_PER_S = 200
 REST = {"joint2": math.radians(-60.0)}
-"""Upright, where no servo gets hot: stretched out, the arm is sent to rest by the daemon after some minutes."""
+"""Upright, where turning joint 6 loads nothing: stretched out, the daemon sends the arm to rest after some minutes."""
 
 
 def starts(n: int) -> list[Figure]:
@@ -75,7 +75,7 @@ def lateness(minutes: float) -> list[Figure]:
         with Asking(session, r.place, queries(r.rover)) as asking:
             end, to_far = time.monotonic() + 60 * minutes, True
             while time.monotonic() < end:
-                r.rover.move(FAR if to_far else NEAR, wait=False)
+                r.rover.move({"joint6": 1.5 if to_far else -1.5}, wait=False)
                 to_far = not to_far
                 while (state := r.rover.mode()).mode == "moving" and time.monotonic() < end:
                     time.sleep(0.5)
