@@ -16,29 +16,13 @@ from lrm_ident import synthetic
 from lrm_math.arm import Arm
 from lrm_math.arm_file import MM, read_arm
 from lrm_math.chain import chain_of
-from lrm_math.effects import effects_at
 from lrm_math.equilibrium import equilibrium
 from lrm_math.model import Model, model_of
 from lrm_math.poses import poses_of
 from lrm_math.walk import frames
+from tests.thesis_parameters import thesis_model, thesis_values
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
-def thesis_values(path: Path, column: str) -> dict[str, float]:
-    """The reference's parameter file in our names, SI."""
-    values = {}
-    for row in csv.DictReader(path.open()):
-        place, name = row["parameter"].split(".")
-        if name == "k_rad_per_Nmm":
-            values[f"compliance.{place}.k_rad_per_Nm"] = float(row[column]) * 1e3
-        else:
-            values[f"offsets.{place}.{name}"] = float(row[column]) * (MM if name.endswith("_mm") else 1.0)
-    return values
-
-
-def thesis_model(arm: Arm, values: dict[str, float]) -> Model:
-    return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"), values)
 
 
 @pytest.mark.parametrize("column", ["nominal", "v_loop"])
