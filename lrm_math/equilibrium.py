@@ -185,6 +185,8 @@ def rigid_amounts(model: Model, poses: Poses) -> list[Number]:
     slots: list[Number] = list(model.wiring.steady)
     for joint, k in enumerate(model.chain.joint_slots):
         slots[k] = slots[k] + poses.angle(joint)
+    for k, joint, ratio in model.wiring.gears:
+        slots[k] = slots[k] + ratio * poses.angle(joint)
     for effect in model.wiring.rigid:
         for k, amount in effect.motion(poses, []):
             slots[k] = slots[k] + amount

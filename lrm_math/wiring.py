@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from lrm_math.chain import Chain, Number
 from lrm_math.effects.base import Effect
 from lrm_math.poses import Poses, poses_of
@@ -40,7 +42,8 @@ class Wiring:
 
     Attributes:
         steady: amount of every slot with all joints at zero: the nominal arm and the effects that are constant.
-        rigid: effects that follow the command but no load.
+        rigid: effects that follow the command but no load, and are no gears.
+        gears: of those that are: number of the joint's slot that is turned, of the joint (from 0) that turns it, ratio.
         elastic: effects that feel loads.
         pushing, weighing: effects that put loads on slots, or change weights.
         seeing: effects that change what the tracker sees.
@@ -50,6 +53,7 @@ class Wiring:
 
     steady: tuple[float, ...]
     rigid: tuple[Wired, ...]
+    gears: tuple[tuple[int, int, float], ...]
     elastic: tuple[Wired, ...]
     pushing: tuple[Wired, ...]
     weighing: tuple[Wired, ...]
@@ -63,7 +67,8 @@ def wire(chain: Chain, parts: Iterable[tuple[Effect, list[float]]], felt: tuple[
     wired = [_wired(chain, effect, p, felt) for effect, p in parts]
     return Wiring(
         steady=_steady(chain, wired),
-        rigid=tuple(w for w in wired if w.moves and not w.feels and not w.effect.constant),
+        rigid=tuple(w for w in wired if w.moves and not (w.feels or w.effect.constant or w.effect.geared)),
+        gears=tuple(gear for w in wired if w.effect.geared for gear in _gears(chain, w)),
         elastic=tuple(w for w in wired if w.feels),
         pushing=tuple(w for w in wired if w.pushes),
         weighing=tuple(w for w in wired if w.weighs),
@@ -79,6 +84,16 @@ def _wired(chain: Chain, effect: Effect, p: list[float], felt: tuple[int, ...]) 
         tuple(chain.index[key] for key in keys) for keys in (effect.moves, effect.feels, effect.pushes)
     )
     return Wired(effect, tuple(p), moves, tuple(felt.index(k) for k in feels), pushes, effect.weighs)
+
+
+def _gears(chain: Chain, wired: Wired) -> Iterable[tuple[int, int, float]]:
+    """What an effect makes of each joint's angle alone, where it is not zero."""
+    for joint in range(chain.dof):
+        one = poses_of([float(i == joint) for i in range(chain.dof)])
+        for k, amount in wired.motion(one, []):
+            ratio = float(np.asarray(amount).item())
+            if ratio:
+                yield k, joint, ratio
 
 
 def _steady(chain: Chain, wired: list[Wired]) -> tuple[float, ...]:

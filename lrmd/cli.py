@@ -172,7 +172,9 @@ def state(o: argparse.Namespace) -> int:
             parts = [cli_text.mode_line(mode, joints), cli_text.joints_table(joints, rover.thermal())]
             faults = rover.faults()
             parts += [cli_text.faults_text(faults)] if faults.faults else []
-            parts += [cli_text.metrics_line(rover.metrics())] if o.metrics else []
+            if o.metrics:
+                metrics = rover.metrics()
+                parts += [cli_text.metrics_line(metrics), cli_text.lateness_chart(metrics)]
             clear = "\033[H\033[J" if o.watch and sys.stdout.isatty() else ""
             print(clear + "\n".join(parts), flush=True)
             if not o.watch:

@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Sequence
+from itertools import pairwise
 
 from lrmd.ik_messages import IkAnswer, Place
 from lrmd.messages import Event, FaultsState, InfoState, JointsState, MetricsState, ModeState, ThermalState
@@ -74,6 +75,18 @@ def metrics_line(m: MetricsState) -> str:
         f"{m.frames_acknowledged} acknowledged, {m.bad_frames} bad, {m.board_errors} refused; "
         f"reconnects {m.reconnects}, starts: ramp {m.ramp_starts}, ik {m.ik_starts}"
     )
+
+
+def lateness_chart(m: MetricsState) -> str:
+    """The histogram of the ramp's lateness, from its first bucket with a tick to its last, one line each."""
+    lows = (0.0, *m.late_upper_us)
+    names = [f"{low:.0f} .. {high:.0f}" for low, high in pairwise(lows)] + [f"{lows[-1]:.0f} or more"]
+    seen = [i for i, count in enumerate(m.late_counts) if count]
+    lines = [paint(f"{'late':>14}{'ticks':>12}{'share':>11}  one # more: twice as many", "bold"), f"{'us':>14}"]
+    for i in range(seen[0], seen[-1] + 1) if seen else ():
+        count = m.late_counts[i]
+        lines.append(f"{names[i]:>14}{count:>12}{count / m.ticks:>11.4%}  {'#' * count.bit_length()}".rstrip())
+    return "\n".join(lines)
 
 
 def info_text(info: InfoState) -> str:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any, Literal, TypeVar
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import msgpack
 from pydantic import (
@@ -19,6 +20,7 @@ from pydantic import (
     ValidationError,
     ValidationInfo,
     field_validator,
+    model_validator,
 )
 
 from lrm_math.errors import LrmError
@@ -206,10 +208,16 @@ class ThermalState(Header):
 
 
 class MetricsState(Header):
-    """`state/metrics`, 1 Hz. Lateness of the ramp since its start, in us; `duty`: share of the tick spent working."""
+    """`state/metrics`, 1 Hz. Lateness of the ramp since its start, in us; `duty`: share of the tick spent working.
+
+    `late_counts`: ticks later than the edge before and less late than `late_upper_us` at the same place; the last one
+    has those that were later than every edge.
+    """
 
     ticks: int
     skipped: int
+    late_upper_us: Annotated[list[float], Field(min_length=1, max_length=64)]
+    late_counts: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=2, max_length=65)]
     late_p50_us: float
     late_p99_us: float
     late_p999_us: float
@@ -223,6 +231,16 @@ class MetricsState(Header):
     reconnects: int
     ramp_starts: int
     ik_starts: int
+
+    @model_validator(mode="after")
+    def _one_histogram(self) -> Self:
+        if len(self.late_counts) != len(self.late_upper_us) + 1:
+            raise ValueError("late_counts has one more entry than late_upper_us")
+        if any(b <= a for a, b in pairwise(self.late_upper_us)):
+            raise ValueError("late_upper_us ascends")
+        if sum(self.late_counts) != self.ticks:
+            raise ValueError("late_counts adds up to ticks")
+        return self
 
 
 class InfoState(Header):

@@ -1,4 +1,4 @@
-"""From the angles that clients speak of to the pulses that the ramp moves, and whether these may be sent."""
+"""From the angles that clients speak of to the pulses that the ramp moves and back, and whether these may be sent."""
 
 from __future__ import annotations
 
@@ -40,6 +40,11 @@ def pulses_of(config: Config, angles: Mapping[str, float], outputs: int) -> Puls
         i = armed(config, name, outputs)
         pulses[i] = within_limits(config.servos[i], config.servos[i].pulse_ns(angle))
     return tuple(pulses)
+
+
+def angles(config: Config, pulses: Sequence[int]) -> list[float]:
+    """Angle (rad) of every servo for these pulses (ns); 0 where none was ever sent."""
+    return [s.angle(p) if p else 0.0 for s, p in zip(config.servos, pulses, strict=False)]
 
 
 def armed(config: Config, name: str, outputs: int) -> int:

@@ -26,7 +26,7 @@ from lrmd.messages import (
     Reply,
     ThermalState,
 )
-from lrmd.metrics import percentile
+from lrmd.metrics import Lateness
 from lrmd.standing import stored_angles
 from lrmd.supervisor import Child
 
@@ -102,15 +102,18 @@ class Telling:
         )  # fmt: skip
 
     def _metrics(self) -> MetricsState:
-        report, counts, us = self._core.report, list(self._shared.lateness), BUCKET_NS / 1000
-        p50, p99, p999 = (percentile(counts, share, us) for share in (0.5, 0.99, 0.999))
+        report, late = self._core.report, self._lateness()
+        p50, p99, p999 = (late.percentile_us(share) for share in (0.5, 0.99, 0.999))
         return MetricsState(
-            **self._header("state/metrics"), ticks=report.tick, skipped=report.skipped, late_p50_us=p50,
-            late_p99_us=p99, late_p999_us=p999, late_max_us=report.latest / 1000, realtime=report.realtime,
-            duty=self._shared.duty, frames_sent=report.sent, frames_acknowledged=report.acknowledged,
-            bad_frames=report.bad_frames, board_errors=report.board_errors, reconnects=report.reconnects,
-            ramp_starts=self._ramp.starts, ik_starts=self._ik.starts,
+            **self._header("state/metrics"), ticks=late.ticks, skipped=report.skipped, late_upper_us=late.upper_us(),
+            late_counts=late.coarse(), late_p50_us=p50, late_p99_us=p99, late_p999_us=p999,
+            late_max_us=late.largest_us, realtime=report.realtime, duty=self._shared.duty, frames_sent=report.sent,
+            frames_acknowledged=report.acknowledged, bad_frames=report.bad_frames, board_errors=report.board_errors,
+            reconnects=report.reconnects, ramp_starts=self._ramp.starts, ik_starts=self._ik.starts,
         )  # fmt: skip
+
+    def _lateness(self) -> Lateness:
+        return Lateness(tuple(self._shared.lateness), BUCKET_NS / 1000, self._core.report.latest / 1000)
 
     def _info(self) -> InfoState:
         config, stored = self._config, self._core.stored

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
 import lrmd
-from lrmd.messages import Header, Message, Part
+from lrmd.messages import Header, Message, MetricsState, Part
 
 Content = dict[str, Any]
 
@@ -32,7 +32,7 @@ def every_message() -> dict[str, type[Part]]:
 
 
 def contents(kind: type[Part]) -> st.SearchStrategy[Content]:
-    """What may be sent as a message, drawn from its JSON schema; without fields that do not go together."""
+    """What may be sent as a message, drawn from its JSON schema, with fields that go together."""
     schema = kind.model_json_schema()
 
     def consistent(content: Content) -> bool:
@@ -42,7 +42,17 @@ def contents(kind: type[Part]) -> st.SearchStrategy[Content]:
             return any(fault["type"] != "value_error" for fault in error.errors())
         return True
 
-    return _of(schema, schema.get("$defs", {})).filter(consistent)
+    return _of(schema, schema.get("$defs", {})).map(TOGETHER.get(kind, dict)).filter(consistent)
+
+
+def _one_histogram(content: Content) -> Content:
+    """Fields that go together: ascending edges, one count more, and their sum."""
+    edges = sorted(set(content["late_upper_us"]))
+    counts = (2 * content["late_counts"])[: len(edges) + 1]
+    return {**content, "late_upper_us": edges, "late_counts": counts, "ticks": sum(counts)}
+
+
+TOGETHER: dict[type[Part], Callable[[Content], Content]] = {MetricsState: _one_histogram}
 
 
 PRINTABLE = st.characters(codec="utf-8", exclude_categories=["C", "Z"], include_characters=" ")

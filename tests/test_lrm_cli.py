@@ -20,6 +20,7 @@ from lrmd import cli, cli_text
 from lrmd.angle import angle_of, angles_of
 from lrmd.client import Interrupted, Rover
 from lrmd.config import load_config
+from lrmd.mailbox import BUCKETS
 from lrmd.messages import Event, FaultEntry, FaultsState, MessageError, ThermalState
 from lrmd.states import Mode
 
@@ -149,6 +150,18 @@ def test_arm_move_look_and_disarm(daemon: Daemon, does: Callable[..., str]) -> N
     assert log.index("arming -> armed") < log.index("moving -> armed: arrived")
     assert does("info").splitlines()[0] == "rover: arm lrm-rover, lrm-arm 0.1.0, tick 6.5 ms, model nominal"
     assert daemon.world.core.lease is None, "every command gave its lease back"
+
+
+def test_metrics_show_how_late_the_ticks_were(daemon: Daemon, does: Callable[..., str]) -> None:
+    assert does("state", "--metrics").splitlines()[-1].strip() == "us", "no ticks, no bars"
+    for us, ticks in {12: 60, 97: 30, 103: 9, 40_000: 1}.items():
+        daemon.shared.lateness[min(us // 5, BUCKETS - 1)] = ticks
+    lines = [line.split() for line in does("state", "--metrics").splitlines()]
+    bars = lines[lines.index(["us"]) + 1 :]
+    assert bars[0] == ["10", "..", "15", "60", "60.0000%", "#" * 6]
+    assert bars[-1] == ["2555", "or", "more", "1", "1.0000%", "#"]
+    assert [bar[0] for bar in bars] == sorted((bar[0] for bar in bars), key=float)
+    assert {bar[0]: bar[3] for bar in bars if bar[0] in ("60", "80", "100")} == {"60": "0", "80": "30", "100": "9"}
 
 
 def test_gripper_pan_and_tilt(daemon: Daemon, does: Callable[..., str]) -> None:

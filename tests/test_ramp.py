@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.mailbox import BUCKETS, HERE, LinkState, Order, Report, Shared, Trip
-from lrmd.metrics import percentile
 from lrmd.ramp import Pace, move, next_due
 
 PULSE = st.integers(500_000, 2_500_000)
@@ -105,14 +104,3 @@ def test_a_torn_record_is_never_read(noise: bytes, at: int) -> None:
     shared.post(order)
     os.pwrite(shared.descriptor, noise, at)
     assert shared.order() in (None, order)
-
-
-@given(st.lists(st.integers(0, 10_000), min_size=1, max_size=300), st.floats(0.01, 1.0))
-def test_percentiles_of_the_histogram_bound_those_of_the_values(values: list[int], share: float) -> None:
-    counts = [0] * 512
-    for value in values:
-        counts[min(value // 25, 511)] += 1
-    bound = percentile(counts, share, 25)
-    below = sum(value < bound for value in values)
-    assert below >= share * len(values) - 1e-9
-    assert percentile([0] * 10, share, 25) == 0.0

@@ -118,7 +118,8 @@ class Daemon:
     def __init__(self, world: World) -> None:
         self.world, self.wire = world, Wire()
         self.told: list[bytes] = []
-        self._telling = Telling(world.config, world.core, Shared.create(), Child("ramp", print), Child("ik", print))
+        self.shared = Shared.create()
+        self._telling = Telling(world.config, world.core, self.shared, Child("ramp", print), Child("ik", print))
         self.face = Face(self.wire, world.config.robot, self, tuple(self._telling.states))
 
     def _flush(self) -> None:

@@ -119,6 +119,8 @@ class Effect(ABC):
     """Whether `motion` is the same whatever the pose, load and direction."""
     linear: ClassVar[bool] = False
     """Whether `motion` is in proportion to the loads that it feels, and depends on nothing else."""
+    geared: ClassVar[bool] = False
+    """Whether `motion` turns joints in proportion to commanded angles, and depends on nothing else."""
     follows_angles: ClassVar[bool] = True
     """Whether `motion` depends on the commanded angles themselves, not only on loads."""
 

@@ -76,7 +76,9 @@ class Eccentricity(JointEffect):
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ a_n sin nq + b_n (cos nq − 1)."""
-        return (sum(value * wave[0] for value, wave in zip(p, self.d_parameters(poses, tau, p), strict=True)),)
+        q = poses.angle(self.joint)
+        once = p[0] * sin(q) + p[1] * (cos(q) - 1.0)
+        return (once + p[2] * sin(2 * q) + p[3] * (cos(2 * q) - 1.0),)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """The waves."""
@@ -97,6 +99,7 @@ class Coupling(Effect):
     formula = "δq_N = c q_M"
     source = "first order of any dependence between two joints"
     claim = "{place} couple by {c_rad_per_rad}"
+    geared = True
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:

@@ -110,6 +110,12 @@ class Compensation:
         """Effects on joints that change with the commanded angle while the arm stays where it is."""
         return tuple(self._turning(effect) for effect in self._on_joints if self._follows(effect))
 
+    @property
+    def _depends_on_command(self) -> bool:
+        """Whether what is added to the joints changes with the command."""
+        wiring = self.model.wiring
+        return bool(self._following or wiring.pushing or wiring.gears)
+
     @cached_property
     def _apart(self) -> tuple[Turning, ...]:
         """The other effects on joints."""
@@ -176,7 +182,7 @@ class Compensation:
         reckon with floats then, much faster than with short arrays.
         """
         aims = self.roughly(tau, real)
-        if not (self._on_joints or self.model.wiring.pushing):
+        if not (self._on_joints or self._depends_on_command):
             return aims
         rows = [self._command_one(OnePose.of(poses, k, aim), tau[:, k], aim) for k, aim in enumerate(aims)]
         return np.array(rows).reshape(real.shape)
@@ -191,7 +197,7 @@ class Compensation:
         loads: list[float] = tau.tolist()
         if self._apart:
             aim = aim - self._turns(self._apart, pose, loads)
-        if not (self._following or self.model.wiring.pushing):
+        if not self._depends_on_command:
             return aim
         inverse, before, largest = self._slope_inverse, 0.0, 0.0
         q = inverse @ (aim - self._at_zero)
@@ -253,7 +259,16 @@ class Compensation:
                 loads[v] += float(load)
                 for joint, compliance in self._gives[v]:
                     given[joint] += compliance * float(load)
-        return self._turns(self._following, pose, loads) + given
+        return np.asarray(self._turns(self._following, pose, loads) + given + self._gears @ pose.q[0])
+
+    @cached_property
+    def _gears(self) -> Array:
+        """(n, n), how far each joint is turned by commands of the others alone (rad/rad)."""
+        n, joints = self.model.arm.dof, {k: joint for joint, k in enumerate(self.model.chain.joint_slots)}
+        out = np.zeros((n, n))
+        for k, joint, ratio in self.model.wiring.gears:
+            out[joints[k], joint] += ratio
+        return out
 
     @cached_property
     def _gives(self) -> list[list[tuple[int, float]]]:

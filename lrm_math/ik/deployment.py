@@ -135,7 +135,7 @@ class Deployment:
             if self.one_start is None:
                 tcp = linkage.place(start).tcp
             else:
-                tcp, start[:, linkage.others] = self.one_start.seen(start.tolist(), self._burden(ask))
+                tcp, start[:, linkage.others] = self.one_start.seen(start, self._burden(ask))
             angles, sources = self.likeness.corrected(ask.goal, seeds, tcp)
             start = start[sources]
             start[:, joints] = self.zero + angles

@@ -168,43 +168,45 @@ class OneLinkage:
                 )
         return Stand((ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz), axis, origin, _summed(moments))
 
-    def levers(self, stand: Stand) -> list[Triple]:
-        """Gravity x axis of every slot (m/s²)."""
-        gx, gy, gz = self.gravity
-        return [(gy * z - gz * y, gz * x - gx * z, gx * y - gy * x) for x, y, z in stand.axis]
-
-    def loads(self, stand: Stand, levers: Sequence[Triple], cargo: Cargo) -> list[float]:
+    def loads(self, stand: Stand, cargo: Cargo) -> list[float]:
         """Gravity's load on every slot (N·m)."""
+        gx, gy, gz = self.gravity
         out = []
-        for (hx, hy, hz), (ox, oy, oz), body in zip(levers, stand.origin, self.counted, strict=True):
+        for (ax, ay, az), (ox, oy, oz), body in zip(stand.axis, stand.origin, self.counted, strict=True):
             (x, y, z), m = stand.beyond[body], cargo.beyond[body]
-            out.append(hx * (x - m * ox) + hy * (y - m * oy) + hz * (z - m * oz))
+            x, y, z = x - m * ox, y - m * oy, z - m * oz
+            out.append(ax * (y * gz - z * gy) + ay * (z * gx - x * gz) + az * (x * gy - y * gx))
         return out
 
 
-def swept(stand: Stand, cargo: Cargo, slots: Iterable[int], first: Sequence[int]) -> Array:
-    """(len(slots), 3), what a turn of some slots by 1 rad does to the mass moment of bodies from `first` outwards."""
-    out: list[float] = []
-    for v, body in zip(slots, first, strict=True):
-        (ax, ay, az), (ox, oy, oz), (x, y, z), m = (
-            stand.axis[v],
-            stand.origin[v],
-            stand.beyond[body],
-            cargo.beyond[body],
-        )
-        x, y, z = x - m * ox, y - m * oy, z - m * oz
-        out += (ay * z - az * y, az * x - ax * z, ax * y - ay * x)
-    return np.array(out).reshape(-1, 3)
-
-
-def screws(stand: Stand, lever: float) -> Array:
-    """(V, 6), the TCP's velocity (m/rad) and `lever` times the tool's rate of turn, in the base's frame."""
+def screws(stand: Stand, slots: Iterable[int], lever: float) -> Array:
+    """(len(slots), 6), the TCP's velocity (m/rad) and `lever` times the tool's rate of turn, in the base's frame."""
     px, py, pz = stand.tcp[9:]
     out: list[float] = []
-    for (ax, ay, az), (ox, oy, oz) in zip(stand.axis, stand.origin, strict=True):
+    for v in slots:
+        (ax, ay, az), (ox, oy, oz) = stand.axis[v], stand.origin[v]
         x, y, z = px - ox, py - oy, pz - oz
         out += (ay * z - az * y, az * x - ax * z, ax * y - ay * x, lever * ax, lever * ay, lever * az)
     return np.array(out).reshape(-1, 6)
+
+
+def twist(stand: Stand, turns: Iterable[tuple[int, float]], lever: float) -> tuple[float, ...]:
+    """(6,), the way that turns of slots (number, rad) take the TCP (m), and `lever` times how they turn the tool."""
+    px, py, pz = stand.tcp[9:]
+    wx = wy = wz = mx = my = mz = 0.0
+    for v, turn in turns:
+        (ax, ay, az), (ox, oy, oz) = stand.axis[v], stand.origin[v]
+        ax, ay, az = turn * ax, turn * ay, turn * az
+        wx, wy, wz = wx + ax, wy + ay, wz + az
+        mx, my, mz = mx + ay * oz - az * oy, my + az * ox - ax * oz, mz + ax * oy - ay * ox
+    return (
+        wy * pz - wz * py - mx,
+        wz * px - wx * pz - my,
+        wx * py - wy * px - mz,
+        lever * wx,
+        lever * wy,
+        lever * wz,
+    )
 
 
 def matrices(frames: Sequence[Frame]) -> Array:

@@ -8,7 +8,6 @@ from functools import cached_property
 from math import inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_math.chain import Array
 from lrm_math.ik.compensation import Compensation
@@ -25,13 +24,11 @@ from lrm_math.ik.newton import (
     Band,
     Reached,
 )
-from lrm_math.ik.one_linkage import Cargo, Frame, OneLinkage, Stand, matrices, screws, swept
+from lrm_math.ik.one_linkage import Cargo, Frame, OneLinkage, matrices, screws, twist
 
-Springs = tuple[tuple[float, tuple[tuple[int, float], ...]], ...]
-"""For some slots: what they have without load (rad), and by which slots' loads they give way how much (rad/N·m)."""
+Springs = tuple[tuple[int, float, tuple[tuple[int, float], ...]], ...]
+"""Some slots: number, what they have without load (rad), and by which slots' loads they give way how much (rad/N·m)."""
 DAMPING = 1e-3
-NEW_SLOPE = 1e-3
-"""rad: after a larger step of any slot it is reckoned anew how the other slots follow the joints."""
 PATIENCE = EVERY_BRANCH.patience
 AT_FIRST, LATER = 0.3, 0.1
 """rad: a command this far beyond the limits at the start, or after a step, is not worth following while there are
@@ -61,22 +58,13 @@ class End:
 class OneStart:
     """A deployed model's arm, with what else one start needs.
 
-    `moved`: the first body that each slot moves. `joints`, `others`: where they stand among the moving slots;
-    `on_joints`, `on_others`: what their linear effects make of loads; `compliant`: (W, V), the same of the others.
-    `inner`: (V, V), whether slot k stands before slot j, or is it. `behind`: see `Linkage.behind`; `unmoved`: the first
-    body that each of those loads counts. `wide`: m, by which others' turns count.
+    `joints`, `others`: the moving slots that are joints, and the others, with what their linear effects make of loads.
+    `wide`: m, by which others' turns count.
     """
 
     linkage: OneLinkage
-    moved: tuple[int, ...]
-    joints: Indices
-    others: Indices
-    on_joints: Springs
-    on_others: Springs
-    compliant: Array
-    inner: NDArray[np.bool_]
-    behind: tuple[Indices, Indices]
-    unmoved: tuple[int, ...]
+    joints: Springs
+    others: Springs
     wide: float
     band: Band
 
@@ -86,27 +74,21 @@ class OneStart:
         linkage = OneLinkage.of(c.linkage)
         if linkage is None or not c.others_are_springs:
             return None
-        return cls(
-            linkage=linkage,
-            moved=tuple(c.linkage.moved.tolist()),
-            joints=c.linkage.joints,
-            others=c.linkage.others,
-            on_joints=_springs(c, c.linkage.joints),
-            on_others=_springs(c, c.linkage.others),
-            compliant=c.compliances[c.linkage.others],
-            inner=c.linkage.inner[:, :, 0],
-            behind=c.linkage.behind,
-            unmoved=tuple(c.linkage.counted[c.linkage.behind[0]].tolist()),
-            wide=c.model.wiring.reach,
-            band=band,
-        )
+        joints, others = _springs(c, c.linkage.joints), _springs(c, c.linkage.others)
+        return cls(linkage, joints, others, c.model.wiring.reach, band)
 
-    def seen(self, starts: Sequence[list[float]], burden: Burden) -> tuple[Array, Array]:
-        """Tool frames (K, 4, 4) at amounts (K, V), and where the slots that are no joints want to be there (K, W)."""
+    def seen(self, starts: Array, burden: Burden) -> tuple[Array, Array]:
+        """Tool frames (K, 4, 4) at amounts (K, V), once the slots that are no joints have given way; and where these
+        then are (K, W). To first order."""
         cargo = self.linkage.cargo(burden)
-        stands = [self._stand(start, cargo) for start in starts]
-        wanted = [self._given_way(tau) for _, _, tau in stands]
-        return matrices([stand.tcp for stand, _, _ in stands]), np.array(wanted).reshape(len(stands), -1)
+        tools, wanted = [], []
+        for start in starts.tolist():
+            stand = self.linkage.stand(start, cargo)
+            there = _given_way(self.others, self.linkage.loads(stand, cargo))
+            turns = [(v, to - start[v]) for (v, _, _), to in zip(self.others, there, strict=True)]
+            tools.append(moved(stand.tcp, twist(stand, turns, 1.0)))
+            wanted.append(there)
+        return matrices(tools), np.array(wanted).reshape(len(starts), -1)
 
     def reach_all(self, rotation: Rotation, position: Triple, burden: Burden, starts: Sequence[list[float]]) -> Reached:
         """Where amounts (K, V) lead to; beyond the limits they are followed only if none gets there within."""
@@ -125,20 +107,20 @@ class OneStart:
     def reach(self, rotation: Rotation, position: Triple, cargo: Cargo, start: Sequence[float], limited: bool) -> End:
         """As `newton.reach` from amounts (V,), for a pose; `limited`: only while the command may keep the limits.
 
-        How the other slots follow the joints is a small share of what the joints do themselves: it is left out of the
-        first step, and reckoned anew after large ones.
+        The other slots go where loads have them, and the joints make up for that; what the joints' steps do to those
+        loads in turn is a small share, and left to the next step.
         """
-        amounts, follow, before, largest = list(start), self._still, inf, 0.0
+        amounts, before = list(start), inf
         trail: list[float] = []
         damping = DAMPING
         for step in range(MOST_STEPS + 1):
-            stand, levers, tau = self._stand(amounts, cargo)
+            stand = self.linkage.stand(amounts, cargo)
+            tau = self.linkage.loads(stand, cargo)
             error = way(rotation, position, stand.tcp)
             square = sum([e * e for e in error])
-            lacking = [
-                wanted - amounts[v] for v, wanted in zip(self.others.tolist(), self._given_way(tau), strict=True)
-            ]
-            miss = sqrt(square) + self.wide * sum(map(abs, lacking))
+            there = _given_way(self.others, tau)
+            lacking = [(v, to - amounts[v]) for (v, _, _), to in zip(self.others, there, strict=True)]
+            miss = sqrt(square) + self.wide * sum([abs(turn) for _, turn in lacking])
             trail.append(miss)
             stuck = step >= PATIENCE and miss > 0.5 * trail[-1 - PATIENCE]
             if miss <= CLOSE or stuck or step == MOST_STEPS:
@@ -147,83 +129,45 @@ class OneStart:
                 return End(amounts, tau, stand.tcp, miss, step, True)
             damping = 30.0 * damping if miss > before else max(0.3 * damping, DAMPING)
             before = miss
-            if lacking and largest > NEW_SLOPE:
-                follow = _Follow.of(self, stand, levers, cargo)
-            turns = follow.turns(self, screws(stand, LEVER), error, lacking, damping * square + TINY)
-            amounts = [amount + turn for amount, turn in zip(amounts, turns, strict=True)]
-            largest = max(map(abs, turns))
+            by_joint = screws(stand, self._numbers, LEVER)
+            left = np.array(error) - twist(stand, lacking, LEVER)
+            for v, turn in zip(self._numbers, _least(by_joint, left, damping * square + TINY), strict=True):
+                amounts[v] += turn
+            for v, turn in lacking:
+                amounts[v] += turn
         return End(amounts, tau, stand.tcp, miss, step, False)
 
     @cached_property
-    def _still(self) -> _Follow:
-        """Other slots that do not follow the joints."""
-        return _Follow(np.zeros((len(self.others), len(self.joints))), np.eye(len(self.others)))
-
-    def _stand(self, amounts: Sequence[float], cargo: Cargo) -> tuple[Stand, list[Triple], list[float]]:
-        """Frames, gravity x axis of every slot, and gravity's loads."""
-        stand = self.linkage.stand(amounts, cargo)
-        levers = self.linkage.levers(stand)
-        return stand, levers, self.linkage.loads(stand, levers, cargo)
-
-    def _given_way(self, tau: Sequence[float]) -> list[float]:
-        """Where the slots that are no joints want to be under loads (V,): rad."""
-        return [rest + sum([k * tau[v] for v, k in springs]) for rest, springs in self.on_others]
+    def _numbers(self) -> list[int]:
+        """Of the joints among the moving slots."""
+        return [v for v, _, _ in self.joints]
 
     def _beyond(self, amounts: Sequence[float], tau: Sequence[float]) -> float:
         """How far the command, with the linear effects only, is beyond the limits at most; negative within (rad)."""
         worst = -inf
-        for v, (rest, springs), lower, upper in zip(
-            self.joints.tolist(), self.on_joints, *self.band.limits, strict=True
+        for (v, _, _), bent, lower, upper in zip(
+            self.joints, _given_way(self.joints, tau), *self.band.limits, strict=True
         ):
-            q = amounts[v] - rest - sum([k * tau[u] for u, k in springs])
+            q = amounts[v] - bent
             worst = max(worst, lower - q, q - upper)
         return worst
 
 
-@dataclass(frozen=True, eq=False)
-class _Follow:
-    """How the other slots follow the joints (W, n), and how each other's lack spreads among them (W, W)."""
-
-    joints: Array
-    spread: Array
-
-    @classmethod
-    def of(cls, one: OneStart, stand: Stand, levers: list[Triple], cargo: Cargo) -> _Follow:
-        """From the slopes of the loads, as `Linkage.slopes` has them, to second order in what others do to others."""
-        lever, slots = np.array(levers), range(len(levers))
-        by_outer = swept(stand, cargo, slots, one.moved)
-        by_inner = swept(stand, cargo, slots, one.linkage.counted)
-        slopes = np.where(one.inner, lever @ by_outer.T, by_inner @ lever.T)
-        if one.unmoved:
-            k, j = one.behind
-            left = swept(stand, cargo, j.tolist(), one.unmoved) - by_outer[j]
-            slopes[k, j] -= np.einsum("pc,pc->p", lever[k], left)
-        stiff = one.compliant @ slopes
-        among = stiff[:, one.others]
-        spread = among + among @ among
-        spread.flat[:: len(among) + 1] += 1.0
-        return cls(spread @ stiff[:, one.joints], spread)
-
-    def turns(
-        self, one: OneStart, screw: Array, error: Sequence[float], lacking: list[float], damping: float
-    ) -> list[float]:
-        """(V,), the least turns of the joints that take the error away, damped (m²) and cut to size; others follow."""
-        if not lacking:
-            return _least(screw, np.array(error), damping).tolist()  # type: ignore[no-any-return]
-        by_other, left = screw[one.others], self.spread @ lacking
-        by_joint = screw[one.joints] + self.joints.T @ by_other
-        out = np.empty(len(screw))
-        out[one.joints] = turn = _least(by_joint, error - left @ by_other, damping)
-        out[one.others] = self.joints @ turn + left
-        return out.tolist()
+def _given_way(slots: Springs, tau: Sequence[float]) -> list[float]:
+    """Where slots are under loads (V,), joints at command zero: rad."""
+    return [rest + sum([k * tau[u] for u, k in springs]) for _, rest, springs in slots]
 
 
-def _least(by_joint: Array, missing: Array, damping: float) -> Array:
-    """(n,), rad: see `newton._damped`; `by_joint` (n, 6) is the Jacobian's transpose."""
+def _least(by_joint: Array, missing: Array, damping: float) -> list[float]:
+    """(n,), rad: the least turns of the joints that take the error (6,) away, damped (m²) and cut to size.
+
+    `by_joint`: (n, 6), the Jacobian's transpose.
+    """
     normal = by_joint.T @ by_joint
     normal.flat[::7] += damping
-    turn = by_joint @ np.linalg.solve(normal, missing)
-    return np.asarray(turn * (LONGEST_STEP / max(LONGEST_STEP, *map(abs, turn.tolist()))))
+    turns: list[float] = (by_joint @ np.linalg.solve(normal, missing)).tolist()
+    largest = max(map(abs, turns))
+    return turns if largest <= LONGEST_STEP else [turn * (LONGEST_STEP / largest) for turn in turns]
 
 
 def way(rotation: Rotation, position: Triple, tcp: Frame) -> tuple[float, ...]:
@@ -243,8 +187,28 @@ def way(rotation: Rotation, position: Triple, tcp: Frame) -> tuple[float, ...]:
     )
 
 
+def moved(tool: Frame, way: tuple[float, ...]) -> Frame:
+    """A frame after a small displacement (m) and turn (rad), but for terms of third order."""
+    ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz = tool
+    x, y, z, u, v, w = way
+
+    def turned(ax: float, ay: float, az: float) -> Triple:
+        dx, dy, dz = v * az - w * ay, w * ax - u * az, u * ay - v * ax
+        return (
+            ax + dx + 0.5 * (v * dz - w * dy),
+            ay + dy + 0.5 * (w * dx - u * dz),
+            az + dz + 0.5 * (u * dy - v * dx),
+        )
+
+    return (*turned(ax, ay, az), *turned(bx, by, bz), *turned(cx, cy, cz), px + x, py + y, pz + z)
+
+
 def _springs(c: Compensation, rows: Indices) -> Springs:
     return tuple(
-        (float(c.steady[v]), tuple((int(u), float(c.compliances[v, u])) for u in np.flatnonzero(c.compliances[v])))
+        (
+            int(v),
+            float(c.steady[v]),
+            tuple((int(u), float(c.compliances[v, u])) for u in np.flatnonzero(c.compliances[v])),
+        )
         for v in rows
     )
