@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -26,7 +27,8 @@ PULLED = (0.0, 0.01, 0.03, 0.07, 0.15)
 
 @dataclass(frozen=True, eq=False)
 class Seeds:
-    """Angles `q` (K, n) of the look-alike (rad) that take the goal, or the goal pulled to `position` (K, 3) in m.
+    """Angles `q` (K, n) of the look-alike (rad) that take the goal or nearly so, or take it pulled to `position` (K, 3)
+    in m.
 
     `numbers`: of the closed form's branches, or -1.
     """
@@ -40,12 +42,14 @@ class Seeds:
 class Likeness:
     """The look-alike's inverse. Its joint angles are counted from where the calibrated arm's joints really are.
 
+    `one_goal`, `almost`: for one pose; the other one also answers goals that it misses (see `one_goal_solver`).
     `middle`: (3,), m, the point that goals out of reach are pulled towards: the second joint's origin.
     """
 
     arm: Arm
     solver: NominalSolver
     one_goal: OneGoal | None
+    almost: OneGoal | None
     middle: Array
 
     @classmethod
@@ -53,16 +57,21 @@ class Likeness:
         """For a model."""
         arm = _alike(model)
         form = pieper_form(lines_of(arm))
-        one_goal = None if form is None else one_goal_solver(form, Limits.of(arm))
-        return cls(arm, solver_of(arm), one_goal, lines_of(arm).point[min(1, arm.dof - 1)])
+        one_goal, almost = (None if form is None else one_goal_solver(form, Limits.of(arm), by) for by in (0.0, inf))
+        return cls(arm, solver_of(arm), one_goal, almost, lines_of(arm).point[min(1, arm.dof - 1)])
 
     def seeds(self, goal: Goal, near: Sequence[float] | None) -> Seeds:
-        """Angles that joints may have at a goal, limits widened by `SLACK`; perhaps none."""
+        """Angles that joints may have at a goal, limits widened by `SLACK`; perhaps none.
+
+        Beyond the look-alike's reach they are those that come near it, or take the goal pulled inwards.
+        """
         if goal.rotation is None:
             answer = self.solver.solve(goal, near)
             rows = [branch.q for branch in (*answer.branches, *answer.beyond)]
             return self._unpulled(goal, [(-1, q) for q in rows])
-        found = None if self.one_goal is None else self.one_goal(goal.rotation, goal.position)
+        found = None
+        for solver in (self.one_goal, self.almost):
+            found = found or (solver(goal.rotation, goal.position) if solver else None)
         return self._unpulled(goal, found) if found else self.pulled(goal, ())
 
     def _unpulled(self, goal: Goal, found: Sequence[tuple[int, tuple[float, ...]]]) -> Seeds:

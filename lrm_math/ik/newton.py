@@ -14,7 +14,7 @@ from lrm_math.ik.goal import Goal
 from lrm_math.ik.linkage import Burden, Indices
 from lrm_math.poses import Poses
 
-CLOSE = 5e-11
+CLOSE = 3e-10
 """m: a goal is met when position, turn times `LEVER` and what the equilibrium lacks are all below."""
 LEVER = 0.1
 """m: a turn by 1 rad weighs as much as this distance."""

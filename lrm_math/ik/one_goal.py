@@ -20,6 +20,8 @@ OneGoal: TypeAlias = Callable[[Rotation, Triple], "Found | None"]
 TURN = 2.0 * pi
 EDGE = 1e-10
 """Share of its largest value below which a root or a radius is left to the careful solver."""
+JUST_BEFORE = 0.95
+"""Share of its largest value that stands in for a root that is missed."""
 ROUND_OFF = 1e-10
 """rad: an angle this far beyond a limit is at the limit."""
 
@@ -32,10 +34,13 @@ def into_limits(q: float, lower: float, upper: float) -> float:
     return max(lower, min(q, upper)) if q <= upper + ROUND_OFF else inf
 
 
-def one_goal_solver(form: Pieper, limits: Limits) -> OneGoal | None:
+def one_goal_solver(form: Pieper, limits: Limits, missed: float = 0.0) -> OneGoal | None:
     """Branches `(number, q)` of a pose (rotation, position in m), or None where the careful solver must look.
 
     Itself None for skew axes, which need a polynomial of degree four.
+
+    `missed`: where an equation has no root, but misses one by no more than this share of its largest value, both
+    branches are answered as they are shortly before they meet: starts for an arm that may still have them.
     """
     if form.shape is Shape.SKEW:
         return None
@@ -51,7 +56,7 @@ def one_goal_solver(form: Pieper, limits: Limits) -> OneGoal | None:
     (ox, oy, oz), (gx, gy, gz), (hx, hy, hz) = form.v0, form.vc, form.vs
     constant, amplitude, phase = form.elbow
     small = EDGE * form.length * form.length
-    inside, outside = 1.0 - EDGE, 1.0 + EDGE
+    inside, outside = 1.0 - EDGE, 1.0 + max(EDGE, missed)
     order = slice(None, None, -1) if backwards else slice(None)
     (l1, l2, l3, l4, l5, l6), (u1, u2, u3, u4, u5, u6) = limits.lower[order], limits.upper[order]
 
@@ -81,7 +86,9 @@ def one_goal_solver(form: Pieper, limits: Limits) -> OneGoal | None:
             return None
         x3 = ((square if meeting else Cz) - constant) / amplitude
         if not -inside < x3 < inside:
-            return None
+            if not missed or not -outside < x3 < outside:
+                return None
+            x3 = max(-JUST_BEFORE, min(x3, JUST_BEFORE))
         theta = acos(x3)
         found: Found = []
         for elbow, t3 in ((0, phase + theta), (4, phase - theta)):
@@ -104,9 +111,12 @@ def one_goal_solver(form: Pieper, limits: Limits) -> OneGoal | None:
                 wx = ux + a1
                 root = flat - wx * wx if flat < round2 else round2 - ux * ux
             if root < small:
-                if root < -small:
+                largest = min(flat, round2)
+                if root < -max(small, missed * largest):
                     continue
-                return None
+                if not missed:
+                    return None
+                root = (1.0 - JUST_BEFORE) * largest
             root = sqrt(root)
             for shoulder in (0, 2):
                 if shoulder:
@@ -132,9 +142,11 @@ def one_goal_solver(form: Pieper, limits: Limits) -> OneGoal | None:
                 mx, my, mz = x, c34 * y + s34 * z, c34 * z - s34 * y
                 cos5 = (c45 * c56 - mz) / (s45 * s56)
                 if not -inside < cos5 < inside:
-                    if -outside < cos5 < outside:
+                    if not -outside < cos5 < outside:
+                        continue
+                    if not missed:
                         return None
-                    continue
+                    cos5 = max(-JUST_BEFORE, min(cos5, JUST_BEFORE))
                 sin5 = s56 * sqrt(1.0 - cos5 * cos5)
                 side = -c45 * cos5 * s56 - s45 * c56
                 for wrist in (0, 1):

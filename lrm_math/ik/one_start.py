@@ -30,7 +30,7 @@ Springs = tuple[tuple[int, float, tuple[tuple[int, float], ...]], ...]
 """Some slots: number, what they have without load (rad), and by which slots' loads they give way how much (rad/N·m)."""
 DAMPING = 1e-3
 PATIENCE = EVERY_BRANCH.patience
-AT_FIRST, LATER = 0.3, 0.1
+AT_FIRST, LATER = 0.5, 0.2
 """rad: a command this far beyond the limits at the start, or after a step, is not worth following while there are
 others. Steps still to be taken, and effects that are not linear, may change it."""
 
