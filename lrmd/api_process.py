@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from contextlib import suppress
-from typing import Any, Literal
+from typing import Any
 
 import structlog
 import zenoh
@@ -16,10 +16,11 @@ import zenoh
 from lrm_math.errors import FileError, LrmError
 from lrmd import ik_process, ramp_process, store
 from lrmd.config import Config
-from lrmd.core import Core, Done, Happening
+from lrmd.core import Core
 from lrmd.deployed import Deployed
 from lrmd.face import Face, error_reply
 from lrmd.gravity import torques_of
+from lrmd.happenings import Done, Happening, Level
 from lrmd.ik_process import IkSetup
 from lrmd.mailbox import Shared
 from lrmd.messages import EstopCommand, Message, ReloadRequest, pack, unpack
@@ -42,6 +43,7 @@ START_TIME = 5 * SECOND
 IK_STUCK = 5 * SECOND
 SAVE_AT_LEAST = 60 * SECOND
 KEPT_EVENTS = 500
+ENDING = (signal.SIGTERM, signal.SIGINT)
 
 
 class Api:
@@ -84,7 +86,7 @@ class Api:
     def run(self) -> int:
         """Runs until it is told to stop. Returns the exit code: 0, or 1 if a process cannot be kept alive."""
         # Handlers run in the middle of anything, also of a held lock: they may set a flag and nothing else.
-        for number in (signal.SIGTERM, signal.SIGINT):
+        for number in ENDING:
             signal.signal(number, lambda *_: setattr(self, "_stopping", True))
         signal.signal(signal.SIGHUP, lambda *_: setattr(self, "_reloading", True))
         now = time.monotonic_ns()
@@ -107,8 +109,12 @@ class Api:
             self._ramp.stop()
             self._ik.stop()
             with self._lock:
+                self._look(time.monotonic_ns())
                 self._save(time.monotonic_ns(), at_once=True)
             self._writer.close()
+            # Python puts the default handlers back while it ends, but leaves alone what is ignored.
+            for number in ENDING:
+                signal.signal(number, signal.SIG_IGN)
         self._log.info("stopped")
         return 0
 
@@ -145,7 +151,7 @@ class Api:
                 self._flush()
             raise Refused("model", text) from None
         with self._lock:
-            self._core.guard = self._model.guard or self._core.guard
+            self._core.way.guard = self._model.guard or self._core.way.guard
             self._happened("model_loaded", "info", f"model {deployed.path}", model_sha256=deployed.sha256)
             self._flush()
         return deployed
@@ -175,7 +181,7 @@ class Api:
         if self._keep_alive(self._ik, f"no sign of life for {IK_STUCK // SECOND} s" if stuck else None, "warning", now):
             self._shared.ik[0] = 0
 
-    def _keep_alive(self, child: Child, stuck: str | None, level: Literal["warning", "error"], now: int) -> bool:
+    def _keep_alive(self, child: Child, stuck: str | None, level: Level, now: int) -> bool:
         ended = child.ended() or stuck
         if ended is None:
             return False
@@ -284,7 +290,7 @@ class Api:
         for tail in tails:
             self._face.publish(tail, self._telling.states[tail]())
 
-    def _happened(self, code: str, level: Literal["info", "warning", "error"], text: str, **detail: Any) -> None:
+    def _happened(self, code: str, level: Level, text: str, **detail: Any) -> None:
         self._pending.append(Happening(code, level, text, detail))
 
     def _flush(self) -> None:

@@ -33,7 +33,7 @@ def carry_out(s: Situation, request: Message, now: int) -> Done:
         case LeaseRequest():
             return _lease(s, request, now)
         case HoldRequest():
-            s.hold("hold", now)
+            s.hold(now, "hold")
             return Done()
         case ArmRequest() | MoveRequest() | JogRequest() | RelaxRequest() | DisarmRequest() | ResetRequest():
             leases.checked(s.lease, request.lease, now)
@@ -66,7 +66,7 @@ def _lease(s: Situation, request: LeaseRequest, now: int) -> Done:
         return Done(lease=s.lease)
     leases.checked(s.lease, request.lease, now)
     s.lease = None
-    s.stop_motion("lease released", now)
+    s.stop_motion(now, "lease released")
     return Done()
 
 
@@ -77,7 +77,7 @@ def _acquire(s: Situation, request: LeaseRequest, now: int) -> Done:
     s.lease = leases.acquire(before, request.holder, now, s.config.lease, request.take)
     if before is not None and now < before.until:
         s.happened("lease_taken", "warning", f"{request.holder} took the lease from {before.holder}")
-        s.stop_motion(f"{request.holder} took the lease", now)
+        s.stop_motion(now, f"{request.holder} took the lease")
     return Done(lease=s.lease)
 
 

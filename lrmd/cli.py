@@ -1,23 +1,18 @@
-"""`lrm`: the operator's command line."""
+"""`lrm`: the operator's command line. Which words there are, and which command they run."""
 
 from __future__ import annotations
 
 import argparse
-import getpass
-import math
 import re
 import sys
-import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from lrm_math.errors import LrmError, nearest
-from lrmd import cli_text
-from lrmd.angle import angle_of, angles_of
-from lrmd.client import Interrupted, RequestRefused, Rover
-from lrmd.ik_messages import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
-from lrmd.messages import Event, field_named
+from lrm_math.errors import LrmError
+from lrmd import cli_look, cli_move, cli_place
+from lrmd.client import Interrupted
+from lrmd.messages import field_named
 
 TEXT = """\
 Speaks to lrmd, the daemon that owns a robot arm. The usual course:
@@ -78,18 +73,18 @@ def parser() -> argparse.ArgumentParser:
         sub.set_defaults(run=run)
         return sub
 
-    c = command("state", state, "mode, servos, temperatures and faults")
+    c = command("state", cli_look.state, "mode, servos, temperatures and faults")
     c.add_argument("--watch", action="store_true", help="again and again, until Ctrl-C")
     c.add_argument("--metrics", action="store_true", help="and how well the ramp keeps its time")
-    command("info", info, "names, limits and rates")
-    c = command("arm", arm, "switch servos on where they stand")
+    command("info", cli_look.info, "names, limits and rates")
+    c = command("arm", cli_move.arm, "switch servos on where they stand")
     where = c.add_mutually_exclusive_group()
     where.add_argument("--q", metavar="Q1,Q2,...", help="the joints stand at these angles")
     where.add_argument("--at", action="append", nargs=2, metavar=("SERVO", "ANGLE"), help="this servo stands here")
     where.add_argument("--stored", action="store_true", help="nobody touched the arm since the daemon left it")
     where.add_argument("--board", action="store_true", help="take over what the board is still putting out (default)")
     c.add_argument("--servo", action="append", metavar="NAME", help="with --stored: only these")
-    c = command("move", move, "move servos and wait until they are there")
+    c = command("move", cli_move.move, "move servos and wait until they are there")
     c.add_argument(
         "--joint", action="append", nargs=2, metavar=("N", "ANGLE"), default=[], help="joint number and angle"
     )
@@ -97,37 +92,37 @@ def parser() -> argparse.ArgumentParser:
     c.add_argument("--q", metavar="Q1,Q2,...", help="all joints")
     _motion(c)
     c.add_argument("--payload-g", type=float, metavar="G", help="what the gripper carries from now on")
-    c = command("gripper", gripper, "turn the gripper's servo")
+    c = command("gripper", cli_move.gripper, "turn the gripper's servo")
     c.add_argument("angle", metavar="ANGLE")
     _motion(c)
-    c = command("pan-tilt", pan_tilt, "turn the camera")
+    c = command("pan-tilt", cli_move.pan_tilt, "turn the camera")
     c.add_argument("pan", metavar="PAN")
     c.add_argument("tilt", metavar="TILT")
     _motion(c)
-    c = command("ik", ik, "commands that bring the bent arm's tool to a place (mm)")
+    c = command("ik", cli_place.ik, "commands that bring the bent arm's tool to a place (mm)")
     _goal(c)
-    c = command("goto", goto, "bring the tool to a place (mm): plan a way, and go")
+    c = command("goto", cli_place.goto, "bring the tool to a place (mm): plan a way, and go")
     _goal(c)
     _motion(c)
-    c = command("plan", plan, "a way to joint angles, round what is between; with --go, take it")
+    c = command("plan", cli_place.plan, "a way to joint angles, round what is between; with --go, take it")
     c.add_argument("--q", required=True, metavar="Q1,Q2,...", help="where to")
     c.add_argument("--seed", type=int, default=0, help="another seed finds another way")
     c.add_argument("--go", action="store_true", help="and move there")
     _motion(c)
-    c = command("fk", fk, "where the bent arm's tool is for joint angles (mm)")
+    c = command("fk", cli_place.fk, "where the bent arm's tool is for joint angles (mm)")
     c.add_argument("--q", metavar="Q1,Q2,...", help="default: where the arm was told to be")
     c.add_argument("--payload-g", type=float, default=0.0, metavar="G", help="what the gripper carries")
-    command("hold", hold, "stop where it is, with pulses on; anybody may")
-    c = command("relax", relax, "stop the pulses: what they carried falls")
+    command("hold", cli_move.hold, "stop where it is, with pulses on; anybody may")
+    c = command("relax", cli_move.relax, "stop the pulses: what they carried falls")
     c.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
-    command("reload", reload, "take the model's file as it is now; nothing moves")
-    command("disarm", disarm, "stop all pulses of an arm that stands still")
-    command("reset", reset, "leave fault or estop; nothing moves")
-    c = command("estop", estop, "stop all pulses at the next tick; anybody may")
+    command("reload", cli_look.reload, "take the model's file as it is now; nothing moves")
+    command("disarm", cli_move.disarm, "stop all pulses of an arm that stands still")
+    command("reset", cli_move.reset, "leave fault or estop; nothing moves")
+    c = command("estop", cli_move.estop, "stop all pulses at the next tick; anybody may")
     c.add_argument("--why", default="", help="for the log")
-    c = command("logs", logs, "the last events")
+    c = command("logs", cli_look.logs, "the last events")
     c.add_argument("--follow", action="store_true", help="and those to come, until Ctrl-C")
-    c = command("level1", level1, "calibrate one servo with a protractor and write its table into an arm file")
+    c = command("level1", cli_move.level1, "calibrate one servo with a protractor and write its table into an arm file")
     c.add_argument("servo", metavar="SERVO", help="joint1 ... or another servo")
     c.add_argument("--arm", required=True, metavar="ARM", help="the arm file to start from, or a shipped arm")
     c.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the new arm file")
@@ -151,260 +146,3 @@ def _goal(c: argparse.ArgumentParser) -> None:
 def _motion(c: argparse.ArgumentParser) -> None:
     c.add_argument("--each", action="store_true", help="each servo at its own full rate; else all end together")
     c.add_argument("--speed", type=float, default=1.0, help="share of the full rate (default: %(default)s)")
-
-
-def rover_of(o: argparse.Namespace) -> Rover:
-    """The session that the options ask for."""
-    return Rover(o.robot, o.connect.split(",") if o.connect else None, o.zenoh_config)
-
-
-def holder() -> str:
-    """What the lease says of who commands."""
-    return f"lrm ({getpass.getuser()})"
-
-
-def state(o: argparse.Namespace) -> int:
-    """`lrm state`."""
-    with rover_of(o) as rover:
-        pause = threading.Event()
-        while True:
-            joints, mode = rover.joints(), rover.mode()
-            parts = [cli_text.mode_line(mode, joints), cli_text.joints_table(joints, rover.thermal())]
-            faults = rover.faults()
-            parts += [cli_text.faults_text(faults)] if faults.faults else []
-            if o.metrics:
-                metrics = rover.metrics()
-                parts += [cli_text.metrics_line(metrics), cli_text.lateness_chart(metrics)]
-            clear = "\033[H\033[J" if o.watch and sys.stdout.isatty() else ""
-            print(clear + "\n".join(parts), flush=True)
-            if not o.watch:
-                return 0
-            pause.wait(0.2)
-
-
-def info(o: argparse.Namespace) -> int:
-    """`lrm info`."""
-    with rover_of(o) as rover:
-        print(cli_text.info_text(rover.info()))
-    return 0
-
-
-def arm(o: argparse.Namespace) -> int:
-    """`lrm arm`."""
-    with rover_of(o) as rover, rover.control(holder(), o.take):
-        try:
-            if o.q or o.at:
-                rover.arm("given", _joints(rover, o.q) if o.q else _named(rover, o.at), o.servo)
-            else:
-                rover.arm("stored" if o.stored else "board", servos=o.servo)
-        except RequestRefused as error:
-            if error.code != "pose_needed":
-                raise
-            raise LrmError(f"{error}{_stored_hint(error.detail)}") from None
-        on = [n for n, is_on in zip(rover.joints().names, rover.joints().on, strict=True) if is_on]
-        print(f"armed: {', '.join(on)}")
-    return 0
-
-
-def _stored_hint(detail: Mapping[str, object]) -> str:
-    stored = detail.get("stored_rad")
-    if not isinstance(stored, dict) or not stored:
-        return " (no pose is stored)"
-    pose = ", ".join(f"{n} {math.degrees(q):.1f}" for n, q in stored.items())
-    return f". Stored (deg): {pose}" + ("" if detail.get("stored_still") else "; but it was moving then")
-
-
-def move(o: argparse.Namespace) -> int:
-    """`lrm move`."""
-    with rover_of(o) as rover:
-        targets = _joints(rover, o.q) if o.q else {}
-        targets |= _named(rover, [(f"joint{n.removeprefix('joint')}", a) for n, a in o.joint] + o.servo)
-        if not targets:
-            raise LrmError("move: nothing to move; give --joint N ANGLE, --servo NAME ANGLE or --q")
-        return _go(o, rover, targets, None if o.payload_g is None else o.payload_g / 1000)
-
-
-def gripper(o: argparse.Namespace) -> int:
-    """`lrm gripper`."""
-    with rover_of(o) as rover:
-        return _go(o, rover, _named(rover, [("gripper", o.angle)]))
-
-
-def pan_tilt(o: argparse.Namespace) -> int:
-    """`lrm pan-tilt`."""
-    with rover_of(o) as rover:
-        return _go(o, rover, _named(rover, [("pan", o.pan), ("tilt", o.tilt)]))
-
-
-def _go(o: argparse.Namespace, rover: Rover, targets: Mapping[str, float], payload: float | None = None) -> int:
-    return _through(o, rover, [targets], payload)
-
-
-def _through(
-    o: argparse.Namespace, rover: Rover, waypoints: Sequence[Mapping[str, float]], payload: float | None
-) -> int:
-    if not 0 < o.speed <= 1:
-        raise LrmError(f"--speed {o.speed:g}: should be more than 0, at most 1")
-    with rover.control(holder(), o.take):
-        try:
-            seconds = rover.move(*waypoints, pace="each" if o.each else "together", speed=o.speed, payload_kg=payload)
-        except KeyboardInterrupt:
-            rover.hold()
-            print("held", file=sys.stderr)
-            return 1
-    print(f"there, after {seconds:.1f} s")
-    return 0
-
-
-def ik(o: argparse.Namespace) -> int:
-    """`lrm ik`."""
-    with rover_of(o) as rover:
-        print(cli_text.answer_text(_asked(o, rover), rover.info().names))
-    return 0
-
-
-def _asked(o: argparse.Namespace, rover: Rover) -> IkAnswer:
-    """The answer to the goal of the command line. Raises `LrmError` if it cannot be taken."""
-    goal = GoalEntry(
-        position_m=[v / 1000 for v in (o.x, o.y, o.z)],
-        rpy_rad=_three("--rpy", angles_of(o.rpy)) if o.rpy else None,
-        approach=_three("--approach", _numbers("--approach", o.approach)) if o.approach else None,
-    )
-    request = IkRequest(
-        goals=[goal], near_rad=rover.standing(), method=o.method, round=o.round, payload_kg=o.payload_g / 1000,
-        deadline_ms=5000.0,
-    )  # fmt: skip
-    answer = rover.ik(request).answers[0]
-    if answer.q_rad is None:
-        raise LrmError(f"{answer.verdict}: {answer.text}")
-    return answer
-
-
-def _numbers(name: str, text: str) -> list[float]:
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        raise LrmError(f"{name} {text}: should be numbers with commas between them") from None
-
-
-def _three(name: str, values: list[float]) -> list[float]:
-    if len(values) != 3:
-        raise LrmError(f"{name} has {len(values)} numbers; should be three with commas between them")
-    return values
-
-
-def goto(o: argparse.Namespace) -> int:
-    """`lrm goto`."""
-    with rover_of(o) as rover:
-        answer = _asked(o, rover)
-        print(cli_text.answer_text(answer, rover.info().names))
-        waypoints = _way(rover, answer.rounded_q_rad or answer.q_rad or [], o.payload_g / 1000, 0)
-        return _through(o, rover, waypoints, o.payload_g / 1000)
-
-
-def plan(o: argparse.Namespace) -> int:
-    """`lrm plan`."""
-    with rover_of(o) as rover:
-        waypoints = _way(rover, list(_joints(rover, o.q).values()), 0.0, o.seed)
-        return _through(o, rover, waypoints, None) if o.go else 0
-
-
-def _way(rover: Rover, q: list[float], payload: float, seed: int) -> list[dict[str, float]]:
-    """Plans a way to joint angles (rad) and prints it. Raises `LrmError` if there is none."""
-    reply = rover.plan(PlanRequest(from_rad=rover.standing(), to_rad=q, payload_kg=payload, seed=seed))
-    if not reply.found:
-        raise LrmError(reply.text)
-    print(cli_text.way_text(reply.waypoints_rad))
-    names = rover.info().names
-    return [dict(zip(names, waypoint, strict=False)) for waypoint in reply.waypoints_rad[1:]]
-
-
-def fk(o: argparse.Namespace) -> int:
-    """`lrm fk`."""
-    with rover_of(o) as rover:
-        q = list(_joints(rover, o.q).values()) if o.q else rover.standing()
-        place = rover.fk(FkRequest(q_rad=[q], payload_kg=o.payload_g / 1000)).places[0]
-        print(cli_text.place_text(place))
-    return 0
-
-
-def hold(o: argparse.Namespace) -> int:
-    """`lrm hold`."""
-    with rover_of(o) as rover:
-        rover.hold()
-    print("holding")
-    return 0
-
-
-def relax(o: argparse.Namespace) -> int:
-    """`lrm relax`."""
-    with rover_of(o) as rover, rover.control(holder(), o.take):
-        rover.relax(o.servo or None)
-    print("relaxed")
-    return 0
-
-
-def disarm(o: argparse.Namespace) -> int:
-    """`lrm disarm`."""
-    with rover_of(o) as rover, rover.control(holder(), o.take):
-        rover.disarm()
-    print("disarmed")
-    return 0
-
-
-def reset(o: argparse.Namespace) -> int:
-    """`lrm reset`."""
-    with rover_of(o) as rover, rover.control(holder(), o.take):
-        rover.reset_fault()
-        print(rover.mode().mode)
-    return 0
-
-
-def reload(o: argparse.Namespace) -> int:
-    """`lrm reload`."""
-    with rover_of(o) as rover:
-        print(cli_text.model_text((reply := rover.reload()).model, reply.model_sha256))
-    return 0
-
-
-def estop(o: argparse.Namespace) -> int:
-    """`lrm estop`."""
-    with rover_of(o) as rover:
-        rover.estop(o.why or f"lrm estop ({getpass.getuser()})")
-    print("stopped: the pulses are off")
-    return 0
-
-
-def logs(o: argparse.Namespace) -> int:
-    """`lrm logs`."""
-    with rover_of(o) as rover:
-        for event in rover.events():
-            print(cli_text.event_line(event))
-        if o.follow:
-            rover.watch(Event, "event/**", lambda event: print(cli_text.event_line(event), flush=True))
-            threading.Event().wait()
-    return 0
-
-
-def level1(o: argparse.Namespace) -> int:
-    """`lrm level1`."""
-    from lrmd.level1 import walk_through
-
-    with rover_of(o) as rover, rover.control(holder(), o.take):
-        walk_through(rover, o.servo, o.arm, o.output, angles_of(o.angles))
-    return 0
-
-
-def _joints(rover: Rover, text: str) -> dict[str, float]:
-    angles, who = angles_of(text), rover.info()
-    if len(angles) != who.joints:
-        raise LrmError(f"--q has {len(angles)} angles; {who.arm} has {who.joints} joints")
-    return dict(zip(who.names, angles, strict=False))
-
-
-def _named(rover: Rover, pairs: list[tuple[str, str]]) -> dict[str, float]:
-    names = rover.info().names
-    for name, _ in pairs:
-        if name not in names:
-            raise LrmError(f"unknown servo '{name}'; {nearest(name, names)}")
-    return {name: angle_of(text) for name, text in pairs}

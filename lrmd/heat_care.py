@@ -47,7 +47,7 @@ def _rest(s: Situation, now: int) -> None:
         if s.report.outputs >> joint & 1:
             pulses[joint] = s.config.servos[joint].pulse_ns(angle)
     try:
-        s.way.stretch(s.position, overlaid(s.position, pulses))
+        s.way.look(s.position, overlaid(s.position, pulses))
     except LrmError as error:
         s.happened("rest_blocked", "error", f"the straight way to rest is not free: {error}; the arm stays")
         return

@@ -48,10 +48,10 @@ class Orders:
         self.drop()
         self.issue(now, outputs)
 
-    def arm(self, pose: Pulses, at_once: int, one_by_one: Sequence[int], now: int) -> None:
-        """Switches servos on at their pulse (ns) in `pose`: those of `at_once` (bits) now, the others one after the other."""
+    def arm(self, pose: Pulses, outputs: int, one_by_one: Sequence[int], now: int) -> None:
+        """Orders `outputs` (bits) on at their pulses (ns) in `pose`; the servos of `one_by_one` are to follow."""
         self.newest = replace(self.newest, pose=pose)
-        self.stop(now, at_once)
+        self.stop(now, outputs)
         self.arming.extend(one_by_one)
         self._next_on = now
 

@@ -98,15 +98,21 @@ class Situation:
         if mode is not self.mode or why != self.why:
             self.mode, self.why, self.since = mode, why, now
 
-    def hold(self, why: str, now: int) -> None:
+    def hold(self, now: int, why: str) -> None:
         """Stops with the pulses on. Raises `NotAllowed`."""
         self.go(Trigger.HOLD, why, now)
         self.orders.stop(now)
 
-    def stop_motion(self, why: str, now: int) -> None:
+    def stop_motion(self, now: int, why: str) -> None:
         """Holds if something is under way; an arm that stands is left alone."""
         if self.mode in (Mode.MOVING, Mode.ARMING):
-            self.hold(why, now)
+            self.hold(now, why)
+
+    def estop(self, now: int, why: str) -> None:
+        """Stops all pulses. The ramp has been told already; this is the daemon's own memory of it."""
+        self.go(Trigger.ESTOP, why or "estop", now)
+        self.add_fault("estop", f"emergency stop: {why or 'no reason given'}", now)
+        self.orders.stop(now, 0)
 
     def add_fault(self, code: str, text: str, now: int) -> None:
         """Remembers a fault until it is reset."""

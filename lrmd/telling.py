@@ -10,8 +10,9 @@ from importlib.metadata import version
 from typing import Any
 
 from lrmd.config import Config
-from lrmd.core import Core, Done, Happening
+from lrmd.core import Core
 from lrmd.deployed import Deployed
+from lrmd.happenings import Done, Happening
 from lrmd.mailbox import BUCKET_NS, Shared
 from lrmd.messages import (
     Event,

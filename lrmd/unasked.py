@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from lrm_math.errors import LrmError
 from lrmd import heat_care
+from lrmd.happenings import Level
 from lrmd.mailbox import LinkState, Report, Trip
 from lrmd.refusal import Refused
 from lrmd.situation import Situation
@@ -12,13 +14,6 @@ from lrmd.trips import consequence
 SECOND = 1_000_000_000
 LOOK_AHEAD = SECOND // 4
 """ns: how far ahead of a jog nothing may be in the way."""
-
-
-def stop_pulses(s: Situation, why: str, now: int) -> None:
-    """Stops all pulses. The ramp has been told already; this is the daemon's own memory of it."""
-    s.go(Trigger.ESTOP, why or "estop", now)
-    s.add_fault("estop", f"emergency stop: {why or 'no reason given'}", now)
-    s.orders.stop(now, 0)
 
 
 # ---- what the ramp says
@@ -49,11 +44,11 @@ def _tripped(s: Situation, report: Report, now: int) -> None:
     s.orders.froze(report.trips)
     if report.trip is Trip.ESTOP:
         if s.mode is not Mode.ESTOP:
-            stop_pulses(s, "at the ramp", now)
+            s.estop(now, "at the ramp")
         return
     what = consequence(report, s.order.outputs)
     if report.trip is not Trip.STARTED or report.starts > 1:
-        level = "error" if s.mode in LIVE else "info"
+        level: Level = "error" if s.mode in LIVE else "info"
         s.happened(what.code, level, what.text, trip=report.trip.name.lower())
     s.orders.seen(report.outputs)
     if s.mode in (*LIVE, Mode.FAULT):
@@ -103,14 +98,14 @@ def _watch_lease(s: Situation, now: int) -> None:
     if s.lease is not None and now >= s.lease.until:
         s.happened("lease_lost", "warning", f"{s.lease.holder} gave no sign of life; its lease is over")
         s.lease = None
-        s.stop_motion("lease lost", now)
+        s.stop_motion(now, "lease lost")
 
 
 def _watch_jog(s: Situation, now: int) -> None:
     until = s.orders.jog_until
     if until is not None and now >= until:
         s.happened("command_watchdog", "warning", "the jog was not renewed; holding")
-        s.stop_motion("jog not renewed", now)
+        s.stop_motion(now, "jog not renewed")
     elif until is not None and now >= s.looked_ahead + LOOK_AHEAD // 3:
         s.looked_ahead = now
         _look_ahead(s, now)
@@ -122,6 +117,7 @@ def _look_ahead(s: Situation, now: int) -> None:
     ahead = tuple(min(max(g, p - r), p + r) for g, p, r in zip(s.targets, s.position, reach, strict=False))
     try:
         s.way.stretch(s.position, ahead)
-    except Refused as error:
-        s.happened("jog_stopped", "warning", str(error), **error.detail)
-        s.stop_motion("a collision ahead", now)
+    except LrmError as error:
+        detail = error.detail if isinstance(error, Refused) else {}
+        s.happened("jog_stopped", "warning", str(error), **detail)
+        s.stop_motion(now, "a collision ahead")

@@ -41,16 +41,19 @@ class WayCheck:
 
     def stretch(self, here: Pulses, there: Pulses, number: int = 1) -> None:
         """Raises `Refused` for a straight stretch between pulses (ns) that collides, on the way to a waypoint."""
-        start, end = self._joints(here), self._joints(there)
-        if start == end:
+        if self._joints(here) == self._joints(there):
             return
         try:
-            self.guard(start, end)
+            self.look(here, there)
         except TooClose as error:
             raise Refused(
                 "collision", f"waypoint {number}: {error}", waypoint=number, bodies=[error.first, error.second],
                 distance_m=error.distance, fraction=error.fraction,
             ) from None  # fmt: skip
+
+    def look(self, here: Pulses, there: Pulses) -> None:
+        """Asks the guard about a straight stretch between pulses (ns). Raises its `LrmError`."""
+        self.guard(self._joints(here), self._joints(there))
 
     def loads(self, pulses: Pulses, payload: float) -> tuple[float, ...]:
         """Gravity's torque (N m) on every servo for pulses (ns) and a payload (kg); 0 for what is no joint."""

@@ -20,13 +20,13 @@ from world import CONFIG, World
 import lrmd
 from lrmd.client import Rover
 from lrmd.config import load_config
-from lrmd.core import _TRIPS
 from lrmd.face import COMMANDS, REQUESTS
 from lrmd.mailbox import Shared
 from lrmd.messages import LONGEST, Header, Message, unpack
 from lrmd.states import Mode, Trigger
 from lrmd.supervisor import Child
 from lrmd.telling import Telling
+from lrmd.trips import TRIPS
 
 TEXT = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 MESSAGES = every_message()
@@ -232,9 +232,9 @@ def test_every_error_code_is_told_with_whether_to_try_again() -> None:
 
 def test_every_event_is_told_with_its_level() -> None:
     told = {row[0].strip("`"): row[1] for row in rows(TEXT, "event")}
-    trips = {code for _, code, _ in _TRIPS.values()}
+    trips = {what.code for what in TRIPS.values()}
     found = set(trips)
-    for call in calls("_tell", "_happened", "Happening"):
+    for call in calls("happened", "_happened", "Happening"):
         codes = codes_in(call.args[0])
         found |= codes
         if isinstance(call.args[1], ast.Constant):
@@ -244,9 +244,9 @@ def test_every_event_is_told_with_its_level() -> None:
 
 def test_every_fault_is_told() -> None:
     told = {row[0].strip("`") for row in rows(TEXT, "fault")}
-    leads = {code for trigger, code, _ in _TRIPS.values() if trigger in (Trigger.FAILED, Trigger.OUTPUTS_LOST)}
-    stopped = {code for trigger, code, _ in _TRIPS.values() if trigger is Trigger.STOPPED}
-    fixed = {code for call in calls("_fault") for code in codes_in(call.args[0])}
+    leads = {what.code for what in TRIPS.values() if what.trigger in (Trigger.FAILED, Trigger.OUTPUTS_LOST)}
+    stopped = {what.code for what in TRIPS.values() if what.trigger is Trigger.STOPPED}
+    fixed = {code for call in calls("add_fault") for code in codes_in(call.args[0])}
     assert leads | fixed <= told <= leads | fixed | stopped
 
 

@@ -33,6 +33,7 @@ from bench.frame_laws import laws, read_frames
 from lrmd.client import Interrupted, NoAnswer, RequestRefused, Rover
 from lrmd.config import load_config
 from lrmd.messages import Event, JointsState, LeaseRequest, MoveRequest, pack
+from lrmd.store import load
 from lrmd.zenoh_session import client
 
 HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
@@ -526,6 +527,45 @@ def test_a_systemd_that_does_not_listen_stops_nothing(tmp_path: Path) -> None:
             time.sleep(1.2)
             rover.watch(JointsState, "state/joints", came.append)
             wait_for(lambda: len(came) >= 10, "state flows on", 3.0)
+
+
+def test_two_sigterms_at_once_end_it_on_the_way_and_nothing_is_lost(rig: Rig) -> None:
+    """The second one comes while the first one's handler has hardly run; a handler that did any work would be torn."""
+    with rig.rover.control("test"):
+        rig.under_way()
+        own = children(rig.daemon.pid)
+        rig.daemon.signal(signal.SIGTERM)
+        second = time.monotonic_ns() + 100_000
+        while time.monotonic_ns() < second:
+            pass
+        rig.daemon.signal(signal.SIGTERM)
+        assert rig.daemon.process.wait(5) == 0
+    assert rig.daemon.codes()[-1] == "stopped"
+    assert rig.daemon.notifications.times("STOPPING=1")
+    wait_for(lambda: not any(map(is_alive, own)), "its processes end with it")
+    assert [path.name for path in rig.place.state.iterdir()] == ["state.json"]
+    saved = load(rig.place.state)
+    assert saved is not None
+    assert not saved.still, "it was moving"
+    servo = rig.config.servos[0]
+    count = rig.config.clock.count_s * 1e9
+    told = [line.counts[servo.channel] for line in read_frames(rig.place.log) if line.pulsing][-1]
+    assert saved.pulse_ns["joint1"] == pytest.approx(told * count, abs=count / 2 + 1), (
+        "the last frame that the board got"
+    )
+
+
+def test_sigterms_in_every_moment_of_its_end_are_one(tmp_path: Path) -> None:
+    """Up to the last: an interpreter that ends puts the default handlers back, which would kill it with a signal."""
+    place = Place.make(tmp_path)
+    with BoardProcess(place), DaemonProcess(place) as daemon:
+        daemon.ready()
+        while daemon.process.poll() is None:
+            daemon.signal(signal.SIGTERM)
+            time.sleep(0.0002)
+        assert daemon.process.returncode == 0
+        assert daemon.codes()[-1] == "stopped"
+    assert load(place.state) is not None
 
 
 def test_a_ramp_that_dies_again_and_again_ends_the_daemon(tmp_path: Path) -> None:

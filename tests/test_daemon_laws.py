@@ -124,6 +124,25 @@ def test_a_jog_that_is_not_renewed_holds(world: World) -> None:
     assert world.core.mode is Mode.HOLDING
 
 
+def test_a_jog_stops_where_nobody_can_tell_whether_the_way_is_free(world: World) -> None:
+    """A guard may fail in another way than by a collision: the sagging arm does not settle, say."""
+    token = armed(world)
+
+    def unsure(*_: object) -> None:
+        raise LrmError("the arm does not settle")
+
+    world.core.handle(JogRequest(lease=token, rate_rad_per_s={"joint2": -0.1}), world.now)
+    keep(world, token, 20)
+    assert world.core.mode is Mode.MOVING
+    world.core.way.guard = unsure
+    keep(world, token, 20)
+    assert world.core.mode is Mode.HOLDING
+    assert [h.text for h in world.core.happenings if h.code == "jog_stopped"] == ["the arm does not settle"]
+    with pytest.raises(LrmError, match="does not settle"):
+        world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.1}]), world.now)
+    assert world.core.mode is Mode.HOLDING
+
+
 def test_an_emergency_stop_takes_two_ticks_at_most(world: World) -> None:
     armed(world)
     world.rung = True
@@ -262,7 +281,7 @@ def test_hot_servos_derate_then_rest_then_stop(world: World) -> None:
 def test_a_warm_servo_takes_no_pose_that_loads_it_more(world: World) -> None:
     token = armed(world)
     world.core.heat.temperature = (75.0, *world.core.heat.temperature[1:])
-    world.core._torques = lambda q, _: (q[0], 0, 0, 0, 0, 0)
+    world.core.way.torques = lambda q, _: (q[0], 0, 0, 0, 0, 0)
     with pytest.raises(LrmError, match="75 degC"):
         world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.5}]), world.now)
     world.core.handle(MoveRequest(lease=token, waypoints=[{"joint2": 0.5}]), world.now)
@@ -355,14 +374,13 @@ class Daemon(RuleBasedStateMachine):
 
     @rule()
     def estop(self) -> None:
-        self.world.rung = True
-        self.world.core.estop(self.world.now, "x")
-        self.world.run(2)
-        if (
-            not (self.world.stall or self.world.lost_in or self.world.unplugged)
-            and self.world.ramp.link is LinkState.READY
-        ):
-            assert all(pulse is None for pulse in self.world.outputs.values())
+        w = self.world
+        undisturbed = not (w.stall or w.lost_in or w.unplugged) and w.ramp.link is LinkState.READY
+        w.rung = True
+        w.core.estop(w.now, "x")
+        w.run(2)
+        if undisturbed and w.ramp.link is LinkState.READY:
+            assert all(pulse is None for pulse in w.outputs.values())
 
     @rule(frames=st.integers(1, 20), where=st.sampled_from(["lost_in", "lost_out", "stall", "unplugged"]))
     def disturb(self, frames: int, where: str) -> None:
@@ -399,7 +417,7 @@ class Daemon(RuleBasedStateMachine):
         if w.core.mode is Mode.DISARMED and not w.api_stopped and w.report.order == w.core.order.number:
             assert not (w.report.outputs and w.report.taken)
         if w.core.mode in (Mode.FAULT, Mode.ESTOP, Mode.DISARMED):
-            assert not w.core._waypoints
+            assert not w.core.orders.waypoints
         assert all(math.isfinite(T) for T in w.core.heat.temperature)
         assert w.core.mode in (*LIVE, Mode.DISARMED, Mode.FAULT, Mode.ESTOP)
 

@@ -99,7 +99,7 @@ def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 def daemon_at(place: Place) -> tuple[World, str]:
     """The daemon's core at START, armed, with the guard that it has in earnest."""
     world = World(place.config)
-    world.core.guard = guard_of(place.config.arm, place.model) or world.core.guard
+    world.core.way.guard = guard_of(place.config.arm, place.model) or world.core.way.guard
     world.run(30)
     lease = world.core.handle(LeaseRequest(action="acquire", holder="test"), world.now).lease
     assert lease is not None

@@ -13,8 +13,8 @@ import zenoh
 from world import World
 
 from lrm_math.errors import LrmError
-from lrmd.core import Done, Happening
 from lrmd.face import Face, error_reply
+from lrmd.happenings import Done, Happening
 from lrmd.mailbox import Shared
 from lrmd.messages import EstopCommand, LeaseRequest, Message, pack, unpack
 from lrmd.supervisor import Child
