@@ -39,6 +39,11 @@ def below_zero(x: Number) -> Number:
     return min(x, 0.0) if isinstance(x, float) else np.minimum(x, 0.0)
 
 
+def by_sign(x: Number, above: float, below: float) -> Number:
+    """One value where x is positive, another one elsewhere."""
+    return (above if x > 0.0 else below) if isinstance(x, float) else np.where(x > 0.0, above, below)
+
+
 def largest(x: Number) -> float:
     """The largest of all poses; zero where there are none."""
     return x if isinstance(x, float) else float(x.max(initial=0.0))

@@ -183,10 +183,11 @@ def _check_small(model: Model, poses: Poses, slots: list[Number], rigid: list[Nu
 def rigid_amounts(model: Model, poses: Poses) -> list[Number]:
     """Amount of every slot (rad, m) before anything gives way: the nominal arm, the command, effects without load."""
     slots: list[Number] = list(model.wiring.steady)
-    for joint, k in enumerate(model.chain.joint_slots):
-        slots[k] = slots[k] + poses.angle(joint)
+    angles = [poses.angle(joint) for joint in range(model.arm.dof)]
+    for k, angle in zip(model.chain.joint_slots, angles, strict=True):
+        slots[k] = slots[k] + angle
     for k, joint, ratio in model.wiring.gears:
-        slots[k] = slots[k] + ratio * poses.angle(joint)
+        slots[k] = slots[k] + ratio * angles[joint]
     for effect in model.wiring.rigid:
         for k, amount in effect.motion(poses, []):
             slots[k] = slots[k] + amount

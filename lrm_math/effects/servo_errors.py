@@ -15,7 +15,7 @@ from lrm_math.effects.base import (
     joint_number,
     needs_levels,
 )
-from lrm_math.elementary import above_zero, below_zero, cos, sin
+from lrm_math.elementary import above_zero, below_zero, by_sign, cos, sin
 from lrm_math.poses import Poses
 from lrm_math.servo import PwmClock, rounding
 
@@ -42,7 +42,7 @@ class ServoGain(JointEffect):
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """g± q."""
         q = poses.angle(self.joint)
-        return (p[0] * above_zero(q) + p[1] * below_zero(q),)
+        return (by_sign(q, p[0], p[1]) * q,)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """q on the parameter's own side."""
@@ -77,8 +77,8 @@ class Eccentricity(JointEffect):
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ a_n sin nq + b_n (cos nq − 1)."""
         q = poses.angle(self.joint)
-        once = p[0] * sin(q) + p[1] * (cos(q) - 1.0)
-        return (once + p[2] * sin(2 * q) + p[3] * (cos(2 * q) - 1.0),)
+        s, c = sin(q), cos(q)
+        return (p[0] * s + p[1] * (c - 1.0) + 2.0 * s * (p[2] * c - p[3] * s),)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """The waves."""

@@ -23,6 +23,7 @@ from lrm_math.ik.deployment import Ask, Deployment, Found, Method, Stalled
 from lrm_math.ik.goal import Goal, Rotation, Triple
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.newton import LEVER, Aim
+from lrm_math.ik.one_linkage import matrices
 from lrm_math.ik.reply import Barred, NotConverged, Reply, Solved, Spread, Unsolved
 from lrm_math.ik.rounding import Rounded, Rounding, Servos, rounded
 from lrm_math.ik.uncertainty import position_covariance
@@ -243,9 +244,12 @@ class CalibratedSolver:
 
     def _tcp(self, rest: Equilibrium) -> Array:
         """(4, 4), the tool's frame in a single pose at rest."""
-        linkage = self.deployment.compensation.linkage
-        amounts = np.array([[float(np.asarray(rest.slots[k]).item()) for k in linkage.slots]])
-        return np.asarray(linkage.place(amounts).tcp[0])
+        deployment = self.deployment
+        linkage = deployment.compensation.linkage
+        amounts = [float(rest.slots[k]) for k in linkage.slots.tolist()]
+        if deployment.one_start is None:
+            return np.asarray(linkage.place(np.array([amounts])).tcp[0])
+        return np.asarray(matrices([deployment.one_start.linkage.tool(amounts)])[0])
 
     def _spread(self, rest: Equilibrium) -> Spread | None:
         covariance = position_covariance(rest, self.covariance, self.joint_sd)

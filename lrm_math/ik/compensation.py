@@ -196,7 +196,7 @@ class Compensation:
         """Joints by the slopes at zero, then secants joint by joint, since most effects follow one; then Broyden."""
         loads: list[float] = tau.tolist()
         if self._apart:
-            aim = aim - self._turns(self._apart, pose, loads)
+            aim = aim - self._turns(self._apart, pose, loads, self._no_turn)
         if not self._depends_on_command:
             return aim
         inverse, before, largest = self._slope_inverse, 0.0, 0.0
@@ -252,14 +252,19 @@ class Compensation:
 
     def _answer(self, pose: Poses, tau: list[float]) -> Array:
         """(n,), what the effects that follow the command add to the joints (rad), for one pose and loads (V,)."""
-        loads, given = list(tau), [0.0] * self.model.arm.dof
+        loads, given = list(tau), self._no_turn
         for k, load in pushes_of(self.model, pose).items():
             v = self._row.get(k)
             if v is not None:
                 loads[v] += float(load)
                 for joint, compliance in self._gives[v]:
                     given[joint] += compliance * float(load)
-        return np.asarray(self._turns(self._following, pose, loads) + given + self._gears @ pose.q[0])
+        return np.asarray(self._turns(self._following, pose, loads, given) + self._gears @ pose.q[0])
+
+    @property
+    def _no_turn(self) -> list[float]:
+        """Turns of all joints and of nothing else (see `Turning`), zero."""
+        return [0.0] * (self.model.arm.dof + 1)
 
     @cached_property
     def _gears(self) -> Array:
@@ -276,9 +281,8 @@ class Compensation:
         columns = self.compliances[self.linkage.joints].T
         return [[(joint, k) for joint, k in enumerate(column) if k] for column in columns.tolist()]
 
-    def _turns(self, effects: Iterable[Turning], pose: Poses, loads: list[float]) -> Array:
-        """(n,), what some effects add to the joints of one pose with loads on the moving slots (rad)."""
-        out = [0.0] * (self.model.arm.dof + 1)
+    def _turns(self, effects: Iterable[Turning], pose: Poses, loads: list[float], out: list[float]) -> Array:
+        """(n,), what some effects add to the joints of one pose with loads on the moving slots (rad), and to `out`."""
         for effect, p, feels, joints in effects:
             felt = tuple([loads[v] for v in feels]) if feels else ()
             for joint, amount in zip(joints, effect.motion(pose, felt, p), strict=True):

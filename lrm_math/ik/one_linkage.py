@@ -168,6 +168,14 @@ class OneLinkage:
                 )
         return Stand((ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz), axis, origin, _summed(moments))
 
+    def tool(self, amounts: Sequence[float]) -> Frame:
+        """The tool's frame at the amounts (V,) of the slots (rad)."""
+        return self.stand(amounts, self._unladen).tcp
+
+    @cached_property
+    def _unladen(self) -> Cargo:
+        return Cargo(((),) * len(self.pieces), ())
+
     def loads(self, stand: Stand, cargo: Cargo) -> list[float]:
         """Gravity's load on every slot (N·m)."""
         gx, gy, gz = self.gravity

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import inf, sqrt
 
 import numpy as np
@@ -26,9 +25,11 @@ from lrm_math.ik.newton import (
 )
 from lrm_math.ik.one_linkage import Cargo, Frame, OneLinkage, matrices, screws, twist
 
-Springs = tuple[tuple[int, float, tuple[tuple[int, float], ...]], ...]
-"""Some slots: number, what they have without load (rad), and by which slots' loads they give way how much (rad/N·m)."""
 DAMPING = 1e-3
+NEARLY = 1e-5
+"""m: starts that miss less are followed to the end."""
+STEADY = 0.01
+"""The Jacobian is kept where the last one made the error this much smaller, at least."""
 PATIENCE = EVERY_BRANCH.patience
 AT_FIRST, LATER = 0.5, 0.2
 """rad: a command this far beyond the limits at the start, or after a step, is not worth following while there are
@@ -55,6 +56,38 @@ class End:
 
 
 @dataclass(frozen=True, eq=False)
+class Springs:
+    """Slots that give way in proportion to loads.
+
+    `numbers`: of the slots. `first`: what each has without load (rad), by how much it gives way (rad/N·m), and to which
+    slot's load. `more`: further loads, each with the place among the slots, rad/N·m, and the number of the load's slot.
+    """
+
+    numbers: tuple[int, ...]
+    first: tuple[tuple[float, float, int], ...]
+    more: tuple[tuple[int, float, int], ...]
+
+    @classmethod
+    def of(cls, c: Compensation, rows: Indices) -> Springs:
+        """With the linear effects of a model."""
+        feels = [np.flatnonzero(c.compliances[v]).tolist() or [0] for v in rows]
+        first = [(float(c.steady[v]), float(c.compliances[v, u[0]]), u[0]) for v, u in zip(rows, feels, strict=True)]
+        more = [
+            (i, float(c.compliances[v, u]), u)
+            for i, (v, us) in enumerate(zip(rows, feels, strict=True))
+            for u in us[1:]
+        ]
+        return cls(tuple(rows.tolist()), tuple(first), tuple(more))
+
+    def given_way(self, tau: Sequence[float]) -> list[float]:
+        """Where the slots are under loads (V,) with joints at command zero: rad."""
+        out = [rest + k * tau[u] for rest, k, u in self.first]
+        for i, k, u in self.more:
+            out[i] += k * tau[u]
+        return out
+
+
+@dataclass(frozen=True, eq=False)
 class OneStart:
     """A deployed model's arm, with what else one start needs.
 
@@ -74,7 +107,7 @@ class OneStart:
         linkage = OneLinkage.of(c.linkage)
         if linkage is None or not c.others_are_springs:
             return None
-        joints, others = _springs(c, c.linkage.joints), _springs(c, c.linkage.others)
+        joints, others = Springs.of(c, c.linkage.joints), Springs.of(c, c.linkage.others)
         return cls(linkage, joints, others, c.model.wiring.reach, band)
 
     def seen(self, starts: Array, burden: Burden) -> tuple[Array, Array]:
@@ -84,8 +117,8 @@ class OneStart:
         tools, wanted = [], []
         for start in starts.tolist():
             stand = self.linkage.stand(start, cargo)
-            there = _given_way(self.others, self.linkage.loads(stand, cargo))
-            turns = [(v, to - start[v]) for (v, _, _), to in zip(self.others, there, strict=True)]
+            there = self.others.given_way(self.linkage.loads(stand, cargo))
+            turns = [(v, to - start[v]) for v, to in zip(self.others.numbers, there, strict=True)]
             tools.append(moved(stand.tcp, twist(stand, turns, 1.0)))
             wanted.append(there)
         return matrices(tools), np.array(wanted).reshape(len(starts), -1)
@@ -110,7 +143,8 @@ class OneStart:
         The other slots go where loads have them, and the joints make up for that; what the joints' steps do to those
         loads in turn is a small share, and left to the next step.
         """
-        amounts, before = list(start), inf
+        joints, others = self.joints.numbers, self.others.numbers
+        amounts, before, seen_from = list(start), inf, 0.0
         trail: list[float] = []
         damping = DAMPING
         for step in range(MOST_STEPS + 1):
@@ -118,56 +152,51 @@ class OneStart:
             tau = self.linkage.loads(stand, cargo)
             error = way(rotation, position, stand.tcp)
             square = sum([e * e for e in error])
-            there = _given_way(self.others, tau)
-            lacking = [(v, to - amounts[v]) for (v, _, _), to in zip(self.others, there, strict=True)]
+            there = self.others.given_way(tau)
+            lacking = [(v, to - amounts[v]) for v, to in zip(others, there, strict=True)]
             miss = sqrt(square) + self.wide * sum([abs(turn) for _, turn in lacking])
             trail.append(miss)
             stuck = step >= PATIENCE and miss > 0.5 * trail[-1 - PATIENCE]
             if miss <= CLOSE or stuck or step == MOST_STEPS:
                 break
-            if limited and self._beyond(amounts, tau) > (AT_FIRST if step == 0 else LATER):
+            if limited and miss > NEARLY and self._beyond(amounts, tau) > (AT_FIRST if step == 0 else LATER):
                 return End(amounts, tau, stand.tcp, miss, step, True)
             damping = 30.0 * damping if miss > before else max(0.3 * damping, DAMPING)
             before = miss
-            by_joint = screws(stand, self._numbers, LEVER)
+            if miss > STEADY * seen_from:
+                inverse, seen_from = _inverse(screws(stand, joints, LEVER), damping * square + TINY), miss
             left = np.array(error) - twist(stand, lacking, LEVER)
-            for v, turn in zip(self._numbers, _least(by_joint, left, damping * square + TINY), strict=True):
+            for v, turn in zip(joints, _cut(inverse @ left), strict=True):
                 amounts[v] += turn
             for v, turn in lacking:
                 amounts[v] += turn
         return End(amounts, tau, stand.tcp, miss, step, False)
 
-    @cached_property
-    def _numbers(self) -> list[int]:
-        """Of the joints among the moving slots."""
-        return [v for v, _, _ in self.joints]
-
     def _beyond(self, amounts: Sequence[float], tau: Sequence[float]) -> float:
         """How far the command, with the linear effects only, is beyond the limits at most; negative within (rad)."""
         worst = -inf
-        for (v, _, _), bent, lower, upper in zip(
-            self.joints, _given_way(self.joints, tau), *self.band.limits, strict=True
-        ):
+        joints = self.joints
+        for v, bent, lower, upper in zip(joints.numbers, joints.given_way(tau), *self.band.limits, strict=True):
             q = amounts[v] - bent
             worst = max(worst, lower - q, q - upper)
         return worst
 
 
-def _given_way(slots: Springs, tau: Sequence[float]) -> list[float]:
-    """Where slots are under loads (V,), joints at command zero: rad."""
-    return [rest + sum([k * tau[u] for u, k in springs]) for _, rest, springs in slots]
-
-
-def _least(by_joint: Array, missing: Array, damping: float) -> list[float]:
-    """(n,), rad: the least turns of the joints that take the error (6,) away, damped (m²) and cut to size.
+def _inverse(by_joint: Array, damping: float) -> Array:
+    """(n, 6), from an error to the least turns of the joints that take it away, damped (m²).
 
     `by_joint`: (n, 6), the Jacobian's transpose.
     """
     normal = by_joint.T @ by_joint
     normal.flat[::7] += damping
-    turns: list[float] = (by_joint @ np.linalg.solve(normal, missing)).tolist()
-    largest = max(map(abs, turns))
-    return turns if largest <= LONGEST_STEP else [turn * (LONGEST_STEP / largest) for turn in turns]
+    return np.asarray(by_joint @ np.linalg.inv(normal))
+
+
+def _cut(turns: Array) -> list[float]:
+    """The same turns (n,), cut to size."""
+    out: list[float] = turns.tolist()
+    largest = max(map(abs, out))
+    return out if largest <= LONGEST_STEP else [turn * (LONGEST_STEP / largest) for turn in out]
 
 
 def way(rotation: Rotation, position: Triple, tcp: Frame) -> tuple[float, ...]:
@@ -201,14 +230,3 @@ def moved(tool: Frame, way: tuple[float, ...]) -> Frame:
         )
 
     return (*turned(ax, ay, az), *turned(bx, by, bz), *turned(cx, cy, cz), px + x, py + y, pz + z)
-
-
-def _springs(c: Compensation, rows: Indices) -> Springs:
-    return tuple(
-        (
-            int(v),
-            float(c.steady[v]),
-            tuple((int(u), float(c.compliances[v, u])) for u in np.flatnonzero(c.compliances[v])),
-        )
-        for v in rows
-    )
