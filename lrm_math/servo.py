@@ -7,6 +7,7 @@ prescale, and the oscillator is a calibration value of each board (25 MHz nomina
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,19 +43,24 @@ class ServoTable:
 
     def pulse_of(self, angle: ArrayLike) -> Array:
         """Pulse (s) for a joint angle (rad), linear between the measured points and beyond the last ones."""
-        return _piecewise(np.asarray(angle, dtype=np.float64), np.array(self.angle), np.array(self.pulse))
+        return _piecewise(angle, self.angle, self.pulse)
 
     def angle_of(self, pulse: ArrayLike) -> Array:
         """Joint angle (rad) for a pulse (s): the inverse of `pulse_of`."""
-        x, y = np.array(self.pulse), np.array(self.angle)
-        order = slice(None) if x[0] < x[-1] else slice(None, None, -1)
-        return _piecewise(np.asarray(pulse, dtype=np.float64), x[order], y[order])
+        order = slice(None) if self.pulse[0] < self.pulse[-1] else slice(None, None, -1)
+        return _piecewise(pulse, self.pulse[order], self.angle[order])
 
 
-def _piecewise(x: Array, knots: Array, values: Array) -> Array:
-    piece = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
-    slope = np.diff(values) / np.diff(knots)
-    return np.asarray(values[piece] + slope[piece] * (x - knots[piece]))
+def _piecewise(x: ArrayLike, knots: tuple[float, ...], values: tuple[float, ...]) -> Array:
+    """Linear between knots (rising), and beyond them; for one number Python is several times faster than numpy."""
+    if isinstance(x, float):
+        k = min(max(bisect_right(knots, x) - 1, 0), len(knots) - 2)
+        slope = (values[k + 1] - values[k]) / (knots[k + 1] - knots[k])
+        return np.asarray(values[k] + slope * (x - knots[k]))
+    at, ends, y = np.asarray(x, dtype=np.float64), np.array(knots), np.array(values)
+    piece = np.clip(np.searchsorted(ends, at, side="right") - 1, 0, len(ends) - 2)
+    slopes = np.diff(y) / np.diff(ends)
+    return np.asarray(y[piece] + slopes[piece] * (at - ends[piece]))
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from lrm_math.ik.deployment import Method
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.linkage import Indices
+from lrm_math.ik.one_pose import OnePose
 from lrm_math.ik.reply import Barred, NotConverged, Reply, Solved, Unsolved
 from lrm_math.ik.rounding import Rounding
 from lrm_math.ik.settled import settled
@@ -37,6 +37,8 @@ from lrmd.refusal import Refused
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
 NO_REST = "the model has the arm come to no rest there, or to more than one: the load may be too heavy for it"
+AT_REST = 1e-7
+"""m: it is at rest when the TCP moves no further than this."""
 ONE_REST = 1e-6
 """rad, m: amounts of slots that differ by less are of one equilibrium."""
 GoesOn = Callable[[], None]
@@ -99,28 +101,32 @@ class Standing:
 
     def free(self, poses: Poses, near_rest: Sequence[Number]) -> NDArray[np.bool_]:
         """(K,), for commands that a solver proposes; `near_rest`: amounts of all slots that it has them come to."""
-        rest, rows = settled(self.model, poses)
         free = np.zeros(len(poses), dtype=bool)
-        if len(rows):
-            free[rows] = self._same(rest, near_rest, rows)
-            if self.scene is not None:
-                free[rows] &= self._near(self.scene, rest).distance.reshape(2, -1).min(axis=0) >= self.scene.margin
+        rests = []
+        for k, q in enumerate(poses.q):  # a few; one after the other is faster
+            rest, rows = settled(self.model, OnePose.of(poses, k, q), tolerance=AT_REST)
+            if len(rows) and self._same(rest, near_rest, k):
+                free[k] = True
+                rests.append(rest)
+        if rests and self.scene is not None:
+            free[free] = self._near(self.scene, rests).distance.reshape(2, -1).min(axis=0) >= self.scene.margin
         return free
 
-    def _same(self, rest: Equilibrium, near_rest: Sequence[Number], rows: Indices) -> NDArray[np.bool_]:
+    def _same(self, rest: Equilibrium, near_rest: Sequence[Number], row: int) -> bool:
         """Whether it comes to the same rest from the rigid arm's pose: overloaded, an arm may have more than one."""
-        same = np.ones(len(rows), dtype=bool)
         for k in self.model.wiring.moving:
             there = near_rest[k]
-            same &= np.abs(rest.slots[k] - (there if isinstance(there, float) else there[rows])) < ONE_REST
-        return same
+            if abs(float(rest.slots[k]) - (there if isinstance(there, float) else float(there[row]))) >= ONE_REST:
+                return False
+        return True
 
     def rests_at_counts(self, reply: Solved, payload: float) -> bool:
         """Whether the board's counts leave the error that the reply says, wherever the arm comes from."""
         if reply.rounded is None:
             return True
         side = np.array([reply.direction], dtype=np.float64)
-        rest, rows = settled(self.model, Poses(np.array([reply.rounded.q]), np.array([payload]), side))
+        poses = OnePose(np.array([reply.rounded.q]), np.array([payload]), side)
+        rest, rows = settled(self.model, poses, tolerance=AT_REST)
         if not len(rows):
             return False
         return abs(math.dist(rest.true_tcp[0], reply.goal.position) - reply.rounded.error) < ONE_REST
@@ -129,7 +135,7 @@ class Standing:
         """What is wrong with a command (rad) that is not free, in words, and the two bodies that are too close."""
         rest, rows = settled(self.model, poses_of(np.array([q]), payload))
         if self.scene is not None and len(rows):
-            near = self._near(self.scene, rest)
+            near = self._near(self.scene, [rest])
             k = int(near.distance.argmin())
             closest = Closest(float(near.distance[k]), str(near.first[k]), str(near.second[k]))
             if closest.distance < self.scene.margin:
@@ -140,10 +146,11 @@ class Standing:
                 return text, closest
         return NO_REST, None
 
-    def _near(self, scene: Scene, rest: Equilibrium) -> Clearance:
-        """Of 2 N arms: those that sag, then the rigid ones at the same commands."""
-        bent = frames(self.model.chain, rest.slots, len(rest.poses))
-        return clearance_of(scene, np.concatenate([bent, scene.frames(rest.poses.q)]))
+    def _near(self, scene: Scene, rests: Sequence[Equilibrium]) -> Clearance:
+        """Of twice as many arms: those that sag, then the rigid ones at the same commands."""
+        bent = [frames(self.model.chain, rest.slots, 1) for rest in rests]
+        rigid = scene.frames(np.concatenate([rest.poses.q for rest in rests]))
+        return clearance_of(scene, np.concatenate([*bent, rigid]))
 
 
 class IkService:
