@@ -20,7 +20,7 @@ from typing import Any
 import msgpack
 
 from bench.fuzz_ik_checks import Figures, Said, check
-from bench.fuzz_ik_questions import WRONGS, Subject, damaged, some_request, some_subject
+from bench.fuzz_ik_questions import WRONGS, Subject, damaged, some_requests, some_subject
 from bench.world import CONFIG
 from lrmd.config import load_config
 from lrmd.ik_messages import IkReply, IkRequest
@@ -93,8 +93,8 @@ def fuzz(queries: int, seed: int) -> Tally:
     while asked < queries:
         subject = some_subject(rng, config)
         said: list[Said] = []
-        for _ in range(min(BLOCK, queries - asked)):
-            content, wrong = some_request(rng, subject.model), ""
+        for content in some_requests(rng, subject.model, min(BLOCK, queries - asked)):
+            wrong = ""
             chance = rng.random()
             if chance < 0.3:
                 break_it = rng.choice(WRONGS)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bench.fuzz_ik_questions import Subject
 from lrm_math.collision import Scene, clearance_of
 from lrm_math.ik.goal import Goal
+from lrm_math.ik.linkage import Indices
 from lrm_math.ik.settled import settled
 from lrm_math.model import Model
 from lrm_math.poses import Poses
@@ -78,14 +79,12 @@ class Command:
 
 def check(subject: Subject, said: list[Said], figures: Figures) -> Iterator[str]:
     """What is wrong with the answers to the queries of one model, in words."""
-    commands = [command for s in said if s.answer.verdict == "solved" for command in commands_of(s)]
+    solved = [s for s in said if s.answer.verdict == "solved"]
+    commands = [command for s in solved for command in commands_of(s)]
     if commands:
         yield from check_commands(subject, commands, figures)
-    for s in said:
-        if s.answer.verdict == "solved":
-            yield from check_counts(subject, s)
-        else:
-            yield from check_nearest(subject, s)
+        yield from check_counts(subject, solved)
+    yield from check_nearest(subject, [s for s in said if s.answer.verdict != "solved"])
 
 
 def commands_of(said: Said) -> Iterator[Command]:
@@ -100,19 +99,18 @@ def commands_of(said: Said) -> Iterator[Command]:
 def check_commands(subject: Subject, commands: list[Command], figures: Figures) -> Iterator[str]:
     """Limits, distances, and where the tool is."""
     q = np.array([command.q for command in commands])
-    payload = np.array([command.said.request.payload_kg for command in commands])
     joints, margin = subject.model.arm.joints, Scene.of(subject.model.arm).margin
     inside = np.all((q >= [j.lower for j in joints]) & (q <= [j.upper for j in joints]), axis=1)
-    poses = Poses(q, payload, np.array([command.direction for command in commands]))
-    near, tools = distances(subject.model, poses), tools_at(subject.model, poses)
+    loads = loads_of([command.said for command in commands])
+    rests = Rests.of(subject.model, Poses(q, loads, np.array([command.direction for command in commands])))
     figures.commands += len(q)
     for k, command in enumerate(commands):
         said = command.said
-        off, turn = errors(tools[k], said.goal)
+        off, turn = errors(rests.tool[k], said.goal)
         if not inside[k]:
             yield f"outside the limits: {said}"
-        if not near[k] >= margin - (LEAST if command.certain else CLOSE):
-            yield f"{near[k] * 1e3:.3f} mm apart: {said}"
+        if not rests.distance[k] >= margin - (LEAST if command.certain else CLOSE):
+            yield f"{rests.distance[k] * 1e3:.3f} mm apart: {said}"
         if command.certain and not off <= (EXACT if said.polished else CLOSE):
             yield f"off by {off * 1e3:.2e} mm: {said}"
         if command.certain and said.polished and not turn <= TURNED:
@@ -123,22 +121,31 @@ def check_commands(subject: Subject, commands: list[Command], figures: Figures) 
             figures.worst = max(figures.worst, off)
 
 
-def distances(model: Model, poses: Poses) -> Array:
-    """(N,), how close the closest bodies are (m), rigid or bent; minus infinity where the arm comes to no rest."""
-    scene, out = Scene.of(model.arm), np.full(len(poses), -np.inf)
-    rest, rows = settled(model, poses)
-    if len(rows):
-        out[rows] = clearance_of(scene, frames(model.chain, rest.slots, len(rows))).distance
-    return np.asarray(np.minimum(out, clearance_of(scene, scene.frames(poses.q)).distance))
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """Where N commands leave the arm: `distance` (N,) of the closest bodies (m), rigid or bent, minus infinity where it
+    comes to no rest; `tool` (N, 4, 4), infinite there."""
+
+    distance: Array
+    tool: Array
+
+    @classmethod
+    def of(cls, model: Model, poses: Poses) -> Rests:
+        """By the model's own equilibrium, from the start."""
+        scene, distance = Scene.of(model.arm), np.full(len(poses), -np.inf)
+        bent, rows = frames_at(model, poses)
+        if len(rows):
+            distance[rows] = clearance_of(scene, bent[rows]).distance
+        return cls(np.asarray(np.minimum(distance, clearance_of(scene, scene.frames(poses.q)).distance)), bent[:, -1])
 
 
-def tools_at(model: Model, poses: Poses) -> Array:
-    """(N, 4, 4), the tool's frames at rest; infinite where the arm comes to none."""
-    out = np.full((len(poses), 4, 4), np.inf)
+def frames_at(model: Model, poses: Poses) -> tuple[Array, Indices]:
+    """(N, F, 4, 4), all frames at rest, the tool's last, infinite where the arm comes to none; and where it does."""
     rest, rows = settled(model, poses)
-    if len(rows):
-        out[rows] = frames(model.chain, rest.slots, len(rows))[:, -1]
-    return out
+    there = frames(model.chain, rest.slots, len(rows)) if len(rows) else np.empty((0, 1, 4, 4))
+    out = np.full((len(poses), *there.shape[1:]), np.inf)
+    out[rows] = there
+    return out, rows
 
 
 def errors(tool: Array, goal: Goal) -> tuple[float, float]:
@@ -149,28 +156,37 @@ def errors(tool: Array, goal: Goal) -> tuple[float, float]:
     return off, 0.0 if goal.approach is None else float(np.linalg.norm(tool[:3, 2] - np.array(goal.approach)))
 
 
-def check_counts(subject: Subject, said: Said) -> Iterator[str]:
-    """Whether the counts leave the error that the answer says."""
+def check_counts(subject: Subject, solved: list[Said]) -> Iterator[str]:
+    """Whether the counts leave the error that the answers say."""
     tables = [joint.servo for joint in subject.model.arm.joints if joint.servo is not None]
-    pulses = [subject.clock.pulse_of(count) for count in said.answer.counts or []]
-    angles = np.array([[float(t.angle_of(pulse)) for t, pulse in zip(tables, pulses, strict=True)]])
-    side = np.array([said.answer.direction], dtype=float)
-    tool = tools_at(subject.model, Poses(angles, np.array([said.request.payload_kg]), side))[0]
-    off = math.dist(tool[:3, 3], said.goal.position)
-    if not abs(off - (said.answer.rounded_error_m or 0.0)) <= EXACT:
-        yield f"the counts leave {off * 1e3:.2e} mm, not as it says: {said}"
+    pulses = [[subject.clock.pulse_of(count) for count in s.answer.counts or []] for s in solved]
+    angles = [[float(t.angle_of(p)) for t, p in zip(tables, row, strict=True)] for row in pulses]
+    side = np.array([s.answer.direction for s in solved], dtype=float)
+    tools = frames_at(subject.model, Poses(np.array(angles), loads_of(solved), side))[0][:, -1]
+    for tool, s in zip(tools, solved, strict=True):
+        off = math.dist(tool[:3, 3], s.goal.position)
+        if not abs(off - (s.answer.rounded_error_m or 0.0)) <= EXACT:
+            yield f"the counts leave {off * 1e3:.2e} mm, not as it says: {s}"
 
 
-def check_nearest(subject: Subject, said: Said) -> Iterator[str]:
-    """Whether an answer without a solution has no command but a nearest one, and that one is as near as it says."""
-    answer = said.answer
-    if answer.q_rad is not None or answer.branches_rad or not answer.text:
-        yield f"commands without a solution, or no reason: {said}"
-    if answer.nearest_rad is None:
+def check_nearest(subject: Subject, unsolved: list[Said]) -> Iterator[str]:
+    """Whether answers without a solution have no command but a nearest one, and that one is as near as they say."""
+    for s in unsolved:
+        if s.answer.q_rad is not None or s.answer.branches_rad or not s.answer.text:
+            yield f"commands without a solution, or no reason: {s}"
+    proposing = [s for s in unsolved if s.answer.nearest_rad is not None]
+    if not proposing:
         return
-    q = np.array([answer.nearest_rad])
-    if not all(j.lower <= x <= j.upper for x, j in zip(answer.nearest_rad, subject.model.arm.joints, strict=True)):
-        yield f"nearest outside the limits: {said}"
-    tool = tools_at(subject.model, Poses(q, np.array([said.request.payload_kg])))[0]
-    if not abs(math.dist(tool[:3, 3], said.goal.position) - (answer.nearest_distance_m or 0.0)) <= EXACT:
-        yield f"nearest is elsewhere: {said}"
+    q, joints = np.array([s.answer.nearest_rad for s in proposing]), subject.model.arm.joints
+    inside = np.all((q >= [j.lower for j in joints]) & (q <= [j.upper for j in joints]), axis=1)
+    tools = frames_at(subject.model, Poses(q, loads_of(proposing)))[0][:, -1]
+    for tool, within, s in zip(tools, inside, proposing, strict=True):
+        if not within:
+            yield f"nearest outside the limits: {s}"
+        if not abs(math.dist(tool[:3, 3], s.goal.position) - (s.answer.nearest_distance_m or 0.0)) <= EXACT:
+            yield f"nearest is elsewhere: {s}"
+
+
+def loads_of(said: list[Said]) -> Array:
+    """(N,), kg."""
+    return np.array([s.request.payload_kg for s in said])

@@ -12,6 +12,7 @@ import numpy as np
 
 from bench.ik_calibrated import SMOOTH, TABLE_B2, with_effects
 from lrm_math.arm_file import load_arm
+from lrm_math.chain import Array
 from lrm_math.effects import effects_at
 from lrm_math.ik.settled import settled
 from lrm_math.model import Model, model_of
@@ -58,11 +59,25 @@ def some_subject(rng: random.Random, config: Config) -> Subject:
     return Subject(IkService(own, Deployed(model, None, "fuzz", "00" * 32, ())), model, clock)
 
 
+def some_requests(rng: random.Random, model: Model, count: int) -> list[Content]:
+    """Messages that are in order. Where the arm comes to rest, for goals that it can have, is reckoned at once."""
+    contents = [some_request(rng, model) for _ in range(count)]
+    owners = [content for content in contents for _ in range(rng.choice([1, 1, 1, 1, 2]))]
+    loads = np.array([content["payload_kg"] for content in owners])
+    rest, rows = settled(model, Poses(np.array([some_angles(rng, model) for _ in owners]), loads))
+    tools: list[Array | None] = [None] * len(owners)
+    if len(rows):
+        for row, tool in zip(rows.tolist(), frames(model.chain, rest.slots, len(rows))[:, -1], strict=True):
+            tools[row] = tool
+    for content, tool in zip(owners, tools, strict=True):
+        content["goals"].append(some_goal(rng, tool if rng.random() < REACHABLE else None))
+    return contents
+
+
 def some_request(rng: random.Random, model: Model) -> Content:
-    """A message that is in order."""
+    """A message whose goals are still to be filled in."""
     payload = rng.choice([0.0, 0.0, 0.0663, rng.uniform(0, 0.2), rng.uniform(0, 2.0)])
-    content: Content = {"goals": [some_goal(rng, model, payload) for _ in range(rng.choice([1, 1, 1, 1, 2]))]}
-    content["payload_kg"] = payload
+    content: Content = {"goals": [], "payload_kg": payload}
     content["method"] = rng.choices(["direct", "cube", "iterative"], [6, 2, 2])[0]
     content["round"] = rng.choice(["each", "best"])
     if content["method"] == "cube" and rng.random() < 0.8:
@@ -81,21 +96,18 @@ def some_angles(rng: random.Random, model: Model, wide: float = 1.0) -> list[flo
     return out
 
 
-def some_goal(rng: random.Random, model: Model, payload: float) -> Content:
-    """Where the arm can be, or anywhere."""
+def some_goal(rng: random.Random, tool: Array | None) -> Content:
+    """Where the tool's frame is (4, 4), or anywhere."""
     turn = rng.choice(["none", "rpy", "quaternion", "approach", "whole"])
-    if rng.random() < REACHABLE:
-        rest, rows = settled(model, poses_at([some_angles(rng, model)], payload))
-        if len(rows):
-            T = frames(model.chain, rest.slots, 1)[0, -1]
-            goal: Content = {"position_m": T[:3, 3].tolist()}
-            if turn == "approach":
-                goal["approach"] = (T[:3, 2] * 10 ** rng.uniform(-3, 1)).tolist()
-            elif turn != "none":
-                R = T[:3, :3]
-                rpy = [math.atan2(R[2, 1], R[2, 2]), -math.asin(max(-1, min(1, R[2, 0]))), math.atan2(R[1, 0], R[0, 0])]
-                goal["rpy_rad"] = [float(a) for a in rpy]
-            return goal
+    if tool is not None:
+        goal: Content = {"position_m": tool[:3, 3].tolist()}
+        if turn == "approach":
+            goal["approach"] = (tool[:3, 2] * 10 ** rng.uniform(-3, 1)).tolist()
+        elif turn != "none":
+            R = tool[:3, :3]
+            rpy = [math.atan2(R[2, 1], R[2, 2]), -math.asin(max(-1, min(1, R[2, 0]))), math.atan2(R[1, 0], R[0, 0])]
+            goal["rpy_rad"] = [float(a) for a in rpy]
+        return goal
     size = rng.choice([0.0, 1e-9, 0.1, 0.4, 0.8, 5.0, 100.0])
     goal = {"position_m": [rng.uniform(-size, size) for _ in range(3)]}
     if turn in ("rpy", "whole"):
@@ -106,11 +118,6 @@ def some_goal(rng: random.Random, model: Model, payload: float) -> Content:
     elif turn == "approach":
         goal["approach"] = [rng.gauss(0, 1) for _ in range(3)]
     return goal
-
-
-def poses_at(q: list[list[float]], payload: float) -> Poses:
-    """Commands (N, n) in rad."""
-    return Poses(np.array(q), np.full(len(q), payload))
 
 
 def _millimetres(rng: random.Random, c: Content) -> None:

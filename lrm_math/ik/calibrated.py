@@ -101,7 +101,7 @@ class CalibratedSolver:
     def warm_up(self) -> None:
         """Reckons beforehand what the first goals would wait for."""
         deployment = self.deployment
-        _ = deployment.drawing, deployment.likeness, deployment.library, deployment.compensation.linkage
+        _ = deployment.drawing, deployment.likeness, deployment.leaps, deployment.one_start
 
     def solve(
         self,

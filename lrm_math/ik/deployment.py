@@ -14,6 +14,7 @@ from lrm_math.equilibrium import settle
 from lrm_math.ik.answer import Limits
 from lrm_math.ik.compensation import Compensation
 from lrm_math.ik.goal import Goal
+from lrm_math.ik.leaps import Leaps
 from lrm_math.ik.library import Library
 from lrm_math.ik.likeness import SLACK, Likeness, Seeds
 from lrm_math.ik.linkage import Burden
@@ -118,6 +119,11 @@ class Deployment:
     def library(self) -> Library:
         """Commands all over the range, and where the arm is then."""
         return Library.of(self.model, self.compensation.linkage.slots.tolist())
+
+    @cached_property
+    def leaps(self) -> Leaps:
+        """Starts of last resort for whole poses."""
+        return Leaps.of(self.library, self.compensation.linkage, self.band)
 
     def poses(self, ask: Ask, q: Array, direction: Array | None = None) -> Poses:
         """Commands q (K, n) with the load of a question."""

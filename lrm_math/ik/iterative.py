@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrm_math.chain import Number
 from lrm_math.ik.deployment import Ask, Deployment, Found, Stalled
 from lrm_math.ik.first_guess import first_guesses, nominal
 from lrm_math.ik.likeness import SLACK
@@ -35,8 +36,9 @@ class Iterative:
         drawn = next(first_guesses(deployment, ask))
         goal = np.array(ask.goal.position)
         q, errors = drawn.q, [0.0][:0]
+        near: list[Number] | None = None
         for step in range(1, self.most + 1):
-            rest, rows = settled(deployment.model, deployment.poses(ask, q[None]))
+            rest, rows = settled(deployment.model, deployment.poses(ask, q[None]), near, 0.1 * STILL)
             if not len(rows):
                 break
             error = rest.true_tcp[0] - goal
@@ -47,5 +49,8 @@ class Iterative:
             answer, valid = nominal(deployment, (drawn.position - error)[None], drawn.rotation, q, SLACK)
             if at_rest or not valid[0]:
                 break
+            near = list(rest.slots)
+            for k, turn in zip(deployment.model.chain.joint_slots, (answer[0] - q).tolist(), strict=True):
+                near[k] = near[k] + turn
             q = answer[0]
         return Stalled(tuple(q.tolist()), tuple(errors)) if errors else None

@@ -28,6 +28,8 @@ from lrm_math.ik.one_linkage import Cargo, Frame, OneLinkage, matrices, screws, 
 DAMPING = 1e-3
 NEARLY = 1e-5
 """m: starts that miss less are followed to the end."""
+STALLED, NUDGE = 1e-3, 1e-5
+"""m: whoever is stuck this close is helped on; rad: a turn that tells how the other slots follow."""
 STEADY = 0.01
 """The Jacobian is kept where the last one made the error this much smaller, at least."""
 PATIENCE = EVERY_BRANCH.patience
@@ -141,10 +143,11 @@ class OneStart:
         """As `newton.reach` from amounts (V,), for a pose; `limited`: only while the command may keep the limits.
 
         The other slots go where loads have them, and the joints make up for that; what the joints' steps do to those
-        loads in turn is a small share, and left to the next step.
+        loads in turn is a small share, and left to the next step. Close to a goal where that gets stuck, as on folds,
+        it is reckoned with.
         """
         joints, others = self.joints.numbers, self.others.numbers
-        amounts, before, seen_from = list(start), inf, 0.0
+        amounts, before, seen_from, careful = list(start), inf, 0.0, False
         trail: list[float] = []
         damping = DAMPING
         for step in range(MOST_STEPS + 1):
@@ -156,7 +159,10 @@ class OneStart:
             lacking = [(v, to - amounts[v]) for v, to in zip(others, there, strict=True)]
             miss = sqrt(square) + self.wide * sum([abs(turn) for _, turn in lacking])
             trail.append(miss)
-            stuck = step >= PATIENCE and miss > 0.5 * trail[-1 - PATIENCE]
+            stuck = len(trail) > PATIENCE and miss > 0.5 * trail[-1 - PATIENCE]
+            if stuck and others and miss < STALLED and not careful:
+                stuck, careful, seen_from = False, True, 0.0
+                trail = [miss]
             if miss <= CLOSE or stuck or step == MOST_STEPS:
                 break
             if limited and miss > NEARLY and self._beyond(amounts, tau) > (AT_FIRST if step == 0 else LATER):
@@ -164,13 +170,27 @@ class OneStart:
             damping = 30.0 * damping if miss > before else max(0.3 * damping, DAMPING)
             before = miss
             if miss > STEADY * seen_from:
-                inverse, seen_from = _inverse(screws(stand, joints, LEVER), damping * square + TINY), miss
-            left = np.array(error) - twist(stand, lacking, LEVER)
-            for v, turn in zip(joints, _cut(inverse @ left), strict=True):
+                by_joint = screws(stand, joints, LEVER)
+                if careful:
+                    follow = self._follow(amounts, there, cargo)
+                    by_joint += follow @ screws(stand, others, LEVER)
+                inverse, seen_from = _inverse(by_joint, damping * square + TINY), miss
+            turns = _cut(inverse @ (np.array(error) - twist(stand, lacking, LEVER)))
+            for v, turn in _led(turns, follow, lacking) if careful else lacking:
                 amounts[v] += turn
-            for v, turn in lacking:
+            for v, turn in zip(joints, turns, strict=True):
                 amounts[v] += turn
         return End(amounts, tau, stand.tcp, miss, step, False)
+
+    def _follow(self, amounts: Sequence[float], there: Sequence[float], cargo: Cargo) -> Array:
+        """(n, W), how the other slots, which want to be `there` now, follow a turn of each joint (rad/rad)."""
+        rows = []
+        for v in self.joints.numbers:
+            nudged = list(amounts)
+            nudged[v] += NUDGE
+            then = self.others.given_way(self.linkage.loads(self.linkage.stand(nudged, cargo), cargo))
+            rows.append([(to - now) / NUDGE for to, now in zip(then, there, strict=True)])
+        return np.array(rows)
 
     def _beyond(self, amounts: Sequence[float], tau: Sequence[float]) -> float:
         """How far the command, with the linear effects only, is beyond the limits at most; negative within (rad)."""
@@ -180,6 +200,11 @@ class OneStart:
             q = amounts[v] - bent
             worst = max(worst, lower - q, q - upper)
         return worst
+
+
+def _led(turns: list[float], follow: Array, lacking: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
+    """Numbers and turns of the other slots: where turns of the joints (n,) lead them, and what they lack (rad)."""
+    return [(v, lack + more) for (v, lack), more in zip(lacking, (turns @ follow).tolist(), strict=True)]
 
 
 def _inverse(by_joint: Array, damping: float) -> Array:

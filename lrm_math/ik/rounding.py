@@ -21,7 +21,9 @@ from lrm_math.ik.answer import Limits
 from lrm_math.servo import PwmClock, ServoTable
 
 CHECKED = 4
-"""How many of the linearly best combinations are reckoned exactly."""
+"""How many of the linearly best combinations are reckoned exactly, at most."""
+CURVED = 1.1
+"""Those are not that are linearly this much worse than the best one is exactly: half degrees hardly bend the way."""
 
 
 class Rounding(StrEnum):
@@ -90,12 +92,17 @@ def rounded(
         jacobian: (3, n), how the TCP answers commands (m/rad); asked for only where combinations are compared.
     """
     neighbours = servos.neighbours(q)
-    choices = [tuple(pairs[0] for pairs in neighbours)]
+
+    def reckoned(choice: tuple[tuple[int, float], ...]) -> tuple[float, tuple[tuple[int, float], ...]]:
+        return miss(tuple(angle for _, angle in choice)), choice
+
+    best = reckoned(tuple(pairs[0] for pairs in neighbours))
     if rounding is Rounding.BEST:
         every = list(itertools.product(*neighbours))
         off = np.array([[angle for _, angle in choice] for choice in every]) - np.asarray(q)
-        distance = ((off @ jacobian().T) ** 2).sum(axis=1)
-        choices += [every[i] for i in np.argsort(distance, kind="stable")[:CHECKED]]
-    reckoned = [(miss(tuple(angle for _, angle in choice)), choice) for choice in choices]
-    error, best = min(reckoned, key=lambda pair: pair[0])
-    return Rounded(tuple(count for count, _ in best), tuple(angle for _, angle in best), error, rounding)
+        distance = np.sqrt(((off @ jacobian().T) ** 2).sum(axis=1))
+        for i in np.argsort(distance, kind="stable")[:CHECKED].tolist():
+            if i > 0 and distance[i] < CURVED * best[0]:
+                best = min(best, reckoned(every[i]), key=lambda pair: pair[0])
+    error, choice = best
+    return Rounded(tuple(count for count, _ in choice), tuple(angle for _, angle in choice), error, rounding)
