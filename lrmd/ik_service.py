@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lrm_math.chain import Number
 from lrm_math.collision import Clearance, Closest, Scene, clearance_of
-from lrm_math.equilibrium import Equilibrium
+from lrm_math.equilibrium import PLAIN_ITERATIONS, Equilibrium
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CUBE, CalibratedSolver
 from lrm_math.ik.cube import Cube
@@ -20,6 +20,7 @@ from lrm_math.ik.deployment import Method
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.iterative import Iterative
+from lrm_math.ik.linkage import Indices
 from lrm_math.ik.one_pose import OnePose
 from lrm_math.ik.reply import Barred, NotConverged, Reply, Solved, Unsolved
 from lrm_math.ik.rounding import Rounding
@@ -104,7 +105,7 @@ class Standing:
         free = np.zeros(len(poses), dtype=bool)
         rests = []
         for k, q in enumerate(poses.q):  # a few; one after the other is faster
-            rest, rows = settled(self.model, OnePose.of(poses, k, q), tolerance=AT_REST)
+            rest, rows = self._at_rest(OnePose.of(poses, k, q))
             if len(rows) and self._same(rest, near_rest, k):
                 free[k] = True
                 rests.append(rest)
@@ -120,13 +121,18 @@ class Standing:
                 return False
         return True
 
+    def _at_rest(self, poses: Poses) -> tuple[Equilibrium, Indices]:
+        """As `settled`; whatever does not come to rest at once has to come to it entirely."""
+        rest, rows = settled(self.model, poses, tolerance=AT_REST)
+        return (rest, rows) if len(rows) and rest.iterations <= PLAIN_ITERATIONS else settled(self.model, poses)
+
     def rests_at_counts(self, reply: Solved, payload: float) -> bool:
         """Whether the board's counts leave the error that the reply says, wherever the arm comes from."""
         if reply.rounded is None:
             return True
         side = np.array([reply.direction], dtype=np.float64)
         poses = OnePose(np.array([reply.rounded.q]), np.array([payload]), side)
-        rest, rows = settled(self.model, poses, tolerance=AT_REST)
+        rest, rows = self._at_rest(poses)
         if not len(rows):
             return False
         return abs(math.dist(rest.true_tcp[0], reply.goal.position) - reply.rounded.error) < ONE_REST

@@ -68,6 +68,11 @@ class ClosedForm(NominalSolver):
         branches = tuple([Branch(q, number, limits) for number, q in found])
         return Answer(Verdict.SOLVED, branches) if len(branches) == 1 else answer_of(branches, here, "")
 
+    def lesser(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
+        here = None if near is None else angles_near(near, 6)
+        found = None if goal.approach is None else self._along(goal, here)
+        return self.search.branches(goal, here, np.empty((0, 6))) if found is None else found.branches
+
     def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
         p, R = poses_checked(positions, rotations)
         found = self._branches(p, R, self.search.middle, self.inside)
@@ -170,8 +175,11 @@ class ClosedForm(NominalSolver):
 
         The turns about the direction are sampled ever more finely where a branch moves the joints least.
         """
-        if goal.approach is None:
-            return self.search.answer(goal, near)
+        found = None if goal.approach is None else self._along(goal, near)
+        return self.search.answer(goal, near) if found is None else found
+
+    def _along(self, goal: Goal, near: Array | None) -> Answer | None:
+        """A position with an approach; None if no turn about it was found that leads there."""
         towards = self.search.middle if near is None else near
         z, now = np.array(goal.approach), placed(self.search.chain, towards[None]).frames[-1, :, :, 0]
         x = np.cross(now[1], z) if abs(z @ now[1]) < 0.9 else np.cross(now[0], z)
@@ -181,7 +189,7 @@ class ClosedForm(NominalSolver):
         for _ in range(REFINED):
             q, turn, number = self._round_about(goal, np.array([x, np.cross(z, x), z]), turns)
             if len(q) == 0:
-                return self.search.answer(goal, near)
+                return None
             nearest = np.argsort(np.square(q - towards).sum(axis=1))
             _, first = np.unique(number[nearest], return_index=True)
             best = nearest[np.sort(first)]

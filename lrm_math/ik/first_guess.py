@@ -33,7 +33,7 @@ def first_guesses(deployment: Deployment, ask: Ask) -> Iterator[Drawn]:
     the closest poses of the library. What the goal leaves free of the orientation is as the guess has it.
     """
     if ask.goal.rotation is None:
-        for branch in deployment.drawing.solve(ask.goal, ask.near):
+        for branch in deployment.drawing.lesser(ask.goal, ask.near):
             yield taken(deployment, np.array(branch.q))
     else:
         rotation, middle = np.array(ask.goal.rotation), deployment.likeness.middle

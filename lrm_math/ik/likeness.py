@@ -66,9 +66,7 @@ class Likeness:
         Beyond the look-alike's reach they are those that come near it, or take the goal pulled inwards.
         """
         if goal.rotation is None:
-            answer = self.solver.solve(goal, near)
-            rows = [branch.q for branch in (*answer.branches, *answer.beyond)]
-            return self._unpulled(goal, [(-1, q) for q in rows])
+            return self._unpulled(goal, [(-1, branch.q) for branch in self.solver.lesser(goal, near)])
         found = None
         for solver in (self.one_goal, self.almost):
             found = found or (solver(goal.rotation, goal.position) if solver else None)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrm_math.arm import Arm
-from lrm_math.ik.answer import Answer
+from lrm_math.ik.answer import Answer, Branch
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.search import Search
 from lrm_math.ik.solver import BRANCHES, BatchAnswer, NominalSolver, angles_near, poses_checked
@@ -32,6 +32,9 @@ class Numerical(NominalSolver):
 
     def solve(self, goal: Goal, near: Sequence[float] | None = None) -> Answer:
         return self.search.answer(goal, angles_near(near, self.arm.dof))
+
+    def lesser(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
+        return self.search.branches(goal, angles_near(near, self.arm.dof), np.empty((0, self.arm.dof)))
 
     def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
         p, R = poses_checked(positions, rotations)

@@ -112,23 +112,30 @@ class Search:
         in every family that was met: least squares of joint motions.
         """
         towards = self.middle if near is None else near
-        determined = goal.constraints >= self.chain.dof
         if self._too_far(goal):
             return self.beyond(goal, towards, ())
+        branches = self.branches(goal, near, self.starts(FEW + MANY)[FEW:])
+        if not branches:
+            return self._failure(goal, towards)
+        return answer_of(branches, near, "the joints' motions are dependent")
+
+    def branches(self, goal: Goal, near: Array | None, more: Array) -> tuple[Branch, ...]:
+        """Of `answer`, within the limits; `more` (K, n) starts if the first few lead nowhere or the goal is whole."""
+        towards = self.middle if near is None else near
+        determined = goal.constraints >= self.chain.dof
         starts = np.vstack([np.clip(towards, self.lower, self.upper), self.starts(FEW)])
         found = self.take(goal, starts, steps=EXACT if determined else ROUGH)
-        if len(found) == 0 or determined:
-            found = np.concatenate([found, self.take(goal, self.starts(FEW + MANY)[FEW:])])
+        if len(more) and (len(found) == 0 or determined):
+            found = np.concatenate([found, self.take(goal, more)])
         if len(found) == 0:
-            return self._failure(goal, towards)
+            return ()
         found = by_distance(found, towards)
         if not determined:
             found = by_distance(self.slide(goal, distinct(found, APART)[:REPRESENTATIVES], towards), towards)
-        branches = tuple(
+        return tuple(
             Branch(tuple(row), -1, self.limits, self._free(goal, row) if determined else None)
             for row in distinct(found, SAME if determined else ELSEWHERE).tolist()
         )
-        return answer_of(branches, near, "the joints' motions are dependent")
 
     def _too_far(self, goal: Goal) -> bool:
         """Whether a position lies further from the first joint than the arm is long."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from lrm_math.arm import Arm
 from lrm_math.chain import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Answer
+from lrm_math.ik.answer import Answer, Branch
 from lrm_math.ik.goal import Goal
 
 Mask = NDArray[np.bool_]
@@ -55,6 +55,10 @@ class NominalSolver(ABC):
         Raises:
             LrmError: `near` is not n finite angles.
         """
+
+    @abstractmethod
+    def lesser(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
+        """The branches of a goal without a whole orientation as `solve` has them, not why there are none."""
 
     @abstractmethod
     def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
