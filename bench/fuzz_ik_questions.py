@@ -78,7 +78,7 @@ def some_request(rng: random.Random, model: Model) -> Content:
     """A message whose goals are still to be filled in."""
     payload = rng.choice([0.0, 0.0, 0.0663, rng.uniform(0, 0.2), rng.uniform(0, 2.0)])
     content: Content = {"goals": [], "payload_kg": payload}
-    content["method"] = rng.choices(["direct", "cube", "iterative"], [6, 2, 2])[0]
+    content["method"] = rng.choices(["direct", "cube", "iterative"], [8, 1, 1])[0]
     content["round"] = rng.choice(["each", "best"])
     if content["method"] == "cube" and rng.random() < 0.8:
         content |= {"cube_side_m": 10 ** rng.uniform(-4, -0.7), "cube_points": rng.randint(2, 6)}
