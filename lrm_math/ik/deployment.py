@@ -18,7 +18,7 @@ from lrm_math.ik.leaps import Leaps
 from lrm_math.ik.library import Library
 from lrm_math.ik.likeness import SLACK, Likeness, Seeds
 from lrm_math.ik.linkage import Burden
-from lrm_math.ik.newton import EVERY_BRANCH, Aim, Band, Effort, Reached, reach
+from lrm_math.ik.newton import EVERY_BRANCH, FIRST_BRANCH, Aim, Band, Effort, Reached, reach
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.one_pose import OnePose
 from lrm_math.ik.one_start import OneStart
@@ -170,8 +170,9 @@ class Deployment:
         """
         compensation, joints = self.compensation, self.compensation.linkage.joints
         burden = self._burden(ask)
-        if effort is EVERY_BRANCH and self.one_start is not None and ask.goal.rotation is not None:
-            reached = self.one_start.reach_all(ask.goal.rotation, ask.goal.position, burden, start.tolist())
+        goal, one = ask.goal, self.one_start
+        if one is not None and goal.rotation is not None and effort in (EVERY_BRANCH, FIRST_BRANCH):
+            reached = one.reach_all(goal.rotation, goal.position, burden, start.tolist(), effort.enough)
         else:
             poses = self.poses(ask, start[:, joints] - self.zero)
             reached = reach(compensation, Aim.of(ask.goal), burden, poses, start, self.band, effort)

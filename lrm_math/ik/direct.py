@@ -9,7 +9,7 @@ import numpy as np
 
 from lrm_math.ik.deployment import Ask, Deployment, Found
 from lrm_math.ik.nearest import misses
-from lrm_math.ik.newton import ANY_BRANCH, LAST_RESORT, Aim, beside_folds
+from lrm_math.ik.newton import ANY_BRANCH, FIRST_BRANCH, LAST_RESORT, Aim, beside_folds
 
 TRIES = ((8, ANY_BRANCH), (24, LAST_RESORT), (96, LAST_RESORT))
 """How many poses of the library are tried, and how hard, when what was tried before leads to nothing."""
@@ -60,8 +60,7 @@ class Direct:
             yield found
             start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)
         if whole:
-            for leap in deployment.leaps.starts(ask.goal, LEAPS):
-                yield deployment.solve_from(ask, leap[None])[0]
+            yield deployment.solve_from(ask, deployment.leaps.starts(ask.goal, LEAPS), FIRST_BRANCH)[0]
             pulled = deployment.start_at(replace(ask, near=None), deployment.likeness.pulled(ask.goal, seeds.numbers))
             if len(pulled):
                 found, _ = deployment.solve_from(ask, pulled)

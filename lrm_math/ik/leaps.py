@@ -18,8 +18,6 @@ DAMPING = 1e-4
 """m²: keeps steps short where the arm is nearly singular."""
 LONGEST = 0.6
 """rad: a start is no further than this from its pose, joint by joint."""
-BEYOND = 3.0
-"""A step that ends beyond the limits counts as so many times further as it is beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +50,7 @@ class Leaps:
         q = self.library.q[rows] + step
         beyond = np.maximum(np.maximum(self.band.lower - q, q - self.band.upper), 0.0).max(axis=1)
         length = np.abs(step).max(axis=1)
-        best = np.argsort(length + BEYOND * beyond)[:count]
+        best = np.argsort(length + beyond)[:count]
         out = self.library.amounts[rows[best]]
         out[:, self.joints] += step[best] * (LONGEST / np.maximum(length[best], LONGEST))[:, None]
         return np.asarray(out)

@@ -125,6 +125,7 @@ class Effort:
 
 
 EVERY_BRANCH = Effort(enough=1000, patience=5)
+FIRST_BRANCH = Effort(enough=1, patience=5)
 ANY_BRANCH = Effort(enough=1, patience=3)
 LAST_RESORT = Effort(enough=2, patience=12)
 

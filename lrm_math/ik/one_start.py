@@ -28,8 +28,10 @@ from lrm_math.ik.one_linkage import Cargo, Frame, OneLinkage, matrices, screws, 
 DAMPING = 1e-3
 NEARLY = 1e-5
 """m: starts that miss less are followed to the end."""
-STALLED, NUDGE = 1e-3, 1e-5
-"""m: whoever is stuck this close is helped on; rad: a turn that tells how the other slots follow."""
+QUICK, SLOW, STALLED = 4, 0.5, 1e-3
+"""After so many steps, one that leaves more than this share of the error is slow; m: this close it is helped on."""
+NUDGE = 1e-5
+"""rad, a turn that tells how the other slots follow."""
 STEADY = 0.01
 """The Jacobian is kept where the last one made the error this much smaller, at least."""
 PATIENCE = EVERY_BRANCH.patience
@@ -125,12 +127,25 @@ class OneStart:
             wanted.append(there)
         return matrices(tools), np.array(wanted).reshape(len(starts), -1)
 
-    def reach_all(self, rotation: Rotation, position: Triple, burden: Burden, starts: Sequence[list[float]]) -> Reached:
-        """Where amounts (K, V) lead to; beyond the limits they are followed only if none gets there within."""
-        cargo = self.linkage.cargo(burden)
-        ends = [self.reach(rotation, position, cargo, start, True) for start in starts]
-        if not any(end.met and self._beyond(end.amounts, end.tau) <= 0.0 for end in ends):
-            ends = [self.reach(rotation, position, cargo, end.amounts, False) if end.left else end for end in ends]
+    def reach_all(
+        self, rotation: Rotation, position: Triple, burden: Burden, starts: Sequence[list[float]], enough: int
+    ) -> Reached:
+        """Where amounts (K, V) lead to, one after the other until `enough` are at the goal within the limits.
+
+        Beyond the limits they are followed only if none gets there within.
+        """
+        cargo, ends, good = self.linkage.cargo(burden), list[End](), 0
+        for start in starts:
+            ends.append(self.reach(rotation, position, cargo, start, True))
+            good += self._is_good(ends[-1])
+            if good == enough:
+                break
+        left = [k for k, end in enumerate(ends) if end.left] if not good else []
+        for k in left:
+            ends[k] = self.reach(rotation, position, cargo, ends[k].amounts, False)
+            good += self._is_good(ends[k])
+            if good == enough:
+                break
         return Reached(
             np.array([end.amounts for end in ends]),
             np.array([end.tau for end in ends]).T,
@@ -143,11 +158,12 @@ class OneStart:
         """As `newton.reach` from amounts (V,), for a pose; `limited`: only while the command may keep the limits.
 
         The other slots go where loads have them, and the joints make up for that; what the joints' steps do to those
-        loads in turn is a small share, and left to the next step. Close to a goal where that gets stuck, as on folds,
+        loads in turn is a small share, and left to the next step. Close to a goal where that is slow, as near folds,
         it is reckoned with.
         """
         joints, others = self.joints.numbers, self.others.numbers
-        amounts, before, seen_from, careful = list(start), inf, 0.0, False
+        amounts, before, seen_from = list(start), inf, 0.0
+        follow: Array | None = None
         trail: list[float] = []
         damping = DAMPING
         for step in range(MOST_STEPS + 1):
@@ -160,9 +176,10 @@ class OneStart:
             miss = sqrt(square) + self.wide * sum([abs(turn) for _, turn in lacking])
             trail.append(miss)
             stuck = len(trail) > PATIENCE and miss > 0.5 * trail[-1 - PATIENCE]
-            if stuck and others and miss < STALLED and not careful:
-                stuck, careful, seen_from = False, True, 0.0
-                trail = [miss]
+            slow = stuck or (step > QUICK and miss > SLOW * before)
+            if slow and others and miss < STALLED and follow is None:
+                follow = self._follow(amounts, there, cargo)
+                stuck, trail, seen_from = False, [miss], 0.0
             if miss <= CLOSE or stuck or step == MOST_STEPS:
                 break
             if limited and miss > NEARLY and self._beyond(amounts, tau) > (AT_FIRST if step == 0 else LATER):
@@ -171,12 +188,11 @@ class OneStart:
             before = miss
             if miss > STEADY * seen_from:
                 by_joint = screws(stand, joints, LEVER)
-                if careful:
-                    follow = self._follow(amounts, there, cargo)
+                if follow is not None:
                     by_joint += follow @ screws(stand, others, LEVER)
                 inverse, seen_from = _inverse(by_joint, damping * square + TINY), miss
             turns = _cut(inverse @ (np.array(error) - twist(stand, lacking, LEVER)))
-            for v, turn in _led(turns, follow, lacking) if careful else lacking:
+            for v, turn in lacking if follow is None else _led(turns, follow, lacking):
                 amounts[v] += turn
             for v, turn in zip(joints, turns, strict=True):
                 amounts[v] += turn
@@ -191,6 +207,10 @@ class OneStart:
             then = self.others.given_way(self.linkage.loads(self.linkage.stand(nudged, cargo), cargo))
             rows.append([(to - now) / NUDGE for to, now in zip(then, there, strict=True)])
         return np.array(rows)
+
+    def _is_good(self, end: End) -> bool:
+        """Whether the goal is met within the limits."""
+        return end.met and self._beyond(end.amounts, end.tau) <= 0.0
 
     def _beyond(self, amounts: Sequence[float], tau: Sequence[float]) -> float:
         """How far the command, with the linear effects only, is beyond the limits at most; negative within (rad)."""
