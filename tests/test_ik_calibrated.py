@@ -415,3 +415,12 @@ def test_an_arm_without_servo_tables_has_no_counts() -> None:
     bare = replace(arm, joints=tuple(replace(joint, servo=None) for joint in arm.joints))
     with pytest.raises(LrmError, match=r"joint 1.*servo table"):
         CalibratedSolver.of(model_of(bare, ()), clock=PwmClock(50.0))
+
+
+def test_a_model_whose_arm_rests_nowhere_is_refused() -> None:
+    thesis = load_model(TABLE_B2)
+    soft = {key: 30.0 for key in thesis.keys if key.startswith("compliance")}
+    values = [soft.get(key, value) for key, value in zip(thesis.keys, thesis.values.tolist(), strict=True)]
+    solver = CalibratedSolver.of(thesis.with_values(np.array(values)))
+    with pytest.raises(LrmError, match="compliances must be too large"):
+        solver.warm_up()

@@ -10,6 +10,7 @@ import numpy as np
 
 from lrm_math.chain import Array
 from lrm_math.equilibrium import LARGEST_MOTION
+from lrm_math.errors import LrmError
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.linkage import Indices
 from lrm_math.ik.newton import LEVER
@@ -49,13 +50,21 @@ class Library:
 
     @classmethod
     def of(cls, model: Model, slots: Sequence[int]) -> Library:
-        """Poses without load, evenly spread, and amounts of `slots`; where this arm would not settle there is none."""
+        """Poses without load, evenly spread, and amounts of `slots`; where this arm would not settle there is none.
+
+        Raises:
+            LrmError: it settles nowhere.
+        """
         n = model.arm.dof
         lower = np.array([joint.lower for joint in model.arm.joints])
         upper = np.array([joint.upper for joint in model.arm.joints])
         q = lower + _spread(SIZE, n) * (upper - lower)
         rest, _ = settled(model, poses_of(q), tolerance=COARSE)
         count = len(rest.poses)
+        if not count:
+            raise LrmError(
+                "the arm comes to rest in none of many poses without load; its compliances must be too large"
+            )
         amounts = np.stack([np.broadcast_to(rest.slots[k], count) for k in slots], axis=1)
         return cls(rest.poses.q, amounts, frames(model.chain, rest.slots, count)[:, -1], ball_of(model))
 
