@@ -21,8 +21,8 @@ from lrm_math.poses import Poses
 
 REGION = 0.05
 """rad: to which known commands are rounded, so that the search has something to find."""
-COARSE = 1e-5
-"""m: equilibria in the cube are settled to this, a hundredth of its grid."""
+COARSE = 1e-4
+"""m: equilibria in the cube are settled until the next step is below this; what is left then is a tenth of it."""
 
 
 SHRINK = 0.6
