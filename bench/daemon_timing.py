@@ -73,17 +73,23 @@ def lateness(minutes: float) -> list[Figure]:
         r.arm()
         r.rover.move(REST)
         with Asking(session, r.place, queries(r.rover)) as asking:
-            end, to_far = time.monotonic() + 60 * minutes, True
-            while time.monotonic() < end:
-                r.rover.move({"joint6": 1.5 if to_far else -1.5}, wait=False)
-                to_far = not to_far
-                while (state := r.rover.mode()).mode == "moving" and time.monotonic() < end:
-                    time.sleep(0.5)
-                assert state.mode in ("moving", "armed"), f"the move ended: {state.mode} ({state.why})"
-        return [*_punctual(r.rover.metrics()), *asking.figures(60 * minutes), r.step()]
+            turn_to_and_fro(r.rover, 60 * minutes)
+        return [*punctual(r.rover.metrics()), *asking.figures(60 * minutes), r.step()]
 
 
-def _punctual(m: MetricsState) -> list[Figure]:
+def turn_to_and_fro(rover: Rover, seconds: float) -> None:
+    """Joint 6 turns all the while, which loads no servo."""
+    end, way = time.monotonic() + seconds, 1.5
+    while time.monotonic() < end:
+        rover.move({"joint6": way}, wait=False)
+        way = -way
+        while (state := rover.mode()).mode == "moving" and time.monotonic() < end:
+            time.sleep(0.5)
+        assert state.mode in ("moving", "armed"), f"the move ended: {state.mode} ({state.why})"
+
+
+def punctual(m: MetricsState) -> list[Figure]:
+    """How late the ramp was."""
     return [
         Figure(f"lateness of {m.ticks} ticks, {'' if m.realtime else 'no '}SCHED_FIFO: p50", (m.late_p50_us,), "us"),
         Figure("- p99", (m.late_p99_us,), "us", 150),

@@ -19,12 +19,11 @@ from rich.console import Console
 from rich.table import Table
 
 from bench.daemon_process import Place, running, wait_for
-from bench.daemon_rig import FAR, HOME, NEAR, Figure
-from bench.daemon_timing import QUERIES_PER_S, Asking, queries
+from bench.daemon_rig import HOME, Figure
+from bench.daemon_timing import QUERIES_PER_S, REST, Asking, punctual, queries, turn_to_and_fro
 from bench.ik_calibrated import TABLE_B2
-from lrmd.client import Rover
 from lrmd.ik_messages import IkRequest
-from lrmd.messages import MetricsState, pack, unpack
+from lrmd.messages import pack, unpack
 from lrmd.zenoh_session import client
 
 SECONDS = 60.0
@@ -42,32 +41,14 @@ def figures(method: Method, seconds: float) -> Iterator[Figure]:
             questions = [pack(request.model_copy(update={"method": method})) for request in plain]
             with rover.control("bench"):
                 rover.arm("given", HOME)
+                rover.move(REST)
                 with Asking(session, place, questions) as asking:
-                    swing(rover, seconds)
+                    turn_to_and_fro(rover, seconds)
                 time.sleep(1.1)
                 metrics = rover.metrics()
             assert not {"ramp_died", "ik_died"} & set(daemon.codes()), "a process died meanwhile"
     yield from asking.figures(seconds)
-    yield from punctuality(metrics)
-
-
-def swing(rover: Rover, seconds: float) -> None:
-    """The arm goes to and fro."""
-    end, to_far = time.monotonic() + seconds, True
-    while time.monotonic() < end:
-        if rover.mode().mode == "armed":
-            rover.move(FAR if to_far else NEAR, wait=False)
-            to_far = not to_far
-        time.sleep(0.1)
-
-
-def punctuality(m: MetricsState) -> Iterator[Figure]:
-    """How late the ramp was."""
-    scheduling = "SCHED_FIFO" if m.realtime else "ordinary scheduling"
-    yield Figure(f"lateness of {m.ticks} ticks, {scheduling}: p50", (m.late_p50_us,), "us")
-    yield Figure("- p99", (m.late_p99_us,), "us", 150)
-    yield Figure("- p99.9", (m.late_p999_us,), "us", 500)
-    yield Figure("- the latest", (m.late_max_us,), "us")
+    yield from punctual(metrics)
 
 
 def main() -> None:

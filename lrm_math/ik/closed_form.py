@@ -71,7 +71,7 @@ class ClosedForm(NominalSolver):
     def lesser(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
         here = None if near is None else angles_near(near, 6)
         found = None if goal.approach is None else self._along(goal, here)
-        return self.search.branches(goal, here, np.empty((0, 6))) if found is None else found.branches
+        return self.search.branches(goal, here, 0) if found is None else found.branches
 
     def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
         p, R = poses_checked(positions, rotations)

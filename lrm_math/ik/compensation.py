@@ -92,9 +92,13 @@ class Compensation:
 
     def _turning(self, wired: Wired) -> Turning:
         """An effect as `_turns` has it."""
-        joints = {k: joint for joint, k in enumerate(self.model.chain.joint_slots)}
-        feels = tuple(self._felt[i] for i in wired.feels)
+        joints, feels = self._joint_of, tuple(self._felt[i] for i in wired.feels)
         return wired.effect, wired.p, feels, tuple(joints.get(k, len(joints)) for k in wired.moves)
+
+    @cached_property
+    def _joint_of(self) -> dict[int, int]:
+        """Number of the joint, from 0, whose angle is in a slot of the chain."""
+        return {k: joint for joint, k in enumerate(self.model.chain.joint_slots)}
 
     @cached_property
     def _on_joints(self) -> tuple[Wired, ...]:
@@ -196,7 +200,7 @@ class Compensation:
         """Joints by the slopes at zero, then secants joint by joint, since most effects follow one; then Broyden."""
         loads: list[float] = tau.tolist()
         if self._apart:
-            aim = aim - self._turns(self._apart, pose, loads, self._no_turn)
+            aim = aim - self._turns(self._apart, pose, loads)[:-1]
         if not self._depends_on_command:
             return aim
         inverse, before, largest = self._slope_inverse, 0.0, 0.0
@@ -252,27 +256,23 @@ class Compensation:
 
     def _answer(self, pose: Poses, tau: list[float]) -> Array:
         """(n,), what the effects that follow the command add to the joints (rad), for one pose and loads (V,)."""
-        loads, given = list(tau), self._no_turn
-        for k, load in pushes_of(self.model, pose).items():
-            v = self._row.get(k)
-            if v is not None:
-                loads[v] += float(load)
-                for joint, compliance in self._gives[v]:
-                    given[joint] += compliance * float(load)
-        return np.asarray(self._turns(self._following, pose, loads, given) + self._gears @ pose.q[0])
-
-    @property
-    def _no_turn(self) -> list[float]:
-        """Turns of all joints and of nothing else (see `Turning`), zero."""
-        return [0.0] * (self.model.arm.dof + 1)
+        pushes = pushes_of(self.model, pose)
+        pushed = [(self._row[k], float(load)) for k, load in pushes.items() if k in self._row]
+        loads = list(tau)
+        for v, load in pushed:
+            loads[v] += load
+        turns = self._turns(self._following, pose, loads)
+        for v, load in pushed:
+            for joint, compliance in self._gives[v]:
+                turns[joint] += compliance * load
+        return np.asarray(turns[:-1] + self._gears @ pose.q[0])
 
     @cached_property
     def _gears(self) -> Array:
         """(n, n), how far each joint is turned by commands of the others alone (rad/rad)."""
-        n, joints = self.model.arm.dof, {k: joint for joint, k in enumerate(self.model.chain.joint_slots)}
-        out = np.zeros((n, n))
+        out = np.zeros((self.model.arm.dof, self.model.arm.dof))
         for k, joint, ratio in self.model.wiring.gears:
-            out[joints[k], joint] += ratio
+            out[self._joint_of[k], joint] += ratio
         return out
 
     @cached_property
@@ -281,13 +281,17 @@ class Compensation:
         columns = self.compliances[self.linkage.joints].T
         return [[(joint, k) for joint, k in enumerate(column) if k] for column in columns.tolist()]
 
-    def _turns(self, effects: Iterable[Turning], pose: Poses, loads: list[float], out: list[float]) -> Array:
-        """(n,), what some effects add to the joints of one pose with loads on the moving slots (rad), and to `out`."""
+    def _turns(self, effects: Iterable[Turning], pose: Poses, loads: list[float]) -> list[float]:
+        """(n + 1,), what some effects add to the joints of one pose with loads on the moving slots (V,): rad.
+
+        The last number is of anything else that they move.
+        """
+        out = [0.0] * (self.model.arm.dof + 1)
         for effect, p, feels, joints in effects:
             felt = tuple([loads[v] for v in feels]) if feels else ()
             for joint, amount in zip(joints, effect.motion(pose, felt, p), strict=True):
                 out[joint] += amount  # type: ignore[assignment]
-        return np.array(out[:-1])
+        return out
 
     def _pushes(self, poses: Poses) -> Array:
         """(V, K), loads that effects put on the moving slots (N·m)."""

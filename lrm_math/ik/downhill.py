@@ -61,7 +61,8 @@ class Slopes:
 def descend(deployment: Deployment, goal: Goal, bent: Bent, steps: int) -> tuple[Array, Array]:
     """(K, n), commands of lesser error within the limits, and its square (K,), m².
 
-    Newton's method with all curvatures counted as positive, so that it leaves saddles; damped where a step fails.
+    Newton's method with all curvatures counted as positive, so that it leaves saddles (Dauphin et al. 2014); damped
+    where a step fails.
     """
     band, q = deployment.band, bent.q
     here = _slopes(deployment, goal, bent, q)

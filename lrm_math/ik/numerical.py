@@ -34,7 +34,7 @@ class Numerical(NominalSolver):
         return self.search.answer(goal, angles_near(near, self.arm.dof))
 
     def lesser(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
-        return self.search.branches(goal, angles_near(near, self.arm.dof), np.empty((0, self.arm.dof)))
+        return self.search.branches(goal, angles_near(near, self.arm.dof), 0)
 
     def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
         p, R = poses_checked(positions, rotations)

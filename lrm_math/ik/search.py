@@ -114,19 +114,19 @@ class Search:
         towards = self.middle if near is None else near
         if self._too_far(goal):
             return self.beyond(goal, towards, ())
-        branches = self.branches(goal, near, self.starts(FEW + MANY)[FEW:])
+        branches = self.branches(goal, near, MANY)
         if not branches:
             return self._failure(goal, towards)
         return answer_of(branches, near, "the joints' motions are dependent")
 
-    def branches(self, goal: Goal, near: Array | None, more: Array) -> tuple[Branch, ...]:
-        """Of `answer`, within the limits; `more` (K, n) starts if the first few lead nowhere or the goal is whole."""
+    def branches(self, goal: Goal, near: Array | None, more: int) -> tuple[Branch, ...]:
+        """Of `answer`, within the limits; so many `more` starts if the first few lead nowhere or the goal is whole."""
         towards = self.middle if near is None else near
         determined = goal.constraints >= self.chain.dof
         starts = np.vstack([np.clip(towards, self.lower, self.upper), self.starts(FEW)])
         found = self.take(goal, starts, steps=EXACT if determined else ROUGH)
-        if len(more) and (len(found) == 0 or determined):
-            found = np.concatenate([found, self.take(goal, more)])
+        if more and (len(found) == 0 or determined):
+            found = np.concatenate([found, self.take(goal, self.starts(FEW + more)[FEW:])])
         if len(found) == 0:
             return ()
         found = by_distance(found, towards)
