@@ -14,16 +14,15 @@ from lrm_math.ik.answer import Answer, Branch, Limits, Verdict
 from lrm_math.ik.damped import Targets, descend, placed
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.lines import lines_of
-from lrm_math.ik.many_goals import TURN, AllBranches, Mask, Whole, Window, all_branches
+from lrm_math.ik.many_goals import TURN, AllBranches, Mask, Window, all_branches
 from lrm_math.ik.one_goal import ROUND_OFF, OneGoal, one_goal_solver
 from lrm_math.ik.pieper import Pieper, pieper_form
 from lrm_math.ik.search import ELSEWHERE, REPRESENTATIVES, SAME, TAKEN, Search, answer_of, distinct
 from lrm_math.ik.solver import BatchAnswer, NominalSolver, angles_near, poses_checked
+from lrm_math.ik.turns import BEYOND, Around, least
 
 SWEEP = 73
 """Samples of a free angle over its range, at first and once more around the best."""
-FINE, REFINED = 19, 4
-"""Samples of a turn about an approach direction around the best so far, and sweeps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,10 +170,7 @@ class ClosedForm(NominalSolver):
         return "; ".join(said)
 
     def _lesser(self, goal: Goal, near: Array | None) -> Answer:
-        """A goal without a full orientation: a position from a search, an approach direction from poses round about it.
-
-        The turns about the direction are sampled ever more finely where a branch moves the joints least.
-        """
+        """A goal without a full orientation: a position from a search, with an approach from poses all round it."""
         found = None if goal.approach is None else self._along(goal, near)
         return self.search.answer(goal, near) if found is None else found
 
@@ -184,26 +180,19 @@ class ClosedForm(NominalSolver):
         z, now = np.array(goal.approach), placed(self.search.chain, towards[None]).frames[-1, :, :, 0]
         x = np.cross(now[1], z) if abs(z @ now[1]) < 0.9 else np.cross(now[0], z)
         x /= np.linalg.norm(x)
-        step = TURN / SWEEP
-        turns = step * np.arange(SWEEP, dtype=np.float64)
-        for _ in range(REFINED):
-            q, turn, number = self._round_about(goal, np.array([x, np.cross(z, x), z]), turns)
-            if len(q) == 0:
-                return None
-            nearest = np.argsort(np.square(q - towards).sum(axis=1))
-            _, first = np.unique(number[nearest], return_index=True)
-            best = nearest[np.sort(first)]
-            turns = np.asarray((turn[best, None] + step * np.linspace(-1.0, 1.0, FINE)).ravel(), dtype=np.float64)
-            step *= 2.0 / (FINE - 1)
-        found = distinct(q[best], ELSEWHERE)[:REPRESENTATIVES]
+        axes = np.array([x, np.cross(z, x), z])
+        found = least(lambda turns: self._around(goal, axes, turns, towards))
+        if len(found) == 0:
+            return None
+        found = distinct(found, ELSEWHERE)[:REPRESENTATIVES]
         return answer_of(tuple(Branch(tuple(row), -1, self.limits) for row in found.tolist()), near, "")
 
-    def _round_about(self, goal: Goal, axes: Array, turns: Array) -> tuple[Array, Array, Whole]:
-        """Angles (M, 6) within the limits for turns (K,) of the tool with axes (3, 3) about its z; turn and number."""
+    def _around(self, goal: Goal, axes: Array, turns: Array, towards: Array) -> Around:
+        """The branches for turns (K,) of the tool with axes (3, 3) about its z."""
         c, s, (x, y, z) = np.cos(turns)[:, None], np.sin(turns)[:, None], axes
         R = np.stack([c * x + s * y, c * y - s * x, np.broadcast_to(z, (len(turns), 3))], axis=2)
-        p = np.tile(goal.position, (len(turns), 1))
-        found = self._branches(p, R, self.search.middle, self.inside)
-        q, inside = self._limited(found, self.search.middle)
-        row, number = np.nonzero(inside)
-        return q[inside], turns[row], number
+        found = self._branches(np.tile(goal.position, (len(turns), 1)), R, towards, self.anywhere)
+        q, inside = self._limited(found, towards)
+        beyond = np.maximum(self.search.lower - q, q - self.search.upper).clip(min=0.0).max(axis=2)
+        bad = np.where(inside, np.square(q - towards).sum(axis=2), BEYOND * (1.0 + beyond))
+        return Around(q, found.exists, np.where(found.exists, bad, np.inf))
