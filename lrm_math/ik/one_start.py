@@ -35,9 +35,9 @@ NUDGE = 1e-5
 STEADY = 0.01
 """The Jacobian is kept where the last one made the error this much smaller, at least."""
 PATIENCE = EVERY_BRANCH.patience
-AT_FIRST, LATER = 0.5, 0.2
-"""rad: a command this far beyond the limits at the start, or after a step, is not worth following while there are
-others. Steps still to be taken, and effects that are not linear, may change it."""
+HOPELESS = 0.2
+"""rad: a step that leads this far beyond the limits is not worth following while there are other starts. Steps still to
+be taken, and effects that are not linear, may change it."""
 
 
 @dataclass(frozen=True)
@@ -182,8 +182,6 @@ class OneStart:
                 stuck, trail, seen_from = False, [miss], 0.0
             if miss <= CLOSE or stuck or step == MOST_STEPS:
                 break
-            if limited and miss > NEARLY and self._beyond(amounts, tau) > (AT_FIRST if step == 0 else LATER):
-                return End(amounts, tau, stand.tcp, miss, step, True)
             damping = 30.0 * damping if miss > before else max(0.3 * damping, DAMPING)
             before = miss
             if miss > STEADY * seen_from:
@@ -196,6 +194,8 @@ class OneStart:
                 amounts[v] += turn
             for v, turn in zip(joints, turns, strict=True):
                 amounts[v] += turn
+            if limited and miss > NEARLY and self._beyond(amounts, tau) > HOPELESS:
+                return End(amounts, tau, stand.tcp, miss, step, True)
         return End(amounts, tau, stand.tcp, miss, step, False)
 
     def _follow(self, amounts: Sequence[float], there: Sequence[float], cargo: Cargo) -> Array:
