@@ -105,7 +105,7 @@ def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Ar
         if index[key] in felt:
             for j, load in enumerate(loads):
                 out[j] += response.loads[felt[index[key]]] * load
-    for body, *added in zip(effect.weighs, *(effect.weight(rest.poses, unit) for unit in units), strict=True):
+    for body, *added in zip(effect.weighs, *(effect.weight(rest.poses.carried, unit) for unit in units), strict=True):
         if felt:
             args = (rest.model.chain, response.geometry, rest.weights, rest.model.felt, body)
             by_mass, by_com = statics.weight_derivatives(*args)

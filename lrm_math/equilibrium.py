@@ -51,9 +51,9 @@ class Equilibrium:
         return Equilibrium(self.model, self.poses.one(row), slots, tau, tcp, true, self.iterations)
 
     @cached_property
-    def weights(self) -> list[statics.Weight]:
+    def weights(self) -> tuple[statics.Weight, ...]:
         """Every body's mass and centre of mass, payload and effects included."""
-        return weights_of(self.model, self.poses)
+        return self.model.weights(self.poses.carried)
 
     def loads_on(self, slots: Sequence[int]) -> Array:
         """(N, len(slots)), gravity's load on rotating slots given by number, ascending (N·m)."""
@@ -97,7 +97,7 @@ def settle(
     """`equilibrium`, from amounts of all slots (rad, m; each a float or (N,)) near those at rest."""
     chain, wiring = model.chain, model.wiring
     rigid = rigid_amounts(model, poses)
-    weights, pushed = weights_of(model, poses), pushes_of(model, poses)
+    weights, pushed = model.weights(poses.carried), pushes_of(model, poses)
     slots = list(rigid)
     for k in wiring.moving if start is not None else ():
         slots[k] = start[k]  # type: ignore[index]
@@ -192,16 +192,6 @@ def rigid_amounts(model: Model, poses: Poses) -> list[Number]:
         for k, amount in effect.motion(poses, []):
             slots[k] = slots[k] + amount
     return slots
-
-
-def weights_of(model: Model, poses: Poses) -> list[statics.Weight]:
-    """Every body's mass and centre of mass, payload and effects included."""
-    added = (
-        (body, ballast)
-        for wired in model.wiring.weighing
-        for body, ballast in zip(wired.weighs, wired.effect.weight(poses, wired.p), strict=True)
-    )
-    return statics.weights(model.chain, poses.carried, added)
 
 
 def pushes_of(model: Model, poses: Poses) -> dict[int, Number]:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lrm_math import statics
 from lrm_math.arm import Arm
-from lrm_math.chain import Array, Chain, chain_of
+from lrm_math.chain import Array, Chain, Number, chain_of
 from lrm_math.effects import Effect, Parameter
 from lrm_math.errors import LrmError, UnknownName
+from lrm_math.statics import Weight
 from lrm_math.wiring import Wiring, wire
+
+LOADS_KEPT = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +70,22 @@ class Model:
         """Every effect with its parameters' values (SI)."""
         for effect, span in zip(self.effects, self.spans, strict=True):
             yield effect, self.values[span].tolist()
+
+    def weights(self, carried: Number) -> tuple[Weight, ...]:
+        """Every body's mass and centre of mass with a load of so many kg, effects included; kept for the last loads."""
+        return self._weights_kept(carried) if isinstance(carried, float) else self._weigh(carried)
+
+    @cached_property
+    def _weights_kept(self) -> Callable[[float], tuple[Weight, ...]]:
+        return lru_cache(maxsize=LOADS_KEPT)(self._weigh)
+
+    def _weigh(self, carried: Number) -> tuple[Weight, ...]:
+        added = (
+            (body, ballast)
+            for wired in self.wiring.weighing
+            for body, ballast in zip(wired.weighs, wired.effect.weight(carried, wired.p), strict=True)
+        )
+        return statics.weights(self.chain, carried, added)
 
     def with_values(self, values: ArrayLike) -> Model:
         """The same model with other parameter values (SI)."""

@@ -31,13 +31,13 @@ class Weight:
     com: tuple[Number, Number, Number]
 
 
-def weights(chain: Chain, payload: Number, added: Iterable[tuple[int, Ballast]] = ()) -> list[Weight]:
+def weights(chain: Chain, payload: Number, added: Iterable[tuple[int, Ballast]] = ()) -> tuple[Weight, ...]:
     """Every body in chain order; the payload (kg, float or `(N,)`) and `added` (number of a body, what) included."""
     out = [Weight(body.mass + payload if body.carries_payload else body.mass, body.com) for body in chain.bodies]
     for number, ballast in added:
         x, y, z = (c + s for c, s in zip(out[number].com, ballast.shift, strict=True))
         out[number] = Weight(out[number].mass + ballast.mass, (x, y, z))
-    return out
+    return tuple(out)
 
 
 def loads(

@@ -18,7 +18,7 @@ from lrm_math.arm import Arm
 from lrm_math.arm_file import load_arm
 from lrm_math.covariance import Covariance
 from lrm_math.effects import CATALOGUE, effects_at
-from lrm_math.equilibrium import equilibrium, weights_of
+from lrm_math.equilibrium import equilibrium
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Verdict
 from lrm_math.ik.calibrated import CalibratedSolver
@@ -254,7 +254,7 @@ def test_the_linkage_is_the_chain(arm: Arm, seed: int, payload: float) -> None:
     amounts = np.array([np.broadcast_to(rest.slots[k], 3) for k in linkage.slots]).T
     placed = linkage.place(amounts)
     np.testing.assert_allclose(placed.tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
-    loads = linkage.loads(placed, linkage.burden(weights_of(model, poses)))
+    loads = linkage.loads(placed, linkage.burden(model.weights(payload)))
     expected = rest.loads_on(linkage.slots.tolist())
     np.testing.assert_allclose(loads.tau.T, expected, atol=1e-11)
     J, h = linkage.jacobian(placed), 1e-6
@@ -292,7 +292,7 @@ def test_commands_are_what_makes_joints_stand_where_they_stand(name: str) -> Non
     compensation = solver(name).deployment.compensation
     linkage = compensation.linkage
     amounts = np.array([np.broadcast_to(rest.slots[k], len(q)) for k in linkage.slots]).T
-    tau = linkage.loads(linkage.place(amounts), compensation.burden(poses.take([0]))).tau
+    tau = linkage.loads(linkage.place(amounts), compensation.burden(float(poses.payload[0]))).tau
     guess = replace(poses, q=np.zeros_like(q))
     np.testing.assert_allclose(compensation.command(guess, tau, amounts[:, linkage.joints]), q, atol=1e-9)
 

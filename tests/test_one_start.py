@@ -16,7 +16,6 @@ from lrm_math.arm import Arm
 from lrm_math.arm_file import load_arm
 from lrm_math.chain import chain_of
 from lrm_math.effects import effects_at
-from lrm_math.equilibrium import weights_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.compensation import Compensation
@@ -62,7 +61,7 @@ def tools(model: Model, count: int, seed: int, payload: float) -> Array:
 def test_one_arm_stands_as_many_do(arm: Arm, seed: int, payload: float) -> None:
     model = giving(arm, seed)
     linkage = Compensation(model).linkage
-    burden = linkage.burden(weights_of(model, poses_of([0.0] * arm.dof, payload)))
+    burden = linkage.burden(model.weights(payload))
     amounts = np.random.default_rng(seed).uniform(-1.7, 1.7, (1, len(linkage.slots)))
     many = linkage.place(amounts)
     one = OneLinkage.of(linkage)
@@ -81,7 +80,7 @@ def test_slopes_are_how_loads_change(name: str) -> None:
     model = giving(load_arm(name), 1)
     assert chain_of(model.arm).counted != chain_of(model.arm).moved
     linkage = Compensation(model).linkage
-    burden = linkage.burden(weights_of(model, poses_of([0.0] * 6, 0.08)))
+    burden = linkage.burden(model.weights(0.08))
     here, h = np.random.default_rng(2).uniform(-1.5, 1.5, (1, len(linkage.slots))), 1e-5
     placed = linkage.place(here)
     slopes = linkage.slopes(placed, burden, linkage.loads(placed, burden))[:, :, 0]
@@ -102,7 +101,7 @@ def test_one_after_the_other_leads_where_all_together_lead(name: str) -> None:
         start = there.start_at(ask, there.likeness.seeds(ask.goal, None))
         one, _ = there.solve_from(ask, start)
         poses = there.poses(ask, start[:, there.compensation.linkage.joints])
-        burden = there.compensation.burden(poses)
+        burden = there.compensation.burden(payload)
         all_at_once = reach(there.compensation, Aim.of(ask.goal), burden, poses, start, there.band, EVERY_BRANCH)
         many = there.commands(ask, all_at_once.take(all_at_once.met))
         mine, theirs = one.q[there.usable(one)], many.q[there.usable(many)]

@@ -168,8 +168,8 @@ class Effect(ABC):
         """Numbers of the arm's bodies (in the order of `chain_of(arm).bodies`) whose weight it changes."""
         return ()
 
-    def weight(self, poses: Poses, p: Sequence[float]) -> tuple[Ballast, ...]:
-        """What is added to each body of `weighs`. Linear in p."""
+    def weight(self, carried: Number, p: Sequence[float]) -> tuple[Ballast, ...]:
+        """What is added to each body of `weighs`, with a load of so many kg, float or (N,). Linear in p."""
         return ()
 
     def seen(self, tcp: Array, p: Sequence[float]) -> Array | None:

@@ -88,7 +88,7 @@ class Mass(Effect):
         bodies = sorted(self.arm.bodies, key=lambda b: (b.frame, not b.near_end))
         return (next(i for i, body in enumerate(bodies) if body.loads_joint == number),)
 
-    def weight(self, poses: Poses, p: Sequence[float]) -> tuple[Ballast, ...]:
+    def weight(self, carried: Number, p: Sequence[float]) -> tuple[Ballast, ...]:
         """The errors themselves."""
         return (Ballast(p[0], (p[1], p[2], p[3])),)
 
@@ -122,9 +122,8 @@ class Payload(Effect):
         """Every body that carries payload."""
         return tuple(i for i, body in enumerate(chain_of(self.arm).bodies) if body.carries_payload)
 
-    def weight(self, poses: Poses, p: Sequence[float]) -> tuple[Ballast, ...]:
+    def weight(self, carried: Number, p: Sequence[float]) -> tuple[Ballast, ...]:
         """The errors, in poses with a load. The body's own mass moves with the load's centre."""
-        carried = poses.carried
         loaded: Number = float(carried > 0) if isinstance(carried, float) else (carried > 0).astype(np.float64)
         return tuple(Ballast(p[0] * loaded, (p[1] * loaded, p[2] * loaded, p[3] * loaded)) for _ in self.weighs)
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from lrm_math.chain import Array
 from lrm_math.effects import Effect
-from lrm_math.equilibrium import pushes_of, weights_of
+from lrm_math.equilibrium import pushes_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.linkage import Burden, Linkage, linkage_of
 from lrm_math.ik.one_pose import OnePose
-from lrm_math.model import Model
+from lrm_math.model import LOADS_KEPT, Model
 from lrm_math.poses import Poses, poses_of
 from lrm_math.wiring import Wired
 
@@ -31,7 +31,6 @@ TELLING = 1e-7
 MOST_STEPS = 25
 MOST_BEND = 0.5
 """How far effects may bend the slope from a joint's command to its angle away from the one at zero."""
-LOADS_KEPT = 16
 Turning: TypeAlias = tuple[Effect, tuple[float, ...], tuple[int, ...], tuple[int, ...]]
 """An effect, its parameters, which moving slots' loads it feels, and which joints it turns; the number after the last
 joint's is that of anything else."""
@@ -139,18 +138,10 @@ class Compensation:
         """Whether the slots other than joints follow loads in proportion, and nothing else."""
         return not (self._on_others or self.follows_command)
 
-    def burden(self, poses: Poses) -> Burden:
-        """What the arm carries in poses of one payload."""
-        return self._burden_of(float(poses.payload[0]))
-
     @cached_property
-    def _burden_of(self) -> Callable[[float], Burden]:
-        """What the arm carries with a payload (kg), kept for the last ones."""
-
-        def burden(payload: float) -> Burden:
-            return self.linkage.burden(weights_of(self.model, poses_of([0.0] * self.model.arm.dof, payload)))
-
-        return lru_cache(maxsize=LOADS_KEPT)(burden)
+    def burden(self) -> Callable[[float], Burden]:
+        """What the arm carries with a load (kg), kept for the last ones."""
+        return lru_cache(maxsize=LOADS_KEPT)(lambda carried: self.linkage.burden(self.model.weights(carried)))
 
     def others(self, poses: Poses, tau: Array) -> Array:
         """(W, K), where the slots that are no joints want to be at gravity's loads (V, K): rad, m."""

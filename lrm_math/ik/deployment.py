@@ -17,7 +17,6 @@ from lrm_math.ik.goal import Goal
 from lrm_math.ik.leaps import Leaps
 from lrm_math.ik.library import Library
 from lrm_math.ik.likeness import SLACK, Likeness, Seeds
-from lrm_math.ik.linkage import Burden
 from lrm_math.ik.newton import EVERY_BRANCH, FIRST_BRANCH, Aim, Band, Effort, Reached, reach
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.one_pose import OnePose
@@ -141,7 +140,7 @@ class Deployment:
             if self.one_start is None:
                 tcp = linkage.place(start).tcp
             else:
-                tcp, start[:, linkage.others] = self.one_start.seen(start, self._burden(ask))
+                tcp, start[:, linkage.others] = self.one_start.seen(start, self.compensation.burden(ask.payload))
             angles, sources = self.likeness.corrected(ask.goal, seeds, tcp)
             start = start[sources]
             start[:, joints] = self.zero + angles
@@ -160,16 +159,13 @@ class Deployment:
         """What one start at a time is solved with; None for models that are only solved in batches."""
         return OneStart.of(self.compensation, self.band)
 
-    def _burden(self, ask: Ask) -> Burden:
-        return self.compensation.burden(self.poses(ask, self.zero[None]))
-
     def solve_from(self, ask: Ask, start: Array, effort: Effort = EVERY_BRANCH) -> tuple[Found, Reached]:
         """Newton's method from amounts (K, V) of the moving slots: commands for those that met the goal, and all.
 
         Good starts at a whole pose are few and done one after the other, so that none waits for the slowest.
         """
         compensation, joints = self.compensation, self.compensation.linkage.joints
-        burden = self._burden(ask)
+        burden = compensation.burden(ask.payload)
         goal, one = ask.goal, self.one_start
         if one is not None and goal.rotation is not None and effort in (EVERY_BRANCH, FIRST_BRANCH):
             reached = one.reach_all(goal.rotation, goal.position, burden, start.tolist(), effort.enough)
@@ -212,7 +208,7 @@ class Deployment:
         slots = self.compensation.linkage.slots
         amounts = np.array([np.broadcast_to(rest.slots[k], len(q)) for k in slots]).T
         placed = self.compensation.linkage.place(amounts)
-        tau = self.compensation.linkage.loads(placed, self.compensation.burden(poses.one(0))).tau
+        tau = self.compensation.linkage.loads(placed, self.compensation.burden(ask.payload)).tau
         miss = np.linalg.norm(placed.tcp[:, :3, 3] - goal, axis=1)
         unknown = np.zeros_like(q)
         return Found(q, Reached(amounts, tau, miss, placed.tcp, steps), unknown, unknown > 0.0, steps)

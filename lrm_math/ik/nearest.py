@@ -130,7 +130,7 @@ def _bent(deployment: Deployment, rest: Equilibrium) -> Bent:
     """Poses at rest, and how the moving slots follow their commands, by the linear answer of the loads."""
     compensation, linkage = deployment.compensation, deployment.compensation.linkage
     amounts = _amounts(deployment, rest)
-    placed, burden = linkage.place(amounts), compensation.burden(rest.poses)
+    placed, burden = linkage.place(amounts), compensation.burden(float(rest.poses.payload[0]))
     loads = linkage.loads(placed, burden)
     count, slots = amounts.shape
     springs = np.repeat(compensation.compliances[None], count, axis=0)
