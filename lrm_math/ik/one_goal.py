@@ -20,7 +20,7 @@ OneGoal: TypeAlias = Callable[[Rotation, Triple], "Found | None"]
 TURN = 2.0 * pi
 EDGE = 1e-10
 """Share of its largest value below which a root or a radius is left to the careful solver."""
-JUST_BEFORE = 0.95
+JUST_BEFORE = 0.98
 """Share of its largest value that stands in for a root that is missed."""
 ROUND_OFF = 1e-10
 """rad: an angle this far beyond a limit is at the limit."""
