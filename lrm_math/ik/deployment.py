@@ -155,9 +155,16 @@ class Deployment:
         return np.asarray(self.library.amounts.mean(axis=0))
 
     @cached_property
+    def _bent(self) -> float:
+        """What effects that are not linear make of a command at most, going by twice what the library shows (rad)."""
+        c, amounts = self.compensation, self.library.amounts
+        tau = c.linkage.loads(c.linkage.place(amounts), c.burden(0.0)).tau
+        return 2.0 * float(np.abs(c.roughly(tau, amounts[:, c.linkage.joints]) - self.library.q).max())
+
+    @cached_property
     def one_start(self) -> OneStart | None:
         """What one start at a time is solved with; None for models that are only solved in batches."""
-        return OneStart.of(self.compensation, self.band)
+        return OneStart.of(self.compensation, self.band, self._bent)
 
     def solve_from(self, ask: Ask, start: Array, effort: Effort = EVERY_BRANCH) -> tuple[Found, Reached]:
         """Newton's method from amounts (K, V) of the moving slots: commands for those that met the goal, and all.

@@ -36,8 +36,8 @@ STEADY = 0.01
 """The Jacobian is kept where the last one made the error this much smaller, at least."""
 PATIENCE = EVERY_BRANCH.patience
 HOPELESS = 0.2
-"""rad: a step that leads this far beyond the limits is not worth following while there are other starts. Steps still to
-be taken, and effects that are not linear, may change it."""
+"""rad: a step that leads this far beyond the limits is not worth following while there are other starts; nor one that
+leads further beyond than it turned any joint and effects that are not linear may make up for."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class OneStart:
     """A deployed model's arm, with what else one start needs.
 
     `joints`, `others`: the moving slots that are joints, and the others, with what their linear effects make of loads.
-    `wide`: m, by which others' turns count.
+    `wide`: m, by which others' turns count. `bent`: rad, what effects that are not linear make of a command at most.
     """
 
     linkage: OneLinkage
@@ -104,15 +104,16 @@ class OneStart:
     others: Springs
     wide: float
     band: Band
+    bent: float
 
     @classmethod
-    def of(cls, c: Compensation, band: Band) -> OneStart | None:
+    def of(cls, c: Compensation, band: Band, bent: float) -> OneStart | None:
         """For a model; None where slots are translations, or others than joints follow more than linear springs."""
         linkage = OneLinkage.of(c.linkage)
         if linkage is None or not c.others_are_springs:
             return None
         joints, others = Springs.of(c, c.linkage.joints), Springs.of(c, c.linkage.others)
-        return cls(linkage, joints, others, c.model.wiring.reach, band)
+        return cls(linkage, joints, others, c.model.wiring.reach, band, bent)
 
     def seen(self, starts: Array, burden: Burden) -> tuple[Array, Array]:
         """Tool frames (K, 4, 4) at amounts (K, V), once the slots that are no joints have given way; and where these
@@ -194,8 +195,10 @@ class OneStart:
                 amounts[v] += turn
             for v, turn in zip(joints, turns, strict=True):
                 amounts[v] += turn
-            if limited and miss > NEARLY and self._beyond(amounts, tau) > HOPELESS:
-                return End(amounts, tau, stand.tcp, miss, step, True)
+            if limited and miss > NEARLY:
+                hope = min(HOPELESS, self.bent + max(map(abs, turns)))
+                if self._beyond(amounts, tau) > hope:
+                    return End(amounts, tau, stand.tcp, miss, step, True)
         return End(amounts, tau, stand.tcp, miss, step, False)
 
     def _follow(self, amounts: Sequence[float], there: Sequence[float], cargo: Cargo) -> Array:
@@ -209,8 +212,8 @@ class OneStart:
         return np.array(rows)
 
     def _is_good(self, end: End) -> bool:
-        """Whether the goal is met within the limits."""
-        return end.met and self._beyond(end.amounts, end.tau) <= 0.0
+        """Whether the goal is met within the limits, or perhaps so."""
+        return end.met and self._beyond(end.amounts, end.tau) <= self.bent
 
     def _beyond(self, amounts: Sequence[float], tau: Sequence[float]) -> float:
         """How far the command, with the linear effects only, is beyond the limits at most; negative within (rad)."""
