@@ -17,7 +17,7 @@ from lrm_math.ik.goal import Goal
 from lrm_math.ik.leaps import Leaps
 from lrm_math.ik.library import Library
 from lrm_math.ik.likeness import SLACK, Likeness, Seeds
-from lrm_math.ik.newton import EVERY_BRANCH, FIRST_BRANCH, Aim, Band, Effort, Reached, reach
+from lrm_math.ik.newton import EVERY_BRANCH, Aim, Band, Effort, Reached, reach
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.one_pose import OnePose
 from lrm_math.ik.one_start import OneStart
@@ -167,15 +167,12 @@ class Deployment:
         return OneStart.of(self.compensation, self.band, self._bent)
 
     def solve_from(self, ask: Ask, start: Array, effort: Effort = EVERY_BRANCH) -> tuple[Found, Reached]:
-        """Newton's method from amounts (K, V) of the moving slots: commands for those that met the goal, and all.
-
-        Good starts at a whole pose are few and done one after the other, so that none waits for the slowest.
-        """
+        """Newton's method from amounts (K, V) of the moving slots: commands for those that met the goal, and all."""
         compensation, joints = self.compensation, self.compensation.linkage.joints
         burden = compensation.burden(ask.payload)
         goal, one = ask.goal, self.one_start
-        if one is not None and goal.rotation is not None and effort in (EVERY_BRANCH, FIRST_BRANCH):
-            reached = one.reach_all(goal.rotation, goal.position, burden, start.tolist(), effort.enough)
+        if one is not None and goal.rotation is not None and effort.singly:
+            reached = one.reach_all(goal.rotation, goal.position, burden, start.tolist(), effort)
         else:
             poses = self.poses(ask, start[:, joints] - self.zero)
             reached = reach(compensation, Aim.of(ask.goal), burden, poses, start, self.band, effort)
@@ -217,8 +214,9 @@ class Deployment:
         placed = self.compensation.linkage.place(amounts)
         tau = self.compensation.linkage.loads(placed, self.compensation.burden(ask.payload)).tau
         miss = np.linalg.norm(placed.tcp[:, :3, 3] - goal, axis=1)
+        reached = Reached(amounts, tau, miss, placed.tcp, np.zeros(len(q), dtype=bool), steps)
         unknown = np.zeros_like(q)
-        return Found(q, Reached(amounts, tau, miss, placed.tcp, steps), unknown, unknown > 0.0, steps)
+        return Found(q, reached, unknown, unknown > 0.0, steps)
 
     @cached_property
     def zero(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lrm_math.ik.deployment import Ask, Deployment, Found
 from lrm_math.ik.nearest import misses
-from lrm_math.ik.newton import ANY_BRANCH, FIRST_BRANCH, LAST_RESORT, Aim, beside_folds
+from lrm_math.ik.newton import ANY_BRANCH, FIRST_BRANCH, LAST_RESORT, STRAYS, Aim, beside_folds
 
 TRIES = ((8, ANY_BRANCH), (24, LAST_RESORT), (96, LAST_RESORT))
 """How many poses of the library are tried, and how hard, when what was tried before leads to nothing."""
@@ -54,13 +54,18 @@ class Direct:
             yield deployment.solve_from(ask, library.amounts[library.closest(ask.goal, count)], effort)[0]
             return
         seeds = deployment.likeness.seeds(ask.goal, ask.near)
-        start = deployment.start_at(ask, seeds)
+        start = strays = deployment.start_at(ask, seeds)
         if len(start):
             found, reached = deployment.solve_from(ask, start)
             yield found
+            strays = reached.amounts[reached.left]
             start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)
         if whole:
-            yield deployment.solve_from(ask, deployment.leaps.starts(ask.goal, LEAPS), FIRST_BRANCH)[0]
+            found, leapt = deployment.solve_from(ask, deployment.leaps.starts(ask.goal, LEAPS), FIRST_BRANCH)
+            yield found
+            strays = np.concatenate([strays, leapt.amounts[leapt.left]])
+            if len(strays):
+                yield deployment.solve_from(ask, strays, STRAYS)[0]
             pulled = deployment.start_at(replace(ask, near=None), deployment.likeness.pulled(ask.goal, seeds.numbers))
             if len(pulled):
                 found, _ = deployment.solve_from(ask, pulled)

@@ -88,13 +88,15 @@ class Reached:
     """Where K candidates ended.
 
     `amounts`: (K, V) of the moving slots (rad, m). `tau`: (V, K), gravity's loads (N·m). `miss`: (K,), what is left of
-    the goal and of the equilibrium (m). `tcp`: (K, 4, 4). `steps`: how many were taken.
+    the goal and of the equilibrium (m). `tcp`: (K, 4, 4). `left`: (K,), which were followed no further because they
+    lead beyond the limits. `steps`: how many were taken.
     """
 
     amounts: Array
     tau: Array
     miss: Array
     tcp: Array
+    left: NDArray[np.bool_]
     steps: int
 
     @property
@@ -104,12 +106,14 @@ class Reached:
 
     def take(self, rows: NDArray[np.bool_]) -> Reached:
         """Some of the candidates."""
-        return Reached(self.amounts[rows], self.tau[:, rows], self.miss[rows], self.tcp[rows], self.steps)
+        amounts, miss, tcp = (column[rows] for column in self._rows)
+        return Reached(amounts, self.tau[:, rows], miss, tcp, self.left[rows], self.steps)
 
     def joined(self, others: Reached) -> Reached:
         """These and others."""
         amounts, miss, tcp = (np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True))
-        return Reached(amounts, np.hstack([self.tau, others.tau]), miss, tcp, self.steps + others.steps)
+        left = np.concatenate([self.left, others.left])
+        return Reached(amounts, np.hstack([self.tau, others.tau]), miss, tcp, left, self.steps + others.steps)
 
     @property
     def _rows(self) -> tuple[Array, Array, Array]:
@@ -118,14 +122,21 @@ class Reached:
 
 @dataclass(frozen=True)
 class Effort:
-    """When to end: with `enough` candidates at the goal, or none that halved what it misses in `patience` steps."""
+    """When to end: with `enough` candidates at the goal, or none that halved what it misses in `patience` steps.
+
+    `singly`: one start after the other, so that none waits for the slowest, where the model and the goal allow that.
+    `within`: those are left where they lead beyond the limits.
+    """
 
     enough: int
     patience: int
+    singly: bool = False
+    within: bool = False
 
 
-EVERY_BRANCH = Effort(enough=1000, patience=5)
-FIRST_BRANCH = Effort(enough=1, patience=5)
+EVERY_BRANCH = Effort(enough=1000, patience=5, singly=True, within=True)
+FIRST_BRANCH = Effort(enough=1, patience=5, singly=True, within=True)
+STRAYS = Effort(enough=1, patience=5, singly=True)
 ANY_BRANCH = Effort(enough=1, patience=3)
 LAST_RESORT = Effort(enough=2, patience=12)
 
@@ -194,7 +205,7 @@ def reach(c: Compensation, aim: Aim, burden: Burden, poses: Poses, start: Array,
         turn = _damped(by_joint, error, damping * square)
         amounts[:, joints] += turn
         amounts[:, others] += (follow[:, :, :-1] @ turn[:, :, None])[:, :, 0] + follow[:, :, -1]
-    return Reached(amounts, loads.tau, miss, placed.tcp, step)
+    return Reached(amounts, loads.tau, miss, placed.tcp, np.zeros(len(miss), dtype=bool), step)
 
 
 def beside_folds(c: Compensation, aim: Aim, reached: Reached, count: int) -> Array:

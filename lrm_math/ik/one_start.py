@@ -14,13 +14,13 @@ from lrm_math.ik.goal import Rotation, Triple
 from lrm_math.ik.linkage import Burden, Indices
 from lrm_math.ik.newton import (
     CLOSE,
-    EVERY_BRANCH,
     FLAT,
     LEVER,
     LONGEST_STEP,
     MOST_STEPS,
     TINY,
     Band,
+    Effort,
     Reached,
 )
 from lrm_math.ik.one_linkage import Cargo, Frame, OneLinkage, matrices, screws, twist
@@ -34,7 +34,6 @@ NUDGE = 1e-5
 """rad, a turn that tells how the other slots follow."""
 STEADY = 0.01
 """The Jacobian is kept where the last one made the error this much smaller, at least."""
-PATIENCE = EVERY_BRANCH.patience
 HOPELESS = 0.2
 """rad: a step that leads this far beyond the limits is not worth following while there are other starts; nor one that
 leads further beyond than it turned any joint and effects that are not linear may make up for."""
@@ -129,34 +128,26 @@ class OneStart:
         return matrices(tools), np.array(wanted).reshape(len(starts), -1)
 
     def reach_all(
-        self, rotation: Rotation, position: Triple, burden: Burden, starts: Sequence[list[float]], enough: int
+        self, rotation: Rotation, position: Triple, burden: Burden, starts: Sequence[list[float]], effort: Effort
     ) -> Reached:
-        """Where amounts (K, V) lead to, one after the other until `enough` are at the goal within the limits.
-
-        Beyond the limits they are followed only if none gets there within.
-        """
+        """Where amounts (K, V) lead to, one after the other until `enough` are at the goal within the limits."""
         cargo, ends, good = self.linkage.cargo(burden), list[End](), 0
         for start in starts:
-            ends.append(self.reach(rotation, position, cargo, start, True))
+            ends.append(self.reach(rotation, position, cargo, start, effort))
             good += self._is_good(ends[-1])
-            if good == enough:
-                break
-        left = [k for k, end in enumerate(ends) if end.left] if not good else []
-        for k in left:
-            ends[k] = self.reach(rotation, position, cargo, ends[k].amounts, False)
-            good += self._is_good(ends[k])
-            if good == enough:
+            if good == effort.enough:
                 break
         return Reached(
             np.array([end.amounts for end in ends]),
             np.array([end.tau for end in ends]).T,
             np.array([end.miss for end in ends]),
             matrices([end.tcp for end in ends]),
+            np.array([end.left for end in ends]),
             max(end.steps for end in ends),
         )
 
-    def reach(self, rotation: Rotation, position: Triple, cargo: Cargo, start: Sequence[float], limited: bool) -> End:
-        """As `newton.reach` from amounts (V,), for a pose; `limited`: only while the command may keep the limits.
+    def reach(self, rotation: Rotation, position: Triple, cargo: Cargo, start: Sequence[float], effort: Effort) -> End:
+        """As `newton.reach` from amounts (V,), for a pose.
 
         The other slots go where loads have them, and the joints make up for that; what the joints' steps do to those
         loads in turn is a small share, and left to the next step. Close to a goal where that is slow, as near folds,
@@ -176,7 +167,7 @@ class OneStart:
             lacking = [(v, to - amounts[v]) for v, to in zip(others, there, strict=True)]
             miss = sqrt(square) + self.wide * sum([abs(turn) for _, turn in lacking])
             trail.append(miss)
-            stuck = len(trail) > PATIENCE and miss > 0.5 * trail[-1 - PATIENCE]
+            stuck = len(trail) > effort.patience and miss > 0.5 * trail[-1 - effort.patience]
             slow = stuck or (step > QUICK and miss > SLOW * before)
             if slow and others and miss < STALLED and follow is None:
                 follow = self._follow(amounts, there, cargo)
@@ -195,7 +186,7 @@ class OneStart:
                 amounts[v] += turn
             for v, turn in zip(joints, turns, strict=True):
                 amounts[v] += turn
-            if limited and miss > NEARLY:
+            if effort.within and miss > NEARLY:
                 hope = min(HOPELESS, self.bent + max(map(abs, turns)))
                 if self._beyond(amounts, tau) > hope:
                     return End(amounts, tau, stand.tcp, miss, step, True)
