@@ -121,7 +121,7 @@ class OneStart:
         tools, wanted = [], []
         for start in starts.tolist():
             stand = self.linkage.stand(start, cargo)
-            there = self.others.given_way(self.linkage.loads(stand, cargo))
+            there = self.others.given_way(stand.tau)
             turns = [(v, to - start[v]) for v, to in zip(self.others.numbers, there, strict=True)]
             tools.append(moved(stand.tcp, twist(stand, turns, 1.0)))
             wanted.append(there)
@@ -160,7 +160,7 @@ class OneStart:
         damping = DAMPING
         for step in range(MOST_STEPS + 1):
             stand = self.linkage.stand(amounts, cargo)
-            tau = self.linkage.loads(stand, cargo)
+            tau = stand.tau
             error = way(rotation, position, stand.tcp)
             square = sum([e * e for e in error])
             there = self.others.given_way(tau)
@@ -198,7 +198,7 @@ class OneStart:
         for v in self.joints.numbers:
             nudged = list(amounts)
             nudged[v] += NUDGE
-            then = self.others.given_way(self.linkage.loads(self.linkage.stand(nudged, cargo), cargo))
+            then = self.others.given_way(self.linkage.stand(nudged, cargo).tau)
             rows.append([(to - now) / NUDGE for to, now in zip(then, there, strict=True)])
         return np.array(rows)
 
