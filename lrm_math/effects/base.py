@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -215,7 +215,7 @@ class JointEffect(Effect):
         """Every joint."""
         return arm.joint_names
 
-    @property
+    @cached_property
     def joint(self) -> int:
         """Number of the joint from 0."""
         return joint_number(self.place)

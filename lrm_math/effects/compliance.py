@@ -166,7 +166,7 @@ class NonlinearStiffness(LoadedJointEffect):
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """c2 τ|τ| + c3 τ³."""
-        return (p[0] * tau[0] * size(tau[0]) + p[1] * tau[0] ** 3,)
+        return (tau[0] * (p[0] * size(tau[0]) + p[1] * tau[0] * tau[0]),)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """τ|τ| and τ³."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from operator import sub
@@ -41,7 +41,7 @@ class Limits:
         """Middle of every joint's range (rad)."""
         return tuple(0.5 * (a + b) for a, b in zip(self.lower, self.upper, strict=True))
 
-    def margins(self, q: tuple[float, ...]) -> tuple[float, ...]:
+    def margins(self, q: Sequence[float]) -> tuple[float, ...]:
         """Distance of every joint to its nearer limit (rad); negative beyond it."""
         return tuple(min(x - a, b - x) for x, a, b in zip(q, self.lower, self.upper, strict=True))
 

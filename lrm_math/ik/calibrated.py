@@ -163,17 +163,16 @@ class CalibratedSolver:
 
     def _ordered(self, ask: Ask, found: Found) -> list[int]:
         """Rows of commands within the limits, best first, each branch once."""
-        rows = np.flatnonzero(self.deployment.usable(found)).tolist()
+        rows, q = np.flatnonzero(self.deployment.usable(found)).tolist(), found.q.tolist()
         if ask.near is not None:
-            away = np.abs(found.q - ask.near).max(axis=1)
-            rows.sort(key=lambda row: float(away[row]))
+            near = ask.near
+            rows.sort(key=lambda row: _apart(q[row], near))
         else:
             limits = self.deployment.limits
-            margin = np.minimum(found.q - limits.lower, np.array(limits.upper) - found.q).min(axis=1)
-            rows.sort(key=lambda row: -float(margin[row]))
+            rows.sort(key=lambda row: -min(limits.margins(q[row])))
         kept: list[int] = []
         for row in rows:
-            if all(np.abs(found.q[row] - found.q[other]).max() > SAME for other in kept):
+            if all(_apart(q[row], q[other]) > SAME for other in kept):
                 kept.append(row)
         return kept
 
@@ -208,7 +207,8 @@ class CalibratedSolver:
 
     def _clipped(self, found: Found, rows: list[int]) -> Array:
         """(len(rows), n), commands without the round-off that leads beyond a limit."""
-        return np.clip(found.q[rows], self.deployment.limits.lower, self.deployment.limits.upper)
+        band = self.deployment.band
+        return np.asarray(np.minimum(np.maximum(found.q[rows], band.lower), band.upper))
 
     def _branches(self, found: Found, rows: list[int]) -> tuple[Branch, ...]:
         return tuple(Branch(tuple(q), -1, self.deployment.limits) for q in self._clipped(found, rows).tolist())
@@ -280,6 +280,11 @@ class CalibratedSolver:
         if len(angles) != n or not all(map(math.isfinite, angles)):
             raise LrmError(f"{name} = {list(q)}; should be {n} finite joint angles in rad")
         return angles
+
+
+def _apart(q: Sequence[float], other: Sequence[float]) -> float:
+    """How far a joint has to turn at most (rad)."""
+    return max([abs(a - b) for a, b in zip(q, other, strict=True)])
 
 
 def _checked_load(payload: float) -> float:
