@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -21,10 +22,9 @@ from lrm_math.poses import Poses
 
 REGION = 0.05
 """rad: to which known commands are rounded, so that the search has something to find."""
-COARSE = 1e-4
-"""m: equilibria in the cube are settled until the next step is below this; what is left then is a tenth of it."""
-
-
+COARSE = 1e-3
+"""m: equilibria in the cube are settled until the next step is below this; what is left then is a tenth of it. The best
+one is settled to the end."""
 SHRINK = 0.6
 """Side of each further cube over that of the one before."""
 
@@ -99,12 +99,10 @@ class Cube:
 
     def _search_from(self, deployment: Deployment, ask: Ask, drawn: Drawn) -> Hit | None:
         best: Hit | None = None
-        rest, rows = settled(deployment.model, deployment.poses(ask, drawn.q[None]))
-        row = 0
+        around, rows = settled(deployment.model, deployment.poses(ask, drawn.q[None]), tolerance=COARSE)
+        if not len(rows):
+            return None
         for move in range(self.moves + 1):
-            if not len(rows):
-                break
-            around = rest.one(row)
             centre, rotation = _corrected(deployment, ask, drawn, around)
             q, valid = nominal(
                 deployment,
@@ -116,14 +114,17 @@ class Cube:
             rest, rows = settled(deployment.model, poses, _like(deployment.model, around, poses), COARSE)
             if not len(rows):
                 break
-            away = np.linalg.norm(rest.true_tcp - ask.goal.position, axis=1)
-            row = int(away.argmin())
-            if best is not None and away[row] >= best.error:
+            roughly = rest.one(int(np.linalg.norm(rest.true_tcp - ask.goal.position, axis=1).argmin()))
+            around, rows = settled(deployment.model, roughly.poses, roughly.slots)
+            if not len(rows):
                 break
-            best = Hit(_amounts(deployment, rest.one(row)), float(away[row]))
+            error = math.dist(around.true_tcp[0], ask.goal.position)
+            if best is not None and error >= best.error:
+                break
+            best = Hit(_amounts(deployment, around), error)
             if best.error <= self.width:
                 break
-            drawn = taken(deployment, rest.poses.q[row])
+            drawn = taken(deployment, around.poses.q[0])
         return best
 
 

@@ -60,11 +60,13 @@ def nominal(
     They keep the limits but for `slack` (rad, at most `SLACK`).
     """
     batch = deployment.drawing.solve_batch(positions, np.broadcast_to(rotation, (len(positions), 3, 3)))
-    limits = deployment.limits
-    lower, upper = np.array(limits.lower) - slack, np.array(limits.upper) + slack
-    valid = batch.valid & ((batch.q >= lower) & (batch.q <= upper)).all(axis=2)
-    away = np.where(valid, np.abs(batch.q - near).max(axis=2), np.inf)
-    return batch.q[np.arange(len(positions)), away.argmin(axis=1)], np.asarray(valid.any(axis=1))
+    row, number = np.nonzero(batch.valid)
+    q, lower, upper = batch.q[row, number].T, deployment.band.lower - slack, deployment.band.upper + slack
+    inside = ((q >= lower[:, None]) & (q <= upper[:, None])).all(axis=0)
+    away = np.full(batch.valid.shape, np.inf)
+    away[row, number] = np.where(inside, np.abs(q - near[:, None]).max(axis=0), np.inf)
+    every, best = np.arange(len(positions)), away.argmin(axis=1)
+    return batch.q[every, best], away[every, best] < np.inf
 
 
 def taken(deployment: Deployment, q: Array) -> Drawn:
