@@ -23,7 +23,8 @@ from lrm_math.ik.deployment import Ask, Deployment, Found, Method, Stalled
 from lrm_math.ik.goal import Goal, Rotation, Triple
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.newton import LEVER, Aim
-from lrm_math.ik.one_linkage import matrices
+from lrm_math.ik.one_linkage import Frame, frame_of, matrices
+from lrm_math.ik.one_start import way
 from lrm_math.ik.reply import Barred, NotConverged, Reply, Solved, Spread, Unsolved
 from lrm_math.ik.rounding import Rounded, Rounding, Servos, rounded
 from lrm_math.ik.uncertainty import position_covariance
@@ -158,7 +159,7 @@ class CalibratedSolver:
         angles = np.array([command])
         side = None if here is None else np.sign(angles - here)
         rest = settle(self.deployment.model, self.deployment.poses(ask, angles, side))
-        rotation = _rotation(self._tcp(rest))
+        rotation = _columns(self._tcp(rest))
         return Forward(_triple(rest.true_tcp[0]), rotation, tuple(rest.joint_torque[0].tolist()), self._spread(rest))
 
     def _ordered(self, ask: Ask, found: Found) -> list[int]:
@@ -185,15 +186,14 @@ class CalibratedSolver:
         poses, near_rest = self._standing(ask, found, [row])
         rest = settle(deployment.model, poses, near_rest)
         tcp = self._tcp(rest)
-        off = Aim.of(ask.goal).error(tcp[None])[0, 3:] / LEVER
         return Solved(
             goal=ask.goal,
             q=tuple(poses.q[0].tolist()),
             branches=self._branches(found, order),
             tcp=_triple(rest.true_tcp[0]),
-            rotation=_rotation(tcp),
+            rotation=_columns(tcp),
             predicted_error=math.dist(rest.true_tcp[0], ask.goal.position),
-            predicted_turn=float(np.linalg.norm(off)),
+            predicted_turn=_turn_left(ask.goal, tcp),
             spread=self._spread(rest),
             direction=tuple(int(side) for side in found.direction[row]),
             detours=tuple(int(joint) + 1 for joint in np.flatnonzero(found.detour[row])),
@@ -242,14 +242,14 @@ class CalibratedSolver:
             near[k] = amount
         return poses, near
 
-    def _tcp(self, rest: Equilibrium) -> Array:
-        """(4, 4), the tool's frame in a single pose at rest."""
+    def _tcp(self, rest: Equilibrium) -> Frame:
+        """The tool's frame in a single pose at rest."""
         deployment = self.deployment
         linkage = deployment.compensation.linkage
         amounts = [float(rest.slots[k]) for k in linkage.slots.tolist()]
         if deployment.one_start is None:
-            return np.asarray(linkage.place(np.array([amounts])).tcp[0])
-        return np.asarray(matrices([deployment.one_start.linkage.tool(amounts)])[0])
+            return frame_of(linkage.place(np.array([amounts])).tcp[0])
+        return deployment.one_start.linkage.tool(amounts)
 
     def _spread(self, rest: Equilibrium) -> Spread | None:
         covariance = position_covariance(rest, self.covariance, self.joint_sd)
@@ -315,3 +315,15 @@ def _triple(v: Array) -> Triple:
 
 def _rotation(m: Array) -> Rotation:
     return _triple(m[0, :3]), _triple(m[1, :3]), _triple(m[2, :3])
+
+
+def _columns(tcp: Frame) -> Rotation:
+    ax, ay, az, bx, by, bz, cx, cy, cz = tcp[:9]
+    return (ax, bx, cx), (ay, by, cy), (az, bz, cz)
+
+
+def _turn_left(goal: Goal, tcp: Frame) -> float:
+    """How far the tool is from being turned as the goal has it (rad)."""
+    if goal.rotation is not None:
+        return math.hypot(*way(goal.rotation, goal.position, tcp)[3:]) / LEVER
+    return float(np.linalg.norm(Aim.of(goal).error(matrices([tcp]))[0, 3:])) / LEVER

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from lrm_math.chain import Array
-from lrm_math.effects import Effect
+from lrm_math.effects.base import Amounts
 from lrm_math.equilibrium import pushes_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.linkage import Burden, Linkage, linkage_of
@@ -31,9 +31,14 @@ TELLING = 1e-7
 MOST_STEPS = 25
 MOST_BEND = 0.5
 """How far effects may bend the slope from a joint's command to its angle away from the one at zero."""
-Turning: TypeAlias = tuple[Effect, tuple[float, ...], tuple[int, ...], tuple[int, ...]]
-"""An effect, its parameters, which moving slots' loads it feels, and which joints it turns; the number after the last
-joint's is that of anything else."""
+Turning: TypeAlias = tuple[
+    Callable[[Poses, Amounts, tuple[float, ...]], Amounts], tuple[float, ...], tuple[int, ...], tuple[int, ...]
+]
+"""An effect's motion, its parameters, which moving slots' loads it feels, and which joints it turns; the number after
+the last joint's is that of anything else."""
+
+Pushing: TypeAlias = tuple[Callable[[Poses, tuple[float, ...]], Amounts], tuple[float, ...], tuple[int | None, ...]]
+"""An effect's loads, its parameters, and which moving slots they push; None is a slot that does not move."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +97,7 @@ class Compensation:
     def _turning(self, wired: Wired) -> Turning:
         """An effect as `_turns` has it."""
         joints, feels = self._joint_of, tuple(self._felt[i] for i in wired.feels)
-        return wired.effect, wired.p, feels, tuple(joints.get(k, len(joints)) for k in wired.moves)
+        return wired.effect.motion, wired.p, feels, tuple(joints.get(k, len(joints)) for k in wired.moves)
 
     @cached_property
     def _joint_of(self) -> dict[int, int]:
@@ -247,8 +252,12 @@ class Compensation:
 
     def _answer(self, pose: Poses, tau: list[float]) -> Array:
         """(n,), what the effects that follow the command add to the joints (rad), for one pose and loads (V,)."""
-        pushes = pushes_of(self.model, pose)
-        pushed = [(self._row[k], float(load)) for k, load in pushes.items() if k in self._row]
+        pushed = [
+            (v, float(load))
+            for push, p, rows in self._pushing
+            for v, load in zip(rows, push(pose, p), strict=True)
+            if v is not None
+        ]
         loads = list(tau)
         for v, load in pushed:
             loads[v] += load
@@ -256,7 +265,12 @@ class Compensation:
         for v, load in pushed:
             for joint, compliance in self._gives[v]:
                 turns[joint] += compliance * load
-        return np.asarray(turns[:-1] + self._gears @ pose.q[0])
+        return np.asarray(np.array(turns[:-1]) + self._gears @ pose.q[0])
+
+    @cached_property
+    def _pushing(self) -> list[Pushing]:
+        """Effects that put loads on slots."""
+        return [(w.effect.push, w.p, tuple(self._row.get(k) for k in w.pushes)) for w in self.model.wiring.pushing]
 
     @cached_property
     def _gears(self) -> Array:
@@ -278,9 +292,9 @@ class Compensation:
         The last number is of anything else that they move.
         """
         out = [0.0] * (self.model.arm.dof + 1)
-        for effect, p, feels, joints in effects:
-            felt = tuple([loads[v] for v in feels]) if feels else ()
-            for joint, amount in zip(joints, effect.motion(pose, felt, p), strict=True):
+        for motion, p, feels, joints in effects:
+            amounts = motion(pose, tuple([loads[v] for v in feels]) if feels else (), p)
+            for joint, amount in zip(joints, amounts, strict=True):
                 out[joint] += amount  # type: ignore[assignment]
         return out
 

@@ -121,6 +121,12 @@ def twist(stand: Stand, turns: Iterable[tuple[int, float]], lever: float) -> tup
     )
 
 
+def frame_of(matrix: Array) -> Frame:
+    """The frame of a matrix (4, 4)."""
+    ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz = matrix[:3].T.ravel().tolist()
+    return ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz
+
+
 def matrices(frames: Sequence[Frame]) -> Array:
     """(K, 4, 4), the same frames."""
     out = np.zeros((len(frames), 4, 4))

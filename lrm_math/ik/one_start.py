@@ -181,7 +181,8 @@ class OneStart:
                 if follow is not None:
                     by_joint += follow @ screws(stand, others, LEVER)
                 inverse, seen_from = _inverse(by_joint, damping * square + TINY), miss
-            turns = _cut(inverse @ (np.array(error) - twist(stand, lacking, LEVER)))
+            led = twist(stand, lacking, LEVER)
+            turns = _cut(inverse @ np.array([e - d for e, d in zip(error, led, strict=True)]))
             for v, turn in lacking if follow is None else _led(turns, follow, lacking):
                 amounts[v] += turn
             for v, turn in zip(joints, turns, strict=True):
