@@ -141,8 +141,8 @@ def test_pulled_seeds_take_the_goal_pulled_inwards(name: str) -> None:
         known = likeness.seeds(goal, None).numbers[:1]
         seeds = likeness.pulled(goal, known)
         assert not set(known) & set(seeds.numbers)
-        for q, at in zip(seeds.q, seeds.tcp, strict=True):
-            np.testing.assert_allclose(at, frames(chain, chain.values(q.tolist()), 1)[0, -1], atol=1e-12)
+        for q in seeds.q:
+            at = frames(chain, chain.values(q.tolist()), 1)[0, -1]
             np.testing.assert_allclose(at[:3, :3], tool[:3, :3], atol=1e-8)
             way, pulled = likeness.middle - tool[:3, 3], at[:3, 3] - tool[:3, 3]
             np.testing.assert_allclose(np.cross(way, pulled), 0.0, atol=1e-8)

@@ -131,19 +131,11 @@ class Deployment:
     def start_at(self, ask: Ask, seeds: Seeds) -> Array:
         """Amounts (K, V) of the moving slots at the look-alike's branches, and where the arm stands, if that is known.
 
-        The branches are corrected once by how far off the calibrated arm is there, which gives way as it does there.
+        The slots that are no joints have what they have on average.
         """
-        linkage, joints = self.compensation.linkage, self.compensation.linkage.joints
+        joints = self.compensation.linkage.joints
         start = np.repeat(self._resting[None], len(seeds.q), axis=0)
         start[:, joints] = self.zero + seeds.q
-        if ask.goal.rotation is not None and len(start):
-            if self.one_start is None:
-                tcp = linkage.place(start).tcp
-            else:
-                tcp, start[:, linkage.others] = self.one_start.seen(start, self.compensation.burden(ask.payload))
-            angles, sources = self.likeness.corrected(ask.goal, seeds, tcp)
-            start = start[sources]
-            start[:, joints] = self.zero + angles
         if ask.near is not None:
             start = np.concatenate([start, self._resting[None]])
             start[-1, joints] = self.zero + ask.near

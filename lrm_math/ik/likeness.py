@@ -11,12 +11,10 @@ import numpy as np
 from lrm_math.arm import BASE, TOOL, Arm, Joint, Placement
 from lrm_math.chain import Array
 from lrm_math.ik.answer import Limits
-from lrm_math.ik.compensation import Compensation
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.lines import lines_of
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.one_goal import OneGoal, one_goal_solver
-from lrm_math.ik.one_linkage import OneLinkage, matrices
 from lrm_math.ik.pieper import pieper_form
 from lrm_math.ik.solver import NominalSolver
 from lrm_math.model import Model
@@ -29,30 +27,25 @@ PULLED = (0.0, 0.01, 0.03, 0.07, 0.15)
 
 @dataclass(frozen=True, eq=False)
 class Seeds:
-    """Angles `q` (K, n) of the look-alike (rad) that take the goal or come near, and its tool's frames `tcp` (K, 4, 4)
-    there.
+    """Angles `q` (K, n) of the look-alike (rad) that take the goal or come near.
 
     `numbers`: of the closed form's branches, or -1.
     """
 
     q: Array
     numbers: tuple[int, ...]
-    tcp: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Likeness:
     """The look-alike's inverse. Its joint angles are counted from where the calibrated arm's joints really are.
 
-    `linkage`, `zero`: the arm itself, with what its slots have at zero (rad). `one_goal`, `almost`: for one pose; the
-    other one also answers goals that it misses (see `one_goal_solver`).
+    `one_goal`, `almost`: for one pose; the other one also answers goals that it misses (see `one_goal_solver`).
     `middle`: (3,), m, the point that goals out of reach are pulled towards: the second joint's origin.
     """
 
     arm: Arm
     solver: NominalSolver
-    linkage: OneLinkage
-    zero: Array
     one_goal: OneGoal | None
     almost: OneGoal | None
     middle: Array
@@ -63,11 +56,7 @@ class Likeness:
         arm = _alike(model)
         form = pieper_form(lines_of(arm))
         one_goal, almost = (None if form is None else one_goal_solver(form, Limits.of(arm), by) for by in (0.0, inf))
-        rigid = Compensation(Model(arm, (), np.empty(0)))
-        linkage = OneLinkage.of(rigid.linkage)
-        assert linkage is not None, "the slots of a rigid arm are joints, and turn"
-        middle = lines_of(arm).point[min(1, arm.dof - 1)]
-        return cls(arm, solver_of(arm), linkage, rigid.steady, one_goal, almost, middle)
+        return cls(arm, solver_of(arm), one_goal, almost, lines_of(arm).point[min(1, arm.dof - 1)])
 
     def seeds(self, goal: Goal, near: Sequence[float] | None) -> Seeds:
         """Angles that joints may have at a goal, limits widened by `SLACK`; perhaps none.
@@ -76,18 +65,11 @@ class Likeness:
         """
         if goal.rotation is None:
             branches = self.solver.lesser(goal, near)
-            return self._at(np.array([branch.q for branch in branches]), [-1] * len(branches))
+            return _seeds([(-1, branch.q) for branch in branches], self.arm.dof)
         for solver in (self.one_goal, self.almost):
             if solver is not None and (found := solver(goal.rotation, goal.position)):
-                return self._at(np.array([q for _, q in found]), [number for number, _ in found])
+                return _seeds(found, self.arm.dof)
         return self.pulled(goal, ())
-
-    def _at(self, q: Array, numbers: Sequence[int]) -> Seeds:
-        """Seeds at angles (K, n)."""
-        joints = q.reshape(-1, self.arm.dof)
-        return Seeds(
-            joints, tuple(numbers), matrices([self.linkage.tool(row) for row in (self.zero + joints).tolist()])
-        )
 
     def pulled(self, goal: Goal, known: Sequence[int]) -> Seeds:
         """For a pose, branches other than those `known` by number, each with the goal pulled in as little as can be.
@@ -99,30 +81,11 @@ class Likeness:
         batch = self.solver.solve_batch(positions, np.broadcast_to(np.array(goal.rotation), (len(positions), 3, 3)))
         numbers = [k for k in np.flatnonzero(batch.valid.any(axis=0)).tolist() if k not in known]
         rows = batch.valid.argmax(axis=0)[numbers]
-        return self._at(batch.q[rows, numbers], numbers)
+        return Seeds(batch.q[rows, numbers], tuple(numbers))
 
-    def corrected(self, goal: Goal, seeds: Seeds, tcp: Array) -> tuple[Array, list[int]]:
-        """(M, n), the seeds again, for the goal moved by what the calibrated arm's TCP (K, 4, 4) at them was off.
 
-        And from which seed each comes. A seed whose branch the moved goal does not have stays as it is; branches that
-        only the moved goal has are added.
-        """
-        rows, sources = list(seeds.q), list(range(len(seeds.q)))
-        if goal.rotation is None or self.one_goal is None:
-            return seeds.q, sources
-        numbers = set(seeds.numbers)
-        back = seeds.tcp[:, :3, :3] @ tcp[:, :3, :3].transpose(0, 2, 1)
-        positions = (goal.position + seeds.tcp[:, :3, 3] - tcp[:, :3, 3]).tolist()
-        rotations = (back @ np.array(goal.rotation)).tolist()
-        for k, number in enumerate(seeds.numbers):
-            for other, q in self.one_goal(rotations[k], positions[k]) or ():
-                if other == number:
-                    rows[k] = np.array(q)
-                elif other not in numbers:
-                    numbers.add(other)
-                    rows.append(np.array(q))
-                    sources.append(k)
-        return np.array(rows), sources
+def _seeds(found: Sequence[tuple[int, tuple[float, ...]]], dof: int) -> Seeds:
+    return Seeds(np.array([q for _, q in found]).reshape(-1, dof), tuple(number for number, _ in found))
 
 
 def _alike(model: Model) -> Arm:

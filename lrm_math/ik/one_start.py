@@ -114,19 +114,6 @@ class OneStart:
         joints, others = Springs.of(c, c.linkage.joints), Springs.of(c, c.linkage.others)
         return cls(linkage, joints, others, c.model.wiring.reach, band, bent)
 
-    def seen(self, starts: Array, burden: Burden) -> tuple[Array, Array]:
-        """Tool frames (K, 4, 4) at amounts (K, V), once the slots that are no joints have given way; and where these
-        then are (K, W). To first order."""
-        cargo = self.linkage.cargo(burden)
-        tools, wanted = [], []
-        for start in starts.tolist():
-            stand = self.linkage.stand(start, cargo)
-            there = self.others.given_way(stand.tau)
-            turns = [(v, to - start[v]) for v, to in zip(self.others.numbers, there, strict=True)]
-            tools.append(moved(stand.tcp, twist(stand, turns, 1.0)))
-            wanted.append(there)
-        return matrices(tools), np.array(wanted).reshape(len(starts), -1)
-
     def reach_all(
         self, rotation: Rotation, position: Triple, burden: Burden, starts: Sequence[list[float]], effort: Effort
     ) -> Reached:
@@ -254,19 +241,3 @@ def way(rotation: Rotation, position: Triple, tcp: Frame) -> tuple[float, ...]:
         scale * (az * ux - ax * uz + bz * vx - bx * vz + cz * wx - cx * wz),
         scale * (ax * uy - ay * ux + bx * vy - by * vx + cx * wy - cy * wx),
     )
-
-
-def moved(tool: Frame, way: tuple[float, ...]) -> Frame:
-    """A frame after a small displacement (m) and turn (rad), but for terms of third order."""
-    ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz = tool
-    x, y, z, u, v, w = way
-
-    def turned(ax: float, ay: float, az: float) -> Triple:
-        dx, dy, dz = v * az - w * ay, w * ax - u * az, u * ay - v * ax
-        return (
-            ax + dx + 0.5 * (v * dz - w * dy),
-            ay + dy + 0.5 * (w * dx - u * dz),
-            az + dz + 0.5 * (u * dy - v * dx),
-        )
-
-    return (*turned(ax, ay, az), *turned(bx, by, bz), *turned(cx, cy, cz), px + x, py + y, pz + z)
