@@ -29,8 +29,10 @@ from lrm_math.ik.deployment import Ask, Method
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import pose
 from lrm_math.ik.iterative import Iterative
+from lrm_math.ik.newton import Effort
 from lrm_math.ik.reply import NotConverged, Reply, Solved
 from lrm_math.ik.rounding import Rounding
+from lrm_math.ik.search import distinct
 from lrm_math.ik.settled import settled
 from lrm_math.model import Model, model_of
 from lrm_math.model_file import load_model
@@ -47,6 +49,9 @@ SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quan
 PAYLOAD = 0.0663
 QUICK = Cube(guesses=2, name="cube, 2 guesses")
 EXACT, CLOSE = 1e-9, 1e-3  # m
+STARTS, THOROUGH = 96, Effort(enough=1000, patience=12, singly=True)
+TWINS = 1e-3
+"""rad: commands no further apart count as one branch; singular poses have ever more of them."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +150,22 @@ def one_cube(solver: CalibratedSolver, tools: Array) -> float:
     return float(np.median(took))
 
 
+def share_of_branches(solver: CalibratedSolver, tools: Array) -> float:
+    """How many of the commands within the limits that `STARTS` poses of the library lead to `Direct` answers with."""
+    deployment, found, known = solver.deployment, 0, 0
+    for tool in tools:
+        ask = Ask(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
+        leaps = deployment.leaps.starts(ask.goal, STARTS // 2)
+        close = deployment.library.amounts[deployment.library.closest(ask.goal, STARTS // 2)]
+        there, _ = deployment.solve_from(ask, np.concatenate([leaps, close]), THOROUGH)
+        every = distinct(there.q[deployment.usable(there)], TWINS)
+        reply = solver.solve(ask.goal, PAYLOAD, method=Direct())
+        answered = np.array([branch.q for branch in reply.branches] if isinstance(reply, Solved) else []).reshape(-1, 6)
+        known += len(every)
+        found += sum(bool((np.abs(answered - q).max(axis=1) < TWINS).any()) for q in every)
+    return found / known
+
+
 @dataclass(frozen=True)
 class Stall:
     """The thesis's first method: share of goals that it misses by more than a millimetre, medians of its errors (m).
@@ -188,6 +209,7 @@ def main() -> None:
     parser.add_argument("--cube-goals", type=int, default=400, help="goals per model for the cube")
     given = parser.parse_args()
     console, table = Console(width=140), Table(title="Calibrated inverse, one goal at a time", title_justify="left")
+    shares: list[str] = []
     for column in ("model", "method", "goals", "solved", "worst mm", "branches", "p50 ms", "p99 ms", "cube < 1 mm"):
         table.add_column(column, justify="left" if column in ("model", "method") else "right")
     for name, model in models():
@@ -207,7 +229,10 @@ def main() -> None:
             f"{1e3 * one_cube(solver, tools[: given.cube_goals]):.2f}",
         )
         table.add_section()
+        with console.status(f"{name}: every branch"):
+            shares.append(f"{100 * share_of_branches(solver, tools[: given.cube_goals]):.1f} % ({name})")
     console.print(table)
+    console.print(f"Of the branches that {STARTS} starts for one goal lead to, direct answers {', '.join(shares)}")
     thesis = load_model(TABLE_B2)
     tools = goals(thesis, given.cube_goals)
     s = stall(CalibratedSolver.of(thesis), tools)
