@@ -65,7 +65,7 @@ def stand_text(
 
 
 def function(text: str, name: str) -> Any:
-    """The function of that name in a text."""
+    """The function of that name in a text, which holds nothing but what is written here and numbers of the model."""
     names: dict[str, Any] = {"cos": cos, "sin": sin}
     exec(compile(text, f"<{name}, written out>", "exec"), names)
     return names[name]
