@@ -40,7 +40,7 @@ class ServoTableTable(StrictSchema):
     """A level-1 table: measured angles and the pulses that gave them."""
 
     angle_deg: Annotated[list[Angle], Field(min_length=2)]
-    pulse_us: Annotated[list[Annotated[float, Field(gt=0, lt=20_000)]], Field(min_length=2)]
+    pulse_us: Annotated[list[Annotated[float, Field(ge=100, lt=20_000)]], Field(min_length=2)]
 
 
 class JointTable(StrictSchema):
