@@ -19,7 +19,7 @@ thousands that could be."""
 GAPS = {3: 0.04, 5: 0.08}
 """m: positions, and those with an approach, that are further from every pose of the library are first asked whether
 they come within reach; few of those that do are as far."""
-LEAPS = 8
+LEAPS = 12
 """How many of the most promising poses of the library are tried for a whole pose, one after the other."""
 FOLDS = 3
 """How many candidates that got stuck are helped off the fold that they may stand on."""

@@ -61,7 +61,8 @@ class Likeness:
     def seeds(self, goal: Goal, near: Sequence[float] | None) -> Seeds:
         """Angles that joints may have at a goal, limits widened by `SLACK`; perhaps none.
 
-        Beyond the look-alike's reach they are those that come near it, or take the goal pulled inwards.
+        Beyond the look-alike's reach they are those that come near it; without a closed form for one pose, those that
+        take it pulled inwards.
         """
         if goal.rotation is None:
             branches = self.solver.lesser(goal, near)
@@ -69,7 +70,7 @@ class Likeness:
         for solver in (self.one_goal, self.almost):
             if solver is not None and (found := solver(goal.rotation, goal.position)):
                 return _seeds(found, self.arm.dof)
-        return self.pulled(goal, ())
+        return self.pulled(goal, ()) if self.one_goal is None else _seeds((), self.arm.dof)
 
     def pulled(self, goal: Goal, known: Sequence[int]) -> Seeds:
         """For a pose, branches other than those `known` by number, each with the goal pulled in as little as can be.

@@ -134,8 +134,8 @@ class Effort:
     within: bool = False
 
 
-EVERY_BRANCH = Effort(enough=1000, patience=5, singly=True, within=True)
-FIRST_BRANCH = Effort(enough=1, patience=5, singly=True, within=True)
+EVERY_BRANCH = Effort(enough=1000, patience=4, singly=True, within=True)
+FIRST_BRANCH = Effort(enough=1, patience=4, singly=True, within=True)
 STRAYS = Effort(enough=1, patience=5, singly=True)
 ANY_BRANCH = Effort(enough=1, patience=3)
 LAST_RESORT = Effort(enough=2, patience=12)
