@@ -23,6 +23,8 @@ from lrm_math.ik.turns import BEYOND, Around, least
 
 SWEEP = 73
 """Samples of a free angle over its range, at first and once more around the best."""
+ROUGHLY, EXACTLY = 0.01, 3e-5
+"""rad: how finely turns about an approach direction are told, for seeds and for answers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,7 @@ class ClosedForm(NominalSolver):
 
     def lesser(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
         here = None if near is None else angles_near(near, 6)
-        found = None if goal.approach is None else self._along(goal, here)
+        found = None if goal.approach is None else self._along(goal, here, ROUGHLY)
         return self.search.branches(goal, here, 0) if found is None else found.branches
 
     def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
@@ -171,17 +173,17 @@ class ClosedForm(NominalSolver):
 
     def _lesser(self, goal: Goal, near: Array | None) -> Answer:
         """A goal without a full orientation: a position from a search, with an approach from poses all round it."""
-        found = None if goal.approach is None else self._along(goal, near)
+        found = None if goal.approach is None else self._along(goal, near, EXACTLY)
         return self.search.answer(goal, near) if found is None else found
 
-    def _along(self, goal: Goal, near: Array | None) -> Answer | None:
+    def _along(self, goal: Goal, near: Array | None, finest: float) -> Answer | None:
         """A position with an approach; None if no turn about it was found that leads there."""
         towards = self.search.middle if near is None else near
         z, now = np.array(goal.approach), placed(self.search.chain, towards[None]).frames[-1, :, :, 0]
         x = np.cross(now[1], z) if abs(z @ now[1]) < 0.9 else np.cross(now[0], z)
         x /= np.linalg.norm(x)
         axes = np.array([x, np.cross(z, x), z])
-        found = least(lambda turns: self._around(goal, axes, turns, towards))
+        found = least(lambda turns: self._around(goal, axes, turns, towards), finest)
         if len(found) == 0:
             return None
         found = distinct(found, ELSEWHERE)[:REPRESENTATIVES]

@@ -17,8 +17,8 @@ FAST, BETWEEN, PARTED = 0.3, 7, 3
 
 Near a singular pose of the wrist two joints turn by half a turn while the tool turns by a small part of a degree.
 """
-FINE, REFINED = 13, 4
-"""Samples around each that moves the joints less than its neighbours do, and sweeps."""
+FINE = 13
+"""Samples around each that moves the joints less than its neighbours do, in each finer sweep."""
 HOPE = 1.0
 """rad beyond the limits from which a sample's surroundings may still lead within.
 
@@ -54,8 +54,11 @@ class Around:
         return np.asarray(np.where(both, step, 0.0).max(axis=1))
 
 
-def least(around: Callable[[Array], Around]) -> Array:
-    """(M, 6), angles within the limits that change more if the tool turns a little either way (rad), the best first."""
+def least(around: Callable[[Array], Around], finest: float) -> Array:
+    """(M, 6), angles within the limits that change more if the tool turns a little either way (rad), the best first.
+
+    `finest`: rad, the turns at the end are no further apart.
+    """
     turns, here = _swept(around)
     end = np.full((1, here.bad.shape[1]), np.inf)
     before, after = np.vstack([end, here.bad[:-1]]), np.vstack([here.bad[1:], end])
@@ -64,7 +67,7 @@ def least(around: Callable[[Array], Around]) -> Array:
     q, bad, turn, hope = here.q[low], here.bad[low], turns[row], HOPE
     padded = np.concatenate([turns[:1], turns, turns[-1:]])
     step = np.maximum(turn - padded[row], padded[row + 2] - turn)
-    for _ in range(REFINED):
+    while step.max(initial=0.0) > finest:
         finer = turn[:, None] + step[:, None] * np.linspace(-1.0, 1.0, FINE)
         there = around(finer.ravel())
         own = np.arange(finer.size).reshape(finer.shape), number[:, None]
