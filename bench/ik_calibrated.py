@@ -47,6 +47,7 @@ EXAMPLE = Path(synthetic.__file__).resolve().parents[1] / "examples" / "hidden-p
 PLAY_AND_BENDING = ("backlash", "lateral_compliance", "servo_gain")
 SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
 PAYLOAD = 0.0663
+METHODS: tuple[Method, Method] = (Direct(), Cube())
 QUICK = Cube(guesses=2, name="cube, 2 guesses")
 EXACT, CLOSE = 1e-9, 1e-3  # m
 STARTS, THOROUGH = 96, Effort(enough=1000, patience=12, singly=True)
@@ -150,20 +151,22 @@ def one_cube(solver: CalibratedSolver, tools: Array) -> float:
     return float(np.median(took))
 
 
-def share_of_branches(solver: CalibratedSolver, tools: Array) -> float:
-    """How many of the commands within the limits that `STARTS` poses of the library lead to `Direct` answers with."""
-    deployment, found, known = solver.deployment, 0, 0
+def shares_of_branches(solver: CalibratedSolver, tools: Array) -> tuple[float, float]:
+    """How many of the commands within the limits that `STARTS` poses of the library lead to `METHODS` answer with."""
+    deployment, found, known = solver.deployment, [0, 0], 0
     for tool in tools:
         ask = Ask(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
         leaps = deployment.leaps.starts(ask.goal, STARTS // 2)
         close = deployment.library.amounts[deployment.library.closest(ask.goal, STARTS // 2)]
         there, _ = deployment.solve_from(ask, np.concatenate([leaps, close]), THOROUGH)
         every = distinct(there.q[deployment.usable(there)], TWINS)
-        reply = solver.solve(ask.goal, PAYLOAD, method=Direct())
-        answered = np.array([branch.q for branch in reply.branches] if isinstance(reply, Solved) else []).reshape(-1, 6)
         known += len(every)
-        found += sum(bool((np.abs(answered - q).max(axis=1) < TWINS).any()) for q in every)
-    return found / known
+        for i, method in enumerate(METHODS):
+            reply = solver.solve(ask.goal, PAYLOAD, method=method)
+            answered = [branch.q for branch in reply.branches] if isinstance(reply, Solved) else []
+            rows = np.array(answered).reshape(-1, every.shape[1])
+            found[i] += sum(bool((np.abs(rows - q).max(axis=1) < TWINS).any()) for q in every)
+    return found[0] / known, found[1] / known
 
 
 @dataclass(frozen=True)
@@ -230,9 +233,12 @@ def main() -> None:
         )
         table.add_section()
         with console.status(f"{name}: every branch"):
-            shares.append(f"{100 * share_of_branches(solver, tools[: given.cube_goals]):.1f} % ({name})")
+            direct, cube = shares_of_branches(solver, tools[: given.cube_goals])
+        shares.append(f"{name} {100 * direct:.1f} and {100 * cube:.1f} %")
     console.print(table)
-    console.print(f"Of the branches that {STARTS} starts for one goal lead to, direct answers {', '.join(shares)}")
+    console.print(
+        f"Of the branches that {STARTS} starts for one goal lead to, direct and cube answer: {'; '.join(shares)}"
+    )
     thesis = load_model(TABLE_B2)
     tools = goals(thesis, given.cube_goals)
     s = stall(CalibratedSolver.of(thesis), tools)

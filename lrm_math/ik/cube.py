@@ -13,8 +13,8 @@ import numpy as np
 from lrm_math.chain import Array, Number
 from lrm_math.equilibrium import Equilibrium, rigid_amounts
 from lrm_math.errors import LrmError
+from lrm_math.ik.branches import every_branch
 from lrm_math.ik.deployment import Ask, Deployment, Found
-from lrm_math.ik.direct import Direct
 from lrm_math.ik.first_guess import Drawn, first_guesses, nominal, taken
 from lrm_math.ik.settled import settled
 from lrm_math.model import Model
@@ -67,8 +67,8 @@ class Cube:
             )
 
     def find(self, deployment: Deployment, ask: Ask) -> Found | None:
-        """The polished best of the cube, and the branches that the direct method finds."""
-        others = Direct().find(deployment, ask)
+        """The polished best of the cube, and all other branches that can be found quickly."""
+        others = every_branch(deployment, ask)
         hit = self.search(deployment, ask, None if others is None else others.q[deployment.usable(others)])
         if hit is None:
             return others
