@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from random_arms import arms
 from test_ik_calibrated import EXACT, MODELS, Array, goal_of, reachable, solver
 
+from lrm_math.arm import Arm
+from lrm_math.effects import effects_at
 from lrm_math.equilibrium import settle
 from lrm_math.ik.branches import every_branch
+from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.deployment import Ask, Found
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.newton import WEIGHTS
+from lrm_math.model import model_of
 from lrm_math.poses import poses_of
 from lrm_math.walk import frames
 
@@ -89,3 +95,20 @@ def test_where_there_is_no_way_none_is_made_up() -> None:
         )
         is None
     )
+
+
+@settings(max_examples=8)
+@given(arm=arms.filter(lambda arm: arm.dof >= 4))
+def test_arms_of_any_shape_lose_nothing_by_it(arm: Arm) -> None:
+    """With and without a closed form: what the direct method finds, and perhaps more."""
+    model = model_of(arm, effects_at(arm, "compliance"), {})
+    deployment = CalibratedSolver.of(model).deployment
+    _, tools = reachable(model, 3, 34, PAYLOAD)
+    for tool in tools:
+        ask = Ask(goal_of(tool), PAYLOAD)
+        direct, every = Direct().find(deployment, ask), every_branch(deployment, ask)
+        assert (direct is None) == (every is None)
+        if direct is not None and every is not None:
+            assert len(every.q) >= len(direct.q)
+            np.testing.assert_array_equal(every.q[: len(direct.q)], direct.q)
+            assert bool(every.reached.met.all())

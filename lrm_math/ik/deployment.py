@@ -129,16 +129,13 @@ class Deployment:
         return (OnePose if len(q) == 1 else Poses)(q, np.full(len(q), ask.payload), direction)
 
     def start_at(self, ask: Ask, seeds: Seeds) -> Array:
-        """Amounts (K, V) of the moving slots at the look-alike's branches, and where the arm stands, if that is known.
+        """Amounts (K, V) of the moving slots at the look-alike's branches, and where the arm stands, if known."""
+        return self.at(seeds.q if ask.near is None else np.vstack([seeds.q, ask.near]))
 
-        The slots that are no joints have what they have on average.
-        """
-        joints = self.compensation.linkage.joints
-        start = np.repeat(self._resting[None], len(seeds.q), axis=0)
-        start[:, joints] = self.zero + seeds.q
-        if ask.near is not None:
-            start = np.concatenate([start, self._resting[None]])
-            start[-1, joints] = self.zero + ask.near
+    def at(self, q: Array) -> Array:
+        """Amounts (K, V) of the moving slots at angles of the look-alike's joints (K, n), the others as on average."""
+        start = np.repeat(self._resting[None], len(q), axis=0)
+        start[:, self.compensation.linkage.joints] = self.zero + q
         return start
 
     @cached_property

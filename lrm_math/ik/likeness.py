@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, pi
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class Likeness:
     """The look-alike's inverse. Its joint angles are counted from where the calibrated arm's joints really are.
 
     `one_goal`, `almost`: for one pose; the other one also answers goals that it misses (see `one_goal_solver`).
+    `anywhere`: as `almost`, whatever the limits.
     `middle`: (3,), m, the point that goals out of reach are pulled towards: the second joint's origin.
     """
 
@@ -48,6 +49,7 @@ class Likeness:
     solver: NominalSolver
     one_goal: OneGoal | None
     almost: OneGoal | None
+    anywhere: OneGoal | None
     middle: Array
 
     @classmethod
@@ -55,8 +57,12 @@ class Likeness:
         """For a model."""
         arm = _alike(model)
         form = pieper_form(lines_of(arm))
-        one_goal, almost = (None if form is None else one_goal_solver(form, Limits.of(arm), by) for by in (0.0, inf))
-        return cls(arm, solver_of(arm), one_goal, almost, lines_of(arm).point[min(1, arm.dof - 1)])
+        limits, all_round = Limits.of(arm), Limits((-pi,) * arm.dof, (pi,) * arm.dof)
+        one_goal, almost, anywhere = (
+            None if form is None else one_goal_solver(form, window, missed)
+            for window, missed in ((limits, 0.0), (limits, inf), (all_round, inf))
+        )
+        return cls(arm, solver_of(arm), one_goal, almost, anywhere, lines_of(arm).point[min(1, arm.dof - 1)])
 
     def seeds(self, goal: Goal, near: Sequence[float] | None) -> Seeds:
         """Angles that joints may have at a goal, limits widened by `SLACK`; perhaps none.

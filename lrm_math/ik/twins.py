@@ -1,0 +1,46 @@
+"""Twins: near a fold, where two ways to a pose meet, one of them tells where the other is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lrm_math.chain import Array
+from lrm_math.ik.deployment import Ask, Deployment
+from lrm_math.ik.folds import Slowest
+from lrm_math.ik.newton import Aim
+
+SLOW = 5e-3
+"""m/rad: a fold is near where the tool goes slower than this with some motion of the joints."""
+NUDGE = 0.02
+"""rad, a turn that tells how the slope changes."""
+FURTHEST = 1.5
+"""rad: a twin is not sought further away."""
+KNOWN = 0.35
+"""A start that is closer to a known solution than this share of its way is taken to lead there."""
+BEYOND = 0.2
+"""rad: nor is it sought where the start is further than this outside the limits."""
+
+
+def twins(deployment: Deployment, ask: Ask, q: Array, amounts: Array, known: Array) -> Array:
+    """(M, V), amounts of the moving slots where twins of solutions may be.
+
+    With the motion that hardly moves the tool, the tool goes forth a little and comes back. To second order both ends
+    are as far from where it turns: one root of a parabola, and the slope there, give the other.
+
+    Args:
+        q: (K, n), commands of the solutions (rad). `amounts`: (K, V) there. `known`: (L, n), commands not to be found
+            again.
+    """
+    linkage, aim = deployment.compensation.linkage, Aim.of(ask.goal)
+    slowest = Slowest.of(linkage, aim, amounts)
+    nudged = amounts.copy()
+    nudged[:, linkage.joints] += NUDGE * slowest.along
+    here = slowest.slope_at(linkage, aim, amounts)
+    bend = (slowest.slope_at(linkage, aim, nudged) - here) / NUDGE
+    far = -2.0 * here / np.where(bend == 0.0, np.inf, bend)
+    turn = far[:, None] * slowest.along
+    apart = np.abs((q + turn)[:, None] - known).max(axis=2).min(axis=1)
+    worth = (slowest.slope < SLOW) & (np.abs(far) <= FURTHEST) & (apart > KNOWN * np.abs(far))
+    starts = amounts.copy()
+    starts[:, linkage.joints] += turn
+    return np.asarray(starts[worth & deployment.band.holds(q + turn, BEYOND)])
