@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.chain import Array
 from lrm_math.ik.linkage import Linkage
@@ -31,6 +32,10 @@ class Slowest:
         across, slopes, along = np.linalg.svd(_by_joint(linkage, aim, amounts), full_matrices=False)
         largest = np.abs(along[:, -1]).max(axis=1, keepdims=True)
         return cls(slopes[:, -1] / largest[:, 0], along[:, -1] / largest, across[:, :, -1])
+
+    def take(self, rows: NDArray[np.bool_]) -> Slowest:
+        """Some of the places."""
+        return Slowest(self.slope[rows], self.along[rows], self.across[rows])
 
     def slope_at(self, linkage: Linkage, aim: Aim, amounts: Array) -> Array:
         """(K,), how fast the tool goes the same way with the same motion at amounts (K, V): m/rad."""

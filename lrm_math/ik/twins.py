@@ -33,14 +33,17 @@ def twins(deployment: Deployment, ask: Ask, q: Array, amounts: Array, known: Arr
     """
     linkage, aim = deployment.compensation.linkage, Aim.of(ask.goal)
     slowest = Slowest.of(linkage, aim, amounts)
+    near = slowest.slope < SLOW
+    q, amounts, slowest = q[near], amounts[near], slowest.take(near)
+    if not len(q):
+        return amounts
     nudged = amounts.copy()
     nudged[:, linkage.joints] += NUDGE * slowest.along
-    here = slowest.slope_at(linkage, aim, amounts)
-    bend = (slowest.slope_at(linkage, aim, nudged) - here) / NUDGE
-    far = -2.0 * here / np.where(bend == 0.0, np.inf, bend)
+    bend = (slowest.slope_at(linkage, aim, nudged) - slowest.slope) / NUDGE
+    far = -2.0 * slowest.slope / np.where(bend == 0.0, np.inf, bend)
     turn = far[:, None] * slowest.along
     apart = np.abs((q + turn)[:, None] - known).max(axis=2).min(axis=1)
-    worth = (slowest.slope < SLOW) & (np.abs(far) <= FURTHEST) & (apart > KNOWN * np.abs(far))
+    worth = (np.abs(far) <= FURTHEST) & (apart > KNOWN * np.abs(far)) & deployment.band.holds(q + turn, BEYOND)
     starts = amounts.copy()
     starts[:, linkage.joints] += turn
-    return np.asarray(starts[worth & deployment.band.holds(q + turn, BEYOND)])
+    return np.asarray(starts[worth])
