@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lrm_math.chain import Array, Chain
 from lrm_math.ik.goal import Goal
-from lrm_math.walk import Walk, walk
+from lrm_math.ik.linkage import Linkage, Placed, cross, linkage_of
 
 MOST_STEPS = 120
 """Of a descent."""
@@ -63,46 +63,47 @@ class Targets:
         """Some of the goals."""
         return Targets(self.position[:, chosen], self.axes, self.direction[:, :, chosen], self.weight)
 
-    def residual(self, at: Walk) -> Array:
+    def residual(self, at: Placed) -> Array:
         """(K, m), what is missing: m."""
-        parts = [self.position - at.tcp]
-        parts += [self.weight * (d - at.frames[-1, axis]) for axis, d in zip(self.axes, self.direction, strict=True)]
+        tool = at.tcp.T
+        parts = [self.position - tool[3, :3]]
+        parts += [self.weight * (d - tool[axis, :3]) for axis, d in zip(self.axes, self.direction, strict=True)]
         return np.concatenate(parts).T
 
 
-def placed(chain: Chain, q: Array) -> Walk:
-    """Where the nominal arm stands at angles q (K, n)."""
-    return walk(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """The arm as drawn, everything between its joints welded together. `zero`: (n,), slots' amounts at q = 0 (rad)."""
+
+    linkage: Linkage
+    zero: Array
+
+    @classmethod
+    def of(cls, chain: Chain) -> Drawn:
+        """The nominal arm of a chain."""
+        steady = [float(amount) for amount in chain.values([0.0] * chain.dof)]
+        return cls(linkage_of(chain, steady, ()), np.array([steady[k] for k in chain.joint_slots]))
+
+    def placed(self, q: Array) -> Placed:
+        """Where it stands at angles q (K, n)."""
+        return self.linkage.place(self.zero + q)
 
 
-def jacobian(chain: Chain, at: Walk, targets: Targets) -> Array:
+def jacobian(at: Placed, targets: Targets) -> Array:
     """(K, m, n), how the joints lessen the residual (m/rad)."""
-    joints = list(chain.joint_slots)
-    axis, arm = at.axis[joints], at.tcp - at.origin[joints]
-    parts = [_cross(axis, arm)] + [targets.weight * _cross(axis, at.frames[-1, k]) for k in targets.axes]
+    tool = at.tcp.T
+    parts = [cross(at.axis, tool[3, :3] - at.origin)]
+    parts += [targets.weight * cross(at.axis, tool[None, k, :3]) for k in targets.axes]
     return np.concatenate(parts, axis=1).transpose(2, 1, 0)
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """(n, 3, K) × (3, K) or (n, 3, K), along the second axis from the front."""
-    b = np.broadcast_to(b, a.shape)
-    return np.stack(
-        [
-            a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1],
-            a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2],
-            a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0],
-        ],
-        axis=1,
-    )
-
-
 def descend(
-    chain: Chain, targets: Targets, start: Array, lower: Array, upper: Array, length: float, steps: int = MOST_STEPS
+    drawn: Drawn, targets: Targets, start: Array, lower: Array, upper: Array, length: float, steps: int = MOST_STEPS
 ) -> tuple[Array, Array]:
     """Angles (K, n) at a least residual within the limits, one per start (K, n), and the residuals' size (K,) in m."""
     q = np.clip(start, lower, upper)
-    at = placed(chain, q)
-    e, J = targets.residual(at), jacobian(chain, at, targets)
+    at = drawn.placed(q)
+    e, J = targets.residual(at), jacobian(at, targets)
     cost, damping = np.einsum("km,km->k", e, e), np.full(len(q), 1.0)
     going = np.arange(len(q))
     for _ in range(steps):
@@ -112,7 +113,7 @@ def descend(
         step = _step(J[going], e[going], q[going], lower, upper, damping[going] * (cost[going] + 1e-9 * length**2))
         moved = np.clip(q[going] + step, lower, upper)
         still = np.abs(moved - q[going]).max(axis=1) < STILL
-        at, some = placed(chain, moved), targets.take(going)
+        at, some = drawn.placed(moved), targets.take(going)
         new_e = some.residual(at)
         new = np.einsum("km,km->k", new_e, new_e)
         better = new < cost[going]
@@ -121,7 +122,7 @@ def descend(
         if better.any():
             kept = going[better]
             q[kept], cost[kept], e[kept] = moved[better], new[better], new_e[better]
-            J[kept] = jacobian(chain, at, some)[better]
+            J[kept] = jacobian(at, some)[better]
     return q, np.sqrt(cost)
 
 
@@ -135,7 +136,7 @@ def _step(J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: Arr
 
 
 def slide(
-    chain: Chain, targets: Targets, q: Array, towards: Array, lower: Array, upper: Array, length: float, steps: int = 20
+    drawn: Drawn, targets: Targets, q: Array, towards: Array, lower: Array, upper: Array, length: float, steps: int = 20
 ) -> tuple[Array, Array]:
     """Along the goals' free directions as near to the angles `towards` (n,) as the limits let; as `descend` returns.
 
@@ -143,8 +144,8 @@ def slide(
     """
     q = q.copy()
     for _ in range(steps):
-        at = placed(chain, q)
-        e, J = targets.residual(at), jacobian(chain, at, targets)
+        at = drawn.placed(q)
+        e, J = targets.residual(at), jacobian(at, targets)
         wish = towards - q
         stuck = ((q <= lower) & (wish < 0.0)) | ((q >= upper) & (wish > 0.0))
         wish, J = np.where(stuck, 0.0, wish), np.where(stuck[:, None], 0.0, J)
@@ -156,4 +157,4 @@ def slide(
         q = np.clip(q + step, lower, upper)
         if large.max() < SETTLED:
             break
-    return descend(chain, targets, q, lower, upper, length)
+    return descend(drawn, targets, q, lower, upper, length)

@@ -116,7 +116,7 @@ class Linkage:
         """(K, 6, V): the TCP's velocity (m/rad or 1) above the tool's rate of turn (base's frame), slot by slot."""
         out = np.empty((len(placed.axis), 6, len(placed.tcp)))
         out[:, 3:] = placed.axis
-        out[:, :3] = _cross(placed.axis, placed.tcp[:, :3, 3].T - placed.origin)
+        out[:, :3] = cross(placed.axis, placed.tcp[:, :3, 3].T - placed.origin)
         for v in self.slides:
             out[v, :3], out[v, 3:] = placed.axis[v], 0.0
         return out.transpose(2, 1, 0)
@@ -156,7 +156,7 @@ class Linkage:
     def _swept(self, placed: Placed, burden: Burden, loads: Loads, slots: Indices, first: Indices) -> Array:
         """(len(slots), 3, K): what unit motions of slots do to the mass moment of bodies from `first` outwards."""
         mass, axis = burden.beyond[first, None, None], placed.axis[slots]
-        swept = _cross(axis, loads.beyond[first] - mass * placed.origin[slots])
+        swept = cross(axis, loads.beyond[first] - mass * placed.origin[slots])
         slides = np.isin(slots, self.slides)
         swept[slides] = (mass * axis)[slides]
         return swept
@@ -169,8 +169,8 @@ class Linkage:
         return Burden(moment[:, None], np.concatenate([np.cumsum(mass[::-1])[::-1], [0.0]]))
 
 
-def _cross(a: Array, b: Array) -> Array:
-    """Cross product over the middle axis: (V, 3, K)."""
+def cross(a: Array, b: Array) -> Array:
+    """(V, 3, K), cross product over the middle axis; `b` may be (1, 3, K)."""
     out = np.empty_like(a)
     for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         np.subtract(a[:, y] * b[:, z], a[:, z] * b[:, y], out=out[:, x])
