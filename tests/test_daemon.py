@@ -180,7 +180,7 @@ def test_a_client_that_is_killed_leaves_an_arm_that_holds(rig: Rig) -> None:
         "1",
         "85",
     ]
-    mover = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    mover = subprocess.Popen(command)
     rig.wait_until_moving()
     mover.kill()
     mover.wait()
