@@ -133,12 +133,18 @@ class Running:
 
 
 class BoardProcess(Running):
-    """`lrmd-board` at a place, writing its frame log."""
+    """`lrmd-board` at a place, writing its frame log.
+
+    A real board has a processor of its own and answers whatever else is going on; so this one goes before all but the
+    ramp, where that is allowed.
+    """
 
     def __init__(self, place: Place, *options: str) -> None:
         command = [sys.executable, "-m", "lrmd.board_process", "--link", str(place.link), "--log", str(place.log)]
         super().__init__([*command, *options], subprocess.DEVNULL)
         self.place = place
+        with suppress(PermissionError):
+            os.sched_setscheduler(self.process.pid, os.SCHED_FIFO, os.sched_param(1))
         wait_for(lambda: place.link.exists() or self.process.poll() is not None, "the board comes up")
         assert self.process.poll() is None, "the simulated board ended"
 
