@@ -40,7 +40,7 @@ def _draw_ranking(axes: Axes, report: Report) -> None:
         bar.set_hatch(HATCH[advice.verdict])
         bar.set_edgecolor("white")
         bar.set_color(MODEL if advice.verdict != "no_evidence" else NOMINAL)
-    axes.bar_label(bars, fmt="%.2f", padding=3)
+    axes.bar_label(bars, fmt="%.2f", padding=8)
     now, floor = report.held_out.rms * 1e3, report.diagnosis.floor.rms
     axes.axvline(now, color="black", linestyle="-", linewidth=1)
     noise = ""
