@@ -95,7 +95,7 @@ class ClosedForm(NominalSolver):
 
     def _settled(self, targets: Targets, q: Array, lower: Array, upper: Array) -> tuple[Array, Mask]:
         """Angles (K, 6) that all but take their goals, made to, and whether they do."""
-        q, missing = descend(self.search.drawn, targets, q, lower, upper, self.search.length)
+        q, missing = descend(self.search.arm, targets, q, lower, upper, self.search.length)
         return q, missing < TAKEN * self.search.length
 
     def _limited(self, found: AllBranches, towards: Array) -> tuple[Array, Mask]:
@@ -179,7 +179,7 @@ class ClosedForm(NominalSolver):
     def _along(self, goal: Goal, near: Array | None, finest: float) -> Answer | None:
         """A position with an approach; None if no turn about it was found that leads there."""
         towards = self.search.middle if near is None else near
-        z, now = np.array(goal.approach), self.search.drawn.placed(towards[None]).tcp[0, :3].T
+        z, now = np.array(goal.approach), self.search.arm.placed(towards[None]).tcp[0, :3].T
         x = np.cross(now[1], z) if abs(z @ now[1]) < 0.9 else np.cross(now[0], z)
         x /= np.linalg.norm(x)
         axes = np.array([x, np.cross(z, x), z])

@@ -72,14 +72,14 @@ class Targets:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
-    """The arm as drawn, everything between its joints welded together. `zero`: (n,), slots' amounts at q = 0 (rad)."""
+class NominalArm:
+    """The arm as drawn, all between its joints welded together. `zero`: (n,), the joints' slots at q = 0 (rad)."""
 
     linkage: Linkage
     zero: Array
 
     @classmethod
-    def of(cls, chain: Chain) -> Drawn:
+    def of(cls, chain: Chain) -> NominalArm:
         """The nominal arm of a chain."""
         steady = [float(amount) for amount in chain.values([0.0] * chain.dof)]
         return cls(linkage_of(chain, steady, ()), np.array([steady[k] for k in chain.joint_slots]))
@@ -98,11 +98,11 @@ def jacobian(at: Placed, targets: Targets) -> Array:
 
 
 def descend(
-    drawn: Drawn, targets: Targets, start: Array, lower: Array, upper: Array, length: float, steps: int = MOST_STEPS
+    arm: NominalArm, targets: Targets, start: Array, lower: Array, upper: Array, length: float, steps: int = MOST_STEPS
 ) -> tuple[Array, Array]:
     """Angles (K, n) at a least residual within the limits, one per start (K, n), and the residuals' size (K,) in m."""
     q = np.clip(start, lower, upper)
-    at = drawn.placed(q)
+    at = arm.placed(q)
     e, J = targets.residual(at), jacobian(at, targets)
     cost, damping = np.einsum("km,km->k", e, e), np.full(len(q), 1.0)
     going = np.arange(len(q))
@@ -113,7 +113,7 @@ def descend(
         step = _step(J[going], e[going], q[going], lower, upper, damping[going] * (cost[going] + 1e-9 * length**2))
         moved = np.clip(q[going] + step, lower, upper)
         still = np.abs(moved - q[going]).max(axis=1) < STILL
-        at, some = drawn.placed(moved), targets.take(going)
+        at, some = arm.placed(moved), targets.take(going)
         new_e = some.residual(at)
         new = np.einsum("km,km->k", new_e, new_e)
         better = new < cost[going]
@@ -136,7 +136,14 @@ def _step(J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: Arr
 
 
 def slide(
-    drawn: Drawn, targets: Targets, q: Array, towards: Array, lower: Array, upper: Array, length: float, steps: int = 20
+    arm: NominalArm,
+    targets: Targets,
+    q: Array,
+    towards: Array,
+    lower: Array,
+    upper: Array,
+    length: float,
+    steps: int = 20,
 ) -> tuple[Array, Array]:
     """Along the goals' free directions as near to the angles `towards` (n,) as the limits let; as `descend` returns.
 
@@ -144,7 +151,7 @@ def slide(
     """
     q = q.copy()
     for _ in range(steps):
-        at = drawn.placed(q)
+        at = arm.placed(q)
         e, J = targets.residual(at), jacobian(at, targets)
         wish = towards - q
         stuck = ((q <= lower) & (wish < 0.0)) | ((q >= upper) & (wish > 0.0))
@@ -157,4 +164,4 @@ def slide(
         q = np.clip(q + step, lower, upper)
         if large.max() < SETTLED:
             break
-    return descend(drawn, targets, q, lower, upper, length)
+    return descend(arm, targets, q, lower, upper, length)

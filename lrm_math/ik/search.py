@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lrm_math.arm import Arm
 from lrm_math.chain import Array, chain_of
 from lrm_math.ik.answer import Answer, Branch, Limits, Nearest, Verdict, Violation
-from lrm_math.ik.damped import Drawn, Targets, descend, jacobian, slide
+from lrm_math.ik.damped import NominalArm, Targets, descend, jacobian, slide
 from lrm_math.ik.goal import Goal, rotation_rows
 
 FEW, MANY = 12, 84
@@ -34,7 +34,7 @@ DEPENDENT, ALONG, LEFT = 1e-6, 0.02, 0.01
 class Search:
     """The nominal arm as a search sees it."""
 
-    drawn: Drawn
+    arm: NominalArm
     limits: Limits
     length: float
 
@@ -43,7 +43,7 @@ class Search:
         """For an arm."""
         chain = chain_of(arm)
         links = (s for s in chain.slots if not s.rotates and not s.place.startswith(("base", "link")))
-        return cls(Drawn.of(chain), Limits.of(arm), max(sum(abs(slot.nominal) for slot in links), 1e-3))
+        return cls(NominalArm.of(chain), Limits.of(arm), max(sum(abs(slot.nominal) for slot in links), 1e-3))
 
     @cached_property
     def lower(self) -> Array:
@@ -73,13 +73,13 @@ class Search:
         """(M, n), angles that take the goal, from those of the starts (K, n) that lead to it, limits kept or not."""
         open_end = np.full_like(self.lower, np.inf)
         lower, upper = (self.lower, self.upper) if limited else (-open_end, open_end)
-        q, missing = descend(self.drawn, self._targets(goal, len(starts)), starts, lower, upper, self.length, steps)
+        q, missing = descend(self.arm, self._targets(goal, len(starts)), starts, lower, upper, self.length, steps)
         return np.asarray(q[missing < TAKEN * self.length])
 
     def slide(self, goal: Goal, q: Array, towards: Array) -> Array:
         """(M, n), from angles (M, n) that take the goal, along what it leaves free, as near to `towards` as can be."""
         targets = self._targets(goal, len(q))
-        moved, missing = slide(self.drawn, targets, q, towards, self.lower, self.upper, self.length)
+        moved, missing = slide(self.arm, targets, q, towards, self.lower, self.upper, self.length)
         nearer = np.square(moved - towards).sum(axis=1) < np.square(q - towards).sum(axis=1)
         return np.where((nearer & (missing < TAKEN * self.length))[:, None], moved, q)
 
@@ -89,7 +89,7 @@ class Search:
         q, missing = self._descend(goal, starts, ROUGH)
         q, missing = self._descend(goal, q[np.argsort(missing)[:3]], EXACT)
         best = q[np.argmin(missing)]
-        tool = self.drawn.placed(best[None]).tcp[0, :3].T
+        tool = self.arm.placed(best[None]).tcp[0, :3].T
         columns, tcp = tool[:3], tool[3]
         distance = float(np.linalg.norm(tcp - goal.position))
         angles = tuple(best.tolist())
@@ -139,7 +139,7 @@ class Search:
 
     def _too_far(self, goal: Goal) -> bool:
         """Whether a position lies further from the first joint than the arm is long."""
-        base = self.drawn.placed(self.middle[None]).origin[0, :, 0]
+        base = self.arm.placed(self.middle[None]).origin[0, :, 0]
         return float(np.linalg.norm(goal.position - base)) > self.length
 
     def _failure(self, goal: Goal, towards: Array) -> Answer:
@@ -163,7 +163,7 @@ class Search:
 
     def _descend(self, goal: Goal, starts: Array, steps: int) -> tuple[Array, Array]:
         targets = self._targets(goal, len(starts))
-        return descend(self.drawn, targets, starts, self.lower, self.upper, self.length, steps)
+        return descend(self.arm, targets, starts, self.lower, self.upper, self.length, steps)
 
     def _targets(self, goal: Goal, count: int) -> Targets:
         return Targets.of([goal], self.length).take(np.zeros(count, dtype=np.int64))
@@ -172,7 +172,7 @@ class Search:
         """Number from 1 of a joint that may turn while the tool stays, others following."""
         targets = self._targets(goal, 1)
         here = np.array([q])
-        J = jacobian(self.drawn.placed(here), targets)[0]
+        J = jacobian(self.arm.placed(here), targets)[0]
         _, size, direction = np.linalg.svd(J)
         if size[-1] > DEPENDENT * self.length:
             return None
