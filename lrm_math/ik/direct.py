@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_math.ik.deployment import Ask, Deployment, Found
+from lrm_math.ik.folds import beside_folds
 from lrm_math.ik.nearest import misses
-from lrm_math.ik.newton import ANY_BRANCH, FIRST_BRANCH, LAST_RESORT, STRAYS, Aim, beside_folds
+from lrm_math.ik.newton import ANY_BRANCH, FIRST_BRANCH, LAST_RESORT, STRAYS, Aim
 
 TRIES = ((8, ANY_BRANCH), (24, LAST_RESORT), (96, LAST_RESORT))
 """How many poses of the library are tried, and how hard, when what was tried before leads to nothing."""
@@ -59,7 +60,7 @@ class Direct:
             found, reached = deployment.solve_from(ask, start)
             yield found
             strays = reached.amounts[reached.left]
-            start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)
+            start = beside_folds(deployment.compensation.linkage, Aim.of(ask.goal), reached, FOLDS)
         if whole:
             found, leapt = deployment.solve_from(ask, deployment.leaps.starts(ask.goal, LEAPS), FIRST_BRANCH)
             yield found
@@ -78,4 +79,4 @@ class Direct:
             yield found
             if misses(deployment, ask, HOPEFUL):
                 return
-            start = beside_folds(deployment.compensation, Aim.of(ask.goal), reached, FOLDS)
+            start = beside_folds(deployment.compensation.linkage, Aim.of(ask.goal), reached, FOLDS)

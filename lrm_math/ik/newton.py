@@ -34,8 +34,6 @@ ROUGHLY = 0.15
 """rad: what effects that are not linear, and steps still to be taken, may change of a command."""
 FLAT = 1e-3
 """1 + trace of a rotation below which it is taken for half a turn."""
-STEPS_ASIDE = (0.03, 0.1)
-"""rad: how far to step off a fold."""
 LAST_NEW_SLOPE = 1
 """The slopes of loads are reckoned anew in the first steps only; by then they hardly change."""
 
@@ -206,22 +204,6 @@ def reach(c: Compensation, aim: Aim, burden: Burden, poses: Poses, start: Array,
         amounts[:, joints] += turn
         amounts[:, others] += (follow[:, :, :-1] @ turn[:, :, None])[:, :, 0] + follow[:, :, -1]
     return Reached(amounts, loads.tau, miss, placed.tcp, np.zeros(len(miss), dtype=bool), step)
-
-
-def beside_folds(c: Compensation, aim: Aim, reached: Reached, count: int) -> Array:
-    """(M, V), starts on both sides of where the `count` best candidates that miss the goal are stuck.
-
-    Where two solutions merge, a joint motion leaves the tool where it is, and descent may end on the ridge between
-    the two: the way on is along that motion, either way.
-    """
-    best = np.flatnonzero(~reached.met)[np.argsort(reached.miss[~reached.met])][:count]
-    amounts, joints = reached.amounts[best], c.linkage.joints
-    placed = c.linkage.place(amounts)
-    J = aim.rows_of(c.linkage.jacobian(placed), placed.tcp)[:, :, joints]
-    still = np.linalg.svd(J)[2][:, -1]
-    out = np.concatenate([amounts] * (2 * len(STEPS_ASIDE)))
-    out[:, joints] += np.concatenate([way * size * still for size in STEPS_ASIDE for way in (1.0, -1.0)])
-    return out
 
 
 def _with_followers(J: Array, joints: Indices, others: Indices, stiff: Array, lacking: Array) -> tuple[Array, Array]:

@@ -24,8 +24,8 @@ BEYOND = 0.2
 def twins(deployment: Deployment, ask: Ask, q: Array, amounts: Array, known: Array) -> Array:
     """(M, V), amounts of the moving slots where twins of solutions may be.
 
-    With the motion that hardly moves the tool, the tool goes forth a little and comes back. To second order both ends
-    are as far from where it turns: one root of a parabola, and the slope there, give the other.
+    With t of the motion that hardly moves the tool (rad), the tool goes slope·t + bend·t²/2 away and comes back: to
+    second order the other solution is at t = -2 slope / bend.
 
     Args:
         q: (K, n), commands of the solutions (rad). `amounts`: (K, V) there. `known`: (L, n), commands not to be found
