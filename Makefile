@@ -48,17 +48,17 @@ bench: setup ## our figures beside the peers', as ratios; the daemon's for MINUT
 	$(ONE_THREAD) $(BIN)/python -m bench.daemon --minutes $(MINUTES)
 
 soak: setup ## the daemon's core, ramp and board for HOURS=24 of simulated time, and a million broken messages
-	$(ONE_THREAD) $(BIN)/python -m bench.soak --hours $(HOURS)
-	$(ONE_THREAD) $(BIN)/python -m bench.fuzz
-	$(ONE_THREAD) $(BIN)/python -m bench.fuzz_messages
-	$(ONE_THREAD) $(BIN)/python -m bench.fuzz_ik
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_ik
 
 coverage: setup ## are the standard errors honest? (about a minute)
-	$(ONE_THREAD) $(BIN)/python -m bench.coverage --seeds 250
+	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250
 
 confusion: setup ## what is named when each effect is hidden, and the table of the docs (about 20 minutes)
-	$(BIN)/python -m bench.hidden --seeds 5 --jobs 2 --out docs/confusion.md
-	$(ONE_THREAD) $(BIN)/python -m bench.hidden.unseen
+	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.other_seeds
 
 install: ## the daemon on this rover, as root (DESTDIR=, PYTHON=)
 	PYTHON=$(PYTHON) DESTDIR=$(DESTDIR) systemd/install.sh

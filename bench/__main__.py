@@ -11,25 +11,25 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from bench.exchange import CHOSEN, search_on
+from bench.detmax import CHOSEN, search_on
 from bench.ik import one_pose
 from bench.peers import Pinocchio, scipy_fit
 from bench.timing import Timing, race
 from lrm_ident import synthetic
-from lrm_ident.advice import advise
-from lrm_ident.dataset import Measurements, load_measurements
-from lrm_ident.diagnose import diagnose
-from lrm_ident.fit import fit, no_bounds
-from lrm_ident.identifiability import fit_identifiable
-from lrm_ident.options import chosen
-from lrm_math.arm_file import load_arm, shipped_arms
-from lrm_math.chain import chain_of, pull_back, trig
-from lrm_math.derivatives import parameter_jacobian
+from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.diagnosis_report import advise
+from lrm_ident.fit.identifiability import fit_identifiable
+from lrm_ident.fit.levenberg_marquardt import fit, no_bounds
+from lrm_ident.fit.parameter_sets import chosen
+from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at
-from lrm_math.equilibrium import equilibrium
-from lrm_math.model import Model, model_of
-from lrm_math.poses import Poses, poses_of
-from lrm_math.walk import frames
+from lrm_math.kinematics.chain import chain_of, pull_back, trig
+from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
 
 POSES, FK_POSES, SETTLED = 393, 1000, 1e-6
 EXAMPLE = Path(synthetic.__file__).resolve().parents[1] / "examples" / "hidden-play.csv"

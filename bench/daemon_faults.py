@@ -13,7 +13,6 @@ from pathlib import Path
 
 import zenoh
 
-from bench.daemon_process import BoardProcess, DaemonProcess, Place, children, is_alive, wait_for
 from bench.daemon_rig import (
     FAR,
     HOME,
@@ -29,11 +28,22 @@ from bench.daemon_rig import (
     wait_for_link,
     when,
 )
-from bench.frame_laws import read_frames
 from lrm_math.errors import LrmError
 from lrmd.config import load_config
-from lrmd.messages import ArmRequest, EstopCommand, Event, LeaseRequest, Message, MoveRequest, Reply, pack, unpack
-from lrmd.zenoh_session import client
+from lrmd.messages.control import (
+    ArmRequest,
+    EstopCommand,
+    Event,
+    LeaseRequest,
+    Message,
+    MoveRequest,
+    Reply,
+    pack,
+    unpack,
+)
+from lrmd.messages.zenoh_session import client
+from tests.support.daemon_process import BoardProcess, DaemonProcess, Place, children, is_alive, wait_for
+from tests.support.frame_laws import read_frames
 
 
 def estops(n: int) -> list[Figure]:

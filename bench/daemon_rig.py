@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from bench.daemon_process import BoardProcess, DaemonProcess, Place, wait_for
-from bench.frame_laws import Line, laws, read_frames
-from lrmd.client import Rover
+from lrmd.client.rover import Rover
 from lrmd.config import load_config
+from tests.support.daemon_process import BoardProcess, DaemonProcess, Place, wait_for
+from tests.support.frame_laws import Line, laws, read_frames
 
 SECOND, MS = 1_000_000_000, 1_000_000
 HOME = {f"joint{i}": 0.0 for i in range(1, 7)}

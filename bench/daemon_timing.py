@@ -13,13 +13,13 @@ from typing import Self
 import zenoh
 from scipy.spatial.transform import Rotation
 
-from bench.daemon_process import DaemonProcess, Place
 from bench.daemon_rig import MS, Figure, place_with_board, rig
-from lrmd.client import NoAnswer, Rover
-from lrmd.ik_messages import FkRequest, GoalEntry, IkRequest
-from lrmd.ik_messages import Place as PlaceEntry
-from lrmd.messages import JointsState, MetricsState, pack
-from lrmd.zenoh_session import client
+from lrmd.client.rover import NoAnswer, Rover
+from lrmd.messages.control import JointsState, MetricsState, pack
+from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
+from lrmd.messages.kinematics import Place as PlaceEntry
+from lrmd.messages.zenoh_session import client
+from tests.support.daemon_process import DaemonProcess, Place
 
 QUERIES_PER_S = 200
 REST = {"joint2": math.radians(-60.0)}

@@ -14,16 +14,16 @@ from rich.table import Table
 
 from bench.ik_peers import PEERS, Eaik, Peer
 from bench.timing import race
-from lrm_math.arm import Arm
-from lrm_math.arm_file import load_arm
-from lrm_math.chain import chain_of
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.ik.answer import Limits
 from lrm_math.ik.goal import Goal, point, point_along, pose
-from lrm_math.ik.lines import lines_of
 from lrm_math.ik.nominal import solver_of
-from lrm_math.ik.one_goal import one_goal_solver
 from lrm_math.ik.pieper import pieper_form
-from lrm_math.walk import frames
+from lrm_math.ik.scalar_closed_form import one_goal_solver
+from lrm_math.ik.screw_axes import lines_of
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.forward import frames
 
 Array = NDArray[np.float64]
 GOALS, LESSER, BATCH, TIMED = 100_000, 1000, 1000, 500

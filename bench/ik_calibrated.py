@@ -18,27 +18,27 @@ from rich.console import Console
 from rich.table import Table
 
 from lrm_ident import synthetic
-from lrm_ident.dataset import load_measurements
-from lrm_ident.fit import fit
-from lrm_ident.options import chosen
-from lrm_math.arm_file import load_arm
+from lrm_ident.data.measurements import load_measurements
+from lrm_ident.fit.levenberg_marquardt import fit
+from lrm_ident.fit.parameter_sets import chosen
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.servo_table import PwmClock
 from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.ik.batch_equilibrium import settled
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
-from lrm_math.ik.deployment import Ask, Method
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import pose
 from lrm_math.ik.iterative import Iterative
+from lrm_math.ik.multi_start import distinct
 from lrm_math.ik.newton import Effort
+from lrm_math.ik.pulse_rounding import Rounding
 from lrm_math.ik.reply import NotConverged, Reply, Solved
-from lrm_math.ik.rounding import Rounding
-from lrm_math.ik.search import distinct
-from lrm_math.ik.settled import settled
-from lrm_math.model import Model, model_of
-from lrm_math.model_file import load_model
-from lrm_math.poses import poses_of
-from lrm_math.servo import PwmClock
-from lrm_math.walk import frames
+from lrm_math.ik.solver_context import Ask, Method
+from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import load_model
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parents[1]

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.peers import Pinocchio
-from lrm_math.arm import Arm
-from lrm_math.chain import X, chain_of
+from lrm_math.arm.arm import Arm
 from lrm_math.ik.answer import Limits
-from lrm_math.ik.lines import lines_of
+from lrm_math.ik.screw_axes import lines_of
+from lrm_math.kinematics.chain import X, chain_of
 
 Array = NDArray[np.float64]
 

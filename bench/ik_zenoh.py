@@ -18,13 +18,13 @@ import zenoh
 from rich.console import Console
 from rich.table import Table
 
-from bench.daemon_process import Place, running, wait_for
 from bench.daemon_rig import HOME, Figure
 from bench.daemon_timing import QUERIES_PER_S, REST, Asking, punctual, queries, turn_to_and_fro
 from bench.ik_calibrated import TABLE_B2
-from lrmd.ik_messages import IkRequest
-from lrmd.messages import pack, unpack
-from lrmd.zenoh_session import client
+from lrmd.messages.control import pack, unpack
+from lrmd.messages.kinematics import IkRequest
+from lrmd.messages.zenoh_session import client
+from tests.support.daemon_process import Place, running, wait_for
 
 SECONDS = 60.0
 Method = Literal["direct", "cube"]

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from lrm_ident.dataset import Measurements
-from lrm_math.arm import Arm
-from lrm_math.derivatives import parameter_jacobian
-from lrm_math.equilibrium import equilibrium
-from lrm_math.model import Model
+from lrm_ident.data.measurements import Measurements
+from lrm_math.arm.arm import Arm
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model
 
 Array = NDArray[np.float64]
 

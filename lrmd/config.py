@@ -9,10 +9,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from lrm_math.arm import Arm
-from lrm_math.arm_file import MICROSECOND, Angle, load_arm
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import MICROSECOND, Angle, load_arm
+from lrm_math.arm.servo_table import PwmClock, ServoTable
 from lrm_math.errors import FileError, LrmError, UnknownName, nearest
-from lrm_math.servo import PwmClock, ServoTable
 from lrm_math.toml_file import StrictSchema, read_toml
 
 MS, US = 1_000_000, 1_000

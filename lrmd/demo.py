@@ -20,12 +20,12 @@ from pathlib import Path
 
 from lrm_math.errors import LrmError
 from lrmd import log
-from lrmd.api_process import Api
-from lrmd.board_control import ask
-from lrmd.client import NoAnswer, Rover
+from lrmd.api.process import Api
+from lrmd.client.rover import NoAnswer, Rover
 from lrmd.config import Config, load_config
-from lrmd.messages import Event, JointsState
-from lrmd.simulated import simulated_board
+from lrmd.messages.control import Event, JointsState
+from lrmd.sim.control_socket import ask
+from lrmd.sim.launch import simulated_board
 
 ARM = "lrm-rover"
 CONFIG = """\

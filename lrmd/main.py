@@ -36,11 +36,11 @@ def main(argv: list[str] | None = None) -> int:
             print(f"{options.config}: in order; {config.robot}, {config.arm.name}, servos {', '.join(config.names)}")
             return 0
         log.set_up(options.log_level)
-        from lrmd.api_process import Api
+        from lrmd.api.process import Api
 
         if not options.simulated:
             return Api(config).run()
-        from lrmd.simulated import simulated_board
+        from lrmd.sim.launch import simulated_board
 
         with simulated_board(config) as simulated:
             return Api(simulated).run()

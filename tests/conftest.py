@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from lrm_ident.dataset import Measurements, load_measurements
-from lrm_math.arm import Arm
-from lrm_math.arm_file import load_arm
+from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"

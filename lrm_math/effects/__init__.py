@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lrm_math.arm import Arm
+from lrm_math.arm.arm import Arm
 from lrm_math.effects.backlash import Backlash, Hysteresis
 from lrm_math.effects.base import Effect, JointEffect, LoadedJointEffect, Parameter
 from lrm_math.effects.compliance import BaseCompliance, Compliance, LateralCompliance, NonlinearStiffness

@@ -13,8 +13,8 @@ from lrm_math.effects.base import (
     LoadedJointEffect,
     Parameter,
 )
-from lrm_math.elementary import tanh
-from lrm_math.poses import Poses
+from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.scalar_or_array import tanh
 
 
 @dataclass(frozen=True)

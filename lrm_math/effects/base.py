@@ -16,10 +16,10 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 
-from lrm_math.arm import Arm
-from lrm_math.chain import Array, Number
-from lrm_math.poses import Poses
-from lrm_math.statics import Ballast
+from lrm_math.arm.arm import Arm
+from lrm_math.kinematics.chain import Array, Number
+from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.statics import Ballast
 
 UNIT_IN_SI = {
     "rad": 1.0,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lrm_math.arm import BASE, Arm
+from lrm_math.arm.arm import BASE, Arm
 from lrm_math.effects.base import Amounts, Effect, LoadedJointEffect, Parameter
-from lrm_math.elementary import size
-from lrm_math.poses import Poses
+from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.scalar_or_array import size
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.arm import TOOL, Arm
-from lrm_math.chain import Number, chain_of
+from lrm_math.arm.arm import TOOL, Arm
 from lrm_math.effects.base import (
     Amounts,
     Effect,
@@ -17,8 +16,9 @@ from lrm_math.effects.base import (
     joint_number,
     needs_levels,
 )
-from lrm_math.poses import Poses
-from lrm_math.statics import Ballast
+from lrm_math.kinematics.chain import Number, chain_of
+from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.statics import Ballast
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from lrm_math.arm import BASE, TOOL, Arm
-from lrm_math.chain import chain_of
+from lrm_math.arm.arm import BASE, TOOL, Arm
 from lrm_math.effects.base import Amounts, Effect, Parameter
-from lrm_math.poses import Poses
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.poses import Poses
 
 ANGLE, LENGTH = 0.05, 0.005  # rad and m: sizes of assembly errors of a printed arm
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lrm_math.arm import Arm
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_table import PwmClock, rounding
 from lrm_math.effects.base import (
     Amounts,
     Effect,
@@ -15,9 +16,8 @@ from lrm_math.effects.base import (
     joint_number,
     needs_levels,
 )
-from lrm_math.elementary import above_zero, below_zero, by_sign, cos, sin
-from lrm_math.poses import Poses
-from lrm_math.servo import PwmClock, rounding
+from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.scalar_or_array import above_zero, below_zero, by_sign, cos, sin
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Quantisation(Effect):
     id = "quantisation"
     cause = "The servo board can only make pulses of whole counts, about half a degree each at 50 Hz."
     formula = "δq = angle of the rounded pulse − q"
-    source = "PCA9685 data sheet, section 7.3.5; lrm_math.servo"
+    source = "PCA9685 data sheet, section 7.3.5; lrm_math.arm.servo_table"
     needs = "the PWM frequency"
 
     @classmethod

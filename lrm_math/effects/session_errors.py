@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.arm import BASE, Arm
-from lrm_math.chain import Array
+from lrm_math.arm.arm import BASE, Arm
 from lrm_math.effects.base import Amounts, Effect, Evidence, Parameter
-from lrm_math.poses import Poses
+from lrm_math.kinematics.chain import Array
+from lrm_math.kinematics.poses import Poses
 
 MOST_SESSIONS = 6
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from operator import sub
 
-from lrm_math.arm import Arm
+from lrm_math.arm.arm import Arm
 from lrm_math.ik.goal import Goal
 
 

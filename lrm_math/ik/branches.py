@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lrm_math.ik.deployment import Ask, Deployment, Found
 from lrm_math.ik.direct import Direct
-from lrm_math.ik.search import distinct
-from lrm_math.ik.slid import slid_into_limits
-from lrm_math.ik.twins import twins
+from lrm_math.ik.fold_seeds import twins
+from lrm_math.ik.multi_start import distinct
+from lrm_math.ik.null_space_seeds import slid_into_limits
+from lrm_math.ik.solver_context import Ask, Deployment, Found
 
 LEAPS = 2
 """How many of the library's most promising poses are tried besides what the closed form leads to."""

@@ -11,26 +11,26 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_math.chain import Array, Number
-from lrm_math.covariance import Covariance
-from lrm_math.derivatives import joint_jacobian
-from lrm_math.equilibrium import Equilibrium, settle
+from lrm_math.arm.servo_table import PwmClock
 from lrm_math.errors import LrmError, NotSettled
 from lrm_math.ik.answer import Branch, Verdict, Violation
-from lrm_math.ik.compensation import deployed
 from lrm_math.ik.cube import Cube
-from lrm_math.ik.deployment import Ask, Deployment, Found, Method, Stalled
 from lrm_math.ik.goal import Goal, Rotation, Triple
+from lrm_math.ik.joint_laws import deployed
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.newton import LEVER, Aim
-from lrm_math.ik.one_linkage import Frame, frame_of, matrices
-from lrm_math.ik.one_start import way
+from lrm_math.ik.pulse_rounding import Rounded, Rounding, Servos, rounded
 from lrm_math.ik.reply import Barred, NotConverged, Reply, Solved, Spread, Unsolved
-from lrm_math.ik.rounding import Rounded, Rounding, Servos, rounded
+from lrm_math.ik.scalar_linkage import Frame, frame_of, matrices
+from lrm_math.ik.scalar_newton import way
+from lrm_math.ik.solver_context import Ask, Deployment, Found, Method, Stalled
 from lrm_math.ik.uncertainty import position_covariance
-from lrm_math.model import Model
-from lrm_math.poses import Poses
-from lrm_math.servo import PwmClock
+from lrm_math.kinematics.chain import Array, Number
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.covariance import Covariance
+from lrm_math.model.derivatives import joint_jacobian
+from lrm_math.model.equilibrium import Equilibrium, settle
+from lrm_math.model.model import Model
 
 SAME = 1e-6
 """rad: commands no further apart are one branch."""

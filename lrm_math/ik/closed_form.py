@@ -8,18 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrm_math.arm import Arm
-from lrm_math.chain import Array
+from lrm_math.arm.arm import Arm
 from lrm_math.ik.answer import Answer, Branch, Limits, Verdict
-from lrm_math.ik.damped import Targets, descend
+from lrm_math.ik.batch_closed_form import TURN, AllBranches, Mask, Window, all_branches
+from lrm_math.ik.damped_least_squares import Targets, descend
+from lrm_math.ik.free_roll import BEYOND, Around, least
 from lrm_math.ik.goal import Goal
-from lrm_math.ik.lines import lines_of
-from lrm_math.ik.many_goals import TURN, AllBranches, Mask, Window, all_branches
-from lrm_math.ik.one_goal import ROUND_OFF, OneGoal, one_goal_solver
+from lrm_math.ik.multi_start import ELSEWHERE, REPRESENTATIVES, SAME, TAKEN, Search, answer_of, distinct
 from lrm_math.ik.pieper import Pieper, pieper_form
-from lrm_math.ik.search import ELSEWHERE, REPRESENTATIVES, SAME, TAKEN, Search, answer_of, distinct
+from lrm_math.ik.scalar_closed_form import ROUND_OFF, OneGoal, one_goal_solver
+from lrm_math.ik.screw_axes import lines_of
 from lrm_math.ik.solver import BatchAnswer, NominalSolver, angles_near, poses_checked
-from lrm_math.ik.turns import BEYOND, Around, least
+from lrm_math.kinematics.chain import Array
 
 SWEEP = 73
 """Samples of a free angle over its range, at first and once more around the best."""

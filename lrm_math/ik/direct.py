@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lrm_math.ik.deployment import Ask, Deployment, Found
 from lrm_math.ik.folds import beside_folds
 from lrm_math.ik.nearest import misses
 from lrm_math.ik.newton import ANY_BRANCH, FIRST_BRANCH, LAST_RESORT, STRAYS, Aim
+from lrm_math.ik.solver_context import Ask, Deployment, Found
 
 TRIES = ((8, ANY_BRANCH), (24, LAST_RESORT), (96, LAST_RESORT))
 """How many poses of the library are tried, and how hard, when what was tried before leads to nothing."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.chain import Number
-from lrm_math.ik.deployment import Ask, Deployment, Found, Stalled
-from lrm_math.ik.first_guess import first_guesses, nominal
-from lrm_math.ik.likeness import SLACK
-from lrm_math.ik.settled import settled
+from lrm_math.ik.batch_equilibrium import settled
+from lrm_math.ik.equivalent_arm import SLACK
+from lrm_math.ik.initial_guess import first_guesses, nominal
+from lrm_math.ik.solver_context import Ask, Deployment, Found, Stalled
+from lrm_math.kinematics.chain import Number
 
 STILL = 1e-6
 """m: the error has settled when it changes by less."""

@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_math.chain import Array, Chain, Slot
-from lrm_math.statics import Weight
+from lrm_math.kinematics.chain import Array, Chain, Slot
+from lrm_math.kinematics.statics import Weight
 
 Indices = NDArray[np.int64]
 IDENTITY = np.eye(4)

@@ -7,18 +7,18 @@ from functools import lru_cache
 
 import numpy as np
 
-from lrm_math.chain import Array, Number
-from lrm_math.equilibrium import Equilibrium
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Nearest
-from lrm_math.ik.deployment import Ask, Deployment
-from lrm_math.ik.downhill import Bent, descend
-from lrm_math.ik.farness import farness
+from lrm_math.ik.batch_equilibrium import settled
+from lrm_math.ik.descent import Bent, descend
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.library import COARSE
 from lrm_math.ik.linkage import Indices
 from lrm_math.ik.newton import LEVER
-from lrm_math.ik.settled import settled
+from lrm_math.ik.pose_error import farness
+from lrm_math.ik.solver_context import Ask, Deployment
+from lrm_math.kinematics.chain import Array, Number
+from lrm_math.model.equilibrium import Equilibrium
 
 STARTS, ROUGH = 16, 8
 """Poses of the library that are started from, and steps from each until only the best go on."""

@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_math.chain import Array
-from lrm_math.ik.compensation import Compensation
 from lrm_math.ik.goal import Goal
+from lrm_math.ik.joint_laws import Compensation
 from lrm_math.ik.linkage import Burden, Indices
-from lrm_math.poses import Poses
+from lrm_math.kinematics.chain import Array
+from lrm_math.kinematics.poses import Poses
 
 CLOSE = 3e-10
 """m: a goal is met when position, turn times `LEVER` and what the equilibrium lacks are all below."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from lrm_math.arm import Arm
+from lrm_math.arm.arm import Arm
 from lrm_math.ik.closed_form import ClosedForm
 from lrm_math.ik.numerical import Numerical
 from lrm_math.ik.solver import NominalSolver

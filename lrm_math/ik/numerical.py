@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrm_math.arm import Arm
+from lrm_math.arm.arm import Arm
 from lrm_math.ik.answer import Answer, Branch
 from lrm_math.ik.goal import Goal, pose
-from lrm_math.ik.search import Search
+from lrm_math.ik.multi_start import Search
 from lrm_math.ik.solver import BRANCHES, BatchAnswer, NominalSolver, angles_near, poses_checked
 
 

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from lrm_math.ik.answer import Branch, Nearest, Verdict, Violation
 from lrm_math.ik.goal import Goal, Rotation, Triple
-from lrm_math.ik.rounding import Rounded
+from lrm_math.ik.pulse_rounding import Rounded
 
 
 @dataclass(frozen=True, slots=True)

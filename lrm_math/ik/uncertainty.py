@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrm_math.chain import Array
-from lrm_math.covariance import Covariance
-from lrm_math.derivatives import joint_jacobian, parameter_jacobian
-from lrm_math.equilibrium import Equilibrium
+from lrm_math.kinematics.chain import Array
+from lrm_math.model.covariance import Covariance
+from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
+from lrm_math.model.equilibrium import Equilibrium
 
 
 def position_covariance(

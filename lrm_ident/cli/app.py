@@ -1,0 +1,33 @@
+"""`lrm-ident`: every command, and one clear line for every expected error."""
+
+from __future__ import annotations
+
+import sys
+
+from lrm_ident.cli import design, diagnosis, fit, identifiability, preliminary_tests, thesis, workspace
+from lrm_ident.cli.common import app
+from lrm_math.errors import LrmError
+
+__all__ = [
+    "design",
+    "diagnosis",
+    "fit",
+    "identifiability",
+    "main",
+    "preliminary_tests",
+    "thesis",
+    "workspace",
+]
+
+
+def main() -> None:
+    """Entry point: every expected error is one line on stderr and exit code 2."""
+    try:
+        app()
+    except LrmError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

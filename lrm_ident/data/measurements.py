@@ -1,0 +1,241 @@
+"""Measurements: `NAME.csv`, one row per pose in the order measured, and `NAME.toml` beside it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from lrm_ident.data.csv_table import Table, read_table, table_text
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.errors import FileError
+from lrm_math.kinematics.poses import Poses
+from lrm_math.toml_file import StrictSchema, read_toml
+
+Array = NDArray[np.float64]
+ATTITUDE = ("qw", "qx", "qy", "qz")
+OPTIONAL = ("t_s", "session", "payload_g", *ATTITUDE, "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
+LIMIT_SLACK = np.radians(1e-6)
+
+
+class Metadata(StrictSchema):
+    """The file `NAME.toml`, schema `lrm/measurements/1`."""
+
+    schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
+    arm: str | None = None
+    source: str = ""
+    start_q_deg: list[float] | None = None
+    noise_sd_mm: Annotated[float, Field(gt=0)] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """N measured poses.
+
+    Attributes:
+        pose: (N,), the number that each row carries.
+        tcp: (N, 3), measured TCP position (m).
+        sd: (N,), standard deviation of each position per axis (m), or None.
+        noise_sd: the same for the whole file (m), or None.
+        repeat_of: (N,), number of the pose that a row repeats, its own number if none.
+        notices: what a person should know about the file.
+    """
+
+    poses: Poses
+    pose: NDArray[np.int64]
+    tcp: Array
+    sd: Array | None
+    noise_sd: float | None
+    repeat_of: NDArray[np.int64]
+    path: Path
+    sha256: str
+    notices: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    def take(self, rows: ArrayLike) -> Measurements:
+        """Some of the rows (indices or a mask)."""
+        chosen = np.asarray(rows)
+        return replace(
+            self,
+            poses=self.poses.take(chosen),
+            pose=self.pose[chosen],
+            tcp=self.tcp[chosen],
+            sd=None if self.sd is None else self.sd[chosen],
+            repeat_of=self.repeat_of[chosen],
+        )
+
+
+def metadata_of(path: Path) -> Metadata | None:
+    """The file beside a CSV, or None if there is none. Raises `FileError`."""
+    beside = path.with_suffix(".toml")
+    return read_toml(beside, Metadata) if beside.exists() else None
+
+
+def load_measurements(path: Path, arm: Arm) -> Measurements:
+    """Reads measurements of an arm.
+
+    Raises:
+        FileError: naming file, line and column of the first fault.
+    """
+    angles = [f"q{i + 1}_deg" for i in range(arm.dof)]
+    table = read_table(path, ["pose", *angles, "x_mm", "y_mm", "z_mm"])
+    metadata = metadata_of(path)
+    pose = _whole(table, "pose")
+    _check_once(table, pose)
+    q = read_angles(table, arm)
+    known = {name: table.numbers(name) for name in OPTIONAL if name in table.header}
+    start = None if metadata is None else metadata.start_q_deg
+    if start is not None and len(start) != arm.dof:
+        raise FileError(path.with_suffix(".toml"), "start_q_deg", f"{len(start)} angles", f"should be {arm.dof}")
+    sd = known.get("sd_mm")
+    if sd is not None and np.any(sd <= 0):
+        raise FileError(path, table.at(int(np.argmax(sd <= 0)), "sd_mm"), "not above zero")
+    return Measurements(
+        poses=Poses(
+            q=q,
+            payload=read_payload(table),
+            direction=read_approach(table, directions(q, None if start is None else np.radians(start))),
+            t=known.get("t_s"),
+            session=known.get("session"),
+            temperature=known.get("temp_c"),
+            number=pose,
+        ),
+        pose=pose,
+        tcp=np.stack([table.numbers(name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * MM,
+        sd=None if sd is None else sd * MM,
+        noise_sd=None if metadata is None or metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM,
+        repeat_of=_repeats(table, pose),
+        path=path,
+        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        notices=tuple(_notices(table, [*angles, "pose", "x_mm", "y_mm", "z_mm", *OPTIONAL])),
+    )
+
+
+def load_poses(path: Path, arm: Arm) -> Poses:
+    """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`. Raises `FileError`."""
+    table = read_table(path, [f"q{i + 1}_deg" for i in range(arm.dof)])
+    q = read_angles(table, arm)
+    known = {name: table.numbers(name) for name in ("t_s", "session", "temp_c") if name in table.header}
+    return Poses(
+        q=q,
+        payload=read_payload(table),
+        direction=read_approach(table, directions(q, None)),
+        t=known.get("t_s"),
+        session=known.get("session"),
+        temperature=known.get("temp_c"),
+        number=_whole(table, "pose") if "pose" in table.header else None,
+    )
+
+
+def read_angles(table: Table, arm: Arm) -> Array:
+    """(N, n) joint angles (rad), every one within the arm's limits. Raises `FileError`."""
+    q = np.radians(np.stack([table.numbers(f"q{i + 1}_deg") for i in range(arm.dof)], axis=1))
+    for i, joint in enumerate(arm.joints):
+        outside = (q[:, i] < joint.lower - LIMIT_SLACK) | (q[:, i] > joint.upper + LIMIT_SLACK)
+        if outside.any():
+            row = int(np.argmax(outside))
+            low, high = np.degrees([joint.lower, joint.upper])
+            raise FileError(
+                table.path,
+                table.at(row, f"q{i + 1}_deg"),
+                f"{np.degrees(q[row, i]):g} deg is beyond the limits of joint {i + 1}",
+                f"{low:g} to {high:g} deg",
+            )
+    return q
+
+
+def read_payload(table: Table) -> Array:
+    """(N,) load (kg), zero where the column is missing. Raises `FileError` for a negative one."""
+    if "payload_g" not in table.header:
+        return np.zeros(len(table.rows))
+    payload = table.numbers("payload_g")
+    if np.any(payload < 0):
+        raise FileError(table.path, table.at(int(np.argmax(payload < 0)), "payload_g"), "a negative load")
+    return payload * GRAM
+
+
+def read_approach(table: Table, moves: Array) -> Array:
+    """(N, n): the side that every joint came from where the file says so, else the moves. Raises `FileError`."""
+    if "approach" not in table.header:
+        return moves
+    side = table.numbers("approach")
+    odd = ~np.isin(side, (-1.0, 0.0, 1.0))
+    if odd.any():
+        raise FileError(table.path, table.at(int(np.argmax(odd)), "approach"), "not a side", "1, -1, or 0 if unknown")
+    return np.repeat(side[:, None], moves.shape[1], axis=1)
+
+
+def directions(q: Array, start: Array | None) -> Array:
+    """(N, n): sign of the last move of each joint before each pose; 0 as long as it has not moved."""
+    before = q[:1] if start is None else np.asarray(start)[None, :]
+    moves = np.sign(np.diff(np.concatenate([before, q]), axis=0))
+    for row in range(1, len(moves)):
+        moves[row] = np.where(moves[row] == 0.0, moves[row - 1], moves[row])
+    return moves
+
+
+def measurements_csv(data: Measurements) -> str:
+    """The same measurements as CSV text, the required columns and the optional ones that are kept."""
+    columns: list[tuple[str, Array, int]] = [("pose", data.pose.astype(np.float64), 0)]
+    optional = (("t_s", data.poses.t, 1.0, 3), ("session", data.poses.session, 1.0, 0))
+    columns += [(name, values / unit, digits) for name, values, unit, digits in optional if values is not None]
+    columns.append(("payload_g", data.poses.payload / GRAM, 4))
+    columns += [(f"q{i + 1}_deg", np.degrees(data.poses.q[:, i]), 9) for i in range(data.poses.q.shape[1])]
+    columns += [(name, data.tcp[:, i] / MM, 6) for i, name in enumerate(("x_mm", "y_mm", "z_mm"))]
+    if data.poses.temperature is not None:
+        columns.append(("temp_c", data.poses.temperature, 3))
+    if data.sd is not None:
+        columns.append(("sd_mm", data.sd / MM, 6))
+    columns.append(("repeat_of", data.repeat_of.astype(np.float64), 0))
+    return table_text(columns)
+
+
+def _whole(table: Table, column: str) -> NDArray[np.int64]:
+    values = table.numbers(column)
+    odd = values != np.round(values)
+    if odd.any():
+        raise FileError(table.path, table.at(int(np.argmax(odd)), column), "not a whole number")
+    return values.astype(np.int64)
+
+
+def _check_once(table: Table, pose: NDArray[np.int64]) -> None:
+    seen: dict[int, int] = {}
+    for row, number in enumerate(pose.tolist()):
+        if number in seen:
+            first = table.lines[seen[number]]
+            right = "each row has its own number; name a repetition in the column repeat_of"
+            raise FileError(table.path, table.at(row, "pose"), f"pose {number} stands in line {first} already", right)
+        seen[number] = row
+
+
+def _repeats(table: Table, pose: NDArray[np.int64]) -> NDArray[np.int64]:
+    if "repeat_of" not in table.header:
+        return pose
+    place = table.header.index("repeat_of")
+    empty = [not row[place].strip() for row in table.rows]
+    rows = tuple(
+        tuple(str(own) if i == place and blank else cell for i, cell in enumerate(row))
+        for row, own, blank in zip(table.rows, pose.tolist(), empty, strict=True)
+    )
+    repeat = _whole(replace(table, rows=rows), "repeat_of")
+    unknown = ~np.isin(repeat, pose)
+    if unknown.any():
+        row = int(np.argmax(unknown))
+        raise FileError(table.path, table.at(row, "repeat_of"), f"there is no pose {repeat[row]}")
+    return repeat
+
+
+def _notices(table: Table, known: list[str]) -> list[str]:
+    unknown = [name for name in table.header if name not in known]
+    notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
+    if not table.path.read_bytes().endswith(b"\n"):
+        notices.append("the last line does not end; is the file complete?")
+    return notices

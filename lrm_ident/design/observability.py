@@ -1,0 +1,99 @@
+"""The identification Jacobian in units, its singular values, and the five indices that judge a set of poses by them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.effects import Parameter
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import Equilibrium
+
+Array = NDArray[np.float64]
+Units = Literal["thesis", "scaled"]
+Index = Literal["O1", "O2", "O3", "O4", "O5"]
+UNITS: tuple[Units, ...] = ("thesis", "scaled")
+INDICES: tuple[Index, ...] = ("O1", "O2", "O3", "O4", "O5")
+MM_PER_M = 1e3
+
+
+def unit_of(parameter: Parameter, units: Units) -> float:
+    """What one unit of a parameter is in SI: its typical size, or the thesis's unit (mm, rad, N·mm; section 4.5)."""
+    if units == "scaled":
+        return parameter.typical
+    above, _, below = parameter.unit.partition("_per_")
+    return _thesis_unit(above) / (_thesis_unit(below) if below else 1.0)
+
+
+def _thesis_unit(word: str) -> float:
+    """mm and N·mm take the place of m and N·m; a power stands behind the unit."""
+    power = int(word[-1]) if word[-1].isdigit() else 1
+    return float({"mm": 1e-3, "Nm": 1e-3, "g": 1e-3}.get(word.rstrip("0123456789"), 1.0) ** power)
+
+
+def identification_jacobian(rest: Equilibrium, keys: Sequence[str], units: Units = "scaled") -> Array:
+    """(N, 3, P), motion of the TCP (mm) for one unit of each parameter, through the equilibrium (thesis Eq 4.1).
+
+    Args:
+        units: "thesis" for mm/rad, mm/mm and mm/(rad/N·mm), "scaled" for mm per typical size of the parameter.
+    """
+    chosen = [rest.model.parameters[rest.model.position(key)] for key in keys]
+    per_unit = np.array([unit_of(p, units) for p in chosen]) * MM_PER_M
+    return np.asarray(parameter_jacobian(rest, keys) * per_unit)
+
+
+def singular_values(jacobian: Array) -> Array:
+    """(min(3 N, P),), descending, of all poses of a Jacobian (N, 3, P) stacked."""
+    return np.asarray(np.linalg.svd(jacobian.reshape(-1, jacobian.shape[2]), compute_uv=False))
+
+
+@dataclass(frozen=True)
+class Observability:
+    """The five indices of Sun & Hollerbach 2008 and Joubair & Bonev 2013; the larger the better.
+
+    With σ1 ≥ … ≥ σm of n stacked poses: O1 = (σ1 … σm)^(1/m) / √n, O2 = σm/σ1, O3 = σm, O4 = σm²/σ1, O5 = 1/Σ(1/σi).
+    (The thesis prints O1 again as O3, and three of the terms of O5, Eqs 2.52 and 2.54.)
+    """
+
+    O1: float
+    O2: float
+    O3: float
+    O4: float
+    O5: float
+
+    def value(self, index: Index) -> float:
+        """One of the five."""
+        return float(getattr(self, index))
+
+
+def observability(jacobian: Array) -> Observability:
+    """All five indices of a Jacobian (n, 3, m); zero where some parameter cannot be told at all."""
+    n, _, m = jacobian.shape
+    sigma = singular_values(jacobian)
+    sigma[sigma <= np.finfo(np.float64).eps * 3 * n * sigma[0]] = 0.0
+    if 3 * n < m:
+        return Observability(0.0, 0.0, 0.0, 0.0, 0.0)
+    return Observability(*(float(index_of(sigma**2, name, n)) for name in INDICES))
+
+
+def index_of(eigenvalues: NDArray[np.floating], index: Index, n: int) -> Array:
+    """One index from the eigenvalues σ² (…, m) of the information matrix JᵀJ of n poses; (…,)."""
+    sigma = np.sqrt(np.maximum(eigenvalues, 0.0))
+    least, most = sigma.min(axis=-1), sigma.max(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        match index:
+            case "O1":
+                value = np.exp(np.log(sigma).mean(axis=-1)) / np.sqrt(n)
+            case "O2":
+                value = least / most
+            case "O3":
+                value = least
+            case "O4":
+                value = least**2 / most
+            case "O5":
+                value = 1.0 / (1.0 / sigma).sum(axis=-1)
+    return np.asarray(np.nan_to_num(value, nan=0.0))

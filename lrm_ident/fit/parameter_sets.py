@@ -1,0 +1,48 @@
+"""Named choices of which parameters to fit."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+
+from lrm_math.errors import UnknownName
+from lrm_math.model.model import Model
+
+TABLE_4_5 = (
+    *(f"offsets.joint{i}.alpha_rad" for i in (2, 3, 4, 5)),
+    "compliance.base.k_rad_per_Nm",
+    *(f"compliance.joint{i}.k_rad_per_Nm" for i in range(1, 7)),
+    *(f"offsets.joint{i}.a_mm" for i in (3, 4, 5)),
+    *(f"offsets.joint{i}.theta_rad" for i in range(1, 7)),
+    *(f"offsets.joint{i}.d_mm" for i in (4, 5)),
+    *(f"offsets.base.{axis}_mm" for axis in "xyz"),
+    *(f"offsets.tool.{axis}_mm" for axis in "yz"),
+    "offsets.joint2.extra_z_mm",
+)
+"""The 28 parameters that the thesis calls strongly independent (Conenna 2024, Table 4.5)."""
+
+LINK_2_LENGTH = "offsets.joint2.extra_z_mm"
+BASE_COMPLIANCE = "compliance.base.k_rad_per_Nm"
+
+THESIS_OPTIONS: dict[str, tuple[str, ...]] = {
+    "option1": TABLE_4_5,
+    "option2": tuple(key for key in TABLE_4_5 if key.startswith("offsets") and key != LINK_2_LENGTH),
+    "option3": tuple(key for key in TABLE_4_5 if key.startswith("compliance")),
+    "option4": tuple(key for key in TABLE_4_5 if key != BASE_COMPLIANCE),
+    "option5": tuple(key for key in TABLE_4_5 if key.startswith("compliance") and key != BASE_COMPLIANCE),
+}
+"""Conenna 2024, section 4.6: all, kinematic, elastic, all without k0, elastic without k0.
+
+Option 2 is announced with 21 parameters, but Table B.1 holds δdd3 at zero in it: 20 are fitted."""
+
+
+def chosen(model: Model, choice: str) -> tuple[str, ...]:
+    """The parameters that a choice names: an option of the thesis, or keys and patterns separated by commas.
+
+    Raises:
+        UnknownName: a pattern that matches no parameter of the model.
+    """
+    patterns = THESIS_OPTIONS.get(choice) or tuple(part.strip() for part in choice.split(","))
+    for pattern in patterns:
+        if not any(fnmatchcase(key, pattern) for key in model.keys):
+            raise UnknownName("parameter", pattern, (*THESIS_OPTIONS, *model.keys))
+    return tuple(key for key in model.keys if any(fnmatchcase(key, pattern) for pattern in patterns))

@@ -1,0 +1,119 @@
+"""Pictures for paper and README. They read without colour: lines differ in dash, bars carry their number."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fit.error_breakdown import Comparison
+from lrm_math.errors import FileError
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+
+FORMATS = (".png", ".svg", ".pdf")
+NOMINAL, MODEL, HELD_OUT, GREEN = (
+    "#888888",
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+)  # told apart with any colour vision (Okabe & Ito 2008)
+FACTORS_DRAWN, GROUPS_DRAWN = 8, 10
+
+
+def draw_comparison(comparison: Comparison, data: Measurements, path: Path) -> None:
+    """Draws how far the error fell and what the rest follows. Raises `FileError` for an unknown format or place."""
+    check_format(path)
+    figure, (left, middle, right) = plt.subplots(
+        1, 3, figsize=(13, 4.2), width_ratios=(1.2, 1, 1.3), layout="constrained"
+    )
+    _draw_distribution(left, comparison, data)
+    _draw_factors(middle, comparison)
+    _draw_groups(right, comparison)
+    save_figure(figure, path)
+
+
+def check_format(path: Path) -> None:
+    """Raises `FileError` if pictures of this kind cannot be drawn."""
+    if path.suffix not in FORMATS:
+        raise FileError(path, "", f"cannot draw a {path.suffix or 'nameless'} file", f"one of {', '.join(FORMATS)}")
+
+
+def _draw_distribution(axes: Axes, comparison: Comparison, data: Measurements) -> None:
+    nominal = equilibrium(model_of(comparison.rest.model.arm, ()), data.poses).tcp
+    _cumulative(axes, data.tcp - nominal, "nominal arm", NOMINAL, ":")
+    _cumulative(axes, comparison.residual, "model, as fitted", MODEL, "-")
+    if comparison.held_out.residual is not None:
+        _cumulative(axes, comparison.held_out.residual, "model, held out", HELD_OUT, "--")
+    axes.set(xlabel="TCP error, mm", ylabel="share of the poses below it, %", ylim=(0, 130), title=f"{len(data)} poses")
+    axes.set_yticks(range(0, 101, 20))
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(loc="upper left", fontsize=9)
+
+
+def _cumulative(axes: Axes, residual: NDArray[np.float64], label: str, colour: str, line: str) -> None:
+    distance = np.sort(np.linalg.norm(residual, axis=1)) * 1e3
+    share = 100 * np.arange(1, len(distance) + 1) / len(distance)
+    text = f"{label}: mean {distance.mean():.2f} mm"
+    axes.plot(distance, share, color=colour, linestyle=line, linewidth=2, label=text)
+
+
+def _draw_factors(axes: Axes, comparison: Comparison) -> None:
+    factors = comparison.factors[:FACTORS_DRAWN][::-1]
+    share = [100 * factor.share for factor in factors]
+    bars = axes.barh([factor.name for factor in factors], share, color=MODEL)
+    axes.bar_label(bars, fmt="%.0f %%", padding=3)
+    axes.set(xlabel="share of the residual that it explains, %", xlim=(0, max(max(share) * 1.25, 5)))
+    axes.set_title("What the residual follows")
+
+
+def _draw_groups(axes: Axes, comparison: Comparison) -> None:
+    factor = comparison.factors[0]
+    groups = factor.groups[:GROUPS_DRAWN]
+    place = np.arange(len(groups))
+    turns = [group.acts_like for group in groups if group.acts_like is not None]
+    if turns:
+        axes.bar(place, np.degrees(turns), 0.6, color=MODEL)
+        axes.set(ylabel=f"acts like a turn of joint {factor.name.split()[-1]}, deg")
+    else:
+        for shift, axis, hatch, colour in (
+            (-0.27, "x", "", MODEL),
+            (0.0, "y", "//", HELD_OUT),
+            (0.27, "z", "..", GREEN),
+        ):
+            bias = [group.bias["xyz".index(axis)] * 1e3 for group in groups]
+            axes.bar(place + shift, bias, 0.27, label=axis, hatch=hatch, color=colour, edgecolor="white")
+        axes.set(ylabel="mean residual, mm")
+        axes.legend(title="along")
+    axes.set_xticks(place, [group.label for group in groups], rotation=35, ha="right")
+    axes.axhline(0, color="black", linewidth=0.8)
+    axes.set_title(f"Residual by {factor.name}")
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Writes a figure whole or not at all, and closes it. Raises `FileError`."""
+    temporary = ""
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)
+        os.close(handle)
+        figure.savefig(temporary, dpi=110)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except OSError as error:
+        Path(temporary).unlink(missing_ok=True)
+        raise FileError(path, "", f"cannot be written ({error.strerror})") from None
+    finally:
+        plt.close(figure)

@@ -1,0 +1,106 @@
+"""Pictures of a diagnosis: what each candidate would leave, and the evidence for the first one, or the anatomy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.diagnosis.diagnosis_report import Advice, Report
+from lrm_ident.diagnosis.free_functions import FreeFunction
+from lrm_ident.plots.comparison import GREEN, HELD_OUT, MODEL, NOMINAL, check_format, save_figure
+
+Array = NDArray[np.float64]
+DRAWN = 9
+HATCH = {"supported": "", "indistinguishable": "//", "no_evidence": ".."}
+BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
+
+
+def draw_report(report: Report, path: Path) -> None:
+    """Draws a diagnosis. Raises `FileError` for an unknown format or a place that cannot be written."""
+    check_format(path)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(13, 4.6), width_ratios=(1, 1.1), layout="constrained")
+    _draw_ranking(left, report)
+    if report.first is not None:
+        _draw_evidence(right, report.diagnosis, report.first)
+    elif report.diagnosis.anatomy:
+        _draw_anatomy(right, report.diagnosis, report.diagnosis.anatomy[0][0])
+    save_figure(figure, path)
+
+
+def _draw_ranking(axes: Axes, report: Report) -> None:
+    shown = report.ranking[:DRAWN][::-1]
+    bars = axes.barh([a.scored.name for a in shown], [a.held_out_rms * 1e3 for a in shown], color=MODEL)
+    for bar, advice in zip(bars, shown, strict=True):
+        bar.set_hatch(HATCH[advice.verdict])
+        bar.set_edgecolor("white")
+        bar.set_color(MODEL if advice.verdict != "no_evidence" else NOMINAL)
+    axes.bar_label(bars, fmt="%.2f", padding=8)
+    now, floor = report.held_out.rms * 1e3, report.diagnosis.floor.rms
+    axes.axvline(now, color="black", linestyle="-", linewidth=1)
+    noise = ""
+    if floor is not None:
+        axes.axvline(floor * 1e3, color="black", linestyle=":", linewidth=1.5)
+        noise = f", dots: noise {floor * 1e3:.2f}"
+    axes.set(xlabel="held-out RMS that it would leave, mm", xlim=(0, 1.2 * now))
+    axes.set_title(f"{report.verdict.replace('_', ' ')} (line: now {now:.2f}{noise} mm)", fontsize=10)
+
+
+def _draw_evidence(axes: Axes, found: Diagnosis, first: Advice) -> None:
+    """Added-variable plot: what the fit leaves, against what the effect would add beyond the fitted parameters.
+
+    One point for each pose and axis; along the dashed line the effect explains all of it.
+    """
+    scored = first.scored
+    motion = (scored.prepared.inside @ scored.alone.theta).reshape(-1, 3) * 1e3
+    residual = found.fit.residual * 1e3
+    for axis, (colour, marker) in enumerate(BANDS):
+        axes.scatter(
+            motion[:, axis], residual[:, axis], s=12, color=colour, marker=marker, label=f"along {'xyz'[axis]}"
+        )
+    most = float(np.abs(motion).max())
+    axes.plot([-most, most], [-most, most], color="black", linestyle="--", linewidth=1, label="as the effect says")
+    axes.set(xlabel=f"what {scored.name} would add beyond the fit, mm", ylabel="what the fit leaves, mm")
+    axes.set_title(f"{scored.name}: {first.why.split(':')[0]}", fontsize=10)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=9)
+
+
+def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
+    """The turn of one joint that each residual acts like, against what it follows; a second quantity in three bands."""
+    turn = found.turns[function.joint]
+    length = np.maximum((turn**2).sum(axis=0), 1e-12)
+    acts_like = np.degrees((found.fit.residual.T * turn).sum(axis=0) / length)
+    name, values = function.follows[0], _values(found.data, found, function.follows[0])
+    if len(function.follows) == 1:
+        axes.scatter(values, acts_like, s=12, color=MODEL)
+    else:
+        second, other = function.follows[1], _values(found.data, found, function.follows[1])
+        edges = np.quantile(other, [0, 1 / 3, 2 / 3, 1])
+        for (colour, marker), low, high in zip(BANDS, edges, edges[1:], strict=False):
+            band = (other >= low) & (other <= high)
+            label = f"{_with_unit(second)} from {low:.3g} to {high:.3g}"
+            axes.scatter(values[band], acts_like[band], s=14, color=colour, marker=marker, label=label)
+        axes.legend(fontsize=9)
+    limit = float(np.quantile(np.abs(acts_like), 0.98))
+    axes.set(
+        xlabel=name, ylabel=f"acts like a turn of joint {function.joint + 1}, deg", ylim=(-1.3 * limit, 1.3 * limit)
+    )
+    axes.set_title(f"Anatomy: {function.name}", fontsize=10)
+    axes.grid(alpha=0.3)
+
+
+def _with_unit(name: str) -> str:
+    return "order" if name == "order" else f"{name}, {'deg' if name.startswith('q') else 'N·m'}"
+
+
+def _values(data: Measurements, found: Diagnosis, name: str) -> Array:
+    if name == "order":
+        return np.arange(len(data), dtype=np.float64)
+    joint = int(name.lstrip("qtau")) - 1
+    return np.degrees(data.poses.q[:, joint]) if name.startswith("q") else found.fit.rest.joint_torque[:, joint]

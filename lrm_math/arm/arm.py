@@ -1,0 +1,111 @@
+"""One serial arm of revolute joints: geometry, masses, limits. Frozen values in SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from lrm_math.arm.collision_shapes import NO_SHAPES, Shapes
+from lrm_math.arm.servo_table import ServoTable
+from lrm_math.errors import LrmError
+
+BASE = "base"
+TOOL = "tool"
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A fixed pose of six numbers: translation x, y, z (m) and rotations alpha (x), beta (y), gamma (z) in rad."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    alpha: float = 0.0
+    beta: float = 0.0
+    gamma: float = 0.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One link of the modified DH chain: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Tz(extra_z); rad and m (thesis Table 4.1).
+
+    `extra_z` is None where the link has no such translation, so that it has no such parameter either.
+    """
+
+    theta: float
+    d: float
+    a: float
+    alpha: float
+    extra_z: float | None
+    lower: float
+    upper: float
+    servo: ServoTable | None = None
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body that weighs on the joints.
+
+    `frame`: the number of the frame it stands in (0 base, i after joint i, n + 1 tool). `com`: its centre of mass
+    there (m); with `near_end` it is given before the last translation along z of that frame.
+    `loads_joint`: the first joint whose torque counts it (1 to n).
+    """
+
+    name: str
+    mass: float
+    com: tuple[float, float, float]
+    frame: int
+    loads_joint: int
+    near_end: bool = False
+    carries_payload: bool = False
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A serial arm. `gravity` (m/s²) is given in the frame that TCP positions are measured in."""
+
+    name: str
+    gravity: tuple[float, float, float]
+    base: Placement
+    joints: tuple[Joint, ...]
+    tool: Placement
+    bodies: tuple[Body, ...]
+    auxiliary_servos: tuple[tuple[str, ServoTable], ...] = ()
+    shapes: Shapes = NO_SHAPES
+
+    def __post_init__(self) -> None:
+        for body in self.bodies:
+            self._check(body)
+        for capsule in self.shapes.capsules:
+            if not 0 <= capsule.frame <= self.dof + 1:
+                raise LrmError(f"capsule '{capsule.name}' stands in frame {capsule.frame}, not in 0 to {self.dof + 1}")
+        ordered = sorted(self.bodies, key=lambda b: (b.frame, not b.near_end))
+        for before, after in pairwise(ordered):
+            if after.loads_joint < before.loads_joint:
+                raise LrmError(
+                    f"body '{after.name}' stands beyond '{before.name}' but loads joint {after.loads_joint}, before "
+                    f"joint {before.loads_joint}; bodies further out must not load earlier joints only"
+                )
+
+    def _check(self, body: Body) -> None:
+        n = len(self.joints)
+        lowest = max(1, min(body.frame, n))
+        if not lowest <= body.loads_joint <= n:
+            raise LrmError(
+                f"body '{body.name}' moves with joint {lowest} but loads_joint is {body.loads_joint}; "
+                f"it must be {lowest} to {n}"
+            )
+        if body.near_end and 0 < body.frame <= n and self.joints[body.frame - 1].extra_z is None:
+            raise LrmError(f"body '{body.name}': com_from near_end, but joint {body.frame} has no extra_z_mm")
+        if body.near_end and body.frame == 0:
+            raise LrmError(f"body '{body.name}': com_from near_end has no meaning in the base frame")
+
+    @property
+    def dof(self) -> int:
+        """Number of joints n."""
+        return len(self.joints)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """joint1 … jointN."""
+        return tuple(f"joint{i + 1}" for i in range(self.dof))

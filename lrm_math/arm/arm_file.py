@@ -1,0 +1,235 @@
+"""Arm files: `config/arms/NAME.toml` (mm, deg, g, us) -> `Arm` (SI)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from lrm_math.arm.arm import Arm, Body, Joint, Placement
+from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
+from lrm_math.arm.servo_table import ServoTable
+from lrm_math.errors import FileError, LrmError, nearest
+from lrm_math.toml_file import StrictSchema, read_toml
+
+MM, GRAM, MICROSECOND = 1e-3, 1e-3, 1e-6
+
+Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
+Length = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
+Size = Annotated[float, Field(gt=0.0, le=10_000.0)]
+Point = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Name = Annotated[str, Field(min_length=1)]
+
+
+class PlacementTable(StrictSchema):
+    """Tables `[base]` and `[tool]`."""
+
+    x_mm: Length = 0.0
+    y_mm: Length = 0.0
+    z_mm: Length = 0.0
+    alpha_deg: Angle = 0.0
+    beta_deg: Angle = 0.0
+    gamma_deg: Angle = 0.0
+
+
+class ServoTableTable(StrictSchema):
+    """A level-1 table: measured angles and the pulses that gave them."""
+
+    angle_deg: Annotated[list[Angle], Field(min_length=2)]
+    pulse_us: Annotated[list[Annotated[float, Field(ge=100, lt=20_000)]], Field(min_length=2)]
+
+
+class JointTable(StrictSchema):
+    """One `[[joint]]`, in the order of the chain."""
+
+    theta_deg: Angle
+    d_mm: Length
+    a_mm: Length
+    alpha_deg: Angle
+    extra_z_mm: Length | None = None
+    limits_deg: Annotated[list[Angle], Field(min_length=2, max_length=2)]
+    servo: ServoTableTable | None = None
+
+
+class BodyTable(StrictSchema):
+    """One `[[body]]`."""
+
+    name: Annotated[str, Field(min_length=1)]
+    mass_g: Annotated[float, Field(ge=0.0, le=1e6)]
+    com_mm: Vector3
+    com_from: Literal["frame", "near_end"] = "frame"
+    frame: str
+    loads_joint: int
+    carries_payload: bool = False
+
+
+class CapsuleTable(StrictSchema):
+    """One `[[capsule]]`: what a link, or something mounted on it, fills."""
+
+    name: Name
+    frame: str
+    from_mm: Point
+    to_mm: Point
+    radius_mm: Size
+
+
+class BoxTable(StrictSchema):
+    """One `[[box]]`: something around the arm that stands still. `world` is the frame of TCP positions."""
+
+    name: Name
+    frame: Literal["world", "base"] = "world"
+    center_mm: Point
+    size_mm: Annotated[list[Size], Field(min_length=3, max_length=3)]
+    alpha_deg: Angle = 0.0
+    beta_deg: Angle = 0.0
+    gamma_deg: Angle = 0.0
+
+
+class CollisionTable(StrictSchema):
+    """Table `[collision]`: how far shapes must stay apart, and the pairs that need not."""
+
+    margin_mm: Annotated[float, Field(ge=0.0, le=1_000.0)] = 30.0
+    ignore: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = []
+
+
+class ArmFile(StrictSchema):
+    """The whole file, schema `lrm/arm/1`."""
+
+    schema_: Literal["lrm/arm/1"] = Field(alias="schema")
+    name: Annotated[str, Field(min_length=1)]
+    source: str = ""
+    gravity_m_per_s2: Vector3
+    base: PlacementTable
+    joint: Annotated[list[JointTable], Field(min_length=1, max_length=10)]
+    tool: PlacementTable
+    body: list[BodyTable]
+    auxiliary_servo: dict[str, ServoTableTable] = {}
+    capsule: list[CapsuleTable] = []
+    box: list[BoxTable] = []
+    collision: CollisionTable = CollisionTable()
+
+
+def shipped_arms() -> dict[str, Path]:
+    """Arms that come with the software, by name."""
+    here = Path(__file__).resolve().parents[1]
+    folders = [here / "arms", here.parent / "config" / "arms"]
+    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
+
+
+def load_arm(name_or_path: str | Path) -> Arm:
+    """Loads an arm by the name of a shipped one or by path.
+
+    Raises:
+        FileError: no such arm, or anything in the file that is not exactly as it should be.
+    """
+    shipped = shipped_arms()
+    if isinstance(name_or_path, str) and name_or_path in shipped:
+        return read_arm(shipped[name_or_path])
+    path = Path(name_or_path)
+    if not path.exists() and path.suffix != ".toml":
+        names = ", ".join(sorted(shipped))
+        raise FileError(name_or_path, "", "no such arm", f"give the path of an arm file, or one of: {names}")
+    return read_arm(path)
+
+
+def read_arm(path: Path) -> Arm:
+    """Reads one arm file. Raises `FileError`."""
+    tables = read_toml(path, ArmFile)
+    try:
+        return to_arm(tables)
+    except FileError:
+        raise
+    except LrmError as error:
+        raise FileError(path, "", str(error)) from None
+
+
+def to_arm(tables: ArmFile) -> Arm:
+    """Units to SI, names to numbers. Raises `LrmError` for values that contradict each other."""
+    x, y, z = tables.gravity_m_per_s2
+    arm = Arm(
+        name=tables.name,
+        gravity=(x, y, z),
+        base=_placement(tables.base),
+        joints=tuple(_joint(number, joint) for number, joint in enumerate(tables.joint, start=1)),
+        tool=_placement(tables.tool),
+        bodies=tuple(_body(body, dof=len(tables.joint)) for body in tables.body),
+        auxiliary_servos=tuple(
+            (name, _servo(f"auxiliary_servo {name}", table)) for name, table in tables.auxiliary_servo.items()
+        ),
+    )
+    return replace(arm, shapes=_shapes(tables, arm.dof))
+
+
+def _placement(t: PlacementTable) -> Placement:
+    angles = (math.radians(angle) for angle in (t.alpha_deg, t.beta_deg, t.gamma_deg))
+    return Placement(t.x_mm * MM, t.y_mm * MM, t.z_mm * MM, *angles)
+
+
+def _joint(number: int, t: JointTable) -> Joint:
+    lower, upper = (math.radians(limit) for limit in t.limits_deg)
+    if not lower < upper:
+        raise LrmError(f"joint {number}: limits_deg = {t.limits_deg}; should be [lower, upper] with lower < upper")
+    return Joint(
+        theta=math.radians(t.theta_deg),
+        d=t.d_mm * MM,
+        a=t.a_mm * MM,
+        alpha=math.radians(t.alpha_deg),
+        extra_z=None if t.extra_z_mm is None else t.extra_z_mm * MM,
+        lower=lower,
+        upper=upper,
+        servo=None if t.servo is None else _servo(f"joint {number}", t.servo),
+    )
+
+
+def _servo(where: str, t: ServoTableTable) -> ServoTable:
+    try:
+        return ServoTable(tuple(math.radians(a) for a in t.angle_deg), tuple(p * MICROSECOND for p in t.pulse_us))
+    except LrmError as error:
+        raise LrmError(f"{where}: {error}") from None
+
+
+def _body(t: BodyTable, dof: int) -> Body:
+    return Body(
+        name=t.name,
+        mass=t.mass_g * GRAM,
+        com=_triple(t.com_mm, MM),
+        frame=_frame(f"body '{t.name}'", t.frame, dof),
+        loads_joint=t.loads_joint,
+        near_end=t.com_from == "near_end",
+        carries_payload=t.carries_payload,
+    )
+
+
+def _shapes(tables: ArmFile, dof: int) -> Shapes:
+    return Shapes(
+        capsules=tuple(_capsule(capsule, dof) for capsule in tables.capsule),
+        boxes=tuple(_box(box) for box in tables.box),
+        margin=tables.collision.margin_mm * MM,
+        ignored=tuple((one, other) for one, other in tables.collision.ignore),
+    )
+
+
+def _capsule(t: CapsuleTable, dof: int) -> Capsule:
+    frame = _frame(f"capsule '{t.name}'", t.frame, dof)
+    return Capsule(t.name, frame, _triple(t.from_mm, MM), _triple(t.to_mm, MM), t.radius_mm * MM)
+
+
+def _box(t: BoxTable) -> Box:
+    turn = _triple([t.alpha_deg, t.beta_deg, t.gamma_deg], math.radians(1.0))
+    return Box(t.name, _triple(t.center_mm, MM), _triple(t.size_mm, MM), turn, in_base=t.frame == "base")
+
+
+def _frame(what: str, name: str, dof: int) -> int:
+    frames = ["base", *(f"joint{i + 1}" for i in range(dof)), "tool"]
+    if name not in frames:
+        raise LrmError(f"{what}: unknown frame '{name}'; {nearest(name, frames)}")
+    return frames.index(name)
+
+
+def _triple(values: list[float], unit: float) -> tuple[float, float, float]:
+    x, y, z = values
+    return x * unit, y * unit, z * unit

@@ -1,0 +1,224 @@
+"""A way round: RRT-Connect in joint space (Kuffner & LaValle 2000), then shortcuts (Geraerts & Overmars 2007).
+
+All pieces of a path are straight moves that `check_move` proves free. It depends on nothing but the arguments: the same
+random generator in the same state gives the same path, and effort is counted in samples, not in seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrm_math.collision.scene import Closest, Scene
+from lrm_math.collision.straight_move import RESOLUTION, Move, check_move
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.chain import Array
+
+STEP = 0.4
+"""rad: a tree grows towards a sample by this much at once; all lengths of moves are Euclidean norms of joint angles."""
+BACK = 0.02
+"""rad: a branch ends this far before what stops it, so that the next can leave from there."""
+SHORTCUTS = 60
+LIMIT_ROUND_OFF = 1e-9
+
+Check: TypeAlias = Callable[[Array, Array, float], Move]
+"""What is known of the straight move between two poses (n,) in rad that shall keep a margin (m)."""
+Reason: TypeAlias = Literal[
+    "start outside limits", "goal outside limits", "start in collision", "goal in collision", "not found"
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A free way: straight moves in joint space through the waypoints (M, n) in rad, start and goal included.
+
+    `samples`: random poses it took to find.
+    """
+
+    waypoints: Array
+    samples: int
+
+    @property
+    def length(self) -> float:
+        """rad."""
+        return float(_lengths(self.waypoints).sum())
+
+
+@dataclass(frozen=True)
+class NoPath:
+    """Why there is no path.
+
+    Attributes:
+        joint: the first joint (from 1) beyond its limits, or None.
+        closest: the two bodies that are too close: at the start, at the goal, or, if nothing was found, where the
+            straight way is first blocked. None where limits are the reason.
+        margin: m, that had to be kept.
+        samples: random poses tried.
+    """
+
+    why: Reason
+    joint: int | None
+    closest: Closest | None
+    margin: float
+    samples: int
+
+    def __str__(self) -> str:
+        if self.closest is None:
+            return f"no path: joint {self.joint}: {self.why}"
+        tried = f" after {self.samples} samples, and on the straight way" if self.why == "not found" else ":"
+        bodies = f"{self.closest.first} and {self.closest.second} are {self.closest.distance * 1e3:.1f} mm apart"
+        return f"no path: {self.why}{tried} {bodies}; {self.margin * 1e3:.1f} mm must be kept"
+
+
+def plan(
+    scene: Scene,
+    start: ArrayLike,
+    goal: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    limits: ArrayLike | None = None,
+    margin: float | None = None,
+    samples: int = 2000,
+    check: Check | None = None,
+) -> Path | NoPath:
+    """A free way from start to goal, each (n,) in rad, or why there is none.
+
+    The straight way is tried first. A way round keeps `move.RESOLUTION` more than the margin, so that every part of
+    it passes `check_move` again.
+
+    Args:
+        limits: (2, n), lower and upper joint limits (rad); the arm's if None.
+        margin: m; the one of the arm's file if None.
+        samples: random poses to try before giving up.
+        check: judges the pieces of the way, for instance of an arm that sags; `check_move` if None. It may refuse more
+            than that, and start and goal should pass it.
+
+    Raises:
+        LrmError: start, goal or limits of the wrong shape or not finite, a margin below zero.
+    """
+    keep = scene.margin_or(margin)
+    a, b = scene.pose(start), scene.pose(goal)
+    box = scene.limits if limits is None else scene.poses(limits)
+    if len(box) != 2 or (box[0] > box[1]).any():
+        raise LrmError(f"limits of shape {box.shape}; should be (2, {scene.chain.dof}), lower first (rad)")
+    ends: tuple[tuple[Array, Reason, Reason], ...] = (
+        (a, "start outside limits", "start in collision"),
+        (b, "goal outside limits", "goal in collision"),
+    )
+    for q, outside, _ in ends:
+        beyond = np.flatnonzero((q < box[0] - LIMIT_ROUND_OFF) | (q > box[1] + LIMIT_ROUND_OFF))
+        if len(beyond):
+            return NoPath(outside, int(beyond[0]) + 1, None, keep, 0)
+    judge = check or partial(check_move, scene)
+    straight = judge(a, b, keep)
+    if straight.free:
+        return Path(np.array([a, b]), 0)
+    for q, _, close in ends:
+        closest = scene.closest(q)
+        if closest.distance < keep + RESOLUTION:
+            return NoPath(close, None, closest, keep, 0)
+    found = _connect(judge, a, b, box, keep + RESOLUTION, rng, samples)
+    if found is None:
+        return NoPath("not found", None, Closest(straight.distance, straight.first, straight.second), keep, samples)
+    return Path(_shortened(judge, found.waypoints, keep + RESOLUTION, rng), found.samples)
+
+
+def stream(path: Path, step: float = np.radians(0.25)) -> Array:
+    """Targets (K, n) in rad along a path for a ramp, no joint further than `step` (rad) from one to the next.
+
+    Where a ramp moves all joints at one speed, each by itself, those with a short way arrive early: it strays from the
+    straight line by up to a quarter of the step in each joint.
+    """
+    targets = [path.waypoints[:1]]
+    for before, after in pairwise(path.waypoints):
+        count = max(1, int(np.ceil(np.abs(after - before).max() / step)))
+        targets.append(np.linspace(before, after, count + 1)[1:])
+    return np.concatenate(targets)
+
+
+class _Tree:
+    """Poses reached from a root by free moves; the parent of each."""
+
+    def __init__(self, root: Array) -> None:
+        self.poses, self.parents = root[None], [0]
+
+    def grow(self, check: Check, margin: float, target: Array, furthest: float) -> tuple[int, bool]:
+        """Grows from the nearest pose straight towards a target; the pose it ends at, and whether that is the target.
+
+        A long branch leaves a pose at every `STEP`.
+        """
+        nearest = int(np.linalg.norm(self.poses - target, axis=1).argmin())
+        root = self.poses[nearest]
+        length = float(np.linalg.norm(target - root))
+        aim = target if length <= furthest else root + furthest / length * (target - root)
+        length = min(length, furthest)
+        move = check(root, aim, margin)
+        reached = 1.0 if move.free else move.proven - BACK / max(length, BACK)
+        if reached <= 0.0:
+            return nearest, False
+        count = int(np.ceil(reached * length / STEP)) or 1
+        parts = np.linspace(0.0, reached, count + 1)[1:, None]
+        self.parents += [nearest, *range(len(self.poses), len(self.poses) + count - 1)]
+        self.poses = np.concatenate([self.poses, root + parts * (aim - root)])
+        return len(self.poses) - 1, move.free and aim is target
+
+    def way_from(self, pose: int) -> list[Array]:
+        """Poses from one to the root."""
+        way = [self.poses[pose]]
+        while pose:
+            pose = self.parents[pose]
+            way.append(self.poses[pose])
+        return way
+
+
+def _connect(
+    check: Check, start: Array, goal: Array, limits: Array, margin: float, rng: np.random.Generator, samples: int
+) -> Path | None:
+    """Two trees that take turns: one grows towards a random pose, the other towards what the first has reached."""
+    trees = _Tree(start), _Tree(goal)
+    for sample in range(1, samples + 1):
+        one, other = trees if sample % 2 else trees[::-1]
+        tip, _ = one.grow(check, margin, rng.uniform(limits[0], limits[1]), STEP)
+        end, met = other.grow(check, margin, one.poses[tip], np.inf)
+        if met:
+            ways = [one.way_from(tip), other.way_from(end)]
+            first, last = ways if sample % 2 else ways[::-1]
+            return Path(_without_repeats(np.array([*first[::-1], *last])), sample)
+    return None
+
+
+def _shortened(check: Check, way: Array, margin: float, rng: np.random.Generator) -> Array:
+    """Cuts a way short between two points chosen at random along it, many times; then drops what corners it can."""
+    for _ in range(SHORTCUTS):
+        at = np.concatenate([[0.0], np.cumsum(_lengths(way))])
+        one, other = np.sort(rng.uniform(0.0, at[-1], 2))
+        i, j = np.searchsorted(at, one, side="right"), np.searchsorted(at, other, side="left")
+        a, b = _point(way, at, one), _point(way, at, other)
+        if i < j and check(a, b, margin).free:
+            way = _without_repeats(np.concatenate([way[:i], [a, b], way[j:]]))
+    corner = 1
+    while corner < len(way) - 1:
+        if check(way[corner - 1], way[corner + 1], margin).free:
+            way = np.delete(way, corner, axis=0)
+        else:
+            corner += 1
+    return way
+
+
+def _point(way: Array, at: Array, length: float) -> Array:
+    """The point of a way at a length along it."""
+    return np.array([np.interp(length, at, column) for column in way.T])
+
+
+def _lengths(way: Array) -> Array:
+    return np.asarray(np.linalg.norm(np.diff(way, axis=0), axis=1))
+
+
+def _without_repeats(way: Array) -> Array:
+    return np.asarray(way[np.concatenate([[True], _lengths(way) > 0.0])])

@@ -1,0 +1,244 @@
+"""The arm as a product of one-parameter motions ("slots"), and its frames and screws.
+
+Base: T(x, y, z) Rx(alpha) Ry(beta) Rz(gamma). Link i: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Tz(extra z) (modified DH,
+thesis section 4.1), then the bending of link i about x and y at its middle. Tool: Rx Ry Rz T(x, y, z).
+
+Whatever an effect does to the arm, it adds an amount (rad or m) to slots. A slot's amount is a float where it is the
+same for all poses, or an array `(N,)`; the same code serves both, so one pose costs scalar Python and a batch numpy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arm.arm import BASE, TOOL, Arm, Placement
+
+Array: TypeAlias = NDArray[np.float64]
+Number: TypeAlias = "float | Array"
+Vector: TypeAlias = "list[Number]"
+
+X, Y, Z = 0, 1, 2
+ROUND_OFF = 1e-15
+PLANE = ((Y, Z), (Z, X), (X, Y))  # the two axes that a rotation about x, y, z mixes
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One elementary motion of the chain: a rotation (rad) or a translation (m) along one axis.
+
+    `joint` is the number from 0 of the joint angle that drives it, or None.
+    """
+
+    place: str
+    name: str
+    rotates: bool
+    axis: int
+    nominal: float
+    joint: int | None = None
+
+    @property
+    def key(self) -> str:
+        """`place.name`, for instance `joint2.theta`."""
+        return f"{self.place}.{self.name}"
+
+    @property
+    def to_hinge(self) -> bool:
+        """Whether it only carries the bending of a link to its middle, or back."""
+        return self.place.startswith("link") and not self.rotates
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """A body as the chain sees it: it stands before slot number `before`, its centre of mass `com` (m) there."""
+
+    before: int
+    mass: float
+    com: tuple[float, float, float]
+    carries_payload: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """All slots from base to TCP and the bodies between them, ordered outwards.
+
+    `moved[k]`: the first body that slot k moves. `counted[k]`: the first body that the load of slot k counts; the two
+    differ only for arms whose file says that a body loads a joint that does not carry it.
+    """
+
+    dof: int
+    gravity: tuple[float, float, float]
+    slots: tuple[Slot, ...]
+    index: dict[str, int]
+    bodies: tuple[Attachment, ...]
+    moved: tuple[int, ...]
+    counted: tuple[int, ...]
+    frame_ends: tuple[int, ...]
+    joint_slots: tuple[int, ...]
+
+    def values(self, q: Sequence[Number]) -> list[Number]:
+        """Amount of every slot of the nominal arm at joint angles q, one float or `(N,)` per joint (rad).
+
+        The ways to and from the middle of a link (`back`, `on`) cancel as long as it does not bend, and are left out;
+        `hinges` tells them.
+        """
+        rigid = [0.0 if slot.to_hinge else slot.nominal for slot in self.slots]
+        return [
+            amount if slot.joint is None else amount + q[slot.joint]
+            for amount, slot in zip(rigid, self.slots, strict=True)
+        ]
+
+    def hinges(self, place: str) -> Iterator[tuple[int, float]]:
+        """The slots that carry a link's bending to its middle and back, and their amounts (m)."""
+        return ((k, slot.nominal) for k, slot in enumerate(self.slots) if slot.to_hinge and slot.place == place)
+
+
+@lru_cache(maxsize=64)
+def chain_of(arm: Arm) -> Chain:
+    """The chain of an arm."""
+    slots = [*_base_slots(arm.base)]
+    frame_ends = [len(slots)]
+    for i in range(arm.dof):
+        slots += _link_slots(arm, i)
+        frame_ends.append(len(slots))
+        if i + 1 < arm.dof:
+            slots += _bending_slots(arm, i)
+    slots += _tool_slots(arm.tool)
+    frame_ends.append(len(slots))
+    bodies = sorted(arm.bodies, key=lambda b: (b.frame, not b.near_end))
+    attachments = [
+        Attachment(frame_ends[b.frame] - (1 if b.near_end else 0), b.mass, b.com, b.carries_payload) for b in bodies
+    ]
+    moved = [sum(b.before <= k for b in attachments) for k in range(len(slots))]
+    loads = [_first_joint_loaded(k, slots, arm.dof) for k in range(len(slots))]
+    counted = [
+        min(moved[k], sum(b.loads_joint < joint for b in bodies)) if joint else moved[k]
+        for k, joint in enumerate(loads)
+    ]
+    return Chain(
+        dof=arm.dof,
+        gravity=arm.gravity,
+        slots=tuple(slots),
+        index={slot.key: k for k, slot in enumerate(slots)},
+        bodies=tuple(attachments),
+        moved=tuple(moved),
+        counted=tuple(counted),
+        frame_ends=tuple(frame_ends),
+        joint_slots=tuple(k for k, slot in enumerate(slots) if slot.joint is not None),
+    )
+
+
+def _first_joint_loaded(k: int, slots: list[Slot], dof: int) -> int | None:
+    """Joint whose bodies slot k counts: its own for theta, the next one for a bending link; else what it moves."""
+    slot = slots[k]
+    if slot.joint is not None:
+        return slot.joint + 1
+    if slot.place.startswith("link"):
+        return min(int(slot.place.removeprefix("link")) + 1, dof)
+    return None
+
+
+def _base_slots(p: Placement) -> Iterable[Slot]:
+    for name, axis in (("x", X), ("y", Y), ("z", Z)):
+        yield Slot(BASE, name, False, axis, getattr(p, name))
+    for name, axis in (("alpha", X), ("beta", Y), ("gamma", Z)):
+        yield Slot(BASE, name, True, axis, getattr(p, name))
+
+
+def _link_slots(arm: Arm, i: int) -> Iterable[Slot]:
+    joint, place = arm.joints[i], f"joint{i + 1}"
+    yield Slot(place, "theta", True, Z, joint.theta, joint=i)
+    yield Slot(place, "d", False, Z, joint.d)
+    yield Slot(place, "a", False, X, joint.a)
+    yield Slot(place, "alpha", True, X, joint.alpha)
+    if joint.extra_z is not None:
+        yield Slot(place, "extra_z", False, Z, joint.extra_z)
+
+
+def _bending_slots(arm: Arm, i: int) -> Iterable[Slot]:
+    """Turns about x and y of the link's far frame, about the link's middle: where a beam seems to bend.
+
+    A cantilever under a moment at its end turns by M L/EI and shifts by M L²/2EI: a hinge at half its length.
+    """
+    place = f"link{i + 1}"
+    half = [(axis, way) for axis, way in enumerate(_half_length(arm, i)) if way]
+    yield from (Slot(place, f"back_{'xyz'[axis]}", False, axis, -way) for axis, way in half)
+    yield from (Slot(place, name, True, axis, 0.0) for name, axis in (("x", X), ("y", Y)))
+    yield from (Slot(place, f"on_{'xyz'[axis]}", False, axis, way) for axis, way in half)
+
+
+def _half_length(arm: Arm, i: int) -> list[float]:
+    """Half the way from joint i to the link's far frame, in that frame (m); lengths below a nanometre are zero."""
+    joint = arm.joints[i]
+    c, s = math.cos(joint.alpha), math.sin(joint.alpha)
+    way = (joint.a, s * joint.d, c * joint.d + (joint.extra_z or 0.0))
+    return [0.5 * component if abs(component) > 1e-9 else 0.0 for component in way]
+
+
+def _tool_slots(p: Placement) -> Iterable[Slot]:
+    for name, axis in (("alpha", X), ("beta", Y), ("gamma", Z)):
+        yield Slot(TOOL, name, True, axis, getattr(p, name))
+    for name, axis in (("x", X), ("y", Y), ("z", Z)):
+        yield Slot(TOOL, name, False, axis, getattr(p, name))
+
+
+def is_zero(value: Number) -> bool:
+    """True for the amount of a slot that does nothing, the same for all poses."""
+    return isinstance(value, float) and value == 0.0
+
+
+def trig(chain: Chain, values: Sequence[Number]) -> list[tuple[Number, Number] | None]:
+    """(cos, sin) of every rotating slot's amount; None for translations and for rotations by zero."""
+    return [trig_of(value) if slot.rotates else None for slot, value in zip(chain.slots, values, strict=True)]
+
+
+def trig_of(value: Number) -> tuple[Number, Number] | None:
+    """(cos, sin) of one angle, None for zero; a right angle for all poses has cosine zero exactly, which saves work."""
+    if isinstance(value, float):
+        if value == 0.0:
+            return None
+        c, s = math.cos(value), math.sin(value)
+        return (0.0, math.copysign(1.0, s)) if abs(c) < ROUND_OFF else (c, s)
+    return np.cos(value), np.sin(value)
+
+
+def pull_back(
+    chain: Chain, values: Sequence[Number], angles: Sequence[tuple[Number, Number] | None], start: int = 0
+) -> Vector:
+    """TCP position in the frame before slot `start`: the tip's origin carried inwards, three numbers (m)."""
+    p: Vector = [0.0, 0.0, 0.0]
+    for k in range(len(chain.slots) - 1, start - 1, -1):
+        slot = chain.slots[k]
+        if slot.rotates:
+            rotate(p, slot.axis, angles[k])
+        elif not is_zero(values[k]):
+            p[slot.axis] = p[slot.axis] + values[k]
+    return p
+
+
+def rotate(v: Vector, axis: int, angle: tuple[Number, Number] | None) -> None:
+    """Rotates three components in place about one axis: v <- R(axis, angle) v."""
+    if angle is not None:
+        c, s = angle
+        i, j = PLANE[axis]
+        if is_zero(c):
+            v[i], v[j] = -s * v[j], s * v[i]
+        else:
+            v[i], v[j] = c * v[i] - s * v[j], s * v[i] + c * v[j]
+
+
+def rotate_inverse(v: Vector, axis: int, angle: tuple[Number, Number] | None) -> None:
+    """Rotates three components in place the other way: v <- R(axis, angle)ᵀ v."""
+    if angle is not None:
+        c, s = angle
+        i, j = PLANE[axis]
+        if is_zero(c):
+            v[i], v[j] = s * v[j], -s * v[i]
+        else:
+            v[i], v[j] = c * v[i] + s * v[j], c * v[j] - s * v[i]

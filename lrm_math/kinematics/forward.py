@@ -1,0 +1,86 @@
+"""World-frame geometry of a chain: frames, screws and bodies met on the way from base to TCP."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_math.kinematics.chain import Array, Chain, Number, X, Y, Z, is_zero, rotate_inverse, trig
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """World-frame geometry met on the way from base to TCP, for N poses, components first for speed.
+
+    `axis`, `origin`: (S, 3, N), of every slot (unit vectors; m). `body`: (B, 3, N), centres of mass (m).
+    `stands`: (B, 3, 3, N), unit vectors x, y, z of the frame that each body stands in.
+    `frames`: (n + 2, 4, 3, N): columns x, y, z and origin of the frames base, after joint 1 … n, tool.
+    """
+
+    axis: Array
+    origin: Array
+    body: Array
+    stands: Array
+    frames: Array
+
+    @property
+    def tcp(self) -> Array:
+        """(3, N), TCP position (m)."""
+        return np.asarray(self.frames[-1, 3])
+
+
+def walk(
+    chain: Chain, values: Sequence[Number], count: int, coms: Sequence[tuple[Number, Number, Number]] | None = None
+) -> Walk:
+    """Carries the frame outwards through all slots for `count` poses and keeps every screw, body and frame.
+
+    `coms`: centres of mass of the bodies in the frames they stand in (m); the chain's own if None.
+    """
+    coms = [body.com for body in chain.bodies] if coms is None else coms
+    axes, origins = np.empty((2, len(chain.slots), 3, count))
+    bodies, stands = np.empty((len(chain.bodies), 3, count)), np.empty((len(chain.bodies), 3, 3, count))
+    ends = np.empty((chain.dof + 2, 4, 3, count))
+    body = end = 0
+    for k, columns, p in _outwards(chain, values):
+        while body < len(chain.bodies) and chain.bodies[body].before == k:
+            x, y, z = coms[body]
+            stands[body, X], stands[body, Y], stands[body, Z] = columns
+            bodies[body] = p + x * columns[X] + y * columns[Y] + z * columns[Z]
+            body += 1
+        while end < len(ends) and chain.frame_ends[end] == k:
+            ends[end, X], ends[end, Y], ends[end, Z], ends[end, 3] = *columns, p
+            end += 1
+        if k < len(chain.slots):
+            axes[k], origins[k] = columns[chain.slots[k].axis], p
+    return Walk(axes, origins, bodies, stands, ends)
+
+
+def frames(chain: Chain, values: Sequence[Number], count: int) -> Array:
+    """Homogeneous frames (N, n + 2, 4, 4): base, after joint 1 … n, tool; m."""
+    out = np.zeros((chain.dof + 2, 4, 4, count))
+    out[:, 3, 3] = 1.0
+    end = 0
+    for k, columns, p in _outwards(chain, values):
+        while end < len(out) and chain.frame_ends[end] == k:
+            out[end, :3, X], out[end, :3, Y], out[end, :3, Z], out[end, :3, 3] = *columns, p
+            end += 1
+    return out.transpose(3, 0, 1, 2)
+
+
+def _outwards(chain: Chain, values: Sequence[Number]) -> Iterator[tuple[int, list[Array], Array]]:
+    """The frame before every slot, and last the tool's: number of the slot, columns x, y, z and origin.
+
+    Each (3, N), or (3, 1) as long as all poses share it.
+    """
+    angles = trig(chain, values)
+    columns, p = [np.eye(3)[:, [axis]] for axis in (X, Y, Z)], np.zeros((3, 1))
+    for k, slot in enumerate(chain.slots):
+        yield k, columns, p
+        if slot.rotates:
+            columns = list(columns)
+            rotate_inverse(columns, slot.axis, angles[k])  # type: ignore[arg-type]
+        elif not is_zero(values[k]):
+            p = p + values[k] * columns[slot.axis]
+    yield len(chain.slots), columns, p

@@ -1,0 +1,91 @@
+"""What was commanded, pose by pose: the input of every model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.chain import Number
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """N commanded poses of an arm with n joints.
+
+    Attributes:
+        q: (N, n), commanded joint angles (rad).
+        payload: (N,), load carried (kg).
+        direction: (N, n), sign of the last move of each joint (−1, 0 unknown, +1), or None if the order is unknown.
+        t: (N,), time since the start (s), or None.
+        session: (N,), number of the power-on session, or None.
+        temperature: (N,), °C, or None.
+        number: (N,), what errors call each pose, or None: 1 … N.
+    """
+
+    q: Array
+    payload: Array
+    direction: Array | None = None
+    t: Array | None = None
+    session: Array | None = None
+    temperature: Array | None = None
+    number: NDArray[np.int64] | None = None
+
+    def __post_init__(self) -> None:
+        if self.q.ndim != 2 or self.payload.shape != (len(self.q),):
+            shapes = f"q has shape {self.q.shape} and payload {self.payload.shape}"
+            raise LrmError(f"poses: {shapes}; should be (N, n) and (N,)")
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def names(self, rows: ArrayLike) -> list[int]:
+        """The numbers of some rows."""
+        chosen = np.asarray(rows)
+        return [int(number) for number in (chosen + 1 if self.number is None else self.number[chosen])]
+
+    def angle(self, joint: int) -> Number:
+        """Commanded angle of joint number `joint` from 0 (rad): (N,), or a float if there is one pose only."""
+        return _number(self.q[:, joint])
+
+    def approach(self, joint: int) -> Number:
+        """Sign of the last move of joint number `joint` from 0, 0 where unknown: (N,), or a float for one pose."""
+        return 0.0 if self.direction is None else _number(self.direction[:, joint])
+
+    @property
+    def carried(self) -> Number:
+        """Load carried (kg): (N,), or a float if it is the same in all poses."""
+        same = len(self) and bool(np.all(self.payload == self.payload[0]))
+        return float(self.payload[0]) if same else self.payload
+
+    def take(self, rows: ArrayLike) -> Poses:
+        """The poses of some rows (indices or a mask), in that order."""
+        chosen = np.asarray(rows)
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{name: column[chosen] for name, column in columns.items() if column is not None})
+
+    def one(self, row: int) -> Poses:
+        """One pose alone."""
+        given = (self.direction, self.t, self.session, self.temperature, self.number)
+        rest = (None if column is None else column[row : row + 1] for column in given)
+        return Poses(self.q[row : row + 1], self.payload[row : row + 1], *rest)  # type: ignore[arg-type]
+
+    def nudged(self, joint: int, step: float) -> Poses:
+        """The same poses with one joint angle changed by `step` (rad)."""
+        q = self.q.copy()
+        q[:, joint] += step
+        return replace(self, q=q)
+
+
+def _number(column: Array) -> Number:
+    return float(column[0]) if len(column) == 1 else np.ascontiguousarray(column)
+
+
+def poses_of(q: ArrayLike, payload: ArrayLike = 0.0) -> Poses:
+    """Poses from angles (N, n) or (n,) in rad and payload in kg, one number or (N,)."""
+    angles = np.atleast_2d(np.asarray(q, dtype=np.float64))
+    return Poses(angles, np.broadcast_to(np.asarray(payload, dtype=np.float64), (len(angles),)).copy())

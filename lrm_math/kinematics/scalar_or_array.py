@@ -1,0 +1,49 @@
+"""Functions of one number: a float costs what Python takes for it, an array what numpy takes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lrm_math.kinematics.chain import Number
+
+
+def sin(x: Number) -> Number:
+    """Sine of an angle (rad)."""
+    return math.sin(x) if isinstance(x, float) else np.sin(x)
+
+
+def cos(x: Number) -> Number:
+    """Cosine of an angle (rad)."""
+    return math.cos(x) if isinstance(x, float) else np.cos(x)
+
+
+def tanh(x: Number) -> Number:
+    """Hyperbolic tangent."""
+    return math.tanh(x) if isinstance(x, float) else np.tanh(x)
+
+
+def size(x: Number) -> Number:
+    """Magnitude."""
+    return abs(x) if isinstance(x, float) else np.abs(x)
+
+
+def above_zero(x: Number) -> Number:
+    """x where it is positive, else zero."""
+    return max(x, 0.0) if isinstance(x, float) else np.maximum(x, 0.0)
+
+
+def below_zero(x: Number) -> Number:
+    """x where it is negative, else zero."""
+    return min(x, 0.0) if isinstance(x, float) else np.minimum(x, 0.0)
+
+
+def by_sign(x: Number, above: float, below: float) -> Number:
+    """One value where x is positive, another one elsewhere."""
+    return (above if x > 0.0 else below) if isinstance(x, float) else np.where(x > 0.0, above, below)
+
+
+def largest(x: Number) -> float:
+    """The largest of all poses; zero where there are none."""
+    return x if isinstance(x, float) else float(x.max(initial=0.0))

@@ -1,0 +1,71 @@
+"""How surely a model's parameters are known, together: the table `[covariance]` of a model file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.chain import Array
+from lrm_math.model.model import Model
+from lrm_math.toml_file import StrictSchema
+
+DIGITS = 9  # of a correlation in the file
+ROUNDING = 1e-6  # how far below zero rounding may push an eigenvalue of the correlation
+
+
+class CovarianceTable(StrictSchema):
+    """Table `[covariance]`; standard errors stand in `[sigma]`.
+
+    `keys`: the parameters that it speaks of, in the order of the model. `correlation`: the upper triangle of their
+    correlation matrix without its diagonal, row by row: 1-2, 1-3, … 1-P, 2-3, …
+    """
+
+    keys: list[str]
+    correlation: list[float]
+
+
+class Covariance(NamedTuple):
+    """Covariance `matrix` (P, P) of the parameters named by `keys` (P,), SI. Parameters not in it are held exactly."""
+
+    keys: tuple[str, ...]
+    matrix: Array
+
+
+def covariance_table(keys: Sequence[str], matrix: Array) -> CovarianceTable:
+    """The table of a covariance (P, P) whose diagonal is above zero; any units."""
+    error = np.sqrt(np.diag(matrix))
+    correlation = matrix / np.outer(error, error)
+    upper = np.clip(correlation[np.triu_indices(len(keys), 1)], -1.0, 1.0)
+    return CovarianceTable(keys=list(keys), correlation=np.round(upper, DIGITS).tolist())
+
+
+def to_covariance(table: CovarianceTable, sigma: Mapping[str, float], model: Model) -> Covariance:
+    """The covariance (SI) that a table and its standard errors (file units) speak of.
+
+    Raises:
+        UnknownName: a key that the model does not have.
+        LrmError: keys given twice or without standard error, too few or too many correlations, or correlations that
+            no covariance has.
+    """
+    size = len(table.keys)
+    if len(set(table.keys)) < size:
+        raise LrmError("a key stands twice in keys")
+    units = np.array([model.parameters[model.position(key)].si for key in table.keys])
+    without = [key for key in table.keys if not sigma.get(key, -1.0) >= 0.0]
+    if without:
+        raise LrmError(f"{without[0]} has no standard error in [sigma]")
+    if len(table.correlation) != size * (size - 1) // 2:
+        raise LrmError(
+            f"{len(table.correlation)} correlations for {size} keys; should be {size * (size - 1) // 2}, the upper "
+            "triangle without its diagonal"
+        )
+    correlation = np.eye(size)
+    correlation[np.triu_indices(size, 1)] = table.correlation
+    correlation = np.triu(correlation, 1).T + correlation
+    if size and (np.abs(correlation).max() > 1.0 or np.linalg.eigvalsh(correlation)[0] < -ROUNDING):
+        raise LrmError("the correlations contradict each other: some combination of parameters has a negative variance")
+    error = units * np.array([sigma[key] for key in table.keys])
+    return Covariance(tuple(table.keys), correlation * np.outer(error, error))

@@ -1,0 +1,122 @@
+"""An arm, the effects that act on it, and their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import Effect, Parameter
+from lrm_math.errors import LrmError, UnknownName
+from lrm_math.kinematics import statics
+from lrm_math.kinematics.chain import Array, Chain, Number, chain_of
+from lrm_math.kinematics.statics import Weight
+from lrm_math.model.effect_binding import Wiring, wire
+
+LOADS_KEPT = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """An arm and what is wrong with it.
+
+    Attributes:
+        values: (P,), parameters of all effects in the order of `keys`, SI.
+        free: keys of the parameters that a fit may change; all others are held.
+    """
+
+    arm: Arm
+    effects: tuple[Effect, ...]
+    values: Array
+    free: tuple[str, ...] = ()
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The arm's slots."""
+        return chain_of(self.arm)
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """`effect.place.name_unit` of every parameter."""
+        return tuple(f"{e.id}.{e.place}.{p.name}" for e in self.effects for p in e.parameters)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Every parameter, in the order of `keys`."""
+        return tuple(p for e in self.effects for p in e.parameters)
+
+    @cached_property
+    def spans(self) -> tuple[slice, ...]:
+        """Where each effect's parameters stand in `values`."""
+        ends = np.cumsum([0, *(len(e.parameters) for e in self.effects)]).tolist()
+        return tuple(slice(a, b) for a, b in pairwise(ends))
+
+    @cached_property
+    def felt(self) -> tuple[int, ...]:
+        """Slots whose load some effect feels, ascending."""
+        return tuple(sorted({self.chain.index[key] for e in self.effects for key in e.feels}))
+
+    @cached_property
+    def wiring(self) -> Wiring:
+        """The effects as they are connected to the chain's slots."""
+        return wire(self.chain, self.parts(), self.felt)
+
+    def parts(self) -> Iterator[tuple[Effect, list[float]]]:
+        """Every effect with its parameters' values (SI)."""
+        for effect, span in zip(self.effects, self.spans, strict=True):
+            yield effect, self.values[span].tolist()
+
+    def weights(self, carried: Number) -> tuple[Weight, ...]:
+        """Every body's mass and centre of mass with a load of so many kg, effects included; kept for the last loads."""
+        return self._weights_kept(carried) if isinstance(carried, float) else self._weigh(carried)
+
+    @cached_property
+    def _weights_kept(self) -> Callable[[float], tuple[Weight, ...]]:
+        return lru_cache(maxsize=LOADS_KEPT)(self._weigh)
+
+    def _weigh(self, carried: Number) -> tuple[Weight, ...]:
+        added = (
+            (body, ballast)
+            for wired in self.wiring.weighing
+            for body, ballast in zip(wired.weighs, wired.effect.weight(carried, wired.p), strict=True)
+        )
+        return statics.weights(self.chain, carried, added)
+
+    def with_values(self, values: ArrayLike) -> Model:
+        """The same model with other parameter values (SI)."""
+        return replace(self, values=np.asarray(values, dtype=np.float64))
+
+    def value(self, key: str) -> float:
+        """One parameter's value (SI). Raises `UnknownName`."""
+        return float(self.values[self.position(key)])
+
+    def position(self, key: str) -> int:
+        """Where one parameter stands in `values`. Raises `UnknownName`."""
+        try:
+            return self.keys.index(key)
+        except ValueError:
+            raise UnknownName("parameter", key, self.keys) from None
+
+
+def model_of(arm: Arm, effects: Iterable[Effect], values: Mapping[str, float] | None = None) -> Model:
+    """A model from effects and parameter values by key (SI); those not given take their default.
+
+    Raises:
+        UnknownName: a key that no effect of the model has.
+        LrmError: an effect given twice, or a value that is not finite.
+    """
+    model = Model(arm, tuple(effects), np.empty(0))
+    twice = {key for key in model.keys if model.keys.count(key) > 1}
+    if twice:
+        raise LrmError(f"effect given twice: {sorted(twice)[0].rsplit('.', 1)[0]}")
+    filled = np.array([parameter.default for parameter in model.parameters], dtype=np.float64)
+    for key, value in (values or {}).items():
+        if not np.isfinite(value):
+            raise LrmError(f"parameter {key} = {value}; should be a finite number")
+        filled[model.position(key)] = value
+    return model.with_values(filled)

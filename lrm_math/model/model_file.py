@@ -1,0 +1,129 @@
+"""Model files: which effects an arm has and how large they are. The daemon and the offline tool read the same file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.errors import FileError, LrmError
+from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
+from lrm_math.model.model import Model, model_of
+from lrm_math.toml_file import StrictSchema, read_toml
+
+
+class ProvenanceTable(StrictSchema):
+    """Table `[provenance]`: where the numbers come from."""
+
+    data: str
+    data_sha256: str
+    poses: int
+    tool: str
+    date: str
+    loss: str = "squared"
+    prior: str | None = None
+
+
+class HistoryTable(StrictSchema):
+    """One `[[history]]` entry: what a step did, what it left, and the whole model after it."""
+
+    step: str
+    fit_rms_mm: float
+    held_out_rms_mm: float | None = None
+    effects: list[str]
+    parameters: dict[str, float]
+    sigma: dict[str, float] = {}
+    covariance: CovarianceTable | None = None
+    provenance: ProvenanceTable | None = None
+
+
+class ModelFile(StrictSchema):
+    """The whole file, schema `lrm/model/1`. `[parameters]` holds the fitted ones; those not in it are zero."""
+
+    schema_: Literal["lrm/model/1"] = Field(alias="schema")
+    arm: str
+    effects: list[str]
+    parameters: dict[str, float] = {}
+    sigma: dict[str, float] = {}
+    covariance: CovarianceTable | None = None
+    history: list[HistoryTable] = []
+    provenance: ProvenanceTable | None = None
+
+
+def load_model(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:
+    """The model of one file, its parameters free.
+
+    Raises:
+        FileError: the file, its arm, an effect or a parameter is not as it should be.
+    """
+    tables = read_toml(path, ModelFile)
+    return to_model(path, tables, arm_of(path, tables.arm), catalogue)
+
+
+def load_covariance(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Covariance | None:
+    """How surely the parameters of a file's model are known (SI), or None if the file does not say.
+
+    Raises:
+        FileError: as `load_model`, or a `[covariance]` that contradicts itself.
+    """
+    tables = read_toml(path, ModelFile)
+    return covariance_of(path, tables, to_model(path, tables, arm_of(path, tables.arm), catalogue))
+
+
+def covariance_of(path: Path, tables: ModelFile, model: Model) -> Covariance | None:
+    """The same for a file that was read already; `model` is its `to_model`. Raises `FileError`."""
+    if tables.covariance is None:
+        return None
+    try:
+        return to_covariance(tables.covariance, tables.sigma, model)
+    except LrmError as error:
+        raise FileError(path, "covariance", str(error)) from None
+
+
+def arm_of(path: Path, arm: str) -> Arm:
+    """The arm that a file names: a shipped one, or a path seen from the file's folder or from here."""
+    if arm in shipped_arms():
+        return load_arm(arm)
+    beside = path.parent / arm
+    try:
+        return load_arm(beside if beside.exists() else arm)
+    except FileError as error:
+        raise error if error.path.endswith(".toml") else FileError(path, "arm", str(error)) from None
+
+
+def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:
+    """Names to effects, units to SI. Raises `FileError`."""
+    where = "effects"
+    try:
+        effects = [effect for name in tables.effects for effect in effects_at(arm, name, catalogue)]
+        where = "parameters"
+        empty = model_of(arm, effects)
+        values = {key: value * empty.parameters[empty.position(key)].si for key, value in tables.parameters.items()}
+        where = "sigma"
+        for key in tables.sigma:
+            empty.position(key)
+        model = model_of(arm, effects, values)
+    except LrmError as error:
+        raise FileError(path, where, str(error)) from None
+    shape = {key for key, parameter in zip(model.keys, model.parameters, strict=True) if parameter.fixed is not None}
+    return replace(model, free=tuple(key for key in model.keys if key in values and key not in shape))
+
+
+def parameter_tables(model: Model) -> dict[str, float]:
+    """The `[parameters]` table of a model in the file's units: the free ones, and shape parameters."""
+    return {
+        key: float(value) / parameter.si
+        for key, parameter, value in zip(model.keys, model.parameters, model.values, strict=True)
+        if key in model.free or parameter.fixed is not None or (value != parameter.default and math.isfinite(value))
+    }
+
+
+def as_tables(file: ModelFile) -> dict[str, Any]:
+    """A model file as plain tables, ready for a TOML writer."""
+    return file.model_dump(by_alias=True, exclude_none=True)

@@ -1,0 +1,148 @@
+"""`lrm`: the operator's command line. Which words there are, and which command they run."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+from lrm_math.errors import LrmError
+from lrmd.cli import cartesian, motion, status
+from lrmd.client.rover import Interrupted
+from lrmd.messages.control import field_named
+
+TEXT = """\
+Speaks to lrmd, the daemon that owns a robot arm. The usual course:
+
+  lrm state --watch                            look (anybody may, at any time)
+  lrm arm --q 0,-60,0,0,0,0                    switch the servos on; the angles are where the arm stands NOW
+  lrm move --joint 2 30deg --joint 3 -10deg    move; it ends by itself, Ctrl-C holds
+  lrm move --q 0,-60,0,0,0,0                   all joints, ending together
+  lrm disarm                                   switch the servos off: the arm falls
+  lrm estop                                    the same, at once, whoever is in command
+
+RC servos jump to the first pulse they get, whatever software does. So arming wants to know where the arm stands: --q
+says it; --stored says that nobody touched the arm since the daemon left it; --board takes over a board that is still
+pulsing. Angles: 30, 30deg or 0.5rad.
+"""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs one command. Exit code 0, 1 if a motion did not reach its goal, 2 for anything refused."""
+    options = parser().parse_args(argv)
+    try:
+        run: Callable[[argparse.Namespace], int] = options.run
+        with field_named():
+            return run(options)
+    except Interrupted as error:
+        print(f"lrm: {error}", file=sys.stderr)
+        return 1
+    except LrmError as error:
+        print(f"lrm: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 1
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, and takes `-10deg` and `-10,0,20` for angles, not for options."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
+    def error(self, message: str) -> NoReturn:
+        """Ends the program."""
+        self.exit(2, f"lrm: {message}; see {self.prog} --help\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = Parser("lrm", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--robot", default="rover", help="whose daemon (default: %(default)s)")
+    p.add_argument("--connect", metavar="ENDPOINT", help="default: LRM_CONNECT, or tcp/127.0.0.1:7447")
+    p.add_argument("--zenoh-config", metavar="FILE", help="password or certificates (default: LRM_ZENOH_CONFIG)")
+    p.add_argument("--take", action="store_true", help="take the lease over if somebody else has it")
+    commands = p.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    def command(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+        sub = commands.add_parser(name, help=text, description=text)
+        sub.set_defaults(run=run)
+        return sub
+
+    c = command("state", status.state, "mode, servos, temperatures and faults")
+    c.add_argument("--watch", action="store_true", help="again and again, until Ctrl-C")
+    c.add_argument("--metrics", action="store_true", help="and how well the ramp keeps its time")
+    command("info", status.info, "names, limits and rates")
+    c = command("arm", motion.arm, "switch servos on where they stand")
+    where = c.add_mutually_exclusive_group()
+    where.add_argument("--q", metavar="Q1,Q2,...", help="the joints stand at these angles")
+    where.add_argument("--at", action="append", nargs=2, metavar=("SERVO", "ANGLE"), help="this servo stands here")
+    where.add_argument("--stored", action="store_true", help="nobody touched the arm since the daemon left it")
+    where.add_argument("--board", action="store_true", help="take over what the board is still putting out (default)")
+    c.add_argument("--servo", action="append", metavar="NAME", help="with --stored: only these")
+    c = command("move", motion.move, "move servos and wait until they are there")
+    c.add_argument(
+        "--joint", action="append", nargs=2, metavar=("N", "ANGLE"), default=[], help="joint number and angle"
+    )
+    c.add_argument("--servo", action="append", nargs=2, metavar=("NAME", "ANGLE"), default=[], help="any servo")
+    c.add_argument("--q", metavar="Q1,Q2,...", help="all joints")
+    _motion(c)
+    c.add_argument("--payload-g", type=float, metavar="G", help="what the gripper carries from now on")
+    c = command("gripper", motion.gripper, "turn the gripper's servo")
+    c.add_argument("angle", metavar="ANGLE")
+    _motion(c)
+    c = command("pan-tilt", motion.pan_tilt, "turn the camera")
+    c.add_argument("pan", metavar="PAN")
+    c.add_argument("tilt", metavar="TILT")
+    _motion(c)
+    c = command("ik", cartesian.ik, "commands that bring the bent arm's tool to a place (mm)")
+    _goal(c)
+    c = command("goto", cartesian.goto, "bring the tool to a place (mm): plan a way, and go")
+    _goal(c)
+    _motion(c)
+    c = command("plan", cartesian.plan, "a way to joint angles, round what is between; with --go, take it")
+    c.add_argument("--q", required=True, metavar="Q1,Q2,...", help="where to")
+    c.add_argument("--seed", type=int, default=0, help="another seed finds another way")
+    c.add_argument("--go", action="store_true", help="and move there")
+    _motion(c)
+    c = command("fk", cartesian.fk, "where the bent arm's tool is for joint angles (mm)")
+    c.add_argument("--q", metavar="Q1,Q2,...", help="default: where the arm was told to be")
+    c.add_argument("--payload-g", type=float, default=0.0, metavar="G", help="what the gripper carries")
+    command("hold", motion.hold, "stop where it is, with pulses on; anybody may")
+    c = command("relax", motion.relax, "stop the pulses: what they carried falls")
+    c.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
+    command("reload", status.reload, "take the model's file as it is now; nothing moves")
+    command("disarm", motion.disarm, "stop all pulses of an arm that stands still")
+    command("reset", motion.reset, "leave fault or estop; nothing moves")
+    c = command("estop", motion.estop, "stop all pulses at the next tick; anybody may")
+    c.add_argument("--why", default="", help="for the log")
+    c = command("logs", status.logs, "the last events")
+    c.add_argument("--follow", action="store_true", help="and those to come, until Ctrl-C")
+    c = command("level1", motion.level1, "calibrate one servo with a protractor and write its table into an arm file")
+    c.add_argument("servo", metavar="SERVO", help="joint1 ... or another servo")
+    c.add_argument("--arm", required=True, metavar="ARM", help="the arm file to start from, or a shipped arm")
+    c.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the new arm file")
+    c.add_argument(
+        "--angles", default="-100,0,100", metavar="A1,A2,...", help="where to measure (default: %(default)s)"
+    )
+    return p
+
+
+def _goal(c: argparse.ArgumentParser) -> None:
+    for name in ("x", "y", "z"):
+        c.add_argument(name, type=float, metavar=name.upper(), help="mm")
+    turn = c.add_mutually_exclusive_group()
+    turn.add_argument("--rpy", metavar="R,P,Y", help="orientation: turns about the fixed x, then y, then z axis")
+    turn.add_argument("--approach", metavar="X,Y,Z", help="direction that the tool points along")
+    c.add_argument("--method", choices=["cube", "direct", "iterative"], default="cube", help="default: %(default)s")
+    c.add_argument("--round", choices=["each", "best"], default="best", help="how angles become counts")
+    c.add_argument("--payload-g", type=float, default=0.0, metavar="G", help="what the gripper carries")
+
+
+def _motion(c: argparse.ArgumentParser) -> None:
+    c.add_argument("--each", action="store_true", help="each servo at its own full rate; else all end together")
+    c.add_argument("--speed", type=float, default=1.0, help="share of the full rate (default: %(default)s)")

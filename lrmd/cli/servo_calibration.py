@@ -1,0 +1,160 @@
+"""Level 1, the protractor: which pulse brings a servo to which angle (Conenna 2024, section 3.4; Table 3.1).
+
+A printed protractor is put on the servo. For each angle the person nudges the pulse until the pointer is there, or
+types the angle that it shows. Any number of angles from two on: the table is linear between them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from lrm_math.arm.arm_file import load_arm, read_arm, shipped_arms
+from lrm_math.arm.servo_table import ServoTable
+from lrm_math.errors import FileError, LrmError
+from lrmd.cli.angles import angle_of
+from lrmd.messages.control import InfoState, JointsState
+
+HELP = """\
+  +5, -2.5         change the pulse by so many us
+  ENTER            the pointer stands at the wanted angle: take it
+  98.5, -98.5deg   the pointer shows this angle instead: take that (below zero with its unit)
+  q                stop; nothing is written"""
+
+
+class Mover(Protocol):
+    """What is needed of a daemon: see `lrmd.client.rover.Rover`."""
+
+    def move(self, *waypoints: dict[str, float]) -> float: ...
+    def joints(self) -> JointsState: ...
+    def info(self) -> InfoState: ...
+
+
+class Stopped(LrmError):
+    """The person ended it."""
+
+
+def walk_through(
+    rover: Mover,
+    servo: str,
+    arm: str,
+    output: Path,
+    angles: Sequence[float],
+    ask: Callable[[str], str] = input,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Walks a person through one servo, and writes the arm file with its new table. Raises `LrmError`."""
+    _check(rover, servo, angles)
+    load_arm(arm)
+    text = shipped_arms().get(arm, Path(arm)).read_text(encoding="utf-8")
+    _section(text.splitlines(), servo)
+    if not output.parent.is_dir():
+        raise FileError(output, "", "cannot be written (no such folder)")
+    say(f"{servo}: put the protractor on. The arm will turn this servo to {len(angles)} places.\n{HELP}")
+    pairs = sorted(_place(rover, servo, angle, ask, say) for angle in sorted(angles))
+    table = ServoTable(tuple(a for a, _ in pairs), tuple(p * 1e-6 for _, p in pairs))
+    write_whole(output, with_table(text, servo, table))
+    say(f"{output}: {servo} now has {len(pairs)} measured angles. Name this file as `arm` in lrmd.toml.")
+
+
+def _check(rover: Mover, servo: str, angles: Sequence[float]) -> None:
+    info, joints = rover.info(), rover.joints()
+    if servo not in info.names:
+        raise LrmError(f"unknown servo '{servo}'; valid: {', '.join(info.names)}")
+    if len(set(angles)) < 2:
+        raise LrmError("a table needs two or more different angles")
+    if not joints.on[info.names.index(servo)]:
+        raise LrmError(f"{servo} has no pulses; arm it first (lrm arm --at {servo} ANGLE)")
+
+
+def _place(
+    rover: Mover, servo: str, wanted: float, ask: Callable[[str], str], say: Callable[[str], None]
+) -> tuple[float, float]:
+    """One measured angle (rad) and its pulse (us)."""
+    rover.move({servo: wanted})
+    while True:
+        pulse = _pulse(rover, servo)
+        word = ask(f"{servo} {math.degrees(wanted):g} deg, {pulse:.1f} us > ").strip()
+        if word == "":
+            return wanted, pulse
+        if word == "q":
+            raise Stopped("stopped; nothing was written")
+        try:
+            if word[0] in "+-" and not word.endswith(("deg", "rad", "°")):
+                _nudge(rover, servo, float(word))
+            else:
+                return angle_of(word), pulse
+        except (ValueError, LrmError) as error:
+            say(f"{error}\n{HELP}")
+
+
+def _pulse(rover: Mover, servo: str) -> float:
+    joints = rover.joints()
+    return joints.pulse_us[joints.names.index(servo)]
+
+
+def _nudge(rover: Mover, servo: str, us: float) -> None:
+    info, joints = rover.info(), rover.joints()
+    i = info.names.index(servo)
+    table = ServoTable(tuple(info.tables_rad[i]), tuple(p * 1e-6 for p in info.tables_us[i]))
+    rover.move({servo: float(table.angle_of((joints.pulse_us[i] + us) * 1e-6))})
+
+
+_HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
+
+
+def with_table(text: str, servo: str, table: ServoTable) -> str:
+    """The text of an arm file with another table for one servo; nothing else changes. Raises `LrmError`."""
+    angles = ", ".join(repr(round(math.degrees(a), 4)) for a in table.angle)
+    pulses = ", ".join(repr(round(p * 1e6, 3)) for p in table.pulse)
+    lines = text.splitlines()
+    first, last = _section(lines, servo)
+    if servo.startswith("joint"):
+        kept = [line for line in lines[first:last] if not re.match(r"\s*servo\s*=", line)]
+        new = [f"servo = {{ angle_deg = [{angles}], pulse_us = [{pulses}] }}"]
+    else:
+        kept = [line for line in lines[first:last] if not re.match(r"\s*(angle_deg|pulse_us)\s*=", line)]
+        new = [f"angle_deg = [{angles}]", f"pulse_us = [{pulses}]"]
+    return "\n".join([*lines[:first], *kept, *new, *lines[last:]]) + "\n"
+
+
+def _section(lines: Sequence[str], servo: str) -> tuple[int, int]:
+    """The lines after the heading of a servo's table, up to the next heading or the comment above it."""
+    headings = [(i, m[2].replace(" ", "")) for i, line in enumerate(lines) if (m := _HEADER.match(line))]
+    joints = [i for i, name in headings if name == "joint"]
+    number = servo.removeprefix("joint")
+    if servo.startswith("joint") and number.isdecimal() and 1 <= int(number) <= len(joints):
+        start = joints[int(number) - 1]
+    else:
+        named = [i for i, name in headings if name == f"auxiliary_servo.{servo}"]
+        if not named:
+            raise LrmError(f"the arm file has no table for {servo}; write one under [auxiliary_servo.{servo}] first")
+        start = named[0]
+    end = next((i for i, _ in headings if i > start), len(lines))
+    while end < len(lines) and end > start + 1 and (not lines[end - 1].strip() or lines[end - 1].lstrip()[0] == "#"):
+        end -= 1
+    return start + 1, end
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Writes an arm file after reading it back, whole or not at all. Raises `FileError`."""
+    temporary = ""
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".arm.", suffix=".toml")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        read_arm(Path(temporary))
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise FileError(path, "", f"cannot be written ({error.strerror})") from None
+    finally:
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)

@@ -1,0 +1,154 @@
+"""State as text for a terminal. Colour only underlines what the words say."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+from collections.abc import Sequence
+from itertools import pairwise
+
+from lrmd.messages.control import Event, FaultsState, InfoState, JointsState, MetricsState, ModeState, ThermalState
+from lrmd.messages.kinematics import IkAnswer, Place
+
+_COLOURS = {"red": "31", "green": "32", "yellow": "33", "bold": "1", "dim": "2"}
+_OF_MODE = {
+    "fault": "red",
+    "estop": "red",
+    "moving": "yellow",
+    "arming": "yellow",
+    "armed": "green",
+    "holding": "green",
+}
+_OF_LEVEL = {"error": "red", "warning": "yellow", "hot": "red", "too_hot": "red", "warm": "yellow"}
+
+
+def paint(text: str, colour: str | None) -> str:
+    """Text in a colour, if it goes to a terminal and NO_COLOR is not set."""
+    if colour is None or not sys.stdout.isatty() or os.environ.get("NO_COLOR"):
+        return text
+    return f"\033[{_COLOURS[colour]}m{text}\033[0m"
+
+
+def joints_table(joints: JointsState, heat: ThermalState) -> str:
+    """One line per servo."""
+    head = f"{'servo':<10}{'angle':>9}{'target':>9}{'pulse':>10}{'pulses':>8}{'torque':>10}{'winding':>10}"
+    unit = f"{'':<10}{'deg':>9}{'deg':>9}{'us':>10}{'':>8}{'Nm':>10}{'degC':>10}"
+    lines = [paint(head, "bold"), paint(unit, "dim")]
+    for i, name in enumerate(joints.names):
+        known = joints.pulse_us[i] > 0
+        angle = f"{math.degrees(joints.q_rad[i]):9.2f}" if known else f"{'unknown':>9}"
+        target = f"{math.degrees(joints.target_rad[i]):9.2f}" if known else f"{'':>9}"
+        pulse = f"{joints.pulse_us[i]:10.1f}" if known else f"{'':>10}"
+        on = "on" if joints.on[i] else "off"
+        level = heat.level[i]
+        soon = heat.hot_in_s[i]
+        warmth = f"{heat.temperature_c[i]:10.1f}" + ("" if level == "cool" else f" {level}")
+        warmth += f", hot in {soon / 60:.0f} min" if soon else ""
+        warmth = paint(warmth, _OF_LEVEL.get(level))
+        lines.append(f"{name:<10}{angle}{target}{pulse}{on:>8}{heat.tau_nm[i]:10.3f}{warmth}")
+    return "\n".join(lines)
+
+
+def mode_line(mode: ModeState, joints: JointsState) -> str:
+    """What the daemon is at, in one line."""
+    rest = f", {joints.remaining_s:.1f} s to go" if joints.moving else ""
+    holder = f", lease: {mode.holder}" if mode.holder else ""
+    link = "" if mode.link == "ready" else f", link {mode.link}"
+    return f"{paint(mode.mode, _OF_MODE.get(mode.mode))} ({mode.why}{rest}){holder}{link}"
+
+
+def faults_text(faults: FaultsState) -> str:
+    """One line per fault that was not reset."""
+    now = time.monotonic_ns()
+    ages = [(fault, max(0.0, (now - fault.since_mono_ns) / 1e9)) for fault in faults.faults]
+    return "\n".join(paint(f"fault {f.code}: {f.text} ({age:.0f} s ago)", "red") for f, age in ages)
+
+
+def metrics_line(m: MetricsState) -> str:
+    """How well the ramp keeps its time."""
+    scheduling = "SCHED_FIFO" if m.realtime else "ordinary scheduling"
+    return (
+        f"ramp: {m.ticks} ticks, {m.skipped} skipped, late p50 {m.late_p50_us:.0f}, p99 {m.late_p99_us:.0f}, "
+        f"p99.9 {m.late_p999_us:.0f}, max {m.late_max_us:.0f} us ({scheduling}); frames {m.frames_sent} sent, "
+        f"{m.frames_acknowledged} acknowledged, {m.bad_frames} bad, {m.board_errors} refused; "
+        f"reconnects {m.reconnects}, starts: ramp {m.ramp_starts}, ik {m.ik_starts}"
+    )
+
+
+def lateness_chart(m: MetricsState) -> str:
+    """The histogram of the ramp's lateness, from its first bucket with a tick to its last, one line each."""
+    lows = (0.0, *m.late_upper_us)
+    names = [f"{low:.0f} .. {high:.0f}" for low, high in pairwise(lows)] + [f"{lows[-1]:.0f} or more"]
+    seen = [i for i, count in enumerate(m.late_counts) if count]
+    lines = [paint(f"{'late':>14}{'ticks':>12}{'share':>11}  one # more: twice as many", "bold"), f"{'us':>14}"]
+    for i in range(seen[0], seen[-1] + 1) if seen else ():
+        count = m.late_counts[i]
+        lines.append(f"{names[i]:>14}{count:>12}{count / m.ticks:>11.4%}  {'#' * count.bit_length()}".rstrip())
+    return "\n".join(lines)
+
+
+def info_text(info: InfoState) -> str:
+    """Who this is."""
+    model = model_text(info.model or "nominal", info.model_sha256)
+    lines = [
+        f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, {model}",
+        paint(f"{'servo':<10}{'limits':>18}{'fastest':>12}", "bold"),
+    ]
+    for name, (low, high), rate in zip(info.names, info.limits_rad, info.rate_rad_per_s, strict=True):
+        limits = f"{math.degrees(low):.0f} .. {math.degrees(high):.0f} deg"
+        lines.append(f"{name:<10}{limits:>18}{math.degrees(rate):>6.1f} deg/s")
+    if info.stored_rad:
+        pose = ", ".join(f"{n} {math.degrees(q):.1f}" for n, q in info.stored_rad.items())
+        lines.append(f"last pose (deg): {pose}{'' if info.stored_still else '; it was moving then'}")
+    return "\n".join(lines)
+
+
+def model_text(model: str, sha256: str) -> str:
+    """Which model it is."""
+    return f"model {model}" + (f", sha256 {sha256[:12]}" if sha256 else "")
+
+
+def answer_text(answer: IkAnswer, names: Sequence[str]) -> str:
+    """Commands for a goal that can be taken, and how far the tool will be from it."""
+    lines = [_angles("commands (deg)", answer.q_rad or [], names)]
+    sure = "not known (the model file has no covariance)" if answer.sd_m is None else f"{answer.sd_m * 1e3:.2f} mm"
+    lines.append(f"predicted error {(answer.predicted_error_m or 0.0) * 1e3:.2g} mm, standard deviation {sure}")
+    if answer.rounded_error_m is not None:
+        lines.append(f"after rounding to the board's counts {answer.rounded_error_m * 1e3:.2f} mm")
+    if answer.detours:
+        joints = ", ".join(f"joint{j}" for j in answer.detours)
+        lines.append(f"{joints}: the error depends on the side it comes from; come from the other one")
+    lines += [_angles(f"branch {i} (deg)", q, names) for i, q in enumerate(answer.branches_rad[1:], start=2)]
+    return "\n".join(lines)
+
+
+def _angles(what: str, q: Sequence[float], names: Sequence[str]) -> str:
+    return f"{what}: " + ", ".join(f"{n} {math.degrees(a):.2f}" for n, a in zip(names, q, strict=False))
+
+
+def way_text(waypoints: Sequence[Sequence[float]]) -> str:
+    """The waypoints of a way, in degrees."""
+    rows = [" ".join(f"{math.degrees(a):8.1f}" for a in q) for q in waypoints]
+    return "\n".join([f"{len(waypoints) - 1} straight moves through (deg):", *rows])
+
+
+def place_text(place: Place) -> str:
+    """Where the tool is."""
+    x, y, z = (v * 1e3 for v in place.tcp_m)
+    sure = "" if place.sd_m is None else f", standard deviation {place.sd_m * 1e3:.2f} mm"
+    (r11, _, _), (r21, _, _), (r31, r32, r33) = place.rotation
+    turns = math.atan2(r32, r33), -math.asin(max(-1.0, min(1.0, r31))), math.atan2(r21, r11)
+    rpy = ", ".join(f"{math.degrees(a):.1f}" for a in turns)
+    torques = ", ".join(f"{t:.3f}" for t in place.tau_nm)
+    return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm{sure}\nroll, pitch, yaw ({rpy}) deg\ntorques ({torques}) Nm"
+
+
+def event_line(event: Event) -> str:
+    """One event with its local time."""
+    seconds, rest = divmod(event.t_wall_ns, 10**9)
+    clock = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))
+    return paint(
+        f"{clock}.{rest // 10**6:03d} {event.level:<8}{event.code:<18}{event.text}", _OF_LEVEL.get(event.level)
+    )

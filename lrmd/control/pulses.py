@@ -1,0 +1,99 @@
+"""From the angles that clients speak of to the pulses that the ramp moves and back, and whether these may be sent."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from lrmd.config import Config, Servo
+from lrmd.errors import Refused
+from lrmd.ramp.shared_memory import HERE
+from lrmd.ramp.stepping import Move
+
+SECOND = 1_000_000_000
+Pulses = tuple[int, ...]
+
+
+def within_limits(servo: Servo, pulse: int) -> int:
+    """The pulse (ns). Raises `Refused` if the servo may not be sent it."""
+    if not servo.lowest <= pulse <= servo.highest:
+        low, high = sorted(servo.angle(p) for p in (servo.lowest, servo.highest))
+        angle = servo.angle(pulse)
+        raise Refused(
+            "limit",
+            f"{servo.name}: {math.degrees(angle):.1f} deg is outside its limits "
+            f"{math.degrees(low):g} to {math.degrees(high):g} deg",
+            servo=servo.name, q_rad=angle, limits_rad=[low, high],
+        )  # fmt: skip
+    return pulse
+
+
+def pulses_of(config: Config, angles: Mapping[str, float], outputs: int) -> Pulses:
+    """Pulse (ns) of every servo that is named (rad), `HERE` for the others.
+
+    Raises `Refused` for no angles, a servo without pulses or an angle outside the limits; `UnknownName`.
+    """
+    if not angles:
+        raise Refused("no_angles", f"no angles; name servos: {', '.join(config.names)}")
+    pulses = [HERE] * len(config.servos)
+    for name, angle in angles.items():
+        i = armed(config, name, outputs)
+        pulses[i] = within_limits(config.servos[i], config.servos[i].pulse_ns(angle))
+    return tuple(pulses)
+
+
+def angles(config: Config, pulses: Sequence[int]) -> list[float]:
+    """Angle (rad) of every servo for these pulses (ns); 0 where none was ever sent."""
+    return [s.angle(p) if p else 0.0 for s, p in zip(config.servos, pulses, strict=False)]
+
+
+def armed(config: Config, name: str, outputs: int) -> int:
+    """The number of a servo that has pulses. Raises `Refused` if it has none, `UnknownName`."""
+    i = config.index(name)
+    if not outputs >> i & 1:
+        raise Refused("not_armed", f"{name} has no pulses; arm it first", servo=name)
+    return i
+
+
+def overlaid(under: Sequence[int], over: Sequence[int]) -> Pulses:
+    """Pulses (ns) of `over`, and those of `under` where it says `HERE`."""
+    return tuple(old if new == HERE else new for old, new in zip(under, over, strict=True))
+
+
+def duration(config: Config, start: Sequence[int], waypoints: Sequence[Pulses], stride: int) -> float:
+    """Seconds through the waypoints (ns) at `stride` ns per tick."""
+    ticks, here = 0, tuple(start)
+    for waypoint in waypoints:
+        there = overlaid(here, waypoint)
+        ticks += max(-(-abs(b - a) // stride) for a, b in zip(here, there, strict=True))
+        here = there
+    return ticks * config.tick / SECOND
+
+
+def corners(config: Config, going: Move) -> list[int]:
+    """Ticks at which the way through joint space bends: a joint stops, or passes a point of its level-1 table.
+
+    Between them all joints turn in proportion, so each stretch is straight in angles, too.
+    """
+    found = set()
+    for servo, start, distance, ticks in zip(
+        config.servos[: config.dof], going.start, going.distance, going.ticks, strict=False
+    ):
+        if distance:
+            passed = [(round(p * 1e9) - start) * ticks / distance for p in servo.table.pulse]
+            found |= {ticks, *(math.ceil(k) for k in passed if 0 < k < ticks)}
+    return sorted(found)
+
+
+def turning(config: Config, i: int, here: int, rate: float) -> tuple[int, int]:
+    """Target (ns) and stride (ns per tick) of servo `i` at pulse `here` that turns at `rate` (rad/s, not 0).
+
+    The target is its limit on that side. Raises `Refused` if the ramp is slower than that.
+    """
+    servo, ahead = config.servos[i], math.copysign(0.01, rate)
+    change = servo.pulse_ns(servo.angle(here) + ahead) - here
+    stride = abs(change / ahead * rate) * config.tick / SECOND
+    if stride > config.step:
+        fastest = math.degrees(abs(rate) * config.step / stride)
+        raise Refused("too_fast", f"{servo.name}: {math.degrees(abs(rate)):.1f} deg/s; at most {fastest:.1f} deg/s")
+    return (servo.highest if change > 0 else servo.lowest), max(1, round(stride))

@@ -1,0 +1,93 @@
+"""The control socket of a running simulated board: one question in (lrmd.sim.control_queries), one JSON object out.
+
+It stands beside the device, `LINK.ctl`, one packet per message, and also keeps two boards from the same LINK.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+from lrm_math.errors import LrmError
+from lrmd.sim.control_queries import Answer
+
+LONGEST_MESSAGE = 65_536
+
+
+class ControlError(LrmError):
+    """No simulated board at that place, one too many, or one that refuses the question."""
+
+
+def control_path(link: Path) -> Path:
+    """Where the socket of the board at `link` stands."""
+    return link.with_name(link.name + ".ctl")
+
+
+def ask(link: Path, question: str, timeout: float = 5.0) -> Answer:
+    """Asks the simulated board at `link`. Raises `ControlError`."""
+    path = control_path(link)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as line:
+        line.settimeout(timeout)
+        try:
+            line.connect(str(path))
+            line.send(question.encode())
+            reply = line.recv(LONGEST_MESSAGE)
+        except OSError as error:
+            raise ControlError(f"{path}: no simulated board answers ({error.strerror or error})") from None
+    if not reply:
+        raise ControlError(f"{path}: the simulated board has gone")
+    answer: Answer = json.loads(reply)
+    if "error" in answer:
+        raise ControlError(str(answer["error"]))
+    return answer
+
+
+class Control:
+    """The listening end. Raises `ControlError` if another board already serves this link."""
+
+    def __init__(self, link: Path) -> None:
+        self.path = control_path(link)
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            self._clear()
+            self.socket.bind(str(self.path))
+            os.chmod(self.path, 0o600)
+        except OSError as error:
+            self.socket.close()
+            raise ControlError(f"{self.path}: cannot be made ({error.strerror or error})") from None
+        self.socket.listen()
+
+    def _clear(self) -> None:
+        """Removes the socket of a board that was killed."""
+        if not self.path.exists():
+            return
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+            if probe.connect_ex(str(self.path)) == 0:
+                raise ControlError(f"{self.path}: another simulated board is running there; give another --link")
+        self.path.unlink()
+
+    def serve(self, reply: Callable[[str], Answer]) -> None:
+        """Answers one waiting asker. An asker that says nothing, or goes away, costs a tenth of a second at most."""
+        line, _ = self.socket.accept()
+        with line:
+            line.settimeout(0.1)
+            try:
+                question = line.recv(LONGEST_MESSAGE).decode(errors="replace")
+                line.send(json.dumps(_told(reply, question)).encode())
+            except OSError:
+                return
+
+    def close(self) -> None:
+        """Ends the service."""
+        self.socket.close()
+        self.path.unlink(missing_ok=True)
+
+
+def _told(reply: Callable[[str], Answer], question: str) -> Answer:
+    try:
+        return reply(question)
+    except LrmError as error:
+        return {"error": str(error)}

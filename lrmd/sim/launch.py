@@ -1,0 +1,36 @@
+"""A simulated board of the daemon's own, for trying things without hardware."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from lrm_math.errors import LrmError
+from lrmd.config import Config
+
+
+@contextmanager
+def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterator[Config]:
+    """Runs `lrmd-board` on a private pty; gives the configuration that uses it instead of its own port.
+
+    Raises `LrmError` if the board does not come up.
+    """
+    known = (*config.arm.joint_names, *(name for name, _ in config.arm.auxiliary_servos))
+    channels = ",".join(f"{s.name}={s.channel}" for s in config.servos if s.name in known)
+    with tempfile.TemporaryDirectory(prefix="lrmd-") as folder:
+        port = Path(folder) / "board"
+        command = [sys.executable, "-m", "lrmd.sim.process", "--link", str(port), "--arm", config.arm_file]
+        command += ["--channels", channels, "--speed", str(speed), "--osc-hz", str(config.link.oscillator_hz), *options]
+        board = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            if board.stdout is None or not board.stdout.readline():
+                raise LrmError(f"the simulated board ended with exit code {board.wait()}")
+            yield replace(config, link=config.link.model_copy(update={"port": str(port)}))
+        finally:
+            board.terminate()
+            board.wait()

@@ -1,0 +1,232 @@
+"""The simulated servo board on a real pty, with an arm behind it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import selectors
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from random import Random
+from typing import NoReturn
+
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import LrmError
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import load_model
+from lrmd.sim.arm import SimulatedArm
+from lrmd.sim.board import Board
+from lrmd.sim.control_queries import Answer, answer
+from lrmd.sim.control_socket import Control, ask, control_path
+from lrmd.sim.faults import parse_fault
+from lrmd.sim.frame_log import FrameLog
+from lrmd.sim.pca9685_chip import Pca9685Chip
+from lrmd.sim.pty_port import PtyPort
+from lrmd.sim.simulation import SECOND, Simulation
+
+HELP = """\
+faults (--fault, or --ask while it runs; `at T` is in seconds of the board's clock):
+  flip RATE | flip frame K     one bit arrives wrong       ... [in|out|both]: to the board, from it
+  lose RATE | lose frame K     a frame gets lost
+  double RATE | double frame K a frame arrives twice
+  stall S                      the line stands still for S seconds, then all arrives at once
+  hangup S                     the device vanishes for S seconds
+  brownout S                   the board loses power for S seconds
+  chip S                       the PCA9685 does not answer for S seconds
+  calm                         no more flips, losses, doubles
+
+questions (--ask): tcp, measure, joints, status, payload GRAMS, or a fault
+"""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The board's time: ns since `start`, `speed` times as fast as the real one."""
+
+    start: int
+    speed: float
+
+    def now(self) -> int:
+        """Board time (ns)."""
+        return round((time.monotonic_ns() - self.start) * self.speed)
+
+    def wait(self, until: int | None) -> float | None:
+        """Real seconds until a board time; None for never."""
+        return None if until is None else max(0.0, (until - self.now()) / self.speed / SECOND)
+
+
+def serve(
+    simulation: Simulation,
+    port: PtyPort,
+    control: Control,
+    reply: Callable[[str], Answer],
+    clock: Clock,
+    end: int | None,
+) -> None:
+    """Runs until board time `end` (ns; None: for ever); `SystemExit` from a signal ends it earlier."""
+    waiting = selectors.DefaultSelector()
+    waiting.register(control.socket, selectors.EVENT_READ)
+    waiting.register(port, selectors.EVENT_READ)
+    with waiting:
+        while end is None or clock.now() < end:
+            port.write(simulation.tick(clock.now()))
+            _follow(simulation, port, waiting)
+            times = [at for at in (simulation.deadline, end) if at is not None]
+            for key, _ in waiting.select(clock.wait(min(times, default=None))):
+                if key.fileobj is control.socket:
+                    control.serve(reply)
+                else:
+                    port.write(simulation.feed(port.read(), clock.now()))
+
+
+def _follow(simulation: Simulation, port: PtyPort, waiting: selectors.BaseSelector) -> None:
+    """Lets the device vanish and come back as the simulation has it."""
+    if port.is_open and not simulation.present:
+        waiting.unregister(port)
+        port.close()
+    elif simulation.present and not port.is_open:
+        port.open()
+        waiting.register(port, selectors.EVENT_READ)
+
+
+def default_link() -> Path:
+    """`lrm-board` in the user's runtime folder, or in a folder of the user's own among the temporary files."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    folder = Path(runtime) if runtime else Path(tempfile.gettempdir()) / f"lrm-{os.getuid()}"
+    if not runtime:
+        try:
+            folder.mkdir(mode=0o700, exist_ok=True)
+        except OSError as error:
+            raise LrmError(f"{folder}: cannot be made ({error.strerror}); give --link PATH") from None
+        if folder.stat().st_uid != os.getuid():
+            raise LrmError(f"{folder}: belongs to somebody else; give --link PATH")
+    return folder / "lrm-board"
+
+
+def channels_of(text: str | None, truth: Model) -> dict[str, int]:
+    """`joint1=0,joint2=4,gripper=6` -> channel by servo; None: the joints, then the other servos, from 0 on.
+
+    Raises `LrmError`.
+    """
+    if text is None:
+        names = [*truth.arm.joint_names, *(name for name, _ in truth.arm.auxiliary_servos)]
+        return {name: channel for channel, name in enumerate(names)}
+    pairs = [pair.partition("=") for pair in text.split(",")]
+    for name, _, channel in pairs:
+        if not (channel.isdecimal() and int(channel) < 16):
+            raise LrmError(f"--channels: '{name}={channel}' should be SERVO=CHANNEL with a channel 0 to 15")
+    return {name.strip(): int(channel) for name, _, channel in pairs}
+
+
+def truth_of(arm: str, truth: Path | None) -> Model:
+    """The model of the arm as it really is; without one, the nominal arm. Raises `LrmError`."""
+    nominal = load_arm(arm)
+    if truth is None:
+        return model_of(nominal, ())
+    model = load_model(truth)
+    if model.arm.dof != nominal.dof:
+        raise LrmError(f"{truth}: an arm of {model.arm.dof} joints; {arm} has {nominal.dof}")
+    return model
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Tells of a wrong command line as of every other mistake."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raises `LrmError` instead of printing the usage."""
+        raise LrmError(f"{message}; see {self.prog} --help")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = OneLineParser(
+        "lrmd-board", description=__doc__, epilog=HELP, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    number = partial(_number, 0.0, 1e9)
+    p.add_argument("--link", type=Path, help="where the device shall stand (default: lrm-board in $XDG_RUNTIME_DIR)")
+    p.add_argument("--ask", metavar="QUESTION", help="ask the board that runs at --link, print JSON, and end")
+    p.add_argument("--arm", default="lrm-rover", help="shipped arm or arm file (default: %(default)s)")
+    p.add_argument("--truth", type=Path, metavar="MODEL", help="model file of what the arm is really like")
+    p.add_argument("--channels", metavar="SERVO=N,...", help="default: the joints from channel 0 on, then the others")
+    p.add_argument(
+        "--start-deg", type=_angles, metavar="Q1,Q2,...", help="where the joints stand at first (default: 0)"
+    )
+    p.add_argument(
+        "--osc-hz", type=partial(_number, 20e6, 30e6), default=25e6, help="the chip's true oscillator (default: 25e6)"
+    )
+    p.add_argument("--dead-band-us", type=number, help="of every servo (default: 1)")
+    p.add_argument("--noise-mm", type=number, default=0.3, help="of `measure`, per coordinate (default: %(default)s)")
+    p.add_argument("--fault", action="append", default=[], metavar="'FAULT [at T]'", help="may be repeated")
+    p.add_argument("--seed", type=int, help="makes boot numbers, faults and noise repeat")
+    p.add_argument("--speed", type=partial(_number, 1e-3, 1e4), default=1.0, help="how much faster its clock runs")
+    p.add_argument("--seconds", type=number, help="how long it runs, by its own clock")
+    p.add_argument("--log", type=Path, metavar="CSV", help="every accepted frame with its time")
+    return p
+
+
+def _number(low: float, high: float, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"'{text}' should be a number from {low:g} to {high:g}")
+    return value
+
+
+def _angles(text: str) -> list[float]:
+    return [math.radians(_number(-360.0, 360.0, word)) for word in text.split(",")]
+
+
+def simulation_of(options: argparse.Namespace) -> Simulation:
+    """Everything behind the port, as the command line wants it. Raises `LrmError`."""
+    truth = truth_of(options.arm, options.truth)
+    band = None if options.dead_band_us is None else options.dead_band_us * 1e-6
+    arm = SimulatedArm(truth, channels_of(options.channels, truth), options.start_deg, dead_band=band)
+    random = Random(options.seed)
+    board = Board(Pca9685Chip(options.osc_hz), random)
+    return Simulation(board, arm, random, [parse_fault(text) for text in options.fault])
+
+
+def run(options: argparse.Namespace) -> None:
+    """Serves one board until its time is over or a signal comes. Raises `LrmError`."""
+    link = options.link or default_link()
+    if options.ask is not None:
+        print(json.dumps(ask(link, options.ask)))
+        return
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: sys.exit(0))
+    with ExitStack() as open_things:
+        simulation = simulation_of(options)
+        control = open_things.enter_context(closing(Control(link)))
+        if options.log:
+            simulation.board.listener = open_things.enter_context(closing(FrameLog(options.log)))
+        port = open_things.enter_context(closing(PtyPort(link)))
+        port.open()
+        print(f"simulated board at {link} ({port.node}), questions at {control_path(link)}", flush=True)
+        clock = Clock(time.monotonic_ns(), options.speed)
+        end = None if options.seconds is None else round(options.seconds * SECOND)
+        random, noise = Random(options.seed), options.noise_mm * 1e-3
+        serve(simulation, port, control, lambda text: answer(simulation, text, clock.now(), random, noise), clock, end)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Entry point: bad input is one line on stderr and exit code 2."""
+    try:
+        run(parser().parse_args(argv))
+    except LrmError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

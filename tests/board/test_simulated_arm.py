@@ -1,0 +1,373 @@
+"""The simulated servos and the arm on them: finite speed, dead band, no force without a pulse, heat, the true TCP."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_table import PwmClock, ServoTable
+from lrm_math.effects import effects_at
+from lrm_math.errors import LrmError, UnknownName
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+from lrmd.link import protocol
+from lrmd.sim.arm import SimulatedArm
+from lrmd.sim.board import Board
+from lrmd.sim.control_queries import answer
+from lrmd.sim.pca9685_chip import Pca9685Chip
+from lrmd.sim.servo import BIG, SMALL, ServoKind, approach, sinking, warmed
+from lrmd.sim.simulation import Simulation
+from tests.support.random_arms import random_arm
+
+MS, SECOND = 1_000_000, 1_000_000_000
+CLOCK = PwmClock(330.0)
+TABLE = ServoTable((-2.0, 0.0, 2.0), (600e-6, 1510e-6, 2400e-6))
+kinds = st.builds(ServoKind, speed=st.floats(0.5, 20.0), lag=st.floats(1e-3, 0.3))
+seconds = st.floats(0.0, 1.0)
+
+
+class Rig:
+    """A board with an arm, a clock, and a host that speaks to it."""
+
+    def __init__(
+        self, truth: Model, start: Sequence[float] | None = None, dead_band: float = 0.0, clock: PwmClock = CLOCK
+    ) -> None:
+        arm = truth.arm
+        self.tables = [joint.servo for joint in arm.joints]
+        channels = {name: channel for channel, name in enumerate(arm.joint_names)}
+        self.arm = SimulatedArm(truth, channels, start, dead_band=dead_band)
+        self.link = Simulation(Board(Pca9685Chip(clock.oscillator_hz), Random(1)), self.arm, Random(1))
+        self.clock, self.now = clock, 0
+        self.send(protocol.setup(0, clock.prescale, 10_000))
+
+    def send(self, frame: protocol.Frame) -> None:
+        (reply,) = protocol.Decoder().feed(self.link.feed(protocol.encode(frame), self.now))
+        assert isinstance(reply, protocol.Frame)
+        protocol.ack_of(reply)
+
+    def command(self, q: Sequence[float], tables: Sequence[ServoTable] | None = None) -> list[float]:
+        """Sends angles through `tables`; returns the ones that the rounded counts stand for on the servos' own."""
+        used = tables or self.tables
+        pulses = [float(table.pulse_of(angle)) for table, angle in zip(used, q, strict=True) if table]
+        counts = [int(count) for count in self.clock.counts_of(pulses)]
+        self.send(protocol.arm(1, dict(enumerate(counts))))
+        real = self.clock.pulse_of(counts)
+        return [float(table.angle_of(p)) for table, p in zip(self.tables, real, strict=True) if table]
+
+    def off(self) -> None:
+        self.send(protocol.arm(2, dict.fromkeys(range(len(self.tables)), 0)))
+
+    def wait(self, seconds: float) -> None:
+        self.now += round(seconds * SECOND)
+        self.link.tick(self.now)
+
+
+def servoed(arm: Arm) -> Arm:
+    return replace(arm, joints=tuple(replace(joint, servo=TABLE) for joint in arm.joints))
+
+
+def bent(rover: Arm) -> Model:
+    """A rover arm with compliance in every joint."""
+    model = model_of(rover, effects_at(rover, "compliance"))
+    return model.with_values([0.06] * len(model.keys))
+
+
+# One servo
+
+
+@given(st.floats(-3.0, 3.0), seconds, seconds, kinds, st.floats(0.0, 0.01))
+def test_two_steps_are_one_long_one(left: float, a: float, b: float, kind: ServoKind, band: float) -> None:
+    stepwise = approach(approach(left, a, kind, band), b, kind, band)
+    assert stepwise == pytest.approx(approach(left, a + b, kind, band), abs=1e-8)
+
+
+@given(st.floats(-3.0, 3.0), seconds, kinds, st.floats(0.0, 0.01))
+def test_never_faster_than_its_speed_never_past_the_target(
+    left: float, dt: float, kind: ServoKind, band: float
+) -> None:
+    after = approach(left, dt, kind, band)
+    assert after * left >= 0.0
+    assert abs(left) - kind.speed * dt - 1e-8 <= abs(after) <= abs(left)
+    if abs(left) <= band:
+        assert after == left
+
+
+def test_a_long_way_takes_the_time_of_the_catalogue() -> None:
+    way, dt = math.radians(60.0), 0.1
+    assert way - approach(way, dt, BIG, 0.0) == pytest.approx(math.radians(60.0) / 0.15 * dt)
+    assert approach(way, 10.0, BIG, 0.0) == 0.0
+
+
+@given(st.floats(-2.0, 2.0), st.floats(0.0, 0.5))
+def test_sinks_with_the_load_once_it_beats_the_friction(torque: float, more: float) -> None:
+    speed = sinking(torque, SMALL)
+    assert speed * torque >= 0.0
+    if abs(torque) <= SMALL.friction:
+        assert speed == 0.0
+    if abs(torque) > SMALL.friction + 0.01:
+        assert speed != 0.0
+    assert abs(sinking(torque + math.copysign(more, torque), SMALL)) >= abs(speed)
+
+
+@given(st.floats(0.0, 200.0), st.floats(0.0, 0.5), st.floats(0.0, 0.5), st.floats(0.0, 5000.0), st.floats(0.0, 5000.0))
+def test_heat_is_monotone_in_load_and_time(rise: float, torque: float, more: float, a: float, b: float) -> None:
+    end = SMALL.rise * torque**2
+    once = warmed(rise, torque, a, SMALL)
+    assert min(rise, end) - 1e-9 <= once <= max(rise, end) + 1e-9
+    assert warmed(rise, torque + more, a, SMALL) >= once - 1e-9
+    assert warmed(once, torque, b, SMALL) == pytest.approx(warmed(rise, torque, a + b, SMALL), abs=1e-9)
+    assert abs(warmed(once, torque, b, SMALL) - end) <= abs(once - end) + 1e-9
+
+
+# The arm
+
+
+def test_settles_to_the_tcp_of_its_model(rover: Arm) -> None:
+    truth = bent(rover)
+    rig = Rig(truth)
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        real = rig.command(rng.uniform(-1.5, 1.5, 6).tolist())
+        rig.wait(1.5)
+        assert not rig.arm.moving
+        np.testing.assert_allclose(rig.arm.q, real, atol=1e-8)
+        np.testing.assert_allclose(rig.arm.rest().tcp[-1], equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8)
+
+
+@given(st.integers(0, 1000), st.integers(1, 10))
+@settings(max_examples=15)
+def test_any_number_of_joints(seed: int, joints: int) -> None:
+    truth = model_of(servoed(random_arm(seed, joints)), ())
+    rig = Rig(truth)
+    real = rig.command(np.random.default_rng(seed).uniform(-1.9, 1.9, joints).tolist())
+    rig.wait(2.0)
+    np.testing.assert_allclose(rig.arm.rest().tcp[-1], equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8)
+
+
+def test_moves_at_finite_speed_and_the_same_however_often_one_looks(rover: Arm) -> None:
+    truth = model_of(rover, ())
+    often, seldom = Rig(truth), Rig(truth)
+    for rig in (often, seldom):
+        rig.command([0.0] * 6)
+        rig.wait(2.0)
+        rig.command([1.5] * 6)
+    before = often.arm.q
+    for _ in range(40):
+        often.wait(0.005)
+        step = np.subtract(often.arm.q, before)
+        assert np.all(step > 0.0)
+        assert np.all(step <= BIG.speed * 0.005 + 1e-12)
+        before = often.arm.q
+    seldom.wait(0.2)
+    np.testing.assert_allclose(often.arm.q, seldom.arm.q, atol=1e-9)
+
+
+def test_stays_inside_its_dead_band_on_the_side_it_comes_from(rover: Arm) -> None:
+    rig = Rig(model_of(rover, ()), dead_band=4e-6)
+    ends = []
+    for start in (-0.5, 0.5):
+        rig.command([start] * 6)
+        rig.wait(2.0)
+        real = rig.command([0.2] * 6)
+        rig.wait(2.0)
+        ends.append(np.subtract(rig.arm.q, real))
+    width = 4e-6 * math.radians(200.0) / 1840e-6  # joint 1: 200 degrees for 1840 us
+    assert ends[0][0] == pytest.approx(-width)
+    assert ends[1][0] == pytest.approx(width)
+
+
+def test_without_pulses_it_sinks_and_its_energy_falls(lawful: Arm) -> None:
+    truth = model_of(servoed(lawful), ())
+    rig = Rig(truth, start=[0.4, 0.9, -0.6, 0.5, 0.3, 0.1])
+
+    def torque_and_q() -> tuple[np.ndarray, np.ndarray]:
+        return equilibrium(truth, poses_of(rig.arm.q)).joint_torque[0], np.array(rig.arm.q)
+
+    torque, q = torque_and_q()
+    fallen = 0.0
+    for _ in range(200):
+        rig.wait(0.05)
+        after, q_after = torque_and_q()
+        work = float(0.5 * (torque + after) @ (q_after - q))  # gravity's: minus the change of potential energy
+        assert work >= -1e-4
+        assert np.all(np.abs(q_after - q) <= BIG.speed * 0.05 + 1e-12)
+        fallen += work
+        torque, q = after, q_after
+    assert fallen > 0.1
+    assert not rig.arm.moving
+    for servo, load in zip(rig.arm.joints, torque, strict=True):
+        stopped = servo.angle in (servo.lower, servo.upper)
+        assert stopped or abs(load) <= servo.kind.friction + 2e-3
+
+
+def test_silence_of_the_host_makes_the_arm_limp(rover: Arm) -> None:
+    rig = Rig(model_of(rover, ()))
+    rig.command([0.3, 1.2, 0.3, 0.3, 0.3, 0.3])
+    rig.wait(2.0)
+    held = rig.arm.q
+    rig.wait(7.9)
+    assert rig.arm.q == held
+    rig.wait(0.2)
+    rig.wait(2.0)
+    assert all(servo.limp for servo in rig.arm.servos)
+    assert rig.arm.q[1] != held[1]
+
+
+def test_noise_on_the_line_is_no_pulse_for_a_servo(rover: Arm) -> None:
+    rig = Rig(model_of(rover, ()))
+    short = int(rig.clock.counts_of(100e-6))
+    rig.send(protocol.arm(1, {0: short, 1: int(rig.clock.counts_of(1500e-6))}))
+    rig.wait(1.0)
+    assert rig.arm.servos[0].limp
+    assert not rig.arm.servos[1].limp
+
+
+def test_end_stops_hold(rover: Arm) -> None:
+    rig = Rig(model_of(rover, ()))
+    rig.command([2.2] * 6)
+    rig.wait(3.0)
+    for servo, joint in zip(rig.arm.joints, rover.joints, strict=True):
+        assert joint.upper < servo.angle <= joint.upper + math.radians(5.0) + 1e-12
+
+
+def test_other_servo_tables_than_the_arm_file_says_show(rover: Arm) -> None:
+    stretched = [ServoTable(j.servo.angle, tuple(1.02 * p for p in j.servo.pulse)) for j in rover.joints if j.servo]
+    true_arm = replace(rover, joints=tuple(replace(j, servo=t) for j, t in zip(rover.joints, stretched, strict=True)))
+    nominal = [joint.servo for joint in rover.joints if joint.servo]
+    rig = Rig(model_of(true_arm, ()))
+    rig.command([0.5] * 6, nominal)
+    rig.wait(2.0)
+    wanted = [float(t.angle_of(n.pulse_of(0.5))) for t, n in zip(stretched, nominal, strict=True)]
+    np.testing.assert_allclose(rig.arm.q, wanted, atol=CLOCK.count_s * math.radians(200.0) / 1.8e-3)
+    assert np.all(np.abs(np.subtract(rig.arm.q, 0.5)) > 0.02)
+
+
+def test_hidden_hysteresis_depends_on_where_it_comes_from(rover: Arm) -> None:
+    truth = model_of(rover, effects_at(rover, "hysteresis@joint2"), {"hysteresis.joint2.h_rad": 0.03})
+    rig = Rig(truth)
+    seen = []
+    for start in (-0.5, 0.5):
+        rig.command([0.2, start, 0.2, 0.2, 0.2, 0.2])
+        rig.wait(2.0)
+        rig.command([0.2] * 6)
+        rig.wait(2.0)
+        seen.append(rig.arm.rest().tcp[-1])
+    ways = np.zeros((2, 6))
+    ways[:, 1] = 1.0, -1.0
+    q = np.tile(rig.arm.q, (2, 1))
+    expected = equilibrium(truth, Poses(q, np.zeros(2), direction=ways)).tcp
+    np.testing.assert_allclose(np.subtract(*seen), expected[0] - expected[1], atol=1e-8)
+    assert np.linalg.norm(np.subtract(*seen)) > 5e-3
+
+
+def test_hidden_sessions_and_drift_follow_power_and_time(rover: Arm) -> None:
+    effects = effects_at(rover, "session@joint1") + effects_at(rover, "drift@joint1")
+    steps = {"session.joint1.step3_rad": 0.02, "drift.joint1.A_rad": 0.05, "drift.joint1.T_s": 600.0}
+    truth = model_of(rover, effects, steps)
+    plain = model_of(rover, ())
+    rig = Rig(truth)
+
+    def turned() -> float:
+        a, b = rig.arm.rest().tcp[-1], equilibrium(plain, poses_of(rig.arm.q)).tcp[0]
+        return float(np.linalg.norm(a - b))
+
+    def hold(seconds: int) -> None:
+        for _ in range(seconds):
+            rig.command([0.0, 1.2, 0.0, 0.0, 0.0, 0.0])
+            rig.wait(1.0)
+
+    hold(3)
+    rig.arm.power_cycle()
+    assert turned() < 1e-4
+    rig.arm.power_cycle()
+    third = turned()
+    assert third > 1e-3
+    hold(597)
+    assert turned() / third == pytest.approx((0.02 + 0.05 * (1 - math.exp(-1))) / 0.02, rel=0.05)
+
+
+def test_load_bends_the_arm_and_heats_the_servos(rover: Arm) -> None:
+    truth = bent(rover)
+    rig = Rig(truth)
+
+    def hold(seconds: int) -> None:
+        for _ in range(seconds):
+            rig.command([0.0, 0.3, 0.0, 1.2, 0.0, 0.0])
+            rig.wait(1.0)
+
+    hold(60)
+    light, cool = rig.arm.rest().tcp[-1], [rig.arm.temperature(servo) for servo in rig.arm.servos]
+    rig.arm.load(0.1)
+    heavy = rig.arm.rest().tcp[-1]
+    np.testing.assert_allclose(heavy, equilibrium(truth, poses_of(rig.arm.q, 0.1)).tcp[0], atol=1e-8)
+    assert heavy[2] < light[2] - 1e-3
+    hold(60)
+    warm = [rig.arm.temperature(servo) for servo in rig.arm.servos]
+    assert all(b >= a - 1e-9 for a, b in zip(cool, warm, strict=True))
+    assert warm[1] > cool[1] + 1.0
+    rig.off()
+    rig.wait(60.0)
+    assert rig.arm.temperature(rig.arm.servos[1]) < warm[1]
+
+
+def test_an_overloaded_wrist_melts_and_hangs(rover: Arm) -> None:
+    rig = Rig(model_of(rover, ()))
+    rig.arm.load(0.3)
+    # joint 4 level with the ground and all the load on it
+    loads = equilibrium(rig.arm.truth, poses_of(np.random.default_rng(0).uniform(-1.5, 1.5, (500, 6)), 0.3))
+    worst = int(np.argmax(np.abs(loads.joint_torque[:, 3])))
+    q = loads.poses.q[worst].tolist()
+    burnt_at = None
+    for second in range(3600):
+        rig.command(q)
+        rig.wait(1.0)
+        if rig.arm.servos[3].burnt:
+            burnt_at = second
+            break
+    assert burnt_at is not None
+    held = rig.arm.q[3]
+    for _ in range(5):
+        rig.command(q)
+        rig.wait(1.0)
+    assert rig.arm.servos[3].limp
+    assert rig.arm.q[3] != held
+
+
+def test_tracker_noise_is_as_wide_as_told_and_the_true_tcp_has_none(rover: Arm) -> None:
+    truth = model_of(rover, effects_at(rover, "measurement_frame"), {"measurement_frame.frame.scale_z_mm_per_m": 0.01})
+    rig = Rig(truth)
+    true = answer(rig.link, "tcp", rig.now, Random(1), 3e-4)
+    random = Random(5)
+    seen = [answer(rig.link, "measure", rig.now, random, 3e-4) for _ in range(2000)]
+    z = np.array([float(str(one["z_mm"])) for one in seen])
+    where = float(str(true["z_mm"]))
+    assert z.std() == pytest.approx(0.3, rel=0.1)
+    assert z.mean() == pytest.approx(where * 1.01, abs=0.03)
+    assert answer(rig.link, "tcp", rig.now, random, 3e-4) == true
+
+
+def test_what_cannot_be_simulated_is_refused(rover: Arm) -> None:
+    joints = {name: channel for channel, name in enumerate(rover.joint_names)}
+    with pytest.raises(LrmError, match="quantisation"):
+        SimulatedArm(model_of(rover, effects_at(rover, "quantisation")), joints)
+    with pytest.raises(UnknownName, match="joint7"):
+        SimulatedArm(model_of(rover, ()), joints | {"joint7": 6})
+    with pytest.raises(LrmError, match="joint6"):
+        SimulatedArm(model_of(rover, ()), {k: v for k, v in joints.items() if k != "joint6"})
+    with pytest.raises(LrmError, match="channel 0"):
+        SimulatedArm(model_of(rover, ()), joints | {"joint2": 0})
+    with pytest.raises(LrmError, match="no servo table"):
+        SimulatedArm(model_of(random_arm(1, 2), ()), {"joint1": 0, "joint2": 1})
+    with pytest.raises(LrmError, match="angles"):
+        SimulatedArm(model_of(rover, ()), joints, start=[0.0])
+    with pytest.raises(LrmError, match="payload"):
+        SimulatedArm(model_of(rover, ()), joints).load(float("nan"))

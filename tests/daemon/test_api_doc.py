@@ -1,0 +1,271 @@
+"""docs/api.md says what the code does: every field, type, default, unit, key, example and code, and nothing else."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import msgpack
+import pytest
+
+import lrmd
+from lrmd.api.publisher import Telling
+from lrmd.api.supervisor import Child
+from lrmd.api.zenoh_server import COMMANDS, REQUESTS
+from lrmd.client.rover import Rover
+from lrmd.config import load_config
+from lrmd.control.ramp_faults import TRIPS
+from lrmd.control.state_machine import Mode, Trigger
+from lrmd.messages.control import LONGEST, Header, Message, unpack
+from lrmd.ramp.shared_memory import Shared
+from tests.conftest import ROOT
+from tests.support.in_memory_daemon import CONFIG, World
+from tests.support.message_schemas import every_message
+
+TEXT = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+MESSAGES = every_message()
+SOURCES = [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(Path(lrmd.__path__[0]).glob("*.py"))]
+
+UNITS = {
+    "rad": "rad", "rad_per_s": "rad/s", "us": "µs", "ms": "ms", "ns": "ns", "s": "s", "kg": "kg", "m": "m", "nm": "N·m",
+    "c": "°C",
+}  # fmt: skip
+"""The unit of a field by the end of its name."""
+UNNAMED = {"waypoints": "rad", "seconds": "s"}
+"""Units that the field's name does not tell."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """What stands under the heading of a message."""
+
+    fields: dict[str, tuple[str, str, str]]
+    examples: tuple[Any, ...]
+
+
+def rows(text: str, head: str) -> Iterator[list[str]]:
+    """Cells of the tables whose first heading is `head`."""
+    inside = False
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] if line.startswith("|") else []
+        if not cells:
+            inside = False
+        elif cells[0] == head:
+            inside = True
+        elif inside and not set(cells[0]) <= set("-: "):
+            yield cells
+
+
+def sections() -> dict[str, Section]:
+    """Every section of a message: its heading is the message's name."""
+    found = {}
+    for part in re.split(r"^#{2,4} ", TEXT, flags=re.MULTILINE)[1:]:
+        heading, _, body = part.partition("\n")
+        if (name := heading.strip().strip("`")) in {*MESSAGES, "Header"}:
+            fields = {row[0].strip("`"): (row[1], row[2], row[3]) for row in rows(body, "field")}
+            blocks = re.findall(r"^```json\n(.*?)^```", body, re.MULTILINE | re.DOTALL)
+            found[name] = Section(fields, tuple(json.loads(block) for block in blocks))
+    return found
+
+
+SECTIONS = sections()
+
+
+def own_fields(kind: type[Any]) -> dict[str, Any]:
+    """Those that are not documented once for all, under Header."""
+    common = {"v", *(Header.model_fields if issubclass(kind, Header) and kind is not Header else ())}
+    return {name: field for name, field in kind.model_fields.items() if name not in common or kind is Header}
+
+
+def bounds(schema: Mapping[str, Any], low: str, high: str) -> str:
+    """`0 to 2`, `at most 64`, `more than 0, at most 1`."""
+    least, most = schema.get(low), schema.get(high)
+    if "exclusiveMinimum" in schema:
+        return f"more than {schema['exclusiveMinimum']:g}, at most {most:g}"
+    if "exclusiveMaximum" in schema:
+        return f"{least:g} to less than 2^{schema['exclusiveMaximum'].bit_length() - 1}"
+    if least is not None and most is not None:
+        return f"{least:g}" if least == most else f"{least:g} to {most:g}"
+    if most is not None:
+        return f"at most {most:g}"
+    return "" if least is None else f"at least {least:g}"
+
+
+def type_of(schema: Mapping[str, Any]) -> str:
+    """A JSON schema in the words of the document."""
+
+    def limited(words: str, low: str, high: str) -> str:
+        return words + (f" ({limits})" if (limits := bounds(schema, low, high)) else "")
+
+    match schema:
+        case {"$ref": where}:
+            return f"`{where.rpartition('/')[2]}`"
+        case {"anyOf": choices}:
+            return " or ".join(type_of(choice) for choice in choices)
+        case {"const": value}:
+            return f"always {value}"
+        case {"enum": values}:
+            return " or ".join(f"`{value}`" for value in values)
+        case {"type": "array"}:
+            return f"{limited('list', 'minItems', 'maxItems')} of {type_of(schema['items'])}"
+        case {"type": "object", "additionalProperties": {"type": _} as inner}:
+            return f"{limited('map', 'minProperties', 'maxProperties')} of names to {type_of(inner)}"
+        case {"type": "object"}:
+            return "map of anything"
+        case {"type": "string"}:
+            return limited("text", "minLength", "maxLength")
+        case {"type": "number" | "integer" as kind}:
+            return limited(kind, "minimum", "maximum")
+        case {"type": kind}:
+            return str(kind)
+    raise AssertionError(schema)
+
+
+def unit_of(name: str) -> str:
+    """By its longest ending that is a unit."""
+    parts = name.split("_")
+    endings = ["_".join(parts[i:]) for i in range(1, len(parts))]
+    return next((UNITS[ending] for ending in endings if ending in UNITS), UNNAMED.get(name, ""))
+
+
+def described(kind: type[Any]) -> dict[str, tuple[str, str, str]]:
+    """Type, default and unit of every field, as they should stand in the document."""
+    schema = kind.model_json_schema(mode="validation")
+    table = {}
+    for name, field in own_fields(kind).items():
+        default = "–" if field.is_required() else f"`{json.dumps(field.get_default(call_default_factory=True))}`"
+        table[name] = (type_of(schema["properties"][name]), default, unit_of(name))
+    return table
+
+
+def test_every_message_has_a_section_and_no_other() -> None:
+    assert set(SECTIONS) == {*MESSAGES, "Header"}
+
+
+@pytest.mark.parametrize("name", [*MESSAGES, "Header"])
+def test_fields_types_defaults_and_units_are_those_of_the_code(name: str) -> None:
+    assert SECTIONS[name].fields == described(Header if name == "Header" else MESSAGES[name])
+
+
+def within(part: Any, whole: Any) -> bool:
+    """Whether `part` says the same as `whole`, but for fields that it leaves to their defaults."""
+    if isinstance(part, dict):
+        return all(within(value, whole[key]) for key, value in part.items())
+    if isinstance(part, list):
+        return len(part) == len(whole) and all(map(within, part, whole))
+    return bool(part == whole)
+
+
+@pytest.mark.parametrize("name", [n for n, kind in MESSAGES.items() if issubclass(kind, Message)])
+def test_every_example_is_a_message_and_none_is_missing(name: str) -> None:
+    assert SECTIONS[name].examples
+    for example in SECTIONS[name].examples:
+        message = unpack(MESSAGES[name], msgpack.packb(example))
+        assert within(example, json.loads(json.dumps(message.model_dump())))
+
+
+def literals(pattern: str) -> set[str]:
+    """Every text in lrmd that is like this and nothing else."""
+    constants = (node for tree in SOURCES for node in ast.walk(tree) if isinstance(node, ast.Constant))
+    return {c.value for c in constants if isinstance(c.value, str) and re.fullmatch(pattern, c.value)}
+
+
+def states() -> set[str]:
+    config = load_config(CONFIG)
+    return set(Telling(config, World(config).core, Shared.create(), Child("ramp", print), Child("ik", print)).states)
+
+
+def test_every_key_is_in_the_table_with_its_message() -> None:
+    table = {row[0].strip("`"): row for row in rows(TEXT, "key")}
+    named = set(REQUESTS) | set(COMMANDS) | states() | literals(r"(rpc|cmd|state|alive)/[a-z_]+")
+    assert set(table) == named | {"event/<code>", "info"}
+    for tail, kind in {**REQUESTS, **COMMANDS}.items():
+        assert f"`{kind.__name__}`" in table[tail][2], tail
+    for tail, row in table.items():
+        for name in re.findall(r"`(\w+)`", row[2]):
+            assert name in MESSAGES, (tail, name)
+
+
+def calls(*names: str) -> Iterator[ast.Call]:
+    for tree in SOURCES:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call):
+                called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+                if called in names:
+                    yield node
+
+
+def codes_in(node: ast.expr) -> set[str]:
+    """The codes that an argument may be: a text, or the name of a process and a text behind it."""
+    if isinstance(node, ast.Constant):
+        return {node.value}
+    if isinstance(node, ast.JoinedStr):
+        (last,) = [part.value for part in node.values if isinstance(part, ast.Constant)]
+        children = [call.args[0] for call in calls("Child")]
+        return {f"{child.value}{last}" for child in children if isinstance(child, ast.Constant)}
+    return set()
+
+
+def raised() -> dict[str, bool]:
+    """Every code of an error reply, and whether it is retryable."""
+    found = {}
+    for call in calls("Refused", "ErrorReply"):
+        given = {k.arg: k.value for k in call.keywords}
+        retry = given.get("retryable")
+        code = given.get("code", call.args[0] if call.args else None)
+        if isinstance(code, ast.Constant):
+            retryable = isinstance(retry, ast.Constant) and bool(retry.value)
+            assert found.setdefault(code.value, retryable) is retryable, f"{code.value} is told in two ways"
+    return found
+
+
+def test_every_error_code_is_told_with_whether_to_try_again() -> None:
+    table = {row[0].strip("`"): row[2] for row in rows(TEXT, "code")}
+    assert table == {code: "yes" if retryable else "no" for code, retryable in raised().items()}
+
+
+def test_every_event_is_told_with_its_level() -> None:
+    told = {row[0].strip("`"): row[1] for row in rows(TEXT, "event")}
+    trips = {what.code for what in TRIPS.values()}
+    found = set(trips)
+    for call in calls("happened", "_happened", "Happening"):
+        codes = codes_in(call.args[0])
+        found |= codes
+        if isinstance(call.args[1], ast.Constant):
+            assert all(told[code] == call.args[1].value for code in codes), codes
+    assert set(told) == found
+
+
+def test_every_fault_is_told() -> None:
+    told = {row[0].strip("`") for row in rows(TEXT, "fault")}
+    leads = {what.code for what in TRIPS.values() if what.trigger in (Trigger.FAILED, Trigger.OUTPUTS_LOST)}
+    stopped = {what.code for what in TRIPS.values() if what.trigger is Trigger.STOPPED}
+    fixed = {code for call in calls("add_fault") for code in codes_in(call.args[0])}
+    assert leads | fixed <= told <= leads | fixed | stopped
+
+
+def test_modes_and_limits_that_the_text_names_are_the_codes() -> None:
+    assert {row[0].strip("`") for row in rows(TEXT, "mode")} == set(Mode)
+    assert f"{LONGEST:_}".replace("_", " ") in TEXT
+
+
+def test_the_program_in_python_is_one() -> None:
+    """Every call of the example is one that `Rover` has, with arguments that it takes."""
+    (program,) = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
+    tree = ast.parse(program)
+    double = mock.create_autospec(Rover, instance=True)
+    used = [
+        node for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+        and isinstance(node.func.value, ast.Name) and node.func.value.id == "rover"
+    ]  # fmt: skip
+    assert len(used) >= 5
+    for call in used:
+        assert isinstance(call.func, ast.Attribute)
+        getattr(double, call.func.attr)(*[0] * len(call.args), **{k.arg: 0 for k in call.keywords if k.arg})

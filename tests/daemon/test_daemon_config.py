@@ -1,0 +1,114 @@
+"""lrmd.toml: the shipped one is in order, and whatever may be wrong in it is one line that says what is right."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from lrm_math.errors import LrmError
+from lrmd.config import load_config
+from lrmd.main import main
+from tests.support.in_memory_daemon import CONFIG
+
+SHIPPED = CONFIG.read_text(encoding="utf-8")
+
+
+def refusal(tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line of `lrmd --check`, which ends with exit code 2."""
+    path = tmp_path / "lrmd.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(LrmError):
+        load_config(path)
+    assert main(["--config", str(path), "--check"]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    lines = said.err.splitlines()
+    assert len(lines) == 1, said.err
+    assert lines[0].startswith(f"lrmd: {path}: ")
+    return lines[0]
+
+
+def test_the_shipped_file_is_in_order(capsys: pytest.CaptureFixture[str]) -> None:
+    config = load_config(CONFIG)
+    assert config.names == (*(f"joint{i}" for i in range(1, 7)), "gripper", "pan", "tilt")
+    assert sorted(servo.channel for servo in config.servos) == list(range(9))
+    assert (config.tick, config.step) == (6_500_000, 1_000), "Conenna 2024, section 5.4"
+    assert (config.command, config.lease) == (500_000_000, 400_000_000)
+    assert config.zenoh.listen == ["tcp/127.0.0.1:7447"], "loopback unless told otherwise"
+    assert main(["--config", str(CONFIG), "--check"]) == 0
+    assert "in order; rover, lrm-rover" in capsys.readouterr().out
+
+
+def test_angles_and_pulses_are_each_others_inverse_within_the_limits() -> None:
+    for servo in load_config(CONFIG).servos:
+        low, high = sorted((servo.angle(servo.lowest), servo.angle(servo.highest)))
+        for k in range(11):
+            angle = low + (high - low) * k / 10
+            assert servo.angle(servo.pulse_ns(angle)) == pytest.approx(angle, abs=math.radians(1e-3))
+            assert servo.lowest <= servo.pulse_ns(angle) <= servo.highest
+
+
+WRONG: list[tuple[str, str, str, list[str]]] = [
+    ("unknown key", "baud = 115200", "bauds = 115200", ["link", "unknown key bauds", "did you mean baud?"]),
+    ("unknown table", "[ramp]", "[rampe]", ["unknown key rampe", "did you mean ramp?"]),
+    ("another schema", "lrm/daemon/1", "lrm/daemon/2", ["schema", "should be 'lrm/daemon/1'"]),
+    ("no schema", 'schema = "lrm/daemon/1"', "", ["missing key schema"]),
+    ("no robot", 'robot = "rover"', "", ["missing key robot"]),
+    ("robot with a wildcard", '"rover" ', '"ro/*er"', ["robot", "should", "A-Za-z0-9_-"]),
+    ("no port", 'port = "/dev/lrm-arm"', "", ["link", "missing key port"]),
+    ("missing joint", "[servo.joint4]\nchannel = 3", "", ["no [servo.joint4]", "every joint of lrm-rover"]),
+    ("missing channel", "[servo.joint4]\nchannel = 3", "[servo.joint4]", ["servo joint4", "missing key channel"]),
+    ("duplicate channel", "channel = 3", "channel = 2", ["servo joint4", "channel 2 is already that of joint3"]),
+    ("channel of no chip", "channel = 3", "channel = 16", ["servo joint4", "channel = 16", "less than or equal to 15"]),
+    ("unknown servo", "[servo.gripper]", "[servo.griper]", ["servo griper", "the arm file knows gripper"]),
+    ("half a table", "pulse_us = [1100.0, 1500.0, 1900.0]\n[servo.tilt]", "[servo.tilt]", ["servo pan", "together"]),
+    ("angles that fall", "[-45.0, 0.0, 45.0]\npulse_us", "[45.0, 0.0, -45.0]\npulse_us", ["servo pan", "must rise"]),
+    ("pulses that turn", "[1100.0, 1500.0, 1900.0]\n[servo", "[1100.0, 1900.0, 1500.0]\n[servo", ["servo pan", "all"]),
+    ("rest outside", "[0.0, -60.0,", "[0.0, -160.0,", ["rest_q_deg of joint2 is -160", "-100 to 100"]),
+    ("rest too short", "0.0, 0.0, 0.0]   #", "0.0, 0.0]   #", ["rest_q_deg has 5 angles", "lrm-rover has 6 joints"]),
+    ("heat out of order", "rest_c = 85.0", "rest_c = 96.0", ["ambient_c < derate_c < rest_c < off_c"]),
+    ("unknown joint", "joint6 = 1490.0", "joint7 = 1490.0", ["unknown joint joint7", "did you mean"]),
+    ("a lease that lasts", "lease_ms = 400", "lease_ms = 4000", ["safety", "lease_ms = 4000", "less than or equal to"]),
+    ("no time to answer", "reply_ms = 100", "reply_ms = 10", ["reply_ms = 10", "twice tick_ms = 6.5"]),
+    ("patience", "silence_ms = 1000", "silence_ms = 200", ["silence_ms = 200", "twice reply_ms = 100"]),
+    ("a step that jumps", "step_us = 1.0", "step_us = 50.0", ["ramp", "step_us = 50.0", "less than or equal to 10"]),
+    ("a text for a number", "tick_ms = 6.5", 'tick_ms = "6.5"', ["ramp", "tick_ms = '6.5'", "a valid number"]),
+    ("not finite", "tick_ms = 6.5", "tick_ms = nan", ["ramp", "tick_ms = nan", "should be"]),
+    ("seconds for ms", "tick_ms = 6.5", "tick_ms = 0.0065", ["tick_ms = 0.0065", "greater than or equal to 1"]),
+    ("MHz for Hz", "oscillator_hz = 25.0e6", "oscillator_hz = 25.0", ["oscillator_hz = 25.0", "20000000"]),
+    ("kelvin for degC", "off_c = 95.0", "off_c = 368.0", ["thermal", "off_c = 368.0", "less than or equal to 150"]),
+    (
+        "ms for us", "[1100.0, 1500.0, 1900.0]\n[servo", "[1.1, 1.5, 1.9]\n[servo",
+        ["servo pan", "begin at 1.1 us", "500 to 2500 us"],
+    ),
+    ("a rate no chip has", "pwm_hz = 50.0", "pwm_hz = 5000.0", ["5000.0 Hz", "this board reaches"]),
+    ("a rate too fast", "pwm_hz = 50.0", "pwm_hz = 500.0", ["servo joint1", "2460 us", "lower pwm_hz"]),
+    ("not TOML", "[link]", "[link", ["not valid TOML", "line"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "words"), [case[1:] for case in WRONG], ids=[case[0] for case in WRONG])
+def test_what_is_wrong_is_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: list[str]
+) -> None:
+    assert old in SHIPPED
+    line = refusal(tmp_path, SHIPPED.replace(old, new, 1), capsys)
+    for word in words:
+        assert word in line, line
+
+
+def test_an_arm_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "lrmd.toml"
+    path.write_text(SHIPPED.replace('"lrm-rover"', '"lrm-rovr"'), encoding="utf-8")
+    assert main(["--config", str(path), "--check"]) == 2
+    said = capsys.readouterr().err
+    assert len(said.splitlines()) == 1
+    assert "lrm-rovr" in said
+    assert "lrm-rover" in said, "the valid ones are named"
+
+
+def test_no_file_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--config", str(tmp_path / "none.toml"), "--check"]) == 2
+    assert capsys.readouterr().err == f"lrmd: {tmp_path / 'none.toml'}: no such file\n"

@@ -1,0 +1,82 @@
+"""docs/daemon.md: its state machine, its numbers and its temperatures are those of the code and the shipped file."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Iterator
+
+import pytest
+
+from lrmd.config import load_config
+from lrmd.control.state_machine import TABLE, Mode, Trigger
+from lrmd.thermal.model import Thermal
+from tests.conftest import ROOT
+from tests.support.in_memory_daemon import CONFIG
+
+TEXT = (ROOT / "docs" / "daemon.md").read_text(encoding="utf-8")
+
+
+def tables(first: str) -> Iterator[tuple[list[str], list[list[str]]]]:
+    """Headings and rows of every table whose first heading is this."""
+    for block in re.findall(r"(?:^\|.*\n)+", TEXT, re.MULTILINE):
+        head, _, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines())
+        if head[0] == first:
+            yield head, rows
+
+
+def test_the_table_of_modes_is_the_codes() -> None:
+    told = {
+        (Mode(mode), Trigger(trigger)): Mode(to)
+        for head, rows in tables("trigger")
+        for trigger, *cells in rows
+        for mode, to in zip(head[1:], cells, strict=True)
+        if to != "–"
+    }
+    assert told == TABLE
+    assert [t for _, rows in tables("trigger") for t, *_ in rows] == list(Trigger), "every trigger has its row"
+
+
+def test_the_picture_of_modes_is_the_codes() -> None:
+    drawn = {
+        (Mode(a), Trigger(trigger)): Mode(b)
+        for a, b, triggers in re.findall(r"^    (\w+) --> (\w+) : (.+)$", TEXT, re.MULTILINE)
+        for trigger in triggers.split(", ")
+    }
+    assert drawn == {(m, t): to for (m, t), to in TABLE.items() if m is not to and t is not Trigger.ESTOP}
+    assert re.findall(r"\[\*\] --> (\w+)", TEXT) == [Mode.DISARMED]
+
+
+def test_the_numbers_are_those_of_the_shipped_configuration() -> None:
+    shipped = tomllib.loads(CONFIG.read_text(encoding="utf-8"))
+    seen = 0
+    for _, rows in tables("key"):
+        for key, value, _ in rows:
+            place = shipped
+            *way, last = key.strip("`").split(".")
+            for part in way:
+                place = place[part]
+            assert place[last] == pytest.approx(float(value)), key
+            seen += 1
+    assert seen >= len(shipped["thermal"]) + len(shipped["thermal"]["rise_k_per_nm2"])
+
+
+def test_the_times_until_a_servo_is_warm_hot_and_too_hot_are_the_models() -> None:
+    config = load_config(CONFIG)
+    model = Thermal.of(config)
+    ((_, rows),) = tables("held without a break, from cold")
+    for what, *times in rows:
+        joint, tau = what.removesuffix(" N·m").split(", ")
+        rise = model.rise[config.index(joint)]
+        for limit, told in zip(model.limits, times, strict=True):
+            seconds = model.seconds_to(limit, model.ambient, float(tau), rise)
+            minutes = math.inf if told == "never" else float(told.removesuffix(" min"))
+            assert minutes == pytest.approx(seconds / 60, abs=0.05)
+
+
+def test_links_lead_somewhere() -> None:
+    for name in ("daemon.md", "api.md"):
+        text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+        for link in re.findall(r"\]\(([^)#]+)", text):
+            assert (ROOT / "docs" / link).exists(), (name, link)

@@ -1,0 +1,404 @@
+"""Answers of the ik service: what they promise of any goal, and what is said of those that are none."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from lrm_math.collision.scene import Scene, clearance, clearance_of
+from lrm_math.errors import LrmError
+from lrm_math.ik.direct import Direct
+from lrm_math.ik.reply import Solved
+from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrmd.config import Config, load_config
+from lrmd.errors import Refused
+from lrmd.ik.service import IkService, goal_of, solver_of
+from lrmd.messages.control import Message, MessageError, unpack
+from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
+from lrmd.safety.deployed_model import deploy
+from tests.math.test_collision import sampled_distance
+from tests.soak.fuzz_ik import fuzz
+from tests.support.in_memory_daemon import CONFIG
+
+Array = NDArray[np.float64]
+TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
+EXACT = 1e-6
+"""m: the worst that a polished answer may be off, a thousandth of a millimetre."""
+
+
+@lru_cache
+def config() -> Config:
+    return replace(load_config(CONFIG), model=TABLE_B2)
+
+
+@lru_cache
+def service() -> IkService:
+    return IkService(config(), deploy(config()))
+
+
+@lru_cache
+def drawn_service() -> IkService:
+    """The nominal arm's: nothing bends."""
+    drawn = replace(config(), model=None)
+    return IkService(drawn, deploy(drawn))
+
+
+def at_leisure() -> None:
+    """Nobody is in a hurry."""
+
+
+def asked(*goals: GoalEntry, **more: object) -> list[IkAnswer]:
+    return service().inverse(IkRequest(goals=list(goals), **more), at_leisure)  # type: ignore[arg-type]
+
+
+def bent(q: Array, payload: float) -> Array:
+    """(N, n + 2, 4, 4), frames of the arm at rest for commands (N, n), by the model alone."""
+    model = service().deployed.model
+    return frames(model.chain, equilibrium(model, poses_of(q, payload)).slots, len(q))
+
+
+def limits() -> tuple[Array, Array]:
+    joints = config().arm.joints
+    return np.array([j.lower for j in joints]), np.array([j.upper for j in joints])
+
+
+def anywhere(seed: int) -> Array:
+    return np.random.default_rng(seed).uniform(*limits())
+
+
+def quaternion_of(R: Array) -> list[float]:
+    """x, y, z, w, from the eigenvector of Bar-Itzhack's (2000) matrix: no formula of the code under test."""
+    K = np.array(
+        [
+            [R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[2, 1] - R[1, 2]],
+            [R[0, 1] + R[1, 0], R[1, 1] - R[0, 0] - R[2, 2], R[1, 2] + R[2, 1], R[0, 2] - R[2, 0]],
+            [R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], R[2, 2] - R[0, 0] - R[1, 1], R[1, 0] - R[0, 1]],
+            [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], R.trace()],
+        ]
+    )
+    return np.linalg.eigh(K)[1][:, -1].tolist()  # type: ignore[no-any-return]
+
+
+def pose_goal(T: Array) -> GoalEntry:
+    return GoalEntry(position_m=T[:3, 3].tolist(), quaternion_xyzw=quaternion_of(T[:3, :3]))
+
+
+def reached_goal(seed: int, payload: float = 0.0) -> GoalEntry:
+    """A pose that the bent arm has for some commands."""
+    return pose_goal(bent(anywhere(seed)[None], payload)[0, -1])
+
+
+def clear_rows(q: Array, payload: float) -> NDArray[np.bool_]:
+    """(N,), in which poses (N, n) both the rigid and the bent arm keep the margin."""
+    scene = Scene.of(config().arm)
+    rigid, sagging = clearance(scene, q), clearance_of(scene, bent(q, payload))
+    return np.asarray(np.minimum(rigid.distance, sagging.distance) >= scene.margin)
+
+
+def assert_true(answer: IkAnswer, goal: GoalEntry, payload: float) -> None:
+    """A solved answer says nothing but what the model, the servo tables and the shapes say as well."""
+    assert answer.q_rad is not None
+    assert answer.predicted_error_m is not None
+    assert answer.tcp_m is not None
+    q, (lower, upper) = np.array(answer.branches_rad), limits()
+    assert answer.q_rad == answer.branches_rad[0]
+    assert ((q >= lower) & (q <= upper)).all()
+    assert clear_rows(q, payload).all()
+    tools = bent(q, payload)[:, -1]
+    np.testing.assert_allclose(tools[:, :3, 3], [goal.position_m] * len(q), atol=EXACT)
+    np.testing.assert_allclose(answer.tcp_m, tools[0, :3, 3], atol=EXACT)
+    assert answer.predicted_error_m == pytest.approx(math.dist(answer.tcp_m, goal.position_m), abs=1e-9)
+    if goal.quaternion_xyzw is not None:
+        for tool in tools:
+            assert abs(np.dot(quaternion_of(tool[:3, :3]), goal.quaternion_xyzw)) == pytest.approx(1.0, abs=1e-9)
+    if goal.approach is not None:
+        along = np.array(goal.approach) / np.linalg.norm(goal.approach)
+        np.testing.assert_allclose(tools[:, :3, 2], [along] * len(q), atol=1e-5)
+    clock, tables = config().clock, [joint.servo for joint in config().arm.joints]
+    counts = answer.counts or []
+    put_out = [float(t.angle_of(clock.pulse_of(c))) for t, c in zip(tables, counts, strict=True) if t is not None]
+    np.testing.assert_allclose(put_out, answer.rounded_q_rad or [], atol=1e-12)
+    lands = bent(np.array([put_out]), payload)[0, -1, :3, 3]
+    assert answer.rounded_error_m == pytest.approx(math.dist(lands, goal.position_m), abs=EXACT)
+
+
+METHODS = ("direct", "cube", "iterative")
+
+
+@settings(max_examples=50)
+@given(
+    seed=st.integers(0, 10_000), payload=st.sampled_from([0.0, 0.0663]), method=st.sampled_from(METHODS),
+    kind=st.sampled_from(["pose", "approach", "point"]), near=st.booleans(), rounding=st.sampled_from(["each", "best"]),
+)  # fmt: skip
+def test_every_answer_keeps_its_promises(
+    seed: int, payload: float, method: str, kind: str, near: bool, rounding: str
+) -> None:
+    tool = bent(anywhere(seed)[None], payload)[0, -1]
+    position, along = tool[:3, 3].tolist(), tool[:3, 2].tolist()
+    goal = {
+        "pose": pose_goal(tool),
+        "approach": GoalEntry(position_m=position, approach=along),
+        "point": GoalEntry(position_m=position),
+    }[kind]
+    here = anywhere(seed + 1).tolist() if near else None
+    (answer,) = asked(goal, payload_kg=payload, method=method, near_rad=here, round=rounding)
+    assert answer.verdict in ("solved", "collision", "not_converged", "outside_limits")
+    assert method != "direct" or answer.verdict in ("solved", "collision"), "a pose that the arm can have"
+    if answer.verdict == "solved":
+        assert_true(answer, goal, payload)
+    else:
+        assert answer.q_rad is None
+        assert not answer.branches_rad
+
+
+def test_where_the_first_branch_collides_a_free_one_is_the_answer_with_figures_of_its_own() -> None:
+    solver, found = solver_of(config(), service().deployed), 0
+    everywhere = np.array([anywhere(seed) for seed in range(400)])
+    blocked = everywhere[~clear_rows(everywhere, 0.0)]
+    for here, tool in zip(blocked.tolist(), bent(blocked, 0.0)[:, -1], strict=True):
+        goal = GoalEntry(position_m=tool[:3, 3].tolist(), approach=tool[:3, 2].tolist())
+        reply = solver.solve(goal_of(goal), near=here, method=Direct())
+        assert isinstance(reply, Solved)
+        free = clear_rows(np.array([branch.q for branch in reply.branches]), 0.0).tolist()
+        (answer,) = asked(goal, near_rad=here, method="direct")
+        assert (answer.verdict == "solved") == any(free)
+        if not free[0] and any(free):
+            found += 1
+            assert answer.q_rad == list(reply.branches[free.index(True)].q)
+            assert_true(answer, goal, 0.0)
+    assert found >= 3, "too few goals of this kind among these to say anything"
+
+
+def test_a_collision_names_two_bodies_and_their_distance() -> None:
+    answers = [a for a in asked(*map(reached_goal, range(80)), method="direct") if a.verdict == "collision"]
+    assert answers
+    shapes, margin = config().arm.shapes, config().arm.shapes.margin
+    for answer in answers:
+        assert set(answer.bodies) <= set(shapes.names)
+        assert len(answer.bodies) == 2
+        assert answer.clearance_m is not None
+        assert answer.clearance_m < margin
+        assert all(word in answer.text for word in (*answer.bodies, f"{answer.clearance_m * 1e3:.1f} mm"))
+
+
+def test_the_distance_of_a_collision_is_that_of_plain_geometry() -> None:
+    """A nominal arm does not sag; points on the capsules' axes and link matrices, nothing else, see the distance."""
+    rigid = drawn_service()
+    seen = 0
+    for seed in range(60):
+        at = anywhere(seed)
+        place = rigid.forward(FkRequest(q_rad=[at.tolist()]), at_leisure)[0]
+        goal = GoalEntry(position_m=place.tcp_m, quaternion_xyzw=quaternion_of(np.array(place.rotation)))
+        answer = rigid.inverse(IkRequest(goals=[goal], near_rad=at.tolist(), method="direct"), at_leisure)[0]
+        if answer.verdict == "collision" and answer.clearance_m is not None and answer.clearance_m > 0:
+            distance = sampled_distance(config().arm, at, *answer.bodies, 60)
+            assert distance == pytest.approx(answer.clearance_m, abs=2e-3)
+            seen += 1
+    assert seen >= 2
+
+
+@settings(max_examples=40)
+@given(st.tuples(*[st.floats(-3, 3)] * 3), st.tuples(*[st.floats(-3, 3)] * 3))
+def test_turns_about_fixed_axes_and_their_quaternion_are_the_same_goal(
+    rpy: tuple[float, float, float], along: tuple[float, float, float]
+) -> None:
+    half = [a / 2 for a in rpy]
+    turns = [(math.sin(h) * np.eye(3)[axis], math.cos(h)) for axis, h in enumerate(half)]
+
+    def product(p: tuple[Array, float], q: tuple[Array, float]) -> tuple[Array, float]:
+        (u, a), (v, b) = p, q
+        return a * v + b * u + np.cross(u, v), a * b - float(np.dot(u, v))
+
+    vector, scalar = product(turns[2], product(turns[1], turns[0]))
+    quaternion = [*vector.tolist(), scalar]
+    same = [
+        goal_of(GoalEntry(position_m=[0.1, 0.2, 0.3], rpy_rad=list(rpy))),
+        goal_of(GoalEntry(position_m=[0.1, 0.2, 0.3], quaternion_xyzw=quaternion)),
+        goal_of(GoalEntry(position_m=[0.1, 0.2, 0.3], quaternion_xyzw=[-x for x in quaternion])),
+    ]
+    for other in same[1:]:
+        np.testing.assert_allclose(np.array(other.rotation), np.array(same[0].rotation), atol=1e-12)
+    if np.linalg.norm(along) > 0.1:
+        longer = [goal_of(GoalEntry(position_m=[0, 0, 0.0], approach=[k * x for x in along])) for k in (1, 2.5)]
+        np.testing.assert_allclose(longer[0].approach, longer[1].approach, atol=1e-12)
+
+
+def test_a_batch_is_answered_in_order_and_like_single_goals() -> None:
+    goals = [reached_goal(5), GoalEntry(position_m=[5.0, 0, 0]), reached_goal(6), GoalEntry(position_m=[0.2, 0.1, 0.3])]
+    together = asked(*goals, method="direct")
+    alone = [asked(goal, method="direct")[0] for goal in goals]
+    for one, other in zip(together, alone, strict=True):
+        assert one.model_copy(update={"elapsed_ms": 0.0}) == other.model_copy(update={"elapsed_ms": 0.0})
+    assert together[1].verdict == "out_of_reach"
+
+
+def test_the_nearest_command_to_what_is_out_of_reach_is_as_near_as_it_says() -> None:
+    rng, (lower, upper) = np.random.default_rng(3), limits()
+    for _ in range(10):
+        position = (rng.normal(size=3) * 2).clip(-3, 3)
+        (answer,) = asked(GoalEntry(position_m=position.tolist()), method="direct")
+        if answer.verdict == "solved":
+            continue
+        q = np.array(answer.nearest_rad)
+        assert ((q >= lower) & (q <= upper)).all()
+        distance = float(np.linalg.norm(bent(q[None], 0.0)[0, -1, :3, 3] - position))
+        assert answer.nearest_distance_m == pytest.approx(distance, abs=EXACT)
+
+
+def test_the_best_counts_are_never_worse_than_the_nearest_of_each_joint() -> None:
+    goals = [reached_goal(seed) for seed in range(40)]
+    each, best = (asked(*goals, method="direct", round=how) for how in ("each", "best"))
+    pairs = [(a.rounded_error_m, b.rounded_error_m) for a, b in zip(each, best, strict=True)]
+    known = [(a, b) for a, b in pairs if a is not None and b is not None]
+    assert len(known) > 20
+    assert all(b <= a for a, b in known)
+    assert np.median([b for _, b in known]) < 0.6 * np.median([a for a, _ in known])
+
+
+@settings(max_examples=60)
+@given(
+    angles=st.lists(st.sampled_from([0.0, 0.5, -0.7, math.pi / 2, 1.7]), min_size=6, max_size=6),
+    near=st.sampled_from([None, "zero", "there"]), method=st.sampled_from(["direct", "cube"]),
+)  # fmt: skip
+def test_the_drawn_arm_finds_poses_in_which_its_axes_line_up(
+    angles: list[float], near: str | None, method: str
+) -> None:
+    drawn = drawn_service()
+    place = drawn.forward(FkRequest(q_rad=[angles]), at_leisure)[0]
+    here = {"zero": [0.0] * 6, "there": angles, None: None}[near]
+    goal = GoalEntry(position_m=place.tcp_m, quaternion_xyzw=quaternion_of(np.array(place.rotation)))
+    ask = IkRequest(goals=[goal], near_rad=here, method=method)  # type: ignore[arg-type]
+    (answer,) = drawn.inverse(ask, at_leisure)
+    assert answer.verdict in ("solved", "collision")
+    for branch in answer.branches_rad:
+        back = drawn.forward(FkRequest(q_rad=[branch]), at_leisure)[0]
+        np.testing.assert_allclose(back.tcp_m, place.tcp_m, atol=EXACT)
+
+
+def test_a_direction_leaves_equations_without_a_unique_answer_which_is_no_reason_to_fail() -> None:
+    """Two questions to the drawn arm whose Newton steps have matrices that are singular to the last bit."""
+    found = [
+        ([0.3118282770975559, -0.10881796946858899, 0.4085660519256962],
+         [0.021305887141035637, 0.015719398573535697, 0.007556811556273123],
+         [-3.258763547376413, -4.038096081750809, 2.79356728312084, 5.235987755982989, -3.6040125341365727,
+          -3.232601886770838]),
+        ([0.20489454064015145, 0.18958699302829513, 0.13133562033038665],
+         [-0.019831091625694436, 0.025913422199892625, -0.014396296377060008],
+         [4.84936174584451, -5.235987755982989, 4.570705232835024, -0.25305121602087177, -3.435296056952226,
+          -3.311362092498135]),
+    ]  # fmt: skip
+    for position, along, here in found:
+        goal = GoalEntry(position_m=position, approach=along)
+        answers = drawn_service().inverse(IkRequest(goals=[goal], near_rad=here, method="direct"), at_leisure)
+        assert answers[0].verdict == "solved"
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10_000), payload=st.floats(0.3, 2.0))
+def test_an_overloaded_arm_is_promised_no_rest_that_it_may_not_come_to(seed: int, payload: float) -> None:
+    """What is answered is where the model has the arm rest when nothing is known of how it got there."""
+    tool = bent(anywhere(seed)[None], 0.0)[0, -1]
+    (answer,) = asked(pose_goal(tool), payload_kg=payload, method="direct")
+    assert answer.text
+    if answer.verdict == "solved":
+        assert_true(answer, pose_goal(tool), payload)
+
+
+def test_made_up_questions_break_nothing() -> None:
+    assert fuzz(120, 3).violations == []
+
+
+def test_forward_says_where_the_bent_arm_is() -> None:
+    q = np.array([anywhere(seed) for seed in range(20)])
+    places = service().forward(FkRequest(q_rad=q.tolist(), payload_kg=0.05), at_leisure)
+    tools = bent(q, 0.05)[:, -1]
+    np.testing.assert_allclose([p.tcp_m for p in places], tools[:, :3, 3], atol=1e-8)
+    np.testing.assert_allclose([p.rotation for p in places], tools[:, :3, :3], atol=1e-7)
+
+
+# ---- what is no question
+
+GOAL = {"position_m": [0.2, 0.1, 0.3]}
+HOME = [0.0] * 6
+WRONG: list[tuple[type[Message], dict[str, object], str]] = [
+    (IkRequest, {"goals": [{"position_m": [200.0, 100.0, 300.0]}]}, "goals.0.position_m.0"),
+    (IkRequest, {"goals": [{"position_mm": [0.2, 0.1, 0.3]}]}, "goals.0.position_m"),
+    (IkRequest, {"goals": [{"position_m": [0.2, 0.1]}]}, "goals.0.position_m"),
+    (IkRequest, {"goals": [{"position_m": [0.2, 0.1, math.nan]}]}, "goals.0.position_m.2"),
+    (IkRequest, {"goals": [{**GOAL, "rpy_rad": [0.0, 90.0, 0.0]}]}, "goals.0.rpy_rad.1"),
+    (IkRequest, {"goals": [{**GOAL, "rpy_rad": HOME[:3], "approach": [0.0, 0.0, 1.0]}]}, "give one of them"),
+    (IkRequest, {"goals": [{**GOAL, "quaternion_xyzw": [0.0, 0.0, 0.0, 2.0]}]}, "length 2; should be 1"),
+    (IkRequest, {"goals": [GOAL, {**GOAL, "quaternion_xyzw": [0.0, 0.0, 0.0, 0.0]}]}, "goals.1: quaternion_xyzw"),
+    (IkRequest, {"goals": [{**GOAL, "approach": [0.0, 0.0, 0.0]}]}, "goals.0: approach is the zero vector"),
+    (IkRequest, {"goals": []}, "goals"),
+    (IkRequest, {"goals": [GOAL], "near_rad": HOME[:5]}, "near_rad: 5 angles; lrm-rover has 6 joints"),
+    (IkRequest, {"goals": [GOAL], "near_rad": [90.0] * 6}, "near_rad.0"),
+    (IkRequest, {"goals": [GOAL], "payload_kg": 66.3}, "payload_kg"),
+    (IkRequest, {"goals": [GOAL], "payload_kg": -0.1}, "payload_kg"),
+    (IkRequest, {"goals": [GOAL], "method": "magic"}, "method"),
+    (IkRequest, {"goals": [GOAL], "cube_points": 1}, "cube_points"),
+    (FkRequest, {"q_rad": HOME}, "q_rad.0"),
+    (FkRequest, {"q_rad": [HOME, HOME[:4]]}, "q_rad.1: 4 angles; lrm-rover has 6 joints"),
+    (PlanRequest, {"from_rad": HOME}, "give to_rad or goal"),
+    (PlanRequest, {"from_rad": HOME, "to_rad": HOME, "goal": GOAL}, "give to_rad or goal"),
+    (PlanRequest, {"from_rad": HOME, "to_rad": HOME[:3]}, "to_rad: 3 angles; lrm-rover has 6 joints"),
+]
+
+
+def ask(kind: type[Message], content: dict[str, object]) -> None:
+    match unpack(kind, msgpack.packb(content)):
+        case IkRequest() as request:
+            service().inverse(request, at_leisure)
+        case FkRequest() as request:
+            service().forward(request, at_leisure)
+        case PlanRequest() as request:
+            service().plan(request, at_leisure)
+
+
+@pytest.mark.parametrize(("kind", "content", "says"), WRONG)
+def test_wrong_shapes_and_units_are_one_line_that_names_the_field(
+    kind: type[Message], content: dict[str, object], says: str
+) -> None:
+    with pytest.raises(MessageError) as caught:
+        ask(kind, content)
+    assert says in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("code", ["deadline", "cancelled"])
+def test_what_nobody_wants_any_more_is_given_up_between_two_goals(code: str) -> None:
+    looked = itertools.count(1)
+
+    def goes_on() -> None:
+        if next(looked) > 3:
+            raise Refused(code, "no longer wanted")
+
+    questions: list[Callable[[], object]] = [
+        lambda: service().inverse(IkRequest(goals=[GoalEntry(position_m=[0.2, 0.1, 0.3])] * 50), goes_on),
+        lambda: service().forward(FkRequest(q_rad=[HOME] * 50), goes_on),
+    ]
+    for question in questions:
+        looked = itertools.count(1)
+        with pytest.raises(Refused) as caught:
+            question()
+        assert caught.value.code == code
+        assert next(looked) == 5, "it looks once before every goal, and no more once it was told"
+
+
+def test_a_model_of_another_arm_is_refused() -> None:
+    lab = replace(config(), arm=replace(config().arm, name="lrm-lab"))
+    with pytest.raises(LrmError, match="a model of lrm-rover; this daemon drives lrm-lab"):
+        deploy(lab)

@@ -1,0 +1,417 @@
+"""`lrm` as a person types it, against a daemon in memory: what it does, what it prints, and how it refuses."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from unittest import mock
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_math.errors import LrmError
+from lrmd.cli import app
+from lrmd.cli import text as cli_text
+from lrmd.cli.angles import angle_of, angles_of
+from lrmd.client.rover import Interrupted, Rover
+from lrmd.config import load_config
+from lrmd.control.state_machine import Mode
+from lrmd.messages.control import Event, FaultEntry, FaultsState, MessageError, ThermalState
+from lrmd.ramp.shared_memory import BUCKETS
+from tests.conftest import ROOT
+from tests.support.in_memory_daemon import CONFIG, World
+from tests.support.in_memory_zenoh import Daemon
+
+ZERO = "0,0,0,0,0,0"
+NOBODY = "tcp/127.0.0.1:1"
+
+
+@pytest.fixture
+def daemon() -> Iterator[Daemon]:
+    world = World(load_config(CONFIG))
+    world.run(30)
+    daemon = Daemon(world)
+    with daemon.reachable():
+        yield daemon
+
+
+Typed = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def typed(capsys: pytest.CaptureFixture[str]) -> Typed:
+    """Exit code, stdout and stderr of `lrm WORDS`."""
+
+    def run(*words: str) -> tuple[int, str, str]:
+        capsys.readouterr()
+        try:
+            code = app.main(list(words))
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def does(typed: Typed) -> Callable[..., str]:
+    def run(*words: str) -> str:
+        code, out, err = typed(*words)
+        assert (code, err) == (0, "")
+        return out
+
+    return run
+
+
+@pytest.fixture
+def refuses(typed: Typed) -> Callable[..., str]:
+    """The one line of a command that is refused."""
+
+    def run(*words: str) -> str:
+        code, out, err = typed(*words)
+        assert code == 2, (out, err)
+        assert out == ""
+        assert len(err.splitlines()) == 1, err
+        assert err.startswith("lrm: ")
+        return err
+
+    return run
+
+
+# ---- angles
+
+
+@given(value=st.floats(-1000, 1000), unit=st.sampled_from(["", "deg", "°", " deg", "DEG"]), pad=st.sampled_from("  "))
+def test_degrees_are_understood_with_and_without_their_name(value: float, unit: str, pad: str) -> None:
+    assert angle_of(f"{pad}{value!r}{unit}{pad}") == math.radians(value)
+
+
+@given(value=st.floats(-20, 20))
+def test_radians_keep_every_digit(value: float) -> None:
+    assert angle_of(f"{value!r}rad") == value
+
+
+@given(values=st.lists(st.floats(-180, 180), min_size=1, max_size=9))
+def test_several_angles_stand_between_commas(values: list[float]) -> None:
+    assert angles_of(",".join(f"{v!r}" for v in values)) == [math.radians(v) for v in values]
+
+
+@given(text=st.text(max_size=12))
+def test_a_word_is_a_finite_angle_or_an_error_that_shows_how(text: str) -> None:
+    try:
+        angle = angle_of(text)
+    except LrmError as error:
+        said = str(error)
+    else:
+        assert math.isfinite(angle)
+        return
+    assert "30deg" in said
+
+
+@pytest.mark.parametrize(
+    "text", ["", "deg", "nan", "inf", "1e999", "-1e999rad", "3,5", "0x10", "1_0", "30 grad", "--3"]
+)
+def test_what_is_no_angle_is_refused(text: str) -> None:
+    with pytest.raises(LrmError, match="should be like 30deg"):
+        angle_of(text)
+
+
+# ---- a day with an arm
+
+
+def test_arm_move_look_and_disarm(daemon: Daemon, does: Callable[..., str]) -> None:
+    assert does("state").startswith("disarmed (started)\n")
+    assert does("arm", "--q", ZERO) == "armed: joint1, joint2, joint3, joint4, joint5, joint6\n"
+    assert does("move", "--joint", "2", "10deg", "--joint", "3", "-10deg", "--speed", "0.9").startswith("there, after ")
+    core = daemon.world.core
+    assert core.angles(core.position)[1:3] == pytest.approx([math.radians(10), math.radians(-10)], abs=1e-5)
+    looked = does("state", "--metrics")
+    assert "armed (arrived)" in looked
+    rows = {row.split()[0]: row.split()[1:] for row in looked.splitlines()[3:12]}
+    assert rows["joint2"][:2] == ["10.00", "10.00"]
+    assert "on" in rows["joint2"]
+    assert rows["pan"][0] == "unknown", "a servo that never had a pulse has no known angle"
+    assert "ordinary scheduling" in looked
+    does("move", "--q", "0,-0.1rad,0,0,0,-2.5")
+    assert core.angles(core.position)[5] == pytest.approx(math.radians(-2.5), abs=1e-5)
+    assert does("hold") == "holding\n"
+    assert core.mode is Mode.HOLDING
+    assert does("relax", "joint6") == "relaxed\n"
+    daemon.world.run(6)
+    assert daemon.world.report.outputs == 0b011111
+    assert does("disarm") == "disarmed\n"
+    daemon.world.run(6)
+    assert not daemon.world.report.outputs
+    log = does("logs")
+    assert "holding -> disarmed: disarmed" in log
+    assert log.index("arming -> armed") < log.index("moving -> armed: arrived")
+    assert does("info").splitlines()[0] == "rover: arm lrm-rover, lrm-arm 0.1.0, tick 6.5 ms, model nominal"
+    assert daemon.world.core.lease is None, "every command gave its lease back"
+
+
+def test_metrics_show_how_late_the_ticks_were(daemon: Daemon, does: Callable[..., str]) -> None:
+    assert does("state", "--metrics").splitlines()[-1].strip() == "us", "no ticks, no bars"
+    for us, ticks in {12: 60, 97: 30, 103: 9, 40_000: 1}.items():
+        daemon.shared.lateness[min(us // 5, BUCKETS - 1)] = ticks
+    lines = [line.split() for line in does("state", "--metrics").splitlines()]
+    bars = lines[lines.index(["us"]) + 1 :]
+    assert bars[0] == ["10", "..", "15", "60", "60.0000%", "#" * 6]
+    assert bars[-1] == ["2555", "or", "more", "1", "1.0000%", "#"]
+    assert [bar[0] for bar in bars] == sorted((bar[0] for bar in bars), key=float)
+    assert {bar[0]: bar[3] for bar in bars if bar[0] in ("60", "80", "100")} == {"60": "0", "80": "30", "100": "9"}
+
+
+def test_gripper_pan_and_tilt(daemon: Daemon, does: Callable[..., str]) -> None:
+    does("arm", "--at", "gripper", "0", "--at", "pan", "0", "--at", "tilt", "-.1rad")
+    does("gripper", "-5")
+    does("pan-tilt", "3", "-4deg", "--each")
+    core = daemon.world.core
+    angles = dict(zip(core.config.names, core.angles(core.position), strict=True))
+    wanted = {"gripper": -5, "pan": 3, "tilt": -4}
+    assert {n: math.degrees(angles[n]) for n in wanted} == pytest.approx(wanted, abs=1e-2)
+
+
+def test_estop_and_reset(daemon: Daemon, does: Callable[..., str], refuses: Callable[..., str]) -> None:
+    does("arm", "--q", ZERO)
+    assert does("estop", "--why", "smoke " * 40 + "\033[31m") == "stopped: the pulses are off\n"
+    daemon.world.run(6)
+    assert not daemon.world.report.outputs, "an emergency stop stops, whatever the note says"
+    looked = does("state")
+    assert looked.startswith("estop (")
+    assert "fault estop: emergency stop: smoke" in looked
+    assert "not allowed while estop" in refuses("move", "--joint", "1", "3")
+    assert does("reset") == "disarmed\n"
+
+
+def test_arming_without_a_pose_says_what_is_needed(daemon: Daemon, does, refuses) -> None:
+    assert "(no pose is stored)" in refuses("arm")
+    does("arm", "--q", "0,5,0,0,0,0")
+    does("disarm")
+    daemon.world.run(6)
+    daemon.world.core.stored = daemon.world.core.saved(10**18)
+    line = refuses("arm")
+    assert "where the arm stands" in line
+    assert "joint2 5.0" in line
+    does("arm", "--stored", "--servo", "joint2")
+    assert daemon.world.report.outputs == 0b10
+
+
+def test_ctrl_c_holds(daemon: Daemon, typed: Typed, does: Callable[..., str]) -> None:
+    does("arm", "--q", ZERO)
+    with mock.patch.object(Rover, "_wait", side_effect=KeyboardInterrupt):
+        code, _, err = typed("move", "--joint", "1", "40deg")
+    assert (code, err) == (1, "held\n")
+    assert daemon.world.core.mode is Mode.HOLDING
+
+
+def test_a_motion_that_ends_early_is_exit_code_1(daemon: Daemon, typed: Typed, does: Callable[..., str]) -> None:
+    does("arm", "--q", ZERO)
+
+    def brown_out(_: Daemon, tail: str, before=Daemon.state) -> object:
+        if tail == "state/mode":
+            daemon.world.board.power_cycle(daemon.world.now)
+            daemon.world.outputs = daemon.world._pulses()
+        return before(daemon, tail)
+
+    with mock.patch.object(Daemon, "state", brown_out):
+        code, out, err = typed("move", "--joint", "1", "40deg")
+    assert (code, out) == (1, "")
+    assert err == "lrm: the motion ended before its goal: fault (the board lost its power; the arm is limp)\n"
+
+
+@pytest.mark.usefixtures("daemon")
+def test_somebody_else_has_the_lease(refuses, does) -> None:
+    with Rover("rover") as other, other.control("the other one"):
+        assert "the other one holds the lease" in refuses("arm", "--q", ZERO)
+        does("--take", "arm", "--q", ZERO)
+        with pytest.raises(LrmError, match="lease"):
+            other.move({"joint1": 0.1})
+
+
+# ---- what is refused
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        ([], "COMMAND"),
+        (["fly"], "invalid choice: 'fly'"),
+        (["move", "--joint", "2"], "--joint"),
+        (["move", "--speed", "fast", "--joint", "1", "2"], "invalid float value: 'fast'"),
+        (["arm", "--q", ZERO, "--stored"], "not allowed with"),
+        (["level1", "joint1"], "--arm"),
+        (["--robot", "ro/ver", "state"], "letters, digits"),
+        (["--robot", "*", "state"], "letters, digits"),
+        (["--robot", "", "state"], "letters, digits"),
+        (["--connect", "nonsense", "state"], "nonsense"),
+        (["--zenoh-config", "/none.json5", "state"], "no such file"),
+    ],
+)
+def test_words_that_are_wrong_without_a_daemon(refuses: Callable[..., str], words: list[str], match: str) -> None:
+    assert match in refuses(*words)
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        (["move"], "nothing to move"),
+        (["move", "--q", "1,2"], "--q has 2 angles; lrm-rover has 6 joints"),
+        (["move", "--joint", "7", "3"], "unknown servo 'joint7'; did you mean"),
+        (["move", "--servo", "griper", "3"], "did you mean gripper?"),
+        (["move", "--joint", "1", "3grad"], "should be like 30deg"),
+        (["move", "--joint", "1", "1e999"], "should be like 30deg"),
+        (["move", "--joint", "1", "3000"], "waypoints.0.joint1: input should be less than or equal to 20"),
+        (["move", "--joint", "1", "101"], "joint1: 101.0 deg is outside its limits -100 to 100 deg"),
+        (["move", "--joint", "1", "3", "--speed", "0"], "--speed 0: should be more than 0"),
+        (["move", "--joint", "1", "3", "--speed", "nan"], "--speed nan"),
+        (["move", "--joint", "1", "3", "--payload-g", "5000"], "payload_kg: input should be less than or equal to 2"),
+        (["move", "--joint", "1", "3", "--payload-g", "nan"], "payload_kg"),
+        (["gripper", "3"], "gripper has no pulses; arm it first"),
+        (["pan-tilt", "3", "500"], "pan has no pulses"),
+        (["arm", "--q", ZERO, "--servo", "joint1"], "servos: goes with where = 'stored'"),
+        (["arm", "--at", "joint9", "3"], "unknown servo 'joint9'"),
+        (["relax", "wing"], "unknown servo 'wing'"),
+        (["reset"], "reset_fault with pulses on is not allowed while armed; it is while fault"),
+        (["ik", "1e9", "0", "0"], "position_m.0: input should be less than or equal to 100"),
+        (["ik", "nan", "0", "0"], "position_m.0"),
+        (["ik", "1", "0", "0", "--rpy", "1,2"], "--rpy has 2 numbers"),
+        (["ik", "1", "0", "0", "--approach", "a,b,c"], "--approach"),
+        (["plan", "--q", "1"], "--q has 1 angles"),
+        (["plan", "--q", ZERO, "--seed", "-1"], "seed"),
+        (["fk", "--payload-g", "1e9"], "payload_kg"),
+        (["level1", "wing", "--arm", "lrm-rover", "-o", "x.toml"], "unknown servo 'wing'"),
+        (["level1", "joint1", "--arm", "no-arm", "-o", "x.toml"], "no-arm"),
+        (["level1", "joint1", "--arm", "lrm-rover", "-o", "none/x.toml"], "no such folder"),
+        (["level1", "joint1", "--arm", "lrm-rover", "-o", "x.toml", "--angles", "a"], "should be like 30deg"),
+        (["--robot", "moon", "state"], "no answer from lrm/moon/state/joints"),
+    ],
+)
+def test_what_cannot_be_done_is_told_in_one_line(
+    daemon: Daemon, does, refuses, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: list[str], match: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    does("arm", "--q", ZERO)
+    before = daemon.world.core.position
+    assert match in refuses(*words)
+    daemon.world.run(50)
+    assert daemon.world.core.position == before
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("words", [["state"], ["hold"], ["estop"], ["move", "--joint", "1", "3"], ["logs"]])
+def test_no_daemon_is_a_clear_line(refuses: Callable[..., str], words: list[str]) -> None:
+    line = refuses("--connect", NOBODY, *words)
+    assert line.startswith(f"lrm: no connection to {NOBODY} (")
+    assert line.endswith("; is lrmd running, and allowed?\n")
+
+
+# ---- a program of one's own
+
+
+@pytest.mark.usefixtures("daemon")
+def test_a_program_is_told_which_field_is_wrong_before_anything_is_sent() -> None:
+    with Rover("rover") as rover:
+        with pytest.raises(LrmError, match=r"rover\.control"):
+            rover.move({"joint1": 0.1})
+        with rover.control("me"):
+            for wrong in (lambda: rover.move({"joint1": math.nan}), lambda: rover.jog({"joint1": math.inf})):
+                with pytest.raises(MessageError, match="joint1: input should be a finite number"):
+                    wrong()
+        with pytest.raises(MessageError, match="holder"), rover.control("x" * 65):
+            pass
+
+
+@pytest.mark.usefixtures("daemon")
+def test_waiting_ends_when_the_goal_cannot_be_reached_any_more() -> None:
+    with Rover("rover") as rover, rover.control("me"):
+        rover.arm("given", {"joint1": 0.0})
+        rover.move({"joint1": 0.5}, wait=False)
+        rover.hold()
+        with pytest.raises(Interrupted, match="holding"):
+            rover._wait(("armed",), ("moving",), 1.0)
+
+
+# ---- texts
+
+
+HEADER = {"boot_id": "b", "seq": 1, "t_mono_ns": 1, "t_wall_ns": 1_700_000_000_123_456_789}
+EVENT = Event(**HEADER, code="servo_hot", level="error", text="joint4 is hot")
+
+
+class Terminal:
+    """A stdout that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+    def write(self, text: str) -> int:
+        return len(text)
+
+    def flush(self) -> None:
+        """Nothing is kept."""
+
+
+def test_colour_is_for_terminals_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = cli_text.event_line(EVENT)
+    assert "\033" not in plain
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    with mock.patch.object(sys, "stdout", Terminal()):
+        coloured = cli_text.event_line(EVENT)
+        monkeypatch.setenv("NO_COLOR", "1")
+        assert cli_text.event_line(EVENT) == plain
+    assert coloured == f"\033[31m{plain}\033[0m"
+
+
+@pytest.mark.usefixtures("daemon")
+def test_no_command_prints_colour_into_a_pipe(does: Callable[..., str]) -> None:
+    for words in (["arm", "--q", ZERO], ["state"], ["state", "--metrics"], ["info"], ["logs"]):
+        assert "\033" not in does(*words)
+
+
+def test_an_event_shows_its_time_to_the_millisecond() -> None:
+    line = cli_text.event_line(EVENT)
+    assert ".123 error   servo_hot" in line
+    assert line.endswith("joint4 is hot")
+
+
+def test_heat_is_told_with_the_time_that_is_left(daemon: Daemon) -> None:
+    telling = daemon._telling
+    joints = telling.states["state/joints"]()
+    n = len(joints.names)
+    heat = ThermalState(
+        **HEADER, names=joints.names, temperature_c=[72.0] * n, tau_nm=[0.3] * n, level=["warm"] * n,
+        hot_in_s=[600.0, None, *[0.0] * (n - 2)],
+    )  # fmt: skip
+    rows = cli_text.joints_table(joints, heat).splitlines()[2:]
+    assert rows[0].endswith("72.0 warm, hot in 10 min")
+    assert rows[1].endswith("72.0 warm")
+    assert rows[2].endswith("72.0 warm")
+
+
+def test_a_fault_shows_what_it_is_and_since_when() -> None:
+    entry = FaultEntry(code="link_lost", text="the board does not answer", since_mono_ns=0)
+    text = cli_text.faults_text(FaultsState(**HEADER, faults=[entry]))
+    assert text.startswith("fault link_lost: the board does not answer (")
+    assert text.endswith(" s ago)")
+
+
+def test_the_examples_of_the_help_text_are_commands() -> None:
+    lines = [line.split("   ")[0].split() for line in app.TEXT.splitlines() if line.startswith("  lrm ")]
+    assert len(lines) >= 5
+    for words in lines:
+        app.parser().parse_args(words[1:])
+
+
+def test_documents_use_commands_that_exist() -> None:
+    seen = 0
+    for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            words = line.strip().split("#")[0].split()
+            if line.startswith("    lrm ") and "|" not in words and "…" not in line:
+                app.parser().parse_args(words[1:])
+                seen += 1
+    assert seen

@@ -1,0 +1,106 @@
+"""The stepping rule, the deadlines and the shared memory."""
+
+from __future__ import annotations
+
+import os
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrmd.ramp.shared_memory import BUCKETS, HERE, LinkState, Order, Report, Shared, Trip
+from lrmd.ramp.stepping import Pace, move, next_due
+
+PULSE = st.integers(500_000, 2_500_000)
+STRIDE = st.integers(1, 1000)
+MS = 1_000_000
+
+
+@st.composite
+def moves(draw: st.DrawFn) -> tuple[list[int], list[int], list[int]]:
+    n = draw(st.integers(1, 9))
+    stride = draw(st.lists(st.integers(200, 1000), min_size=n, max_size=n))
+    start = draw(st.lists(PULSE, min_size=n, max_size=n))
+    reach = draw(st.lists(st.integers(-60_000, 60_000), min_size=n, max_size=n))
+    return start, [s + r for s, r in zip(start, reach, strict=True)], stride
+
+
+@given(moves(), st.sampled_from(Pace))
+def test_a_move_takes_no_step_above_its_stride_and_ends_exactly(m, pace: Pace) -> None:
+    start, target, stride = m
+    going = move(start, target, stride, pace)
+    stairs = [going.at(k) for k in range(going.length + 3)]
+    assert stairs[0] == tuple(start)
+    assert stairs[going.length] == stairs[-1] == tuple(target)
+    for before, after in pairwise(stairs):
+        assert all(abs(b - a) <= s for a, b, s in zip(before, after, stride, strict=True))
+
+
+@given(moves())
+def test_servos_of_a_move_end_together_or_each_as_soon_as_it_can(m) -> None:
+    start, target, stride = m
+    together, each = move(start, target, stride, Pace.TOGETHER), move(start, target, stride, Pace.EACH)
+    moving = [i for i, (a, b) in enumerate(zip(start, target, strict=True)) if a != b]
+    assert together.length == each.length
+    assert {together.ticks[i] for i in moving} <= {together.length}
+    for i in moving:
+        shortest = -(-abs(target[i] - start[i]) // stride[i])
+        assert each.at(shortest)[i] == target[i] != each.at(shortest - 1)[i]
+
+
+@given(moves(), st.sampled_from(Pace))
+def test_a_move_never_turns_back(m, pace: Pace) -> None:
+    going = move(*m, pace)
+    for i, distance in enumerate(going.distance):
+        steps = [b[i] - a[i] for a, b in pairwise(going.at(k) for k in range(going.length + 1))]
+        assert all(step * distance >= 0 for step in steps)
+
+
+@given(st.integers(0, 10**15), st.integers(-(10**10), 10**10), st.integers(1 * MS, 100 * MS))
+def test_the_next_deadline_is_ahead_and_within_a_period_and_nothing_is_caught_up(
+    due: int, late: int, period: int
+) -> None:
+    now = due + late
+    after, skipped = next_due(now, due, period)
+    assert now < after <= now + 2 * period
+    assert skipped >= 0
+    if late >= -period:
+        assert (after - due) % period == 0
+        assert skipped == (after - due) // period - 1
+    else:
+        assert (after, skipped) == (now + period, 0)
+
+
+@given(st.lists(st.integers(0, 30 * MS), min_size=2, max_size=200))
+def test_however_late_ticks_come_there_are_never_more_than_periods_passed(delays: list[int]) -> None:
+    period = 6_500_000
+    now = due = 10**12
+    ticks, first = 0, due
+    for delay in delays:
+        now = max(now, due) + delay
+        ticks += 1
+        due, _ = next_due(now, due, period)
+    assert ticks <= (now - first) // period + 1
+
+
+def test_orders_and_reports_come_out_of_shared_memory_as_they_went_in() -> None:
+    shared = Shared.create()
+    assert shared.order() is None
+    assert shared.report() is None
+    order = Order(7, 123, 3, 0b101, Pace.EACH, (1,) * 16, (HERE,) * 16, (1000,) * 16)
+    report = Report(9, -5, 7, link=LinkState.READY, trip=Trip.ESTOP, moving=True, position=(4,) * 16)
+    shared.post(order)
+    shared.tell(report)
+    other = Shared(os.dup(shared.descriptor))
+    assert other.order() == order
+    assert other.report() == report
+    assert len(shared.lateness) == BUCKETS
+
+
+@given(st.binary(min_size=1, max_size=64), st.integers(0, 150))
+def test_a_torn_record_is_never_read(noise: bytes, at: int) -> None:
+    shared = Shared.create()
+    order = Order(7, 123, 3, 0b101, Pace.EACH, (1,) * 16, (2,) * 16, (3,) * 16)
+    shared.post(order)
+    os.pwrite(shared.descriptor, noise, at)
+    assert shared.order() in (None, order)

@@ -1,0 +1,188 @@
+"""What survives: the state file is the old one or the new one, whole; and one lease at a time."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_math.errors import FileError
+from lrmd.control import lease
+from lrmd.control.lease import Lease, LeaseError
+from lrmd.persistence import state_file
+from lrmd.persistence.state_file import Saved
+
+MS = 1_000_000
+NAMES = st.text(min_size=1, max_size=12)
+
+
+def saved(pulse: int = 1_500_000, mode: str = "armed") -> Saved:
+    return Saved(
+        saved_wall_ns=1, boots=3, mode=mode, still=True, pulse_ns={"joint1": pulse}, temperature_c={"joint1": 40.0}
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("state")
+
+
+@given(
+    state=st.builds(
+        Saved, saved_wall_ns=st.integers(0, 2**62), boots=st.integers(0, 10**9), mode=NAMES, still=st.booleans(),
+        pulse_ns=st.dictionaries(NAMES, st.integers(0, 20_000_000), max_size=16),
+        temperature_c=st.dictionaries(NAMES, st.floats(-50, 300), max_size=16),
+    )
+)  # fmt: skip
+def test_what_was_saved_is_what_is_loaded(folder: Path, state: Saved) -> None:
+    state_file.save(folder, state)
+    assert state_file.load(folder) == state
+    assert [p.name for p in folder.iterdir()] == [state_file.NAME]
+
+
+def test_nothing_saved_is_nothing(tmp_path: Path) -> None:
+    assert state_file.load(tmp_path) is None
+
+
+class Killed(BaseException):
+    """kill -9 as a test can have it: nothing is caught, nothing is cleaned up."""
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace"])
+def test_a_kill_before_the_rename_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    state_file.save(tmp_path, saved(1_500_000))
+    with monkeypatch.context() as patch:
+        patch.setattr(state_file.os, step, lambda *_: (_ for _ in ()).throw(Killed))
+        with pytest.raises(Killed):
+            state_file.save(tmp_path, saved(1_700_000))
+    assert state_file.load(tmp_path) == saved(1_500_000)
+    state_file.save(tmp_path, saved(1_700_000))
+    assert state_file.load(tmp_path) == saved(1_700_000)
+
+
+def test_the_new_file_is_on_the_disk_before_it_has_the_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Power loss: a rename may reach the disk before the data does, unless the data was synced first."""
+    order: list[str] = []
+    fsync, replace = os.fsync, os.replace
+    monkeypatch.setattr(
+        state_file.os, "fsync", lambda fd: (order.append(os.readlink(f"/proc/self/fd/{fd}")), fsync(fd))
+    )
+    monkeypatch.setattr(state_file.os, "replace", lambda a, b: (order.append("rename"), replace(a, b)))
+    state_file.save(tmp_path, saved())
+    data, rename, directory = order
+    assert Path(data).parent == tmp_path.resolve()
+    assert rename == "rename"
+    assert Path(directory) == tmp_path.resolve()
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace"])
+def test_a_full_disk_is_an_error_that_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    state_file.save(tmp_path, saved(1_500_000))
+    with monkeypatch.context() as patch:
+        patch.setattr(state_file.os, step, lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+        with pytest.raises(FileError, match=r"state\.json: cannot be written \(No space left on device\)"):
+            state_file.save(tmp_path, saved(1_700_000))
+    assert state_file.load(tmp_path) == saved(1_500_000)
+    assert [p.name for p in tmp_path.iterdir()] == [state_file.NAME]
+
+
+def test_no_folder_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot be written"):
+        state_file.save(tmp_path / "none", saved())
+
+
+@given(cut=st.integers(0, 1000), flip=st.integers(0, 1000), byte=st.integers(0, 255))
+def test_a_damaged_file_is_an_error_or_still_a_state(folder: Path, cut: int, flip: int, byte: int) -> None:
+    whole = bytearray(saved().model_dump_json(by_alias=True, indent=1).encode())
+    whole[flip % len(whole)] = byte
+    (folder / state_file.NAME).write_bytes(whole[: cut % (len(whole) + 1)])
+    try:
+        state = state_file.load(folder)
+    except FileError as error:
+        damaged = str(error)
+    else:
+        assert isinstance(state, Saved)
+        assert all(0 <= pulse <= 20_000_000 for pulse in state.pulse_ns.values())
+        return
+    assert "is damaged" in damaged
+    assert state_file.NAME in damaged
+    assert "\n" not in damaged
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        ({"pulse_ns": {"joint1": -1}}, "pulse_ns.joint1"),
+        ({"pulse_ns": {"joint1": 1.5}}, "pulse_ns.joint1"),
+        ({"temperature_c": {"joint1": 1e9}}, "temperature_c.joint1"),
+        ({"surprise": 1}, "surprise"),
+        ({"schema": "lrm/state/2"}, "schema"),
+        ({"still": "yes"}, "still"),
+    ],
+)
+def test_damage_is_told_by_place(tmp_path: Path, change: dict[str, object], where: str) -> None:
+    content = {**saved().model_dump(by_alias=True), **change}
+    (tmp_path / state_file.NAME).write_text(str(content).replace("'", '"').replace("True", "true"))
+    with pytest.raises(FileError) as caught:
+        state_file.load(tmp_path)
+    assert caught.value.where == where
+
+
+def test_a_damaged_file_is_kept_to_be_looked_at(tmp_path: Path) -> None:
+    (tmp_path / state_file.NAME).write_bytes(b"half a fi")
+    aside = state_file.set_aside(tmp_path)
+    assert aside.read_bytes() == b"half a fi"
+    assert state_file.load(tmp_path) is None
+
+
+LIFETIME = 400 * MS
+TIME = st.integers(0, 10**15)
+
+
+@given(now=TIME, later=st.integers(0, 2 * LIFETIME))
+def test_a_lease_lives_exactly_its_lifetime(now: int, later: int) -> None:
+    mine = lease.acquire(None, "me", now, LIFETIME, take=False)
+    if later < LIFETIME:
+        assert lease.checked(mine, mine.token, now + later) is mine
+        renewed = lease.renew(mine, mine.token, now + later, LIFETIME)
+        assert renewed.until == now + later + LIFETIME
+        assert (renewed.holder, renewed.token) == (mine.holder, mine.token)
+    else:
+        with pytest.raises(LeaseError, match="has run out"):
+            lease.checked(mine, mine.token, now + later)
+        with pytest.raises(LeaseError, match="has run out"):
+            lease.renew(mine, mine.token, now + later, LIFETIME)
+
+
+@given(now=TIME, later=st.integers(0, 2 * LIFETIME), take=st.booleans())
+def test_there_is_one_holder_at_a_time(now: int, later: int, take: bool) -> None:
+    mine = lease.acquire(None, "me", now, LIFETIME, take=False)
+    if later < LIFETIME and not take:
+        with pytest.raises(LeaseError, match="me holds the lease"):
+            lease.acquire(mine, "you", now + later, LIFETIME, take)
+        return
+    yours = lease.acquire(mine, "you", now + later, LIFETIME, take)
+    assert yours.token != mine.token
+    with pytest.raises(LeaseError, match="you's now"):
+        lease.checked(yours, mine.token, now + later)
+
+
+@pytest.mark.parametrize("present", [None, Lease("you", "t", 10**18)])
+def test_commands_without_a_lease_are_told_what_they_need(present: Lease | None) -> None:
+    with pytest.raises(LeaseError, match="rpc/lease"):
+        lease.checked(present, None, 0)
+    with pytest.raises(LeaseError, match="rpc/lease"):
+        lease.renew(present, None, 0, LIFETIME)
+
+
+def test_tokens_are_not_guessed() -> None:
+    tokens = {lease.acquire(None, "me", 0, LIFETIME, take=False).token for _ in range(1000)}
+    assert len(tokens) == 1000
+    assert all(len(token) >= 16 for token in tokens)

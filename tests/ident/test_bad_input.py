@@ -1,0 +1,170 @@
+"""Bad input gets one clear line that says what and where, exit code 2, and no file is written."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+HEADER = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm"
+ROWS = [
+    f"{i},{i},{2 * i % 90},{-i},{3 * i % 90},{-2 * i % 90},{i % 50},{200 + i},{10 + i},{300 - i}" for i in range(1, 61)
+]
+LAB = (ROOT / "config" / "arms" / "lrm-lab.toml").read_text()
+
+
+def run(*words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lrm_ident.cli.app", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+
+
+def assert_one_clear_line(done: subprocess.CompletedProcess[str], *words: str) -> None:
+    assert done.returncode == 2, done.stdout + done.stderr
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("error: ")
+    for word in words:
+        assert word in lines[0], f"'{word}' is not in: {lines[0]}"
+
+
+def edited(row: int, column: int, text: str) -> list[str]:
+    rows = list(ROWS)
+    cells = rows[row].split(",")
+    cells[column] = text
+    rows[row] = ",".join(cells)
+    return rows
+
+
+BAD_DATA: dict[str, tuple[list[str], tuple[str, ...]]] = {
+    "truncated": ([HEADER, *ROWS[:20], ROWS[20][:12]], ("line 22", "cells", "cut off")),
+    "text in a number column": ([HEADER, *edited(4, 7, "far")], ("line 6", "x_mm", "'far' is not a number")),
+    "NaN": ([HEADER, *edited(9, 8, "nan")], ("line 11", "y_mm", "finite")),
+    "infinity": ([HEADER, *edited(9, 2, "inf")], ("line 11", "q2_deg", "finite")),
+    "empty cell": ([HEADER, *edited(9, 9, "")], ("line 11", "z_mm", "empty")),
+    "duplicate pose": ([HEADER, *edited(7, 0, "3")], ("line 9", "pose 3", "line 4")),
+    "pose number with a fraction": ([HEADER, *edited(7, 0, "3.5")], ("line 9", "pose", "whole")),
+    "beyond the limits": ([HEADER, *edited(2, 4, "117")], ("line 4", "q4_deg", "117", "joint 4", "-100 to 100")),
+    "missing column": ([HEADER.replace(",q6_deg", ""), "1,1,1,1,1,1,1,1,1"], ("header", "q6_deg")),
+    "column twice": ([HEADER + ",x_mm", *(r + ",1" for r in ROWS)], ("header", "x_mm", "twice")),
+    "fewer poses than parameters": ([HEADER, *ROWS[:12]], ("12 poses", "parameters")),
+    "no rows": ([HEADER], ("no rows",)),
+    "empty file": ([], ("header", "missing column")),
+    "negative load": ([HEADER + ",payload_g", *(r + ",-1" for r in ROWS)], ("line 2", "payload_g", "negative")),
+    "repeat of nothing": ([HEADER + ",repeat_of", *(r + ",999" for r in ROWS)], ("line 2", "repeat_of", "999")),
+    "not positive sd": ([HEADER + ",sd_mm", *(r + ",0" for r in ROWS)], ("line 2", "sd_mm", "above zero")),
+}
+
+
+@pytest.mark.parametrize("name", BAD_DATA)
+def test_measurements(tmp_path: Path, name: str) -> None:
+    lines, words = BAD_DATA[name]
+    data = tmp_path / "data.csv"
+    data.write_text("\n".join(lines) + "\n")
+    output, json = tmp_path / "model.toml", tmp_path / "out.json"
+    done = run("fit", data, "--arm", "lrm-lab", "--parameters", "option1", "-o", output, "--json", json)
+    assert_one_clear_line(done, *words)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["data.csv"]
+
+
+BAD_ARM: dict[str, tuple[Callable[[str], str], tuple[str, ...]]] = {
+    "unknown key": (lambda t: t.replace("d_mm = 46.905", "d_cm = 4.69", 1), ("joint 1", "d_cm", "d_mm")),
+    "wrong unit": (lambda t: t.replace("beta_deg", "beta_rad", 1), ("base", "beta_rad", "beta_deg")),
+    "not finite": (lambda t: t.replace("mass_g = 177.0", "mass_g = nan"), ("body 2", "mass_g", "finite")),
+    "a text": (lambda t: t.replace("a_mm = 0.0", 'a_mm = "none"', 1), ("joint 1", "a_mm", "number")),
+    "missing key": (lambda t: t.replace("d_mm = 46.905\n", "", 1), ("joint 1", "missing key d_mm")),
+    "missing joint": (
+        lambda t: t.replace(t[t.rindex("[[joint]]") : t.index("[tool]")], ""),
+        ("link 6", "loads_joint is 6"),
+    ),
+    "missing table": (lambda t: t.replace("[tool]", "[tooool]"), ("tooool", "tool")),
+    "limits turned round": (lambda t: t.replace("[-100.0, 100.0]", "[100.0, -100.0]", 1), ("joint 1", "limits_deg")),
+    "unknown frame": (lambda t: t.replace('frame = "joint4"', 'frame = "joint9"', 1), ("link 4", "joint9", "joint4")),
+    "servo table": (lambda t: t.replace("[620.0, 1540.0, 2460.0]", "[620.0, 1540.0, 1000.0]"), ("joint 1", "pulses")),
+    "ms for us": (lambda t: t.replace("[620.0, 1540.0, 2460.0]", "[0.62, 1.54, 2.46]"), ("joint 1", "pulse_us", "100")),
+    "other schema": (lambda t: t.replace("lrm/arm/1", "lrm/arm/9"), ("schema", "lrm/arm/1")),
+    "not TOML": (lambda t: t + "\n]", ("not valid TOML",)),
+}
+
+
+@pytest.mark.parametrize("name", BAD_ARM)
+def test_arms(tmp_path: Path, name: str) -> None:
+    change, words = BAD_ARM[name]
+    arm, data = tmp_path / "arm.toml", tmp_path / "data.csv"
+    arm.write_text(change(LAB))
+    data.write_text("\n".join([HEADER, *ROWS]) + "\n")
+    output = tmp_path / "model.toml"
+    assert_one_clear_line(run("fit", data, "--arm", arm, "-o", output), "arm.toml", *words)
+    assert not output.exists()
+
+
+MODEL = 'schema = "lrm/model/1"\narm = "lrm-lab"\neffects = ["offsets", "compliance"]\n'
+BAD_MODEL: dict[str, tuple[str, tuple[str, ...]]] = {
+    "unknown parameter": (
+        MODEL + '[parameters]\n"offsets.joint2.alhpa_rad" = 0.1\n',
+        ("parameters", "alhpa", "offsets.joint2.alpha_rad"),
+    ),
+    "unknown effect": (MODEL.replace("compliance", "complience"), ("effects", "complience", "compliance")),
+    "unknown place": (MODEL.replace("compliance", "backlash@joint9"), ("effects", "joint9", "joint6")),
+    "effect twice": (
+        MODEL.replace('"compliance"', '"compliance", "compliance@joint2"'),
+        ("compliance.joint2", "twice"),
+    ),
+    "unknown arm": (MODEL.replace("lrm-lab", "lrm-lub"), ("arm", "lrm-lub", "lrm-lab")),
+    "unknown key": (MODEL + "[parametres]\n", ("parametres", "parameters")),
+    "not a number": (MODEL + '[parameters]\n"offsets.base.x_mm" = nan\n', ("offsets.base.x_mm", "finite")),
+    "does not settle": (
+        MODEL + '[parameters]\n"compliance.joint2.k_rad_per_Nm" = 5.0\n',
+        ("pose", "does not settle", "rad/Nm"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_MODEL)
+@pytest.mark.parametrize("command", ["compare", "predict"])
+def test_models(tmp_path: Path, name: str, command: str) -> None:
+    text, words = BAD_MODEL[name]
+    model, data = tmp_path / "model.toml", tmp_path / "data.csv"
+    model.write_text(text)
+    data.write_text("\n".join([HEADER, *ROWS]) + "\n")
+    output = tmp_path / "out"
+    assert_one_clear_line(run(command, model, data, "--json" if command == "compare" else "-o", output), *words)
+    assert not output.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fit", "nothing.csv", "--arm", "lrm-lab"], "no such file"),
+        (["fit", "{data}"], "no arm given"),
+        (["fit", "{data}", "--arm", "lrm-leb"], "no such arm"),
+        (["fit", "{data}", "--arm", "lrm-lab", "--effects", "offsetts"], "offsets"),
+        (["fit", "{data}", "--arm", "lrm-lab", "--parameters", "offsets.joint7.*"], "unknown parameter"),
+        (["fit", "{data}", "--arm", "lrm-lab", "--loss", "hubber"], "huber"),
+        (
+            ["fit", "{data}", "--arm", "lrm-lab", "--parameters", "option3", "-o", "{data}/no/model.toml"],
+            "cannot be written",
+        ),
+        (["compare", "nothing.toml", "{data}"], "no such file"),
+    ],
+)
+def test_command_lines(tmp_path: Path, words: list[str], said: str) -> None:
+    data = tmp_path / "data.csv"
+    data.write_text("\n".join([HEADER, *ROWS]) + "\n")
+    assert_one_clear_line(run(*(word.format(data=data) for word in words)), said)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["data.csv"]
+
+
+def test_metadata(tmp_path: Path) -> None:
+    data = tmp_path / "data.csv"
+    data.write_text("\n".join([HEADER, *ROWS]) + "\n")
+    beside = tmp_path / "data.toml"
+    for text, words in [
+        ('schema = "lrm/measurements/1"\narm = "lrm-lab"\nnoise_mm = 1.0\n', ("data.toml", "noise_mm", "noise_sd_mm")),
+        ('schema = "lrm/measurements/1"\narm = "lrm-lab"\nstart_q_deg = [0, 0]\n', ("data.toml", "start_q_deg", "6")),
+    ]:
+        beside.write_text(text)
+        assert_one_clear_line(run("fit", data), *words)

@@ -1,0 +1,299 @@
+"""Finding what is missing, in data from the independent generator."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_ident.data.data_audit import audit
+from lrm_ident.data.error_stats import figures
+from lrm_ident.data.measurements import Measurements, load_measurements, load_poses
+from lrm_ident.diagnosis.add_effect import add_effects, follow_advice
+from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.diagnosis_report import Report, advise
+from lrm_ident.diagnosis.inject_recover import Plan, may_show
+from lrm_ident.diagnosis.inject_recover import run as run_trials
+from lrm_ident.diagnosis.linearised_fit import bench, coincidence, paired
+from lrm_ident.diagnosis.residual_structure import noise_floor, structure
+from lrm_ident.effect_plugins import catalogue_with, effects_in
+from lrm_ident.fit.cross_validation import blocks, held_out
+from lrm_ident.fit.identifiability import fit_identifiable
+from lrm_ident.fit.levenberg_marquardt import fit
+from lrm_ident.fit.parameter_sets import chosen
+from lrm_ident.plots.diagnosis import draw_report
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.errors import FileError, LrmError
+from lrm_math.model.model import Model, model_of
+from validation.hidden_effects.cases import CASES
+from validation.hidden_effects.data import write_case
+
+ROOT = Path(__file__).resolve().parents[2]
+FLOOR = 0.3e-3 * np.sqrt(3)
+
+
+def base_fit(arm: Arm, data: Measurements) -> Model:
+    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    return fit_identifiable(model, data, model.keys).fit.model
+
+
+def case_data(name: str, folder: Path, arm: Arm, poses: int = 300) -> Measurements:
+    return load_measurements(write_case(CASES[name], 11, poses, folder), arm)
+
+
+def first_class(report: Report) -> set[str]:
+    assert report.first is not None
+    return {report.first.scored.name, *report.first.rivals}
+
+
+@pytest.mark.parametrize(
+    ("case", "truth"),
+    [
+        ("play3", "backlash@joint3"),
+        ("gain4", "servo_gain@joint4"),
+        ("spring2", "nonlinear_stiffness@joint2"),
+        ("bending2", "lateral_compliance@link2"),
+        ("load", "payload@tool"),
+        ("warm2", "drift@joint2"),
+        ("coupled3-2", "coupling@joint3<-joint2"),
+        ("stretched", "measurement_frame@frame"),
+    ],
+)
+def test_a_hidden_effect_is_named_added_and_the_error_falls_to_the_floor(
+    tmp_path: Path, lab: Arm, case: str, truth: str
+) -> None:
+    data = case_data(case, tmp_path, lab)
+    report = advise(diagnose(base_fit(lab, data), data))
+    assert report.verdict == "effect_missing"
+    assert truth in first_class(report)
+    assert report.first is not None
+    assert report.first.held_out_rms < 1.25 * FLOOR
+    assert report.first.exact
+
+
+def test_nothing_hidden_nothing_named(tmp_path: Path, lab: Arm) -> None:
+    data = case_data("nothing", tmp_path, lab)
+    report = advise(diagnose(base_fit(lab, data), data))
+    assert report.verdict == "nothing_missing"
+    assert {advice.verdict for advice in report.ranking} == {"no_evidence"}
+
+
+def page_effect(tmp_path: Path) -> Path:
+    """The Python of docs/effects.md, as a file."""
+    [code] = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "effects.md").read_text(encoding="utf-8"), flags=re.S)
+    path = tmp_path / "sway.py"
+    path.write_text(code)
+    return path
+
+
+def test_structure_without_a_name_then_the_users_own_effect_from_the_docs(tmp_path: Path, lab: Arm) -> None:
+    """Outside the catalogue: no borrowed name, an anatomy that points right; written by the user, it is found."""
+    data_file = write_case(CASES["sum-q1-q4"], 11, 300, tmp_path)
+    data = load_measurements(data_file, lab)
+    found = diagnose(base_fit(lab, data), data)
+    assert found.verdict == "unexplained_structure"
+    assert found.anatomy[0][0].joint == 2
+    assert set(found.anatomy[0][0].follows) == {"q1", "q4"}
+
+    def run(*words: object) -> None:
+        command = [sys.executable, "-m", "lrm_ident.cli.app", *map(str, words)]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+        assert done.returncode == 0, done.stderr
+
+    model, better, own = tmp_path / "m.toml", tmp_path / "m2.toml", ["--effects-file", page_effect(tmp_path)]
+    run("fit", data_file, "-o", model)
+    run("diagnose", model, data_file, "--json", tmp_path / "d.json", *own)
+    result = json.loads((tmp_path / "d.json").read_text())
+    assert result["verdict"] == "effect_missing"
+    assert (result["ranking"][0]["effect"], result["ranking"][0]["place"]) == ("sway", "joint3")
+    assert result["ranking"][0]["verdict"] == "supported"
+    run("add", model, data_file, "sway@joint3", "-o", better, "--json", tmp_path / "a.json", *own)
+    assert json.loads((tmp_path / "a.json").read_text())["after"]["held_out"]["rms_mm"] < 1.25 * FLOOR * 1e3
+    run("undo", better, "-o", tmp_path / "back.toml")
+    assert (tmp_path / "back.toml").read_text() == model.read_text()
+
+
+def test_auto_finds_two_hidden_effects_and_stops(tmp_path: Path, lab: Arm) -> None:
+    data = case_data("play2+gain1", tmp_path, lab)
+    course = follow_advice(base_fit(lab, data), data)
+    added = [step.added for step in course.steps[1:]]
+    assert "backlash@joint2" in added
+    assert any(name in added for name in ("servo_gain@joint1", "eccentricity@joint1", "cable_spring@joint1"))
+    assert figures(held_out(course.model, data)).rms < 1.3 * FLOOR
+    assert course.last.verdict == "nothing_missing"
+
+
+def test_wrong_measurements_are_named_and_not_explained(tmp_path: Path, lab: Arm) -> None:
+    data = case_data("play3", tmp_path, lab)
+    tcp = data.tcp.copy()
+    wrong = [10, 77, 200]
+    tcp[wrong] += np.array([[0.1, 0, 0], [0, 0.08, 0], [0, 0, -0.12]])
+    spoiled = replace(data, tcp=tcp)
+    report = advise(diagnose(base_fit(lab, spoiled), spoiled))
+    assert set(report.diagnosis.outliers) == {int(data.pose[row]) for row in wrong}
+    assert "backlash@joint3" in first_class(report)
+
+
+def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
+    model = base_fit(lab, real)
+    found = diagnose(model, real)
+    traps = " ".join(audit(real, found.fit.rest.joint_torque))
+    assert "few levels: joints 1, 2, 3, 4, 5 and 6" in traps
+    assert "run with joint 1 (correlation 0.94)" in traps
+    assert "no reversal: joint 1" in traps
+    refused = {f"{effect.id}@{effect.place}" for effect, _ in found.not_testable}
+    assert {"hysteresis@joint1", "payload@tool", "session@joint2"} <= refused
+
+
+def test_gain_is_never_called_against_eccentricity_on_three_levels(real: Measurements, lab: Arm) -> None:
+    model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
+    found = diagnose(replace(model, free=chosen(model, "option1")), real)
+    for scored in found.path:
+        kind, place = scored.name.split("@")
+        if kind in ("servo_gain", "eccentricity"):
+            other = {"servo_gain": "eccentricity", "eccentricity": "servo_gain"}[kind]
+            assert f"{other}@{place}" in found.rivals[scored.name]
+
+
+def test_an_effect_that_is_there_already_cannot_be_added_twice(tmp_path: Path, lab: Arm) -> None:
+    data = case_data("play3", tmp_path, lab)
+    better = add_effects(base_fit(lab, data), data, effects_at(lab, "backlash@joint3"))
+    with pytest.raises(LrmError, match="already"):
+        add_effects(better.model, data, effects_at(lab, "backlash@joint3"))
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 1000))
+def test_linear_held_out_is_what_refitting_in_each_fold_gives(seed: int) -> None:
+    """Frisch–Waugh–Lovell: the bench agrees with least squares on all columns, fold by fold."""
+    rng = np.random.default_rng(seed)
+    A, C, r = rng.normal(size=(90, 5)), rng.normal(size=(90, 3)), rng.normal(size=90)
+    folds = np.array_split(rng.permutation(30), 5)
+    on = bench(A, r, folds, 1e-9)
+    told = on.explain(on.prepare(C)).held_out
+    projected = r - A @ np.linalg.lstsq(A, r)[0]
+    for poses in folds:
+        test = (3 * poses[:, None] + np.arange(3)).reshape(-1)
+        train = np.setdiff1d(np.arange(90), test)
+        both = np.column_stack([A, C])
+        answer = np.linalg.lstsq(both[train], projected[train])[0]
+        left = (projected[test] - both[test] @ answer) ** 2
+        np.testing.assert_allclose(told[poses], left.reshape(-1, 3).sum(axis=1), rtol=1e-6)
+
+
+@given(st.integers(0, 1000))
+def test_coincidence_is_a_cosine_between_spaces(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(60, 3))
+    assert coincidence(A, A @ rng.normal(size=(3, 3))) == pytest.approx(1.0)
+    assert coincidence(A[:, :1], A) == pytest.approx(1.0)
+    B = rng.normal(size=(60, 3))
+    B -= A @ np.linalg.lstsq(A, B)[0]
+    assert coincidence(A, B) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_paired_is_a_z_score() -> None:
+    rng = np.random.default_rng(0)
+    same = [paired(rng.normal(1, 0.1, 200), rng.normal(1, 0.1, 200)) for _ in range(300)]
+    assert np.std(same) == pytest.approx(1.0, abs=0.15)
+    assert paired(np.full(50, 1.0) + rng.normal(0, 0.1, 50), np.full(50, 2.0)) > 10
+
+
+def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
+    data = case_data("nothing", tmp_path, lab, 60)
+    assert noise_floor(data).source == "metadata"
+    rows = np.repeat(np.arange(60), 3)
+    rng = np.random.default_rng(0)
+    again = data.take(rows)
+    noisy = replace(again, tcp=again.tcp + rng.normal(0, 5e-4, again.tcp.shape), pose=np.arange(180) + 1)
+    floor = noise_floor(replace(noisy, repeat_of=rows + 1))
+    assert floor.source == "replicates"
+    assert floor.sd == pytest.approx(5e-4, rel=0.1)
+    assert noise_floor(replace(data, noise_sd=None)).sd is None
+
+
+@given(st.integers(0, 200))
+def test_pure_noise_has_no_structure(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q, basis = rng.uniform(-1, 1, (80, 6)), np.linalg.qr(rng.normal(size=(240, 10)))[0]
+    noise = rng.normal(size=240)
+    found = structure(q, noise - basis @ (basis.T @ noise), basis)
+    assert found.p_value > 1e-4
+    smooth = np.repeat(np.sin(2 * q[:, 0]) * np.cos(q[:, 1]), 3) * 3
+    assert structure(q, noise + smooth, np.zeros((240, 0))).p_value < 1e-3
+
+
+def test_every_effect_explains_itself(lab: Arm) -> None:
+    for kind in CATALOGUE:
+        assert kind.cause.endswith(".")
+        assert kind.formula
+        assert kind.source
+        for place in kind.places(lab):
+            effect = kind(lab, place)
+            for parameter in effect.parameters:
+                assert parameter.typical > 0
+                assert parameter.meaning
+                assert parameter.name.endswith("_" + parameter.unit)
+            effect.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("x = 1\n", "no effect"),
+        ("def f(:\n", "SyntaxError"),
+        ("import nothing_like_it\n", "nothing_like_it"),
+        ("from lrm_math.effects import Effect\nclass A(Effect):\n    pass\n", "class A"),
+    ],
+)
+def test_a_users_file_that_cannot_be_taken(tmp_path: Path, code: str, said: str) -> None:
+    path = tmp_path / "own.py"
+    path.write_text(code)
+    with pytest.raises(FileError, match=said):
+        effects_in(path)
+
+
+def test_blocks_of_the_diagnosis_are_those_of_the_held_out_error(real: Measurements, lab: Arm) -> None:
+    """The linear held-out error of the fitted model is close to the one from refitting every fold in full."""
+    model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
+    fitted = fit(replace(model, free=chosen(model, "option1")), real).model
+    linear = float(np.sqrt(diagnose(fitted, real).before.mean()))
+    assert linear == pytest.approx(figures(held_out(fitted, real)).rms, rel=0.02)
+    assert len(np.unique(blocks(real.poses.q, real.repeat_of))) == 10
+
+
+def test_an_installed_package_can_offer_effects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    [own] = effects_in(page_effect(tmp_path))
+
+    class Point:
+        def load(self) -> type[Effect]:
+            return own
+
+    monkeypatch.setattr(
+        "lrm_ident.effect_plugins.entry_points", lambda group: [Point()] if group == "lrm_arm.effects" else []
+    )
+    assert catalogue_with(None) == (*CATALOGUE, own)
+
+
+def test_selftest_tells_what_a_plan_could_find(lab: Arm) -> None:
+    plan = Plan("lrm-lab", load_poses(ROOT / "lrm_ident" / "examples" / "hidden-play.csv", lab), 3e-4, 0, None)
+    names, refused = may_show(plan, "backlash@joint[23]")
+    assert names == ["backlash@joint2", "backlash@joint3"]
+    assert any(effect.id == "session" for effect, _ in refused)
+    assert [trial.outcome for trial in run_trials(plan, names)] == ["found", "found"]
+
+
+@pytest.mark.parametrize("figure", ["named", "nameless"])
+def test_a_diagnosis_can_be_drawn(tmp_path: Path, lab: Arm, figure: str) -> None:
+    data = case_data({"named": "play3", "nameless": "sum-q1-q4"}[figure], tmp_path, lab, 150)
+    draw_report(advise(diagnose(base_fit(lab, data), data)), tmp_path / "why.png")
+    assert (tmp_path / "why.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,241 @@
+"""What is nearest to a goal that cannot be taken: laws of distances, whatever the model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.ik.answer import Nearest, Verdict
+from lrm_math.ik.batch_equilibrium import settled
+from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.direct import Direct
+from lrm_math.ik.goal import Goal, point, point_along, pose
+from lrm_math.ik.library import ball_of
+from lrm_math.ik.nearest import nearest
+from lrm_math.ik.newton import LEVER
+from lrm_math.ik.pose_error import farness
+from lrm_math.ik.reply import Solved, Unsolved
+from lrm_math.ik.solver_context import Ask
+from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import load_model
+from tests.support.random_arms import arms
+
+Array = NDArray[np.float64]
+TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
+SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
+FORMS = ("point", "along", "pose")
+MODELS = ("nominal", "thesis", "everything")
+LOAD = 0.0663
+SETTLED = 3e-5  # m, what is left open of the least error
+lengths = st.floats(-1.0, 1.0)
+positions = st.tuples(lengths, lengths, lengths)
+turns = st.tuples(*[lengths] * 4).filter(lambda q: sum(x * x for x in q) > 0.01)
+
+
+@lru_cache
+def solver(name: str) -> CalibratedSolver:
+    """The solver of one of `MODELS`."""
+    thesis = load_model(TABLE_B2)
+    if name == "nominal":
+        return CalibratedSolver.of(model_of(load_arm("lrm-lab"), ()))
+    if name == "thesis":
+        return CalibratedSolver.of(thesis)
+    have = {(effect.id, effect.place) for effect in thesis.effects}
+    every = [e for kind in SMOOTH for e in effects_at(thesis.arm, kind) if (e.id, e.place) not in have]
+    known = dict(zip(thesis.keys, thesis.values.tolist(), strict=True))
+    full = model_of(thesis.arm, (*thesis.effects, *every), known)
+    rng = np.random.default_rng(0)
+    sizes = {
+        key: 0.15 * rng.uniform(0.2, 1.0) * p.typical
+        for key, p in zip(full.keys, full.parameters, strict=True)
+        if key not in known and p.fixed is None
+    }
+    return CalibratedSolver.of(model_of(full.arm, full.effects, known | sizes))
+
+
+def goal_of(form: str, position: tuple[float, ...], turn: tuple[float, ...]) -> Goal:
+    """A goal of one of `FORMS`; the turn is a quaternion of any length."""
+    R = Rotation.from_quat(turn).as_matrix()
+    return {"pose": pose(position, R), "along": point_along(position, R[:, 2]), "point": point(position)}[form]
+
+
+def tools(model: Model, q: Array, payload: float) -> Array:
+    """(M, 4, 4), the tool's frames at those of the commands (N, n) where the arm settles."""
+    rest, rows = settled(model, Poses(q, np.full(len(q), payload)))
+    return frames(model.chain, rest.slots, len(rows))[:, -1]
+
+
+def error(found: Nearest) -> float:
+    """m, turns weighed as they are when least squares are sought."""
+    return math.hypot(found.distance, LEVER * found.angle)
+
+
+def find(name: str, goal: Goal, starts: Sequence[tuple[float, ...]] = ()) -> Nearest:
+    """The nearest with a load."""
+    return nearest(solver(name).deployment, Ask(goal, LOAD), np.array(starts).reshape(-1, 6))
+
+
+@given(form=st.sampled_from(FORMS), position=positions, turn=turns, there=turns)
+def test_how_far_a_tool_is_off_is_its_distance_and_its_least_turn(
+    form: str, position: tuple[float, ...], turn: tuple[float, ...], there: tuple[float, ...]
+) -> None:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = Rotation.from_quat(there).as_matrix(), (0.1, 0.2, 0.3)
+    goal = goal_of(form, position, turn)
+    R = Rotation.from_quat(turn)
+    angle = {
+        "pose": (R * Rotation.from_quat(there).inv()).magnitude(),
+        "along": math.acos(np.clip(T[:3, 2] @ R.as_matrix()[:, 2], -1.0, 1.0)),
+        "point": 0.0,
+    }[form]
+    off = farness(T[None], goal)
+    assert off.angle[0] == pytest.approx(angle, abs=1e-7)
+    assert off.square[0] == pytest.approx(math.dist(position, T[:3, 3]) ** 2 + (LEVER * angle) ** 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("name", ["nominal", "everything"])
+@settings(max_examples=15)
+@given(position=positions, turn=turns, row=st.integers(0, 1000))
+def test_slopes_and_curvatures_are_those_of_finite_differences(
+    name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...], row: int
+) -> None:
+    deployment, goal = solver(name).deployment, goal_of(form, position, turn)
+    linkage = deployment.compensation.linkage
+    here, h = deployment.library.amounts[[row]], 1e-5
+
+    def slopes(amounts: Array) -> tuple[float, Array, Array]:
+        placed = linkage.place(amounts)
+        off, J = farness(placed.tcp, goal), linkage.jacobian(placed)[:, :, linkage.joints]
+        return 0.5 * float(off.square[0]), -(off.pull[:, None] @ J)[0, 0], off.curvature(J)[0]
+
+    if farness(linkage.place(here).tcp, goal).angle[0] > 3.1:
+        return  # which way round half a turn goes is nobody's to say
+    _, gradient, curvature = slopes(here)
+    for i, v in enumerate(linkage.joints):
+        step = np.zeros_like(here)
+        step[0, v] = h
+        ahead, behind = slopes(here + step), slopes(here - step)
+        scale = 1.0 + math.hypot(*position)
+        assert gradient[i] == pytest.approx((ahead[0] - behind[0]) / (2 * h), abs=1e-7 * scale)
+        assert curvature[i] == pytest.approx((ahead[1] - behind[1]) / (2 * h), abs=1e-5 * scale)
+
+
+@settings(max_examples=40)
+@given(arm=arms, load=st.floats(0.0, 0.2), seed=st.integers(0, 1000), size=st.floats(0.0, 1.0))
+def test_no_command_takes_the_tool_out_of_the_ball_around_the_arm(
+    arm: Arm, load: float, seed: int, size: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    typical = np.array([p.typical for p in model.parameters])
+    model = replace(model, values=model.values + size * rng.uniform(0.0, 1.0, len(typical)) * typical)
+    q = rng.uniform(-math.pi, math.pi, (200, arm.dof))
+    ball, at = ball_of(model), tools(model, q, load)[:, :3, 3]
+    assert all(ball.holds(position) for position in at.tolist())
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("form", FORMS)
+@settings(max_examples=8)
+@given(position=positions, turn=turns)
+def test_nearest_is_within_the_limits_where_it_says_and_no_pose_at_random_is_nearer(
+    name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]
+) -> None:
+    deployment, goal = solver(name).deployment, goal_of(form, position, turn)
+    found = find(name, goal)
+    lower, upper = deployment.limits.lower, deployment.limits.upper
+    assert all(low <= x <= high for low, x, high in zip(lower, found.q, upper, strict=True))
+    there = farness(tools(deployment.model, np.array([found.q]), LOAD), goal)
+    assert math.sqrt(there.square[0]) == pytest.approx(error(found), abs=1e-7)
+    q = np.random.default_rng(1).uniform(lower, upper, (1000, len(lower)))
+    q = np.concatenate([q, deployment.library.q[deployment.library.closest(goal, 50)]])
+    others = farness(tools(deployment.model, q, LOAD), goal)
+    assert error(found) <= math.sqrt(others.square.min()) + SETTLED
+
+
+@pytest.mark.parametrize("name", MODELS)
+@settings(max_examples=10)
+@given(form=st.sampled_from(FORMS), position=positions, turn=turns)
+def test_the_nearest_goal_is_nearest_to_itself(
+    name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]
+) -> None:
+    found = find(name, goal_of(form, position, turn))
+    assert error(find(name, found.goal, [found.q])) <= SETTLED
+
+
+@pytest.mark.parametrize("name", MODELS)
+@settings(max_examples=10)
+@given(position=positions, share=st.floats(0.05, 0.95))
+def test_on_the_way_to_the_nearest_point_it_stays_as_near_at_least(
+    name: str, position: tuple[float, ...], share: float
+) -> None:
+    found = find(name, point(position))
+    reached = np.array(found.goal.position)
+    between = reached + share * (np.array(position) - reached)
+    assert find(name, point(between), [found.q]).distance <= share * found.distance + SETTLED
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_goals_at_poses_are_taken_wherever_they_are(name: str) -> None:
+    deployment, rng = solver(name).deployment, np.random.default_rng(7)
+    limits = deployment.limits
+    q = np.concatenate([rng.uniform(limits.lower, limits.upper, (40, 6)), np.array(limits.lower)[None]])
+    for tool in tools(deployment.model, q, LOAD):
+        for goal in (point(tool[:3, 3]), point_along(tool[:3, 3], tool[:3, 2]), pose(tool[:3, 3], tool[:3, :3])):
+            assert isinstance(solver(name).solve(goal, LOAD, method=Direct()), Solved)
+
+
+@pytest.mark.parametrize("name", MODELS)
+@settings(max_examples=10)
+@given(way=positions.filter(lambda v: math.hypot(*v) > 0.1), beyond=st.floats(0.01, 5.0))
+def test_a_goal_out_of_the_ball_is_at_least_as_far_as_the_ball_and_pushed_outwards_no_further_than_that(
+    name: str, way: tuple[float, ...], beyond: float
+) -> None:
+    deployment = solver(name).deployment
+    ball = deployment.library.around
+    outwards = np.array(way) / math.hypot(*way)
+    at = [np.array(ball.centre) + (ball.radius + d) * outwards for d in (0.001, 0.001 + beyond)]
+    replies = [solver(name).solve(point(position), LOAD, method=Direct()) for position in at]
+    assert all(isinstance(r, Unsolved) and r.verdict is Verdict.OUT_OF_REACH for r in replies)
+    first, second = (r.nearest.distance for r in replies if isinstance(r, Unsolved))
+    assert first >= 0.001
+    assert second <= first + beyond + SETTLED
+    assert second >= 0.001 + beyond
+
+
+def test_the_nominal_arm_stretches_to_its_whole_length() -> None:
+    ball = solver("nominal").deployment.library.around
+    for elevation in (0.6, 0.9, 1.2):
+        for azimuth in (-0.8, 0.0, 0.8):
+            way = (
+                math.cos(elevation) * math.cos(azimuth),
+                math.cos(elevation) * math.sin(azimuth),
+                math.sin(elevation),
+            )
+            found = find("nominal", point(np.array(ball.centre) + 2.0 * ball.radius * np.array(way)))
+            assert ball.radius <= found.distance <= ball.radius + 1e-3
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_starts_never_make_it_further(name: str) -> None:
+    deployment, rng = solver(name).deployment, np.random.default_rng(2)
+    for _ in range(5):
+        ask = Ask(goal_of("pose", tuple(rng.uniform(-0.5, 0.5, 3)), tuple(rng.normal(size=4))), LOAD)
+        starts = rng.uniform(-4.0, 4.0, (3, 6))
+        assert error(nearest(deployment, ask, starts)) <= error(nearest(deployment, ask, np.empty((0, 6))))

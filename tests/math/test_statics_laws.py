@@ -1,0 +1,216 @@
+"""Laws of statics that the model must obey on any arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import effects_at
+from lrm_math.errors import NotSettled
+from lrm_math.kinematics import statics
+from lrm_math.kinematics.chain import chain_of, trig
+from lrm_math.kinematics.forward import walk
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+from tests.support.random_arms import arms
+
+Array = NDArray[np.float64]
+TIGHT = 1e-14
+
+
+def elastic(arm: Arm, seed: int, softness: float = 0.1) -> Model:
+    """The arm with springs everywhere, of random size up to `softness` rad/Nm."""
+    effects = effects_at(arm, "compliance") + effects_at(arm, "lateral_compliance")
+    model = model_of(arm, effects)
+    return model.with_values(np.random.default_rng(seed).uniform(0.2, 1.0, len(model.keys)) * softness)
+
+
+def some_poses(arm: Arm, seed: int, count: int = 5) -> Poses:
+    rng = np.random.default_rng(seed)
+    return poses_of(rng.uniform(-1.7, 1.7, (count, arm.dof)), rng.choice([0.0, 0.0663], count))
+
+
+def gravity_energy(arm: Arm, slots: list[object], payload: Array) -> Array:
+    """(N,), potential energy of all bodies (J)."""
+    chain = chain_of(arm)
+    bodies = walk(chain, slots, len(payload)).body  # type: ignore[arg-type]
+    weights = statics.weights(chain, payload)
+    heights = np.einsum("c,bcn->bn", -np.array(arm.gravity), bodies)
+    return np.sum([w.mass * h for w, h in zip(weights, heights, strict=True)], axis=0)
+
+
+@given(arms, st.integers(0, 100))
+def test_load_is_the_slope_of_the_energy(arm: Arm, seed: int) -> None:
+    poses = some_poses(arm, seed)
+    chain = chain_of(arm)
+    slots = chain.values([poses.angle(i) for i in range(arm.dof)])
+    felt = [k for k, slot in enumerate(chain.slots) if slot.rotates]
+    loads = statics.loads(chain, slots, trig(chain, slots), statics.weights(chain, poses.payload), felt)
+    h = 1e-6
+    for k, load in zip(felt, loads, strict=True):
+        up, down = ([*slots[:k], slots[k] + s, *slots[k + 1 :]] for s in (h, -h))
+        slope = (gravity_energy(arm, up, poses.payload) - gravity_energy(arm, down, poses.payload)) / (2 * h)
+        np.testing.assert_allclose(load, -slope, atol=1e-8)
+
+
+@settings(max_examples=30)
+@given(arms, st.integers(0, 100))
+def test_equilibrium_is_a_stationary_point_of_elastic_and_gravitational_energy(arm: Arm, seed: int) -> None:
+    model, poses = elastic(arm, seed, 0.05), some_poses(arm, seed)
+    rest = equilibrium(model, poses, tolerance=TIGHT)
+    chain = model.chain
+    nominal = chain.values([poses.angle(i) for i in range(arm.dof)])
+    stiffness = {
+        chain.index[key]: 1.0 / p
+        for effect, span in zip(model.effects, model.spans, strict=True)
+        for key, p in zip(effect.moves, model.values[span], strict=True)
+    }
+
+    def energy(slots: list[object]) -> Array:
+        spring = sum(0.5 * c * (slots[k] - nominal[k]) ** 2 for k, c in stiffness.items())  # type: ignore[operator]
+        return spring + gravity_energy(arm, slots, poses.payload)
+
+    slots, h = list(rest.slots), 1e-5
+    for k in stiffness:
+        up, down = ([*slots[:k], slots[k] + s, *slots[k + 1 :]] for s in (h, -h))
+        np.testing.assert_allclose((energy(up) - energy(down)) / (2 * h), 0.0, atol=1e-8)
+
+
+@given(arms, st.integers(0, 100))
+def test_load_derivatives_against_central_differences(arm: Arm, seed: int) -> None:
+    poses = some_poses(arm, seed, 2)
+    chain = chain_of(arm)
+    slots = chain.values([poses.angle(i) for i in range(arm.dof)])
+    felt = [k for k, slot in enumerate(chain.slots) if slot.rotates]
+    weights = statics.weights(chain, poses.payload)
+    H = statics.load_derivatives(chain, walk(chain, slots, 2), weights, felt)
+    h = 1e-6
+    for j in range(len(chain.slots)):
+        up, down = ([*slots[:j], slots[j] + s, *slots[j + 1 :]] for s in (h, -h))
+        plus = np.array(np.broadcast_arrays(*statics.loads(chain, up, trig(chain, up), weights, felt)))
+        minus = np.array(np.broadcast_arrays(*statics.loads(chain, down, trig(chain, down), weights, felt)))
+        np.testing.assert_allclose(H[:, j], (plus - minus) / (2 * h), atol=1e-8)
+
+
+def test_load_derivatives_with_the_rigs_bookkeeping(lab: Arm) -> None:
+    chain = chain_of(lab)
+    poses = some_poses(lab, 3, 20)
+    slots = chain.values([poses.angle(i) for i in range(6)])
+    rng = np.random.default_rng(0)
+    for i in range(1, 6):
+        slots[chain.index[f"link{i}.x"]], slots[chain.index[f"link{i}.y"]] = rng.normal(0, 0.05, 2).tolist()
+    felt_keys = ("base.beta", "link2.x", "link2.y", "link4.y", *(f"joint{i}.theta" for i in range(1, 7)))
+    felt = sorted(chain.index[key] for key in felt_keys)
+    weights = statics.weights(chain, poses.payload)
+    H = statics.load_derivatives(chain, walk(chain, slots, 20), weights, felt)
+    h = 1e-6
+    for j in range(len(chain.slots)):
+        up, down = ([*slots[:j], slots[j] + s, *slots[j + 1 :]] for s in (h, -h))
+        plus = np.array(np.broadcast_arrays(*statics.loads(chain, up, trig(chain, up), weights, felt)))
+        minus = np.array(np.broadcast_arrays(*statics.loads(chain, down, trig(chain, down), weights, felt)))
+        np.testing.assert_allclose(H[:, j], (plus - minus) / (2 * h), atol=1e-9)
+
+
+@given(arms, st.integers(0, 100), st.floats(1e-3, 1.0))
+def test_stiff_limit_is_the_rigid_arm(arm: Arm, seed: int, scale: float) -> None:
+    poses = some_poses(arm, seed)
+    rigid = equilibrium(model_of(arm, ()), poses).tcp
+    sag = [
+        np.linalg.norm(equilibrium(elastic(arm, seed, 1e-6 * s), poses, tolerance=TIGHT).tcp - rigid, axis=1).max()
+        for s in (scale, 10 * scale)
+    ]
+    assert sag[0] <= 1e-5 * scale * 10
+    assert sag[1] == pytest.approx(10 * sag[0], rel=1e-3, abs=1e-12)
+
+
+@given(arms, st.integers(0, 100), st.floats(-3.0, 3.0))
+def test_turning_the_base_and_gravity_together_changes_no_load(arm: Arm, seed: int, angle: float) -> None:
+    """The whole laboratory turned about the vertical axis of its frame: torques stay, positions turn along."""
+    if arm.base.alpha or arm.base.beta:
+        arm = replace(arm, base=replace(arm.base, alpha=0.0, beta=0.0))
+    c, s = np.cos(angle), np.sin(angle)
+    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    x, y, z = (R @ [arm.base.x, arm.base.y, arm.base.z]).tolist()
+    turned = replace(
+        arm,
+        gravity=tuple((R @ arm.gravity).tolist()),
+        base=replace(arm.base, x=x, y=y, z=z, gamma=arm.base.gamma + angle),
+    )
+    poses = some_poses(arm, seed)
+    before, after = (equilibrium(_joints_only(a, seed), poses, tolerance=TIGHT) for a in (arm, turned))
+    np.testing.assert_allclose(after.joint_torque, before.joint_torque, atol=1e-9)
+    np.testing.assert_allclose(after.tcp, before.tcp @ R.T, atol=1e-9)
+
+
+def _joints_only(arm: Arm, seed: int) -> Model:
+    effects = [e for e in effects_at(arm, "compliance") if e.place != "base"]
+    model = model_of(arm, effects)
+    return model.with_values(np.random.default_rng(seed).uniform(0.01, 0.05, len(model.keys)))
+
+
+@given(arms, st.integers(0, 100))
+def test_without_gravity_nothing_bends(arm: Arm, seed: int) -> None:
+    weightless = replace(arm, gravity=(0.0, 0.0, 0.0))
+    poses = some_poses(arm, seed)
+    bent = equilibrium(elastic(weightless, seed), poses)
+    np.testing.assert_allclose(bent.tcp, equilibrium(model_of(arm, ()), poses).tcp, atol=1e-15)
+    np.testing.assert_array_equal(bent.joint_torque, 0.0)
+
+
+@given(st.integers(0, 50))
+def test_each_pose_stands_alone(lab: Arm, seed: int) -> None:
+    """Batches do not mix poses: any subset gives the same result."""
+    model, poses = elastic(lab, seed, 0.08), some_poses(lab, seed, 6)
+    whole = equilibrium(model, poses, tolerance=TIGHT).tcp
+    rows = np.random.default_rng(seed).permutation(6)[:3]
+    np.testing.assert_allclose(equilibrium(model, poses.take(rows), tolerance=TIGHT).tcp, whole[rows], atol=1e-12)
+
+
+def test_a_warm_start_ends_at_the_same_place(lab: Arm) -> None:
+    poses = some_poses(lab, 1, 50)
+    soft, softer = elastic(lab, 1, 0.08), elastic(lab, 1, 0.085)
+    cold = equilibrium(softer, poses)
+    warm = equilibrium(softer, poses, start=equilibrium(soft, poses))
+    np.testing.assert_allclose(warm.tcp, cold.tcp, atol=1e-8)
+    assert warm.iterations < cold.iterations
+
+
+def test_play_opens_towards_gravity(lab: Arm) -> None:
+    poses = some_poses(lab, 2, 200)
+    rigid = equilibrium(model_of(lab, ()), poses)
+    play = {"backlash.joint2.b_rad": 0.04, "backlash.joint2.tau0_Nm": 0.001}
+    loose = equilibrium(model_of(lab, effects_at(lab, "backlash@joint2"), play), poses)
+    k = loose.model.chain.index["joint2.theta"]
+    turned = np.asarray(loose.slots[k]) - poses.q[:, 1]
+    strong = np.abs(rigid.joint_torque[:, 1]) > 0.1
+    np.testing.assert_allclose(turned[strong], 0.02 * np.sign(loose.joint_torque[strong, 1]), atol=1e-9)
+
+
+def test_no_equilibrium_is_an_error_that_names_the_pose(lab: Arm) -> None:
+    limp = model_of(lab, effects_at(lab, "compliance"), {"compliance.joint2.k_rad_per_Nm": 5.0})
+    poses = poses_of([[0.1, 1.0, 0, 0, 0, 0], [0, 0.9, 0, 0, 0, 0]])
+    with pytest.raises(NotSettled, match=r"pose 1 and 1 more.*rad/Nm") as caught:
+        equilibrium(limp, poses)
+    assert caught.value.poses == (1, 2)
+
+
+@given(st.integers(0, 200), st.integers(1, 6))
+def test_a_limp_joint_never_gives_a_plausible_number(lab: Arm, seed: int, joint: int) -> None:
+    """Whatever the pose: either an error, or an equilibrium that really is one and has kept its shape."""
+    limp = model_of(lab, effects_at(lab, "compliance"), {f"compliance.joint{joint}.k_rad_per_Nm": 5.0})
+    poses = some_poses(lab, seed, 1)
+    try:
+        rest = equilibrium(limp, poses)
+    except NotSettled:
+        return
+    turned = float(np.asarray(rest.slots[limp.chain.index[f"joint{joint}.theta"]]).item()) - poses.q[0, joint - 1]
+    turned -= lab.joints[joint - 1].theta
+    assert abs(turned) <= 0.5
+    assert turned == pytest.approx(5.0 * rest.joint_torque[0, joint - 1], abs=1e-7)

@@ -1,0 +1,154 @@
+"""A daemon's core, its ramp and a simulated board in one process, on a clock that the caller moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+
+from lrmd.config import Config, load_config
+from lrmd.control.core import Core
+from lrmd.ramp.core import Board, RampCore
+from lrmd.ramp.shared_memory import LinkState, Order, Report
+from lrmd.sim.board import Board as SimulatedBoard
+from lrmd.sim.pca9685_chip import Pca9685Chip
+
+CONFIG = Path(__file__).resolve().parents[2] / "config" / "lrmd.toml"
+CYCLE = 3
+"""Ticks between two cycles of the API, about 20 ms."""
+
+
+def config_at(pwm_hz: float, folder: Path) -> Config:
+    """The shipped configuration with another PWM frequency: at 330 Hz a count is shorter than a step."""
+    text = CONFIG.read_text(encoding="utf-8").replace("pwm_hz = 50.0", f"pwm_hz = {pwm_hz}")
+    path = folder / "lrmd.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_config(path)
+
+
+@dataclass
+class World:
+    """Time goes on by `run`. `lost_in`, `lost_out`: the next frames that vanish on the way to and from the board.
+
+    `stalled`: what the line holds back; `api_stopped`: the API neither reads nor writes. Every tick is checked.
+    """
+
+    config: Config
+    seed: int = 0
+    now: int = 1_000_000_000
+    lost_in: int = 0
+    lost_out: int = 0
+    stall: int = 0
+    unplugged: int = 0
+    api_stopped: bool = False
+    torque: tuple[float, ...] = (0.0,) * 6
+    starts: int = 1
+    ticks: int = 0
+    held_in: bytes = b""
+    held_out: bytes = b""
+    rung: bool = False
+    order: Order | None = None
+    outputs: dict[int, float | None] = field(default_factory=dict)
+    largest_step: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.random = Random(self.seed)
+        self.board = SimulatedBoard(Pca9685Chip(self.config.clock.oscillator_hz), self.random, self.now)
+        self.ramp = RampCore(Board.of(self.config))
+        self.core = Core(
+            self.config, lambda *_: self.torque, None, lambda *_: None, self.now, 1_700_000_000_000_000_000
+        )
+        self.report = self._report()
+        self.allowed: dict[int, int] = {}
+        self.outputs = self._pulses()
+
+    def _report(self) -> Report:
+        return self.ramp.report(self.ticks, self.now, 0, 0, self.starts, False)
+
+    def _pulses(self) -> dict[int, float | None]:
+        return {i: self.board.chip.pulse(s.channel) for i, s in enumerate(self.config.servos)}
+
+    def run(self, ticks: int) -> None:
+        """Lets so many ticks pass."""
+        for _ in range(ticks):
+            self.tick()
+
+    def tick(self) -> None:
+        """One tick of the ramp, and now and then a cycle of the API."""
+        self.now += self.config.tick
+        self.ticks += 1
+        self.board.tick(self.now)
+        if not self.api_stopped and self.ticks % CYCLE == 0:
+            self.cycle()
+        received = self._arrived()
+        before = self.ramp.outputs
+        out = self.ramp.tick(self.now, self.now, self.order, received, self.rung)
+        self.rung = False
+        if self.order is not None and self.ramp.taken and self.ramp.order == self.order.number:
+            fresh = self.ramp.outputs & ~before
+            self.allowed |= {i: self.order.pose[i] for i in range(len(self.config.servos)) if fresh >> i & 1}
+        if self.ramp.link is LinkState.CLOSED and not self.unplugged:
+            self.ramp.opened(self.now)
+        self._send(out)
+        self.report = self._report()
+        self._check()
+
+    def cycle(self) -> None:
+        """What the API does every 20 ms."""
+        self.core.observe(self.report, self.now)
+        self.core.tick(self.now)
+        self.order = self.core.order
+
+    def _arrived(self) -> bytes | None:
+        if self.unplugged:
+            self.unplugged -= 1
+            self.held_in = self.held_out = b""
+            return None
+        if self.ramp.link is LinkState.CLOSED:
+            return None
+        data, self.held_out = self.held_out, b""
+        if data and self.lost_out:
+            self.lost_out -= 1
+            return b""
+        return data
+
+    def _send(self, out: bytes) -> None:
+        if self.stall:
+            self.stall -= 1
+            self.held_in += out
+            return
+        if out and self.lost_in:
+            self.lost_in -= 1
+            return
+        data, self.held_in = self.held_in + out, b""
+        if data:
+            self.held_out += self.board.feed(data, self.now)
+
+    def restart_ramp(self) -> None:
+        """kill -9 of the ramp process: a new one finds the last report."""
+        self.starts += 1
+        self.ramp = RampCore(Board.of(self.config), self.report)
+        self.held_out = b""
+
+    def stop_ramp(self, ns: int) -> None:
+        """SIGSTOP for a while: the board goes on alone."""
+        for _ in range(ns // self.config.tick):
+            self.now += self.config.tick
+            self.board.tick(self.now)
+        self._check()
+
+    def _check(self) -> None:
+        """The laws: no pulse outside its limits, no step above one per tick, no pulse switched on but as ordered."""
+        after, count = self._pulses(), self.config.clock.count_s
+        for i, servo in enumerate(self.config.servos):
+            was, now = self.outputs[i], after[i]
+            if now is None:
+                continue
+            assert servo.lowest * 1e-9 - count <= now <= servo.highest * 1e-9 + count, servo.name
+            if was is None:
+                assert i in self.allowed, f"{servo.name} was switched on and nobody asked"
+                assert abs(now - self.allowed.pop(i) * 1e-9) <= self.config.step * 1e-9 + count
+            else:
+                self.largest_step = max(self.largest_step, abs(now - was))
+                assert abs(now - was) <= self.config.step * 1e-9 + count, f"{servo.name} jumped by {now - was} s"
+        self.outputs = after

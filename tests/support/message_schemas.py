@@ -1,0 +1,103 @@
+"""Every message that is defined in lrmd, and contents that its schema allows."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+import lrmd
+from lrmd.messages.control import Header, Message, MetricsState, Part
+
+Content = dict[str, Any]
+
+
+def every_message() -> dict[str, type[Part]]:
+    """The messages and their parts by name, wherever they are defined."""
+    for module in pkgutil.iter_modules(lrmd.__path__, "lrmd."):
+        if "messages" in module.name:
+            importlib.import_module(module.name)
+    found: dict[str, type[Part]] = {}
+    waiting: list[type[Part]] = [Part]
+    while waiting:
+        for kind in waiting.pop().__subclasses__():
+            if kind.__module__.startswith("lrmd."):
+                found[kind.__name__] = kind
+                waiting.append(kind)
+    return {name: kind for name, kind in sorted(found.items()) if kind not in (Message, Header)}
+
+
+def contents(kind: type[Part]) -> st.SearchStrategy[Content]:
+    """What may be sent as a message, drawn from its JSON schema, with fields that go together."""
+    schema = kind.model_json_schema()
+
+    def consistent(content: Content) -> bool:
+        try:
+            kind.model_validate(content)
+        except ValidationError as error:
+            return any(fault["type"] != "value_error" for fault in error.errors())
+        return True
+
+    return _of(schema, schema.get("$defs", {})).map(TOGETHER.get(kind, dict)).filter(consistent)
+
+
+def _one_histogram(content: Content) -> Content:
+    """Fields that go together: ascending edges, one count more, and their sum."""
+    edges = sorted(set(content["late_upper_us"]))
+    counts = (2 * content["late_counts"])[: len(edges) + 1]
+    return {**content, "late_upper_us": edges, "late_counts": counts, "ticks": sum(counts)}
+
+
+TOGETHER: dict[type[Part], Callable[[Content], Content]] = {MetricsState: _one_histogram}
+
+
+PRINTABLE = st.characters(codec="utf-8", exclude_categories=["C", "Z"], include_characters=" ")
+
+
+def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> st.SearchStrategy[Any]:
+    match schema:
+        case {"$ref": "#/$defs/JsonValue"}:
+            return st.integers(-5, 5)
+        case {"$ref": where}:
+            return _of(defs[where.rpartition("/")[2]], defs)
+        case {"anyOf": choices}:
+            return st.one_of(*(_of(choice, defs) for choice in choices))
+        case {"const": value}:
+            return st.just(value)
+        case {"enum": values}:
+            return st.sampled_from(values)
+        case {"type": "number" | "integer" as number}:
+            return _number(schema, number)
+        case {"type": "boolean"}:
+            return st.booleans()
+        case {"type": "null"}:
+            return st.none()
+        case {"type": "string"}:
+            return st.text(PRINTABLE, min_size=schema.get("minLength", 0), max_size=min(8, schema.get("maxLength", 8)))
+        case {"type": "array"}:
+            most = min(schema.get("maxItems", 3), max(3, schema.get("minItems", 0)))
+            return st.lists(_of(schema["items"], defs), min_size=schema.get("minItems", 0), max_size=most)
+        case {"type": "object", "properties": fields}:
+            needed = {k: _of(s, defs) for k, s in fields.items() if k in schema.get("required", ())}
+            others = {k: _of(s, defs) for k, s in fields.items() if k not in needed}
+            return st.fixed_dictionaries(needed, optional=others)
+        case {"type": "object"}:
+            inner = schema["additionalProperties"]
+            keys = _of({"type": "string", **schema.get("propertyNames", {})}, defs)
+            return st.dictionaries(keys, _of(inner, defs), max_size=3)
+    raise AssertionError(f"no way to draw {schema}")
+
+
+def _number(schema: Mapping[str, Any], kind: str) -> st.SearchStrategy[Any]:
+    low, high = (schema.get(key, schema.get(f"exclusive{key.capitalize()}")) for key in ("minimum", "maximum"))
+    if kind == "integer":
+        lowest = -(2**40) if low is None else low + ("exclusiveMinimum" in schema)
+        return st.integers(lowest, 2**40 if high is None else high - ("exclusiveMaximum" in schema))
+    return st.floats(
+        low, high, exclude_min="exclusiveMinimum" in schema, exclude_max="exclusiveMaximum" in schema,
+        allow_nan=False, allow_infinity=False,
+    )  # fmt: skip

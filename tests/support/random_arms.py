@@ -1,0 +1,35 @@
+"""Arms of any shape, one to ten joints, for laws that hold for all of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import strategies as st
+
+from lrm_math.arm.arm import Arm, Body, Joint, Placement
+
+
+def random_arm(seed: int, joints: int) -> Arm:
+    """An arm of any shape, about as long and heavy as the rover's, bodies in any lawful frame."""
+    rng = np.random.default_rng(seed)
+
+    def place() -> Placement:
+        return Placement(*rng.normal(0, 0.05, 3).tolist(), *rng.uniform(-math.pi, math.pi, 3).tolist())
+
+    def joint() -> Joint:
+        theta, alpha = rng.uniform(-math.pi, math.pi, 2).tolist()
+        d, a, extra = rng.uniform(-0.5 / joints, 0.5 / joints, 3).tolist()
+        return Joint(theta, d, a, alpha, extra if rng.random() < 0.5 else None, -2.0, 2.0)
+
+    links = tuple(joint() for _ in range(joints))
+    bodies = []
+    for number in range(1, joints + 1):
+        near = links[number - 1].extra_z is not None and bool(rng.random() < 0.5)
+        com = tuple(rng.normal(0, 0.03, 3).tolist())
+        bodies.append(Body(f"link {number}", float(rng.uniform(0, 0.6 / joints)), com, number, number, near))
+    bodies.append(Body("load", 0.05, tuple(rng.normal(0, 0.02, 3).tolist()), joints + 1, joints, False, True))
+    return Arm("random", tuple(rng.normal(0, 6, 3).tolist()), place(), links, place(), tuple(bodies))
+
+
+arms = st.builds(random_arm, st.integers(0, 10_000), st.integers(1, 10))

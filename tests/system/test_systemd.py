@@ -1,0 +1,266 @@
+"""The units, the udev rule and the installer, by the programs that will read them and without a running systemd."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+
+SYSTEMD = ROOT / "systemd"
+UNITS = ["lrmd.service", "lrmd-sim.service"]
+EXPOSURE_AT_MOST = 1.5
+
+
+def need(program: str) -> str:
+    found = shutil.which(program)
+    if found is None:
+        pytest.skip(f"{program} is not installed")
+    return found
+
+
+def run(*command: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(part) for part in command], capture_output=True, text=True, env={**os.environ, **environment}, check=False
+    )
+
+
+def settings(unit: str) -> dict[str, list[str]]:
+    """Every key of a unit file with all its values; sections do not matter, for keys are not shared between them."""
+    values = defaultdict(list)
+    for line in (SYSTEMD / unit).read_text(encoding="utf-8").splitlines():
+        if "=" in line and not line.startswith("#"):
+            key, value = line.split("=", 1)
+            values[key].append(value)
+    return values
+
+
+def install(destination: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    done = run(SYSTEMD / "install.sh", *command, DESTDIR=str(destination))
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def tree(folder: Path) -> dict[str, tuple[int, bytes]]:
+    """Mode and content of every file."""
+    return {
+        str(path.relative_to(folder)): (path.stat().st_mode & 0o777, path.read_bytes())
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture
+def rover(tmp_path: Path) -> Path:
+    """A root as an installation leaves it, with a stand-in for the program and the host's own units."""
+    install(tmp_path)
+    for program in ("opt/lrm/bin/lrmd", "bin/kill"):
+        path = tmp_path / program
+        path.parent.mkdir(parents=True)
+        path.write_text("#!/bin/sh\n", encoding="utf-8")
+        path.chmod(0o755)
+    return tmp_path
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_unit_is_understood_completely(unit: str, rover: Path) -> None:
+    analyze = need("systemd-analyze")
+    for folder in (Path("/lib/systemd/system"), Path("/usr/lib/systemd/system")):
+        if folder.is_dir():
+            shutil.copytree(folder, rover / "usr/lib/systemd/system", symlinks=True, dirs_exist_ok=True)
+            break
+    done = run(analyze, "verify", "--man=no", f"--root={rover}", unit)
+    assert (done.returncode, done.stdout + done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_verify_notices_a_fault(unit: str, tmp_path: Path) -> None:
+    """The test above can fail: without its program, and with a key that systemd does not know."""
+    broken = tmp_path / unit
+    broken.write_text((SYSTEMD / unit).read_text(encoding="utf-8") + "\nNoSuchKey=1\n", encoding="utf-8")
+    done = run(need("systemd-analyze"), "verify", "--man=no", broken)
+    assert "NoSuchKey" in done.stderr
+    assert "/opt/lrm/bin/lrmd is not executable" in done.stderr
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_unit_is_locked_in(unit: str) -> None:
+    done = run(need("systemd-analyze"), "security", "--no-pager", "--offline=true", SYSTEMD / unit)
+    level = re.search(r"exposure level for \S+: ([0-9.]+)", done.stdout)
+    assert level, done.stdout + done.stderr
+    assert float(level[1]) <= EXPOSURE_AT_MOST
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_unit_keeps_its_promises(unit: str) -> None:
+    values = settings(unit)
+    assert values["Type"] == ["notify"]
+    assert values["NotifyAccess"] == ["main"]
+    assert values["WatchdogSec"] == ["2"]
+    assert values["Restart"] == ["on-failure"]
+    assert values["RestartPreventExitStatus"] == ["2"]  # a wrong configuration
+    assert float(values["RestartSec"][0]) * int(values["StartLimitBurst"][0]) < float(
+        values["StartLimitIntervalSec"][0]
+    )
+    assert values["MemoryDenyWriteExecute"] == ["yes"]
+    assert values["CapabilityBoundingSet"] == [""]
+
+
+def test_only_the_real_daemon_has_real_time_and_the_serial_port() -> None:
+    real, simulated = settings("lrmd.service"), settings("lrmd-sim.service")
+    assert real["LimitRTPRIO"] == ["50"]
+    assert real["LimitMEMLOCK"] == ["infinity"]
+    assert all(re.fullmatch(r"char-tty[A-Z]+ rw", device) for device in real["DeviceAllow"])
+    assert (real["DevicePolicy"], real["User"], real["Group"]) == (["closed"], ["lrm"], ["lrm"])
+    assert (simulated["RestrictRealtime"], simulated["PrivateDevices"], simulated["DynamicUser"]) == (["yes"],) * 3
+    assert not simulated["DeviceAllow"]
+
+
+def system_calls_denied(unit: str, names: list[str]) -> list[str]:
+    """Which of the system calls a unit's filter refuses, by systemd's own sets."""
+    analyze = need("systemd-analyze")
+
+    def members(name: str) -> set[str]:
+        if not name.startswith("@"):
+            return {name}
+        words = [line.strip() for line in run(analyze, "syscall-filter", name).stdout.splitlines()[1:]]
+        return set().union(*(members(word) for word in words if word and not word.startswith("#")))
+
+    allowed = members("@default")
+    for line in settings(unit)["SystemCallFilter"]:
+        named = set().union(*(members(name) for name in line.removeprefix("~").split()))
+        allowed = allowed - named if line.startswith("~") else allowed | named
+    return [name for name in names if name not in allowed]
+
+
+def test_filter_lets_the_daemon_work() -> None:
+    """What the three processes cannot do without, in real time or not; and what none of them has any business with."""
+    needed = ["mlockall", "memfd_create", "clone3", "execve", "epoll_wait", "eventfd2", "prlimit64", "ioctl", "prctl"]
+    needed += ["sched_getaffinity", "fdatasync", "rename", "pidfd_open", "futex", "accept4", "clock_nanosleep"]
+    forbidden = ["mount", "ptrace", "init_module", "reboot", "bpf", "clock_settime", "kexec_load"]
+    for unit in UNITS:
+        assert system_calls_denied(unit, needed) == []
+        assert system_calls_denied(unit, forbidden) == forbidden
+    assert system_calls_denied("lrmd.service", ["sched_setscheduler"]) == []
+    assert system_calls_denied("lrmd-sim.service", ["sched_setscheduler"]) == ["sched_setscheduler"]
+
+
+def test_udev_rule_is_understood() -> None:
+    done = run(need("udevadm"), "verify", SYSTEMD / "70-lrm-arm.rules")
+    if "Unknown command verb" in done.stderr:
+        pytest.skip("this udevadm is too old to verify rules")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_udev_rule_names_the_port_for_the_daemons_group() -> None:
+    """Every line is comparisons and assignments, as far as a pattern can tell; only the boards' lines mark a port."""
+    text = (SYSTEMD / "70-lrm-arm.rules").read_text(encoding="utf-8")
+    rules = [line for line in text.splitlines() if line and not line.startswith("#")]
+    term = r'[A-Z_]+(\{[\w/]+\})?(==|!=|\+=|=)"[^"]*"'
+    assert [rule for rule in rules if not re.fullmatch(rf"{term}(, {term})*", rule)] == []
+    labels = set(re.findall(r'LABEL="(\w+)"', text))
+    assert labels == set(re.findall(r'GOTO="(\w+)"', text))
+    marking = [rule for rule in rules if rule.endswith('ENV{LRM_ARM}="1"')]
+    assert all('ATTRS{idVendor}=="' in rule and 'ATTRS{idProduct}=="' in rule for rule in marking)
+    giving = [rule for rule in rules if 'SYMLINK+="lrm-arm"' in rule]
+    assert len(giving) == 1
+    assert giving[0].startswith('ENV{LRM_ARM}=="1"')
+    group = settings("lrmd.service")["Group"][0]
+    assert f'GROUP="{group}", MODE="0660"' in giving[0]
+
+
+def test_user_and_folders_come_to_be(rover: Path) -> None:
+    """On a new root: the user that the unit names, its folders, and secrets that only its group reads."""
+    sysusers, tmpfiles = need("systemd-sysusers"), need("systemd-tmpfiles")
+    if os.geteuid() != 0:
+        pytest.skip("making users takes root")
+    (rover / "etc/lrm/zenoh/credentials").write_text("operator:secret\n", encoding="utf-8")
+    (rover / "etc/lrm/zenoh/tls").mkdir()
+    (rover / "etc/lrm/zenoh/tls/host.key").write_text("secret\n", encoding="utf-8")
+    made = run(sysusers, f"--root={rover}", "lrm.conf")
+    assert made.returncode == 0, made.stderr
+    user = re.search(r"^lrm:x:(\d+):(\d+):", (rover / "etc/passwd").read_text(encoding="utf-8"), re.M)
+    assert user
+    laid = run(tmpfiles, "--create", f"--root={rover}", "lrm.conf")
+    assert laid.returncode == 0, laid.stderr
+    state = (rover / "var/lib/lrmd").stat()
+    assert (state.st_uid, state.st_gid, state.st_mode & 0o777) == (int(user[1]), int(user[2]), 0o750)
+    for secret in ("credentials", "tls/host.key", "acl.json5", "password.json5"):
+        found = (rover / "etc/lrm/zenoh" / secret).stat()
+        assert (found.st_uid, found.st_gid, found.st_mode & 0o777) == (0, int(user[2]), 0o640), secret
+
+
+def test_installing_twice_changes_nothing(tmp_path: Path) -> None:
+    install(tmp_path)
+    once = tree(tmp_path)
+    again = install(tmp_path)
+    assert tree(tmp_path) == once
+    assert not re.search(r"^(put|kept)", again.stdout, re.M)
+    assert {"etc/lrm/lrmd.toml", "usr/local/lib/systemd/system/lrmd.service", "etc/lrm/zenoh/acl.json5"} <= set(once)
+
+
+def test_uninstalling_leaves_nothing(tmp_path: Path) -> None:
+    install(tmp_path)
+    install(tmp_path, "uninstall")
+    assert tree(tmp_path) == {}
+    assert not (tmp_path / "etc/lrm").exists()
+    install(tmp_path, "uninstall")
+
+
+def test_changed_configuration_is_never_lost(tmp_path: Path) -> None:
+    install(tmp_path)
+    own = tmp_path / "etc/lrm/lrmd.toml"
+    own.write_text("# mine\n", encoding="utf-8")
+    said = install(tmp_path)
+    assert "/etc/lrm/lrmd.toml.new" in said.stdout
+    assert own.read_text(encoding="utf-8") == "# mine\n"
+    assert (own.parent / "lrmd.toml.new").read_bytes() == (ROOT / "config" / "lrmd.toml").read_bytes()
+    install(tmp_path, "uninstall")
+    assert set(tree(tmp_path)) == {"etc/lrm/lrmd.toml"}
+    install(tmp_path, "purge")
+    assert tree(tmp_path) == {}
+
+
+def test_upgrade_replaces_configuration_that_nobody_changed(tmp_path: Path) -> None:
+    """From an older version of the project to this one: only what a person wrote is a person's."""
+    older = tmp_path / "older"
+    for folder in ("systemd", "config", "docs"):
+        shutil.copytree(ROOT / folder, older / folder)
+    config = older / "config" / "lrmd.toml"
+    config.write_text("# an older version\n", encoding="utf-8")
+    root = tmp_path / "root"
+    assert run(older / "systemd" / "install.sh", DESTDIR=str(root)).returncode == 0
+    (root / "etc/lrm/zenoh/acl.json5").write_text("// mine\n", encoding="utf-8")
+    install(root)
+    assert (root / "etc/lrm/lrmd.toml").read_bytes() == (ROOT / "config" / "lrmd.toml").read_bytes()
+    assert (root / "etc/lrm/zenoh/acl.json5").read_text(encoding="utf-8") == "// mine\n"
+
+
+def test_a_changed_unit_is_replaced(tmp_path: Path) -> None:
+    """Units are ours: changes belong into `systemctl edit`."""
+    install(tmp_path)
+    unit = tmp_path / "usr/local/lib/systemd/system/lrmd.service"
+    unit.write_text("[Service]\n", encoding="utf-8")
+    install(tmp_path)
+    assert unit.read_bytes() == (SYSTEMD / "lrmd.service").read_bytes()
+
+
+def test_incomplete_copy_of_the_project_installs_nothing(tmp_path: Path) -> None:
+    copy, destination = tmp_path / "copy", tmp_path / "root"
+    shutil.copytree(SYSTEMD, copy / "systemd")
+    done = run(copy / "systemd" / "install.sh", DESTDIR=str(destination))
+    assert done.returncode == 2
+    assert "is missing in" in done.stderr
+    assert not destination.exists()
+
+
+def test_unknown_command_is_refused(tmp_path: Path) -> None:
+    done = run(SYSTEMD / "install.sh", "instal", DESTDIR=str(tmp_path))
+    assert (done.returncode, tree(tmp_path)) == (2, {})
+    assert "usage" in done.stderr

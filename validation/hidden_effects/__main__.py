@@ -1,0 +1,69 @@
+"""`python -m validation.hidden_effects`: hide effects, let the tool name them, print truth against named."""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+from validation.hidden_effects.cases import CASES
+from validation.hidden_effects.confusion import ONE_THREAD, Outcome, examine
+from validation.hidden_effects.tables import report
+
+
+def main() -> None:
+    """Read the options, run, print."""
+    wanted = _options()
+    outcomes = run(wanted.cases, wanted.seeds, wanted.poses, wanted.jobs, wanted.keep)
+    text = report(outcomes, wanted.poses)
+    print(text)
+    if wanted.out:
+        wanted.out.write_text(text, encoding="utf-8")
+
+
+def run(names: Sequence[str], seeds: int, poses: int, jobs: int, keep: Path | None = None) -> list[Outcome]:
+    """Every case with every seed, in worker processes; progress goes to stderr. In the order of cases and seeds."""
+    os.environ.update(ONE_THREAD)  # before numpy is loaded in the workers
+    tasks = [(name, seed) for name in names for seed in range(seeds)]
+    done: dict[tuple[str, int], Outcome] = {}
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        waiting = [pool.submit(examine, name, seed, poses, keep) for name, seed in tasks]
+        for number, future in enumerate(as_completed(waiting), start=1):
+            outcome = future.result()
+            done[outcome.case, outcome.seed] = outcome
+            print(f"{number}/{len(tasks)} {_line(outcome)}", file=sys.stderr, flush=True)
+    return [done[task] for task in tasks]
+
+
+def _line(outcome: Outcome) -> str:
+    mark = "hit " if outcome.hit else "MISS"
+    ratio = "" if outcome.ratio is None else f" ratio {outcome.ratio:.2f}"
+    others = f" (or {', '.join(outcome.first_class[1:])})" if len(outcome.first_class) > 1 else ""
+    return f"{mark} {outcome.case} seed {outcome.seed}: {outcome.named}{others}{ratio} {outcome.trouble}".rstrip()
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m validation.hidden_effects", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=5, help="data sets per case")
+    parser.add_argument("--poses", type=int, default=300, help="poses per data set")
+    parser.add_argument("--cases", type=_names, default=list(CASES), help=f"comma-separated: {', '.join(CASES)}")
+    parser.add_argument("--jobs", type=int, default=2, help="worker processes")
+    parser.add_argument("--out", type=Path, help="write the tables to this Markdown file too")
+    parser.add_argument("--keep", type=Path, help="keep data, models and diagnoses in this folder")
+    return parser.parse_args()
+
+
+def _names(text: str) -> list[str]:
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    unknown = [name for name in names if name not in CASES]
+    if unknown or not names:
+        raise argparse.ArgumentTypeError(f"no such case: {', '.join(unknown)}; there are {', '.join(CASES)}")
+    return names
+
+
+if __name__ == "__main__":
+    main()

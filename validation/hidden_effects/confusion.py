@@ -1,0 +1,149 @@
+"""One data set through the tool's own commands: fit, diagnose, add; and what came of it against the truth."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from validation.hidden_effects.cases import CASES
+from validation.hidden_effects.data import NOISE_M, write_case
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE_S = 900.0
+FLOOR_MM = NOISE_M * 1000.0 * math.sqrt(3.0)
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+EFFECT_MISSING, NOTHING_MISSING, UNEXPLAINED = "effect_missing", "nothing_missing", "unexplained_structure"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the tool made of one data set.
+
+    first_class: "effect@place" of the first in the ranking, and all that it says it cannot tell from that; empty unless
+    the verdict is that an effect is missing. held_out_mm: RMS of the last fit that came about, before and after add.
+    trouble: what failed, with the last line that the tool printed.
+    """
+
+    case: str
+    seed: int
+    verdict: str = ""
+    first_class: tuple[str, ...] = ()
+    before_mm: float | None = None
+    after_mm: float | None = None
+    diagnose_s: float | None = None
+    trouble: str = ""
+
+    @property
+    def named(self) -> str:
+        """What it said, in one word: the first name, or the verdict."""
+        return self.first_class[0] if self.first_class else self.verdict or "failed"
+
+    @property
+    def confident(self) -> bool:
+        """Whether it named one effect at one place and no other."""
+        return len(self.first_class) == 1
+
+    @property
+    def hit(self) -> bool:
+        """The truth, or one of the truths, is in the first class; or rightly nothing, or nothing known, is missing."""
+        truth = CASES[self.case].truth
+        if truth is None:
+            return self.verdict == UNEXPLAINED
+        return bool(set(truth) & set(self.first_class)) if truth else self.verdict == NOTHING_MISSING
+
+    @property
+    def confidently_wrong(self) -> bool:
+        """One name, and a wrong one."""
+        return self.confident and not self.hit
+
+    @property
+    def ratio(self) -> float | None:
+        """Held-out RMS at the end over the floor that the noise sets."""
+        last = self.before_mm if self.after_mm is None else self.after_mm
+        return None if last is None else last / FLOOR_MM
+
+
+class Failed(Exception):
+    """A command of the tool did not do its work."""
+
+
+def examine(name: str, seed: int, poses: int, keep: Path | None = None) -> Outcome:
+    """Make a data set and run the tool on it; the files stay in the folder keep if one is given. Never raises."""
+    with TemporaryDirectory(prefix="hidden-") as scratch:
+        folder = Path(scratch) if keep is None else keep / f"{name}-{seed}"
+        folder.mkdir(parents=True, exist_ok=True)
+        found: dict[str, Any] = {}
+        try:
+            data = write_case(CASES[name], seed, poses, folder)
+            _fit_and_name(data, folder, found)
+        except Exception as problem:  # one failure must not end a run of hours; it is in the table
+            found["trouble"] = f"{type(problem).__name__}: {problem}"
+        return Outcome(name, seed, **found)
+
+
+def _fit_and_name(data: Path, folder: Path, found: dict[str, Any]) -> None:
+    model, diagnosis = folder / "model.toml", folder / "d.json"
+    for stale in (model, diagnosis, folder / "m2.toml"):
+        stale.unlink(missing_ok=True)
+    _tool("fit", data, "-o", model)
+    found["before_mm"] = last_held_out_mm(model)
+    found["diagnose_s"] = _tool("diagnose", model, data, "--json", diagnosis)
+    said = json.loads(diagnosis.read_text(encoding="utf-8"))
+    found["verdict"] = said["verdict"]
+    if said["verdict"] != EFFECT_MISSING:
+        return
+    first = first_supported(said)
+    if first is None:
+        raise Failed(f"verdict {EFFECT_MISSING}, but the ranking supports nothing")
+    found["first_class"] = tuple(dict.fromkeys([_spelled(first), *first["indistinguishable_from"]]))
+    _tool("add", model, data, _spelled(first), "-o", folder / "m2.toml", "--json", folder / "a.json")
+    found["after_mm"] = last_held_out_mm(folder / "m2.toml")
+
+
+def first_supported(diagnosis: dict[str, Any]) -> dict[str, Any] | None:
+    """The first entry of the ranking that is supported; where none is, the first of those that cannot be told apart."""
+    ranking = sorted(diagnosis["ranking"], key=lambda entry: int(entry["rank"]))
+    for verdict in ("supported", "indistinguishable"):
+        for entry in ranking:
+            if entry["verdict"] == verdict:
+                return dict(entry)
+    return None
+
+
+def _spelled(entry: dict[str, Any]) -> str:
+    return f"{entry['effect']}@{entry['place']}"
+
+
+def last_held_out_mm(model: Path) -> float | None:
+    """Held-out RMS in the last entry of a model's history."""
+    history = tomllib.loads(model.read_text(encoding="utf-8")).get("history", [])
+    value = history[-1].get("held_out_rms_mm") if history else None
+    return None if value is None else float(value)
+
+
+def _tool(command: str, *arguments: object) -> float:
+    """Run one command of lrm-ident; return the seconds it took."""
+    start = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-m", "lrm_ident.cli.app", command, *map(str, arguments)],
+        cwd=ROOT,
+        env=os.environ | ONE_THREAD,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    if done.returncode:
+        lines = (done.stderr.strip() or done.stdout.strip()).replace("│", " ").splitlines()
+        told = [line.strip() for line in lines if any(letter.isalnum() for letter in line)]
+        raise Failed(f"{command}: exit code {done.returncode}: {told[-1] if told else 'no message'}")
+    return time.perf_counter() - start

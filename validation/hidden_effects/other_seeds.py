@@ -1,0 +1,124 @@
+"""The figures of the README beside the confusion table, on other seeds than the table's.
+
+`python -m validation.hidden_effects.other_seeds`: `auto` on two and three hidden effects, no hidden effect,
+few poses, and unknown noise.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections import Counter
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from lrm_ident.data.error_stats import figures
+from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.diagnosis.add_effect import follow_advice
+from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.diagnosis_report import advise
+from lrm_ident.fit.cross_validation import held_out
+from lrm_ident.fit.identifiability import fit_identifiable
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.errors import LrmError
+from lrm_math.model.model import Model, model_of
+from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, SINGLE, TRIPLE
+from validation.hidden_effects.data import NOISE_M, write_case
+
+FIRST_SEED = 100
+FLOOR_M = NOISE_M * 3**0.5
+
+
+@dataclass(frozen=True)
+class Job:
+    """One data set: its case, seed and size, whether the noise is told, and whether `auto` follows its own advice."""
+
+    case: str
+    seed: int
+    poses: int
+    noise_told: bool = True
+    auto: bool = False
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of it: what was named (steps of `auto`, or the first class), the verdict, and error over noise."""
+
+    job: Job
+    named: tuple[str, ...]
+    verdict: str
+    ratio: float
+
+    @property
+    def outcome(self) -> str:
+        """right, wrong (one name, not the truth), or the verdict that was given instead."""
+        truth = CASES[self.job.case].truth or ()
+        if not truth:
+            return "right" if self.verdict == "nothing_missing" else "wrong"
+        if all(name in self.named for name in truth):
+            return "right"
+        return (
+            "wrong" if len(self.named) == 1 and not self.job.auto else (self.verdict if not self.named else "in part")
+        )
+
+
+def examine(job: Job) -> Result:
+    """Makes the data set, fits `offsets,compliance`, and searches."""
+    data = _data(job)
+    try:
+        model = _base(data)
+        if job.auto:
+            course = follow_advice(model, data)
+            named = tuple(step.added for step in course.steps[1:])
+            return Result(job, named, course.last.verdict, figures(held_out(course.model, data)).rms / FLOOR_M)
+        report = advise(diagnose(model, data))
+    except LrmError as error:
+        return Result(job, (), str(error), float("nan"))
+    if report.first is None:
+        return Result(job, (), report.verdict, report.held_out.rms / FLOOR_M)
+    named = (report.first.scored.name, *report.first.rivals)
+    return Result(job, named, report.verdict, report.first.held_out_rms / FLOOR_M)
+
+
+def _data(job: Job) -> Measurements:
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_case(CASES[job.case], job.seed, job.poses, Path(folder))
+        if not job.noise_told:
+            path.with_suffix(".toml").unlink()
+        return load_measurements(path, load_arm("lrm-lab"))
+
+
+def _base(data: Measurements) -> Model:
+    arm = load_arm("lrm-lab")
+    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    return fit_identifiable(model, data, model.keys).fit.model
+
+
+def _jobs(cases: Iterable[str], seeds: int, poses: int, noise_told: bool = True, auto: bool = False) -> list[Job]:
+    return [Job(case, FIRST_SEED + seed, poses, noise_told, auto) for case in cases for seed in range(seeds)]
+
+
+def main() -> None:
+    """Runs all groups and prints one line each."""
+    groups = {
+        "two or three effects, auto, 300 poses": _jobs([*DOUBLE, *TRIPLE], 3, 300, auto=True),
+        "nothing hidden, 300 poses": _jobs([NOTHING.name], 20, 300),
+        "nothing hidden, 120 poses, noise not known": _jobs([NOTHING.name], 10, 120, noise_told=False),
+        "one effect, 120 poses, noise not known": _jobs(SINGLE, 3, 120, noise_told=False),
+        "one effect, 50 poses": _jobs(SINGLE, 4, 50),
+    }
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
+        for name, jobs in groups.items():
+            results = list(pool.map(examine, jobs))
+            outcomes = ", ".join(f"{count} {what}" for what, count in Counter(r.outcome for r in results).most_common())
+            worst = max(result.ratio for result in results if result.outcome == "right")
+            print(
+                f"{name}: {len(jobs)} data sets, {outcomes}; worst error over noise where right {worst:.2f}", flush=True
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,139 @@
+"""Are the standard errors honest? Arms of the independent generator, fitted again and again; how often the truth lies
+within the stated error. `python -m validation.interval_coverage` prints the shares."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident import synthetic
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fit.levenberg_marquardt import fit, no_bounds
+from lrm_ident.fit.parameter_sets import chosen
+from lrm_ident.fit.priors import Prior, PriorFile, to_prior
+from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.model import Model, model_of
+
+Array = NDArray[np.float64]
+ARM, NOISE, POSES, SEEDS = "lrm-lab", 3e-4, 100, 100
+TWO_SIDED_95, FAR = 1.959964, 3.0
+SIZES = PriorFile.model_validate(
+    {
+        "schema": "lrm/prior/1",
+        "name": "arms of the coverage run",
+        "parameters": {
+            "offsets.*_rad": {"sd": 0.02},
+            "offsets.*_mm": {"sd": 1.5},
+            "compliance.joint*": {"mean": 0.08, "sd": 0.02},
+            "compliance.base*": {"mean": 0.02, "sd": 0.005},
+        },
+    }
+)
+"""What the arms are drawn from, and what the fit with a prior is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """(estimate − truth) / standard error of every parameter, one row per arm (seeds, P)."""
+
+    keys: tuple[str, ...]
+    z: Array
+
+    @property
+    def within_95(self) -> float:
+        """Share of the 95 % intervals that hold the truth."""
+        return float(np.mean(np.abs(self.z) < TWO_SIDED_95))
+
+    @property
+    def within_3(self) -> float:
+        """Share of the truths within three standard errors."""
+        return float(np.mean(np.abs(self.z) <= FAR))
+
+    @property
+    def worst(self) -> tuple[str, float]:
+        """The parameter whose 95 % intervals hold least, and their share."""
+        share = np.mean(np.abs(self.z) < TWO_SIDED_95, axis=0)
+        return self.keys[int(np.argmin(share))], float(share.min())
+
+
+def option_1(seeds: Sequence[int], poses: int = POSES) -> Coverage:
+    """The thesis's 28 parameters by least squares, on arms that have these errors and no others."""
+    model = _empty()
+    return _coverage(replace(model, free=chosen(model, "option1")), seeds, poses, None)
+
+
+def all_with_prior(seeds: Sequence[int], poses: int = POSES) -> Coverage:
+    """All 45 parameters with the prior that the arms were drawn from."""
+    model = _empty()
+    return _coverage(replace(model, free=model.keys), seeds, poses, _prior(model))
+
+
+def _coverage(model: Model, seeds: Sequence[int], poses: int, prior: Prior | None) -> Coverage:
+    return Coverage(model.free, np.array(list(_deviations(model, seeds, poses, prior))))
+
+
+def _deviations(model: Model, seeds: Sequence[int], poses: int, prior: Prior | None) -> Iterator[Array]:
+    sizes = _prior(model)
+    for seed in seeds:
+        true = np.random.default_rng([seed, 1]).normal(sizes.mean_of(model.free), sizes.sd_of(model.free))
+        data = measured(dict(zip(model.free, true.tolist(), strict=True)), seed, poses)
+        fitted = fit(model, data, no_bounds(model.free), prior=prior)
+        found = np.array([fitted.model.value(key) for key in model.free])
+        yield (found - true) / fitted.standard_error
+
+
+def measured(values: dict[str, float], seed: int, poses: int) -> Measurements:
+    """What the independent generator measures on an arm with these parameters (SI), noise included."""
+    rig = synthetic.load_arm(shipped_arms()[ARM])
+    q = synthetic.poses(rig, poses, seed)
+    tcp = synthetic.measure(rig, _truth(rig, values), q, 0.0, NOISE, seed)
+    number = np.arange(1, poses + 1)
+    return Measurements(poses_of(q), number, tcp, None, NOISE, number, Path("synthetic"), "")
+
+
+def _truth(rig: synthetic.Rig, values: dict[str, float]) -> synthetic.Truth:
+    nominal = synthetic.Truth.nominal(rig)
+    soft = {key.split(".")[1]: value for key, value in values.items() if key.startswith("compliance")}
+    offsets = {k.removeprefix("offsets."): value for k, value in values.items() if k.startswith("offsets")}
+    named = {name.removesuffix("_mm") + "_m" if name.endswith("_mm") else name: v for name, v in offsets.items()}
+    return replace(
+        nominal,
+        deviations=synthetic.Deviations.named(len(rig.links), named),
+        base_compliance_rad_per_nm=soft["base"],
+        joint_compliance_rad_per_nm=tuple(soft[f"joint{i + 1}"] for i in range(len(rig.links))),
+    )
+
+
+def _empty() -> Model:
+    arm = load_arm(ARM)
+    return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+
+
+def _prior(model: Model) -> Prior:
+    return to_prior(Path(SIZES.name), SIZES, model)
+
+
+def main() -> None:
+    """Prints the shares of both runs."""
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("--seeds", type=int, default=SEEDS)
+    seeds = range(words.parse_args().seeds)
+    print(f"{len(seeds)} arms, {POSES} random poses each, noise {NOISE * 1e3:g} mm per axis")
+    for name, run in (("option 1, least squares", option_1), ("all parameters, with prior", all_with_prior)):
+        found = run(seeds)
+        key, share = found.worst
+        print(
+            f"{name}: {found.z.shape[1]} parameters; within 3 standard errors {100 * found.within_3:.2f} %; "
+            f"95 % intervals hold {100 * found.within_95:.2f} % of the truths (worst: {key}, {100 * share:.0f} %)"
+        )
+
+
+if __name__ == "__main__":
+    main()
