@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import cycle
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -16,6 +15,7 @@ from bench.ik_peers import PEERS, Eaik, Peer
 from bench.timing import race
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
 from lrm_math.ik.answer import Limits
 from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.nominal import solver_of
@@ -25,7 +25,6 @@ from lrm_math.ik.screw_axes import lines_of
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
-Array = NDArray[np.float64]
 GOALS, LESSER, BATCH, TIMED = 100_000, 1000, 1000, 500
 IN_BATCHES = f"lrm_math, batches of {BATCH}"
 TAKEN_M, TAKEN_RAD = 1e-6, 1e-6

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -23,6 +22,7 @@ from lrm_ident.fit.levenberg_marquardt import fit
 from lrm_ident.fit.parameter_sets import chosen
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.servo_table import PwmClock
+from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.ik.batch_equilibrium import settled
 from lrm_math.ik.calibrated import CalibratedSolver
@@ -40,7 +40,6 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 
-Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parents[1]
 TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
 EXAMPLE = Path(synthetic.__file__).resolve().parents[1] / "examples" / "hidden-play.csv"

@@ -6,15 +6,13 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.peers import Pinocchio
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.ik.answer import Limits
 from lrm_math.ik.screw_axes import lines_of
 from lrm_math.kinematics.chain import X, chain_of
-
-Array = NDArray[np.float64]
 
 
 class Peer(ABC):

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
-
-Array = NDArray[np.float64]
 
 
 class Pinocchio:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements
@@ -17,11 +16,11 @@ from lrm_ident.fit.levenberg_marquardt import fit, no_bounds
 from lrm_ident.fit.parameter_sets import chosen
 from lrm_ident.fit.priors import Prior, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.model import Model, model_of
 
-Array = NDArray[np.float64]
 ARM, NOISE, POSES, SEEDS = "lrm-lab", 3e-4, 100, 100
 TWO_SIDED_95, FAR = 1.959964, 3.0
 SIZES = PriorFile.model_validate(

@@ -26,7 +26,7 @@ from lrm_ident.cli.arguments import (
 )
 from lrm_ident.cli.common import app, arm_for, out, progress, read_measurements, read_model
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.csv_table import Array, table_text
+from lrm_ident.data.csv_table import table_text
 from lrm_ident.data.error_stats import figures
 from lrm_ident.data.measurements import Measurements, load_poses
 from lrm_ident.effect_plugins import Catalogue, catalogue_with
@@ -44,6 +44,7 @@ from lrm_ident.report import json_files
 from lrm_ident.report.fit import print_comparison, print_fit
 from lrm_ident.report.priors import Elimination, print_beside_elimination
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.poses import Poses

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.errors import FileError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_math.arrays import Array
 from lrm_math.effects.base import FEW_REVERSALS, Evidence
 
-Array = NDArray[np.float64]
 FEW_LEVELS, RUNS_WITH = 4, 0.8
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-Array = NDArray[np.float64]
+from lrm_math.arrays import Array
+
 CRITICAL_1_PERCENT = 1.035  # of A*, mean and SD estimated (D'Agostino & Stephens 1986)
 
 

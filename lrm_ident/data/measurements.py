@@ -14,11 +14,11 @@ from pydantic import Field
 from lrm_ident.data.csv_table import Table, read_table, table_text
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.toml_file import StrictSchema, read_toml
 
-Array = NDArray[np.float64]
 ATTITUDE = ("qw", "qx", "qy", "qz")
 OPTIONAL = ("t_s", "session", "payload_g", *ATTITUDE, "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
 LIMIT_SLACK = np.radians(1e-6)

@@ -16,9 +16,9 @@ from scipy import stats
 
 from lrm_ident.data.csv_table import Table, read_table
 from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
 
-Array = NDArray[np.float64]
 GRAVITY = 9.81  # m/s²
 SAME_TORQUE = 1e-6  # N·m
 LEAST_TORQUES = 3

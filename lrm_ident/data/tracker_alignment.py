@@ -11,15 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.csv_table import Table, read_table, table_text
 from lrm_ident.data.measurements import read_angles
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
+from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
-Array = NDArray[np.float64]
 BASE = ("base_x_mm", "base_y_mm", "base_z_mm")
 TURN = ("base_qw", "base_qx", "base_qy", "base_qz")
 TCP = ("tcp_x_mm", "tcp_y_mm", "tcp_z_mm")

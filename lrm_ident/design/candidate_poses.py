@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.collision.distance import segment_to_box, segment_to_segment
 from lrm_math.collision.scene import Scene, clearance_of
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
-Array = NDArray[np.float64]
 LEVELS = 5
 MOST_COMBINATIONS = 300_000
 NEAR_LINKS = 4  # the last links, which the tool can fold back upon but never leave; their shapes keep it clear

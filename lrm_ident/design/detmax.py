@@ -15,9 +15,9 @@ from lrm_ident.design.fisher_information import Rows, Whitened, whiten
 from lrm_ident.design.observability import Index
 from lrm_ident.design.optimality import Criterion, Scored, criterion_of
 from lrm_ident.progress import Tick, silent
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
-Array = NDArray[np.float64]
 LONGEST_EXCURSION, STARTS = 6, 10
 REAL_GAIN = 1e-9  # rise of the score below which a search has arrived
 BOUND_STEPS = 300

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import f as f_distribution
 from scipy.stats import ncf
@@ -19,6 +18,7 @@ from scipy.stats import ncf
 from lrm_ident.design.observability import MM_PER_M
 from lrm_ident.diagnosis.candidates import Candidate, candidates
 from lrm_ident.diagnosis.linearised_fit import coincidence
+from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.effects.base import Evidence
 from lrm_math.errors import LrmError
@@ -26,7 +26,6 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
-Array = NDArray[np.float64]
 LEVEL, SURE = 0.01, 0.9  # chance that the test cries wolf, and that it finds what is there
 FAR_BEYOND_DOUBT = 1e4  # a noncentrality at which the test always finds the effect
 ROUND_OFF = 1e-9

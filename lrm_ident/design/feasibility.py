@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.design.fisher_information import Information, Rows, Whitened, information
+from lrm_math.arrays import Array
 
-Array = NDArray[np.float64]
 FORBIDDEN = -1e6  # added to the score of a set whose identification is against physics
 
 

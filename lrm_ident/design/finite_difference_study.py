@@ -10,17 +10,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.design.observability import MM_PER_M, Units, identification_jacobian, unit_of
 from lrm_ident.progress import Tick, silent
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NotSettled
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 
-Array = NDArray[np.float64]
 STEPS: tuple[float, ...] = tuple(10.0 ** (k / 3) for k in range(-48, 1))
 TOLERANCE = 1e-14  # m: the elastic iteration must not limit the differences
 GOOD = 1e-6  # relative error that a derivative may have

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 RIDGE = 1e-9  # of what all candidates tell: keeps a poor random start invertible
 SINGULAR = 1e-7  # of the largest singular value of columns of equal length: below it a parameter cannot be told

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.effects import Parameter
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium
 
-Array = NDArray[np.float64]
 Units = Literal["thesis", "scaled"]
 Index = Literal["O1", "O2", "O3", "O4", "O5"]
 UNITS: tuple[Units, ...] = ("thesis", "scaled")

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.design.fisher_information import Information, Rows, Whitened, information, whiten
 from lrm_ident.design.observability import Index, index_of
+from lrm_math.arrays import Array
 
-Array = NDArray[np.float64]
 TRIED_EXACTLY = 12
 
 

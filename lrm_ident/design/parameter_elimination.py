@@ -24,11 +24,11 @@ from lrm_ident.design.observability import (
     singular_values,
 )
 from lrm_ident.fit.identifiability import ROUND_OFF, Unidentifiable, describe, preference
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
-Array = NDArray[np.float64]
 PUBLISHED_THRESHOLD = 0.95  # Conenna 2024, section 4.5
 
 

@@ -17,13 +17,13 @@ from lrm_ident.design.parameter_elimination import fittable
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SIZES
 from lrm_ident.fit.identifiability import identifiable
 from lrm_ident.progress import Tick, silent
+from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
-Array = NDArray[np.float64]
 BLIND_DRAWS, STARTS = 20, 4
 SEPARATING = 0.5  # share of the criterion that the rivals have
 SAMPLE = 20  # poses at which to look whether the side of approach matters

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, Parameter
 from lrm_math.effects.base import Evidence
 from lrm_math.kinematics.poses import Poses
@@ -15,7 +15,6 @@ from lrm_math.model.derivatives import Response, effect_columns, respond
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
-Array = NDArray[np.float64]
 KNOWN = ("quantisation",)  # not fitted, so nothing to find
 
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.candidates import candidates, split_testable
@@ -27,11 +26,10 @@ from lrm_ident.fit.cross_validation import blocks
 from lrm_ident.fit.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
 from lrm_ident.fit.loss import robust_scale
 from lrm_ident.progress import Tick, silent
+from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.model import Model
-
-Array = NDArray[np.float64]
 
 ABOVE_FLOOR, ALIKE = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
 

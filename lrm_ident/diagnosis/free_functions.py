@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_math.arrays import Array
 
-Array = NDArray[np.float64]
 SINGLE_DEGREE, PRODUCT_DEGREE, SIZE = 6, 5, 0.02  # of Legendre polynomials; typical size in rad
 
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lrm_math.arrays import Array
+
 PRIOR_SIZES = 3.0  # typical sizes that a parameter may well have
 NUMERICAL_RANK = 1e-9
 

@@ -19,12 +19,11 @@ from lrm_ident.effect_plugins import Catalogue
 from lrm_ident.fit.cross_validation import blocks
 from lrm_ident.fit.error_breakdown import HeldOut
 from lrm_ident.progress import Tick, silent
+from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
-
-Array = NDArray[np.float64]
 
 
 def nested_held_out(

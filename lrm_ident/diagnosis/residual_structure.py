@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lrm_ident.data.measurements import Measurements
+from lrm_math.arrays import Array
 
-Array = NDArray[np.float64]
 NEIGHBOURS, DRAWS, SEED = 6, 400, 0
 
 

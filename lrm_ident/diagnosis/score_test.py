@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from lrm_ident.diagnosis.candidates import Candidate
 from lrm_ident.diagnosis.linearised_fit import Bench, Explained, Prepared, rank_of
 from lrm_ident.progress import Tick
+from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 
-Array = NDArray[np.float64]
 SURE = 2.0  # standard errors by which one prediction must beat another to be told from it
 VISIBLE = 3.0  # times the noise that a typical size must move all TCPs together to be testable
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.forward_selection import helps
 from lrm_ident.diagnosis.free_functions import FreeFunction, product_functions, quantities, single_functions
 from lrm_ident.diagnosis.linearised_fit import Bench, Prepared, paired
 from lrm_ident.diagnosis.score_test import SURE, Scored
 from lrm_ident.fit.levenberg_marquardt import Fit
+from lrm_math.arrays import Array
 
-Array = NDArray[np.float64]
 MATERIAL = 0.10  # part of the held-out RMS that a free function must save to be structure without a name
 MOST_FREE = 3
 

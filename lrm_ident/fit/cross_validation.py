@@ -12,11 +12,11 @@ from lrm_ident.fit.levenberg_marquardt import Bounds, fit
 from lrm_ident.fit.loss import Loss
 from lrm_ident.fit.priors import Prior
 from lrm_ident.progress import Tick, silent
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 
-Array = NDArray[np.float64]
 FOLDS = 10
 
 

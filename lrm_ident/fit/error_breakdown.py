@@ -16,12 +16,12 @@ from lrm_ident.fit.levenberg_marquardt import Bounds
 from lrm_ident.fit.loss import Loss
 from lrm_ident.fit.priors import Prior
 from lrm_ident.progress import Tick, silent
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
-Array = NDArray[np.float64]
 MOST_LEVELS, BINS, ORDER_PARTS, WORST = 8, 6, 10, 10
 
 

@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fit.levenberg_marquardt import Bounds, Fit, bounds_of, check_enough, fit
 from lrm_ident.fit.loss import Loss
+from lrm_math.arrays import Array
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
-Array = NDArray[np.float64]
 ROUND_OFF = 1e-7  # a column is numerically dependent when no more than this part of it is left
 CLEARLY = 3.0  # standard errors that must fit into the typical size of a parameter worth fitting
 NEGLIGIBLE = 0.05  # part of a combination too small to be worth a word

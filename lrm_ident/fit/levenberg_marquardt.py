@@ -16,11 +16,11 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fit.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fit.objective import Objective, State, Yardstick
 from lrm_ident.fit.priors import Prior
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NotSettled
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
-Array = NDArray[np.float64]
 MOST_STEPS = 60
 STEP_TOLERANCE = 1e-8  # of the typical sizes
 GAIN_TOLERANCE = 1e-10  # of the loss, that a step promises

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.errors import UnknownName
 
-Array = NDArray[np.float64]
 MEDIAN_TO_SCALE = 1.0 / 1.5381724  # of a 3-D distance: the median of a chi distribution with three degrees of freedom
 
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fit.loss import Loss, robust_scale
 from lrm_ident.fit.priors import Prior
+from lrm_math.arrays import Array
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
-Array = NDArray[np.float64]
 SETTLED = 1e-3  # relative change of a yardstick at which its estimate is good enough
 LEAST_SCALE = 1e-9  # m, or of the stated noise
 LEAST_SIGMA = 1e-5  # m: finer than any tracker of a whole arm; far below it a prior would be lost in round-off

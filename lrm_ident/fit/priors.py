@@ -9,17 +9,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, Parameter
 from lrm_math.errors import FileError, UnknownName, nearest
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import StrictSchema, read_toml
-
-Array = NDArray[np.float64]
 
 
 class GaussianTable(StrictSchema):

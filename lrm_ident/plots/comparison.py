@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fit.error_breakdown import Comparison
+from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
@@ -64,7 +64,7 @@ def _draw_distribution(axes: Axes, comparison: Comparison, data: Measurements) -
     axes.legend(loc="upper left", fontsize=9)
 
 
-def _cumulative(axes: Axes, residual: NDArray[np.float64], label: str, colour: str, line: str) -> None:
+def _cumulative(axes: Axes, residual: Array, label: str, colour: str, line: str) -> None:
     distance = np.sort(np.linalg.norm(residual, axis=1)) * 1e3
     share = 100 * np.arange(1, len(distance) + 1) / len(distance)
     text = f"{label}: mean {distance.mean():.2f} mm"

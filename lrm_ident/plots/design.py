@@ -10,7 +10,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import INDICES
@@ -18,9 +17,9 @@ from lrm_ident.design.pose_design import Design, Knowledge, Offer, Task
 from lrm_ident.design.pose_selection import Choice
 from lrm_ident.plots.comparison import GREEN, HELD_OUT, MODEL, NOMINAL, check_format, save_figure
 from lrm_ident.report.symbols import symbol
+from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import equilibrium
 
-Array = NDArray[np.float64]
 NEVER = 1e6  # how high a bar stands, off the picture, where a rival is never told
 
 

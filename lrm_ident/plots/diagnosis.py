@@ -7,15 +7,14 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import Advice, Report
 from lrm_ident.diagnosis.free_functions import FreeFunction
 from lrm_ident.plots.comparison import GREEN, HELD_OUT, MODEL, NOMINAL, check_format, save_figure
+from lrm_math.arrays import Array
 
-Array = NDArray[np.float64]
 DRAWN = 9
 HATCH = {"supported": "", "indistinguishable": "//", "no_evidence": ".."}
 BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from lrm_ident.data.error_distribution import Distribution, distribution
 from lrm_ident.plots.comparison import HELD_OUT, MODEL, NOMINAL, check_format, save_figure
 from lrm_ident.report.thesis import label, shapes_of
-from lrm_ident.thesis.thesis_options import Array, Crossed, Method
+from lrm_ident.thesis.thesis_options import Crossed, Method
+from lrm_math.arrays import Array
 
 BINS, COLUMNS = 28, 4
 LINES = ("-", "--", "-.", ":")

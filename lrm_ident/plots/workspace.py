@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Polygon, Rectangle
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from lrm_ident.plots.comparison import HELD_OUT, MODEL, NOMINAL, check_format, save_figure
@@ -17,11 +16,11 @@ from lrm_ident.report.workspace import Compared
 from lrm_ident.workspace.capability_map import Capability
 from lrm_ident.workspace.voxel_grid import ball_of
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
-Array = NDArray[np.float64]
 MM_PER_M = 1e3
 ROW, SHORTEST = 0.27, 4.6
 """Height of one variant's bar, and of the figure at least (inches)."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group, RenderableType
 from rich.table import Table
@@ -15,6 +14,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fit.error_breakdown import Comparison, Factor, HeldOut
 from lrm_ident.fit.identifiability import Unidentifiable
 from lrm_ident.fit.levenberg_marquardt import Fit
+from lrm_math.arrays import Array
 from lrm_math.model.model import Model
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
@@ -152,7 +152,7 @@ def _worst_table(comparison: Comparison, data: Measurements) -> Table:
     return out
 
 
-def _vector(metres: NDArray[np.float64]) -> str:
+def _vector(metres: Array) -> str:
     return " ".join(f"{component * 1e3:+6.2f}" for component in metres)
 
 

@@ -13,8 +13,9 @@ from rich.table import Table
 from lrm_ident.data.error_distribution import Distribution, distribution
 from lrm_ident.data.error_stats import ErrorFigures, figures
 from lrm_ident.report.fit import screen_unit, table
-from lrm_ident.thesis.thesis_options import Array, Crossed, Identified, Method
+from lrm_ident.thesis.thesis_options import Crossed, Identified, Method
 from lrm_ident.thesis.thesis_results import NOMINAL, TABLE_6_8, Campaign, Printed
+from lrm_math.arrays import Array
 
 SHOWN = ("compliance.*", "offsets.base.z_mm")  # what the thesis prints in chapter 6
 LABELS = {"option1_2": "option 1₂", "option3_2": "option 3₂"}

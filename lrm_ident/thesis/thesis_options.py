@@ -16,12 +16,12 @@ from lrm_ident.fit.levenberg_marquardt import Fit, bounds_of, fit, no_bounds
 from lrm_ident.fit.parameter_sets import chosen
 from lrm_ident.progress import Tick, silent
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import UnknownName
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 POSES = 50
 PHYSICAL = "_2"

@@ -10,17 +10,16 @@ import re
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.workspace.voxel_grid import NUMBER
 from lrm_math.arm.arm import BASE, TOOL, Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arm.collision_shapes import Capsule, Triple
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
-Array = NDArray[np.float64]
 SYNTAX = "say PLACE_NAME_UNIT=VALUE such as base_beta_deg=45, or linkN+20mm, linkN-10mm; several by commas"
 VALUE = re.compile(rf"(\w+?)_(\w+)_(mm|deg)=({NUMBER})")
 LONGER = re.compile(r"link(\d+)([+-](?:\d+\.?\d*|\.\d+))mm")

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from lrm_ident.progress import Tick, silent
 from lrm_ident.workspace.voxel_grid import Area, Grid
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.errors import LrmError
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.solver import NominalSolver
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 WHOLE_POSE = 6
 AT_ONCE = 8000

@@ -6,11 +6,10 @@ import math
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
-Array = NDArray[np.float64]
 GOLDEN = 0.5 * (1.0 + math.sqrt(5.0))
 ALONG_X = 0.9
 """Cosine to the x axis beyond which turns are counted from the z axis instead."""

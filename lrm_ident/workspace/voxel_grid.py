@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Triple = tuple[float, float, float]
 MOST_CELLS = 2_000_000

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-
-Array = NDArray[np.float64]
 
 COUNTS_PER_PERIOD = 4096
 PRESCALE_MIN, PRESCALE_MAX = 3, 255

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lrm_math.kinematics.chain import Array
+from lrm_math.arrays import Array
 
 PARALLEL = 1e-14
 """sin² of the angle below which two lines count as parallel; the distance is then wrong by less than 1e-7 lengths."""

@@ -15,10 +15,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lrm_math.arrays import Array
 from lrm_math.collision.scene import Closest, Scene
 from lrm_math.collision.straight_move import RESOLUTION, Move, check_move
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.chain import Array
 
 STEP = 0.4
 """rad: a tree grows towards a sample by this much at once; all lengths of moves are Euclidean norms of joint angles."""

@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.collision_shapes import Box, Capsule
+from lrm_math.arrays import Array
 from lrm_math.collision.distance import segment_to_box, segment_to_segment
 from lrm_math.errors import LrmError, UnknownName
-from lrm_math.kinematics.chain import Array, Chain, chain_of
+from lrm_math.kinematics.chain import Chain, chain_of
 from lrm_math.kinematics.forward import frames
 
 Indices = NDArray[np.intp]

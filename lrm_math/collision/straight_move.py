@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene
-from lrm_math.kinematics.chain import Array
 
 RESOLUTION = 5e-4
 """m: a move that keeps the margin is still refused if less than this is left, where the bound cannot tell."""

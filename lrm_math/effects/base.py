@@ -17,7 +17,8 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from lrm_math.arm.arm import Arm
-from lrm_math.kinematics.chain import Array, Number
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.statics import Ballast
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arm.arm import BASE, Arm
+from lrm_math.arrays import Array
 from lrm_math.effects.base import Amounts, Effect, Evidence, Parameter
-from lrm_math.kinematics.chain import Array
 from lrm_math.kinematics.poses import Poses
 
 MOST_SESSIONS = 6

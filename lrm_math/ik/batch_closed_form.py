@@ -12,10 +12,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.ik.pieper import Pieper, Shape, Turn
 from lrm_math.ik.quartic import skew_elbow
 from lrm_math.ik.scalar_closed_form import ROUND_OFF
-from lrm_math.kinematics.chain import Array
 
 Mask = NDArray[np.bool_]
 Whole = NDArray[np.int64]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arm.servo_table import PwmClock
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NotSettled
 from lrm_math.ik.answer import Branch, Verdict, Violation
 from lrm_math.ik.cube import Cube
@@ -25,7 +26,7 @@ from lrm_math.ik.scalar_linkage import Frame, frame_of, matrices
 from lrm_math.ik.scalar_newton import way
 from lrm_math.ik.solver_context import Ask, Deployment, Found, Method, Stalled
 from lrm_math.ik.uncertainty import position_covariance
-from lrm_math.kinematics.chain import Array, Number
+from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.derivatives import joint_jacobian

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.ik.answer import Answer, Branch, Limits, Verdict
 from lrm_math.ik.batch_closed_form import TURN, AllBranches, Mask, Window, all_branches
 from lrm_math.ik.damped_least_squares import Targets, descend
@@ -19,7 +20,6 @@ from lrm_math.ik.pieper import Pieper, pieper_form
 from lrm_math.ik.scalar_closed_form import ROUND_OFF, OneGoal, one_goal_solver
 from lrm_math.ik.screw_axes import lines_of
 from lrm_math.ik.solver import BatchAnswer, NominalSolver, angles_near, poses_checked
-from lrm_math.kinematics.chain import Array
 
 SWEEP = 73
 """Samples of a free angle over its range, at first and once more around the best."""

@@ -10,12 +10,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.batch_equilibrium import settled
 from lrm_math.ik.branches import every_branch
 from lrm_math.ik.initial_guess import Drawn, first_guesses, nominal, taken
 from lrm_math.ik.solver_context import Ask, Deployment, Found
-from lrm_math.kinematics.chain import Array, Number
+from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium, rigid_amounts
 from lrm_math.model.model import Model

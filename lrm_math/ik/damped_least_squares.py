@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.linkage import Linkage, Placed, cross, linkage_of
-from lrm_math.kinematics.chain import Array, Chain
+from lrm_math.kinematics.chain import Chain
 
 MOST_STEPS = 120
 """Of a descent."""

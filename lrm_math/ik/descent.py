@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.linkage import Indices
 from lrm_math.ik.pose_error import farness
 from lrm_math.ik.solver_context import Deployment
-from lrm_math.kinematics.chain import Array
 
 STILL = 1e-5
 """rad: a step that moves no joint further ends the descent."""

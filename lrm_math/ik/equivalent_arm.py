@@ -9,6 +9,7 @@ from math import inf, pi
 import numpy as np
 
 from lrm_math.arm.arm import BASE, TOOL, Arm, Joint, Placement
+from lrm_math.arrays import Array
 from lrm_math.ik.answer import Limits
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.nominal import solver_of
@@ -16,7 +17,6 @@ from lrm_math.ik.pieper import pieper_form
 from lrm_math.ik.scalar_closed_form import OneGoal, one_goal_solver
 from lrm_math.ik.screw_axes import lines_of
 from lrm_math.ik.solver import NominalSolver
-from lrm_math.kinematics.chain import Array
 from lrm_math.model.model import Model
 
 SLACK = 0.4

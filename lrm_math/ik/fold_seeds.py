@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.ik.folds import Slowest
 from lrm_math.ik.newton import Aim
 from lrm_math.ik.solver_context import Ask, Deployment
-from lrm_math.kinematics.chain import Array
 
 SLOW = 5e-3
 """m/rad: a fold is near where the tool goes slower than this with some motion of the joints."""

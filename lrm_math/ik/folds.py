@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.ik.linkage import Linkage
 from lrm_math.ik.newton import Aim, Reached
-from lrm_math.kinematics.chain import Array
 
 STEPS_ASIDE = (0.03, 0.1)
 """rad: how far to step off a fold."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.ik.batch_closed_form import TURN, Mask
-from lrm_math.kinematics.chain import Array
 
 FIRST = 180
 """Samples of the turn, at first."""

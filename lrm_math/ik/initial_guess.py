@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.ik.solver_context import Ask, Deployment
-from lrm_math.kinematics.chain import Array, chain_of
+from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
 PULLED = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)

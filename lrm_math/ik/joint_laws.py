@@ -14,11 +14,11 @@ from typing import TypeAlias
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.effects.base import Amounts
 from lrm_math.errors import LrmError
 from lrm_math.ik.linkage import Burden, Linkage, linkage_of
 from lrm_math.ik.scalar_pose import OnePose
-from lrm_math.kinematics.chain import Array
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.effect_binding import Wired
 from lrm_math.model.equilibrium import pushes_of

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.batch_equilibrium import settled
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.linkage import Indices
 from lrm_math.ik.newton import LEVER
-from lrm_math.kinematics.chain import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import LARGEST_MOTION

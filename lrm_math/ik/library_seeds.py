@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.library import Library
 from lrm_math.ik.linkage import Indices, Linkage
 from lrm_math.ik.newton import WEIGHTS, Aim, Band
-from lrm_math.kinematics.chain import Array
 
 CLOSEST = 256
 """How many of the closest poses are judged by their step."""

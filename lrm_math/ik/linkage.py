@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_math.kinematics.chain import Array, Chain, Slot
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import Chain, Slot
 from lrm_math.kinematics.statics import Weight
 
 Indices = NDArray[np.int64]

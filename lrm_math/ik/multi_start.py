@@ -7,13 +7,13 @@ from functools import cached_property
 from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.ik.answer import Answer, Branch, Limits, Nearest, Verdict, Violation
 from lrm_math.ik.damped_least_squares import NominalArm, Targets, descend, jacobian, slide
 from lrm_math.ik.goal import Goal, rotation_rows
-from lrm_math.kinematics.chain import Array, chain_of
+from lrm_math.kinematics.chain import chain_of
 
 FEW, MANY = 12, 84
 """Starts of a search: at first, and more before it is given up."""
@@ -205,7 +205,7 @@ def by_distance(q: Array, towards: Array) -> Array:
 
 def distinct(q: Array, apart: float) -> Array:
     """(M, n), those rows of (K, n) that are further than `apart` (rad) from all before them, whole turns aside."""
-    kept: list[NDArray[np.float64]] = []
+    kept: list[Array] = []
     for row in q:
         if all(np.abs((row - other + np.pi) % (2.0 * np.pi) - np.pi).max() > apart for other in kept):
             kept.append(row)

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Nearest
 from lrm_math.ik.batch_equilibrium import settled
@@ -17,7 +18,7 @@ from lrm_math.ik.linkage import Indices
 from lrm_math.ik.newton import LEVER
 from lrm_math.ik.pose_error import farness
 from lrm_math.ik.solver_context import Ask, Deployment
-from lrm_math.kinematics.chain import Array, Number
+from lrm_math.kinematics.chain import Number
 from lrm_math.model.equilibrium import Equilibrium
 
 STARTS, ROUGH = 16, 8

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.joint_laws import Compensation
 from lrm_math.ik.linkage import Burden, Indices
-from lrm_math.kinematics.chain import Array
 from lrm_math.kinematics.poses import Poses
 
 CLOSE = 3e-10

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.ik.equivalent_arm import SLACK
 from lrm_math.ik.folds import Slowest
 from lrm_math.ik.newton import Aim
 from lrm_math.ik.solver_context import Ask, Deployment
-from lrm_math.kinematics.chain import Array
 
 SLOW = 0.01
 """m/rad: a branch can be slid where the tool goes slower than this."""

@@ -20,8 +20,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.ik.screw_axes import Lines, angle_about, links_of
-from lrm_math.kinematics.chain import Array
 
 Vector3: TypeAlias = tuple[float, float, float]
 Turn: TypeAlias = tuple[float, float]

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.newton import LEVER
-from lrm_math.kinematics.chain import Array
 
 TINY = 1e-12
 """rad: keeps turns by nothing out of divisions."""

@@ -16,9 +16,9 @@ import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.servo_table import PwmClock, ServoTable
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Limits
-from lrm_math.kinematics.chain import Array
 
 CHECKED = 4
 """How many of the linearly best combinations are reckoned exactly, at most."""

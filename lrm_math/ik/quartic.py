@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.ik.pieper import Pieper
-from lrm_math.kinematics.chain import Array
 
 Complex = NDArray[np.complex128]
 

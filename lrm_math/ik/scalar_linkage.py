@@ -13,10 +13,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.ik.goal import Triple
 from lrm_math.ik.linkage import Burden, Linkage
 from lrm_math.ik.unrolled import function, stand_text, tool_text
-from lrm_math.kinematics.chain import Array
 
 Frame: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
 """Columns x, y, z and origin, one after the other (1; m)."""

@@ -8,6 +8,7 @@ from math import inf, sqrt
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.ik.goal import Rotation, Triple
 from lrm_math.ik.joint_laws import Compensation
 from lrm_math.ik.linkage import Burden, Indices
@@ -23,7 +24,6 @@ from lrm_math.ik.newton import (
     Reached,
 )
 from lrm_math.ik.scalar_linkage import Cargo, Frame, OneLinkage, matrices, screws, twist
-from lrm_math.kinematics.chain import Array
 
 DAMPING = 1e-3
 NEARLY = 1e-5

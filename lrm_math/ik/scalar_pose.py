@@ -7,8 +7,9 @@ from functools import cached_property
 
 from numpy.typing import ArrayLike
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.chain import Array, Number
+from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_math.arm.arm import Arm
-from lrm_math.kinematics.chain import Array, chain_of
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import walk
 
 PARALLEL = 1e-12

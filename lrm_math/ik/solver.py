@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Answer, Branch
 from lrm_math.ik.goal import Goal
-from lrm_math.kinematics.chain import Array
 
 Mask = NDArray[np.bool_]
 BRANCHES = 8

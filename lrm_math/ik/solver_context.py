@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.ik.answer import Limits
 from lrm_math.ik.equivalent_arm import SLACK, Likeness, Seeds
 from lrm_math.ik.goal import Goal
@@ -20,7 +21,6 @@ from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.scalar_newton import OneStart
 from lrm_math.ik.scalar_pose import OnePose
 from lrm_math.ik.solver import NominalSolver
-from lrm_math.kinematics.chain import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import settle
 from lrm_math.model.model import Model

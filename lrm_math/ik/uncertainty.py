@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrm_math.kinematics.chain import Array
+from lrm_math.arrays import Array
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium

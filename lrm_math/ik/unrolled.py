@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lrm_math.kinematics.chain import Array
+from lrm_math.arrays import Array
 
 ROWS = "xyz"
 COLUMNS = "abc"

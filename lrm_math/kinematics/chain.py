@@ -16,11 +16,10 @@ from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_math.arm.arm import BASE, TOOL, Arm, Placement
+from lrm_math.arrays import Array
 
-Array: TypeAlias = NDArray[np.float64]
 Number: TypeAlias = "float | Array"
 Vector: TypeAlias = "list[Number]"
 

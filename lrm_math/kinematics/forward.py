@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.kinematics.chain import Array, Chain, Number, X, Y, Z, is_zero, rotate_inverse, trig
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import Chain, Number, X, Y, Z, is_zero, rotate_inverse, trig
 
 
 @dataclass(frozen=True, eq=False)

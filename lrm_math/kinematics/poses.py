@@ -7,10 +7,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.kinematics.chain import PLANE, Array, Chain, Number, Vector, is_zero, rotate, rotate_inverse
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import PLANE, Chain, Number, Vector, is_zero, rotate, rotate_inverse
 from lrm_math.kinematics.forward import Walk
 
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.chain import Array
 from lrm_math.model.model import Model
 from lrm_math.toml_file import StrictSchema
 

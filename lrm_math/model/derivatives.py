@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.effects.base import STEP
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import Array, Chain, Number
+from lrm_math.kinematics.chain import Chain, Number
 from lrm_math.kinematics.forward import Walk, walk
 from lrm_math.model.equilibrium import Equilibrium
 

@@ -9,9 +9,10 @@ from functools import cached_property
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.errors import NotSettled
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import Array, Number, pull_back, trig, trig_of
+from lrm_math.kinematics.chain import Number, pull_back, trig, trig_of
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import largest, size
 from lrm_math.model.model import Model

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.effects import Effect, Parameter
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import Array, Chain, Number, chain_of
+from lrm_math.kinematics.chain import Chain, Number, chain_of
 from lrm_math.kinematics.statics import Weight
 from lrm_math.model.effect_binding import Wiring, wire
 

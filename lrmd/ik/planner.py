@@ -8,12 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from lrm_math.arrays import Array
 from lrm_math.collision.rrt_connect import NoPath, plan
 from lrm_math.collision.scene import Scene, clearance_of
 from lrm_math.collision.straight_move import Move, check_move
 from lrm_math.errors import NotSettled
 from lrm_math.ik.batch_equilibrium import settled
-from lrm_math.kinematics.chain import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.model import Model

@@ -12,8 +12,8 @@ from random import Random
 from typing import TypeAlias
 
 from lrm_math.arm.servo_table import COUNTS_PER_PERIOD
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, nearest
-from lrm_math.kinematics.chain import Array
 from lrmd.link.pca9685 import CHANNELS
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.faults import FAULT_NAMES, parse_fault

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance, clearance_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.direct import Direct
@@ -33,7 +34,6 @@ from tests.math.test_collision import sampled_distance
 from tests.soak.fuzz_ik import fuzz
 from tests.support.in_memory_daemon import CONFIG
 
-Array = NDArray[np.float64]
 TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 EXACT = 1e-6
 """m: the worst that a polished answer may be off, a thousandth of a millimetre."""

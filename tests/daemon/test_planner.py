@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lrm_math.arm.collision_shapes import Box
+from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance, clearance_of
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.forward import frames
@@ -34,7 +34,6 @@ from tests.math.test_chain import link_matrices
 from tests.math.test_collision import sampled_distance
 from tests.support.in_memory_daemon import CONFIG, World
 
-Array = NDArray[np.float64]
 TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 START, END = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
 LOAD = 0.0663

@@ -9,7 +9,6 @@ from typing import cast
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lrm_ident.data.csv_table import read_table
 from lrm_ident.data.measurements import Measurements, directions, load_poses
@@ -28,7 +27,6 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.commands import does, refuses
 
-Array = NDArray[np.float64]
 MEASURED_LEVELS = "-100,0,100; joint2=-50,0,50; joint6=-50,0,50"
 RIVALS = ("backlash@joint2", "nonlinear_stiffness@joint2")
 

@@ -23,6 +23,7 @@ from lrm_ident.design.optimality import criterion_of
 from lrm_ident.fit.levenberg_marquardt import fit, no_bounds
 from lrm_ident.fit.parameter_sets import TABLE_4_5, chosen
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.effects import Parameter, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
@@ -30,7 +31,6 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.thesis_parameters import thesis_model, thesis_values
 
-Array = NDArray[np.float64]
 seeds = st.integers(0, 10_000)
 
 

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lrm_ident.workspace.arm_variants import lengthened, variant
 from lrm_ident.workspace.capability_map import Capability, capability, pose_solver
@@ -23,6 +22,7 @@ from lrm_ident.workspace.presets import study_of
 from lrm_ident.workspace.voxel_grid import Grid, area_named, ball_of, grid_around
 from lrm_math.arm.arm import Arm, Joint, Placement
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.ik.goal import pose
@@ -30,7 +30,6 @@ from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from tests.support.commands import does, refuses
 
-Array = NDArray[np.float64]
 TOOLS = rotations(directions(12), 4)
 COARSE = 0.09
 UPPER, FORE, TOOL_LENGTH = 0.25, 0.15, 0.1

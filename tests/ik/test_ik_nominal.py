@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lrm_math.arm.arm import Arm, Joint, Placement
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Answer, Verdict
 from lrm_math.ik.closed_form import ClosedForm
@@ -24,7 +24,6 @@ from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from tests.support.random_arms import random_arm
 
-Array = NDArray[np.float64]
 SHIPPED = ("lrm-lab", "lrm-rover")
 seeds = st.integers(0, 10_000)
 

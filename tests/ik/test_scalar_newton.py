@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.batch_equilibrium import settled
@@ -30,7 +30,6 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.support.random_arms import arms
 
-Array = NDArray[np.float64]
 TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 GIVING = ("offsets", "compliance", "base_compliance", "lateral_compliance")
 

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of, pull_back, trig
 from lrm_math.kinematics.forward import frames, walk
 from lrm_math.model.derivatives import slot_jacobian
 from tests.support.random_arms import arms, random_arm
-
-Array = NDArray[np.float64]
 
 
 def turn(axis: int, angle: float) -> Array:

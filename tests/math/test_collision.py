@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import read_arm
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
+from lrm_math.arrays import Array
 from lrm_math.collision.distance import segment_to_box, segment_to_segment
 from lrm_math.collision.scene import Scene, clearance, clearance_of
 from lrm_math.collision.straight_move import RESOLUTION, check_move
@@ -29,7 +29,6 @@ from lrm_math.model.model import model_of
 from tests.math.test_chain import link_matrices, turn
 from tests.support.random_arms import random_arm
 
-Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parents[2]
 coordinates = st.floats(-2.0, 2.0, allow_subnormal=False).map(lambda x: round(x, 4))
 points = st.tuples(coordinates, coordinates, coordinates).map(np.array)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.collision_shapes import Box
+from lrm_math.arrays import Array
 from lrm_math.collision.rrt_connect import NoPath, Path, plan, stream
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.collision.straight_move import check_move
@@ -20,7 +20,6 @@ from lrm_math.errors import LrmError
 from tests.math.test_chain import link_matrices
 from tests.math.test_collision import sampled_distance
 
-Array = NDArray[np.float64]
 START, GOAL = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import NotSettled
 from lrm_math.kinematics import statics
@@ -21,7 +21,6 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms
 
-Array = NDArray[np.float64]
 TIGHT = 1e-14
 
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance_of
 from lrm_math.ik.batch_equilibrium import settled
 from lrm_math.ik.goal import Goal
@@ -21,7 +21,6 @@ from lrmd.ik.service import goal_of
 from lrmd.messages.kinematics import IkAnswer, IkRequest
 from tests.soak.fuzz_ik_queries import Subject
 
-Array = NDArray[np.float64]
 EXACT, TURNED = 1e-6, 1e-5
 """m and rad: the worst that a direct or cube answer may be off by the model's own equilibrium."""
 CLOSE = 1e-3

@@ -13,9 +13,9 @@ import numpy as np
 from bench.ik_calibrated import SMOOTH, TABLE_B2, with_effects
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.servo_table import PwmClock
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.ik.batch_equilibrium import settled
-from lrm_math.kinematics.chain import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model, model_of

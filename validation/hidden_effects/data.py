@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.synthetic import (
     Dataset,
@@ -19,9 +18,9 @@ from lrm_ident.synthetic import (
     simulate,
     write,
 )
+from lrm_math.arrays import Array
 from validation.hidden_effects.case_generator import Case, stable_seed
 
-Array = NDArray[np.float64]
 ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / "lrm-lab.toml"
 LOADS_KG = (0.0, 0.0663)
 NOISE_M = 0.0003  # per axis

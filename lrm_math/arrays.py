@@ -1,0 +1,10 @@
+"""Array aliases: float64 numpy arrays; batches come first, `(N, ...)`."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
