@@ -43,9 +43,9 @@ bench: setup ## our figures beside the peers', as ratios; the daemon's for MINUT
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-deps EAIK
 	$(ONE_THREAD) $(BIN)/python -m bench
 	$(ONE_THREAD) $(BIN)/python -m bench.ik
-	$(ONE_THREAD) $(BIN)/python -m bench.ik_calibrated
-	$(ONE_THREAD) $(BIN)/python -m bench.ik_zenoh 20
-	$(ONE_THREAD) $(BIN)/python -m bench.daemon --minutes $(MINUTES)
+	$(ONE_THREAD) $(BIN)/python -m validation.calibrated_ik
+	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
+	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)
 
 soak: setup ## the daemon's core, ramp and board for HOURS=24 of simulated time, and a million broken messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)

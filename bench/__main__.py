@@ -1,4 +1,4 @@
-"""Prints what our code takes beside the peers, as ratios measured in one run on one core."""
+"""Times of our code beside the peers', as ratios measured in one run on one core."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from bench.detmax import CHOSEN, search_on
 from bench.ik import one_pose
-from bench.peers import Pinocchio, scipy_fit
+from bench.peers import Pinocchio, decomposed_exchange, scipy_fit
 from bench.timing import Timing, race
 from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.design.detmax import exchange
+from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.diagnosis.diagnose import diagnose
-from lrm_ident.diagnosis.diagnosis_report import advise
+from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.fit.identifiability import fit_identifiable
 from lrm_ident.fit.levenberg_marquardt import fit, no_bounds
-from lrm_ident.fit.parameter_sets import chosen
+from lrm_ident.fit.parameter_sets import TABLE_4_5, select_parameters
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.chain import chain_of, pull_back, trig
@@ -31,14 +32,14 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 
-POSES, FK_POSES, SETTLED = 393, 1000, 1e-6
+POSES, FK_POSES, CHOSEN, TOLERANCE = 393, 1000, 50, 1e-6
 EXAMPLE = Path(synthetic.__file__).resolve().parents[1] / "examples" / "hidden-play.csv"
 OURS = "lrm_math"
 
 
 @dataclass(frozen=True)
-class Task:
-    """One row of the page: who does it, how many units one call does, and what DESIGN wants of us per unit."""
+class Comparison:
+    """One computation, timed for each contender: `units` per call, `goal` per unit for ours (times `scale`)."""
 
     name: str
     unit: str
@@ -51,17 +52,18 @@ class Task:
 def synthetic_data() -> Measurements:
     """As many poses as were measured on the real arm, from the independent generator."""
     rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
-    q = synthetic.poses(rig, POSES, seed=1)
-    tcp = synthetic.measure(rig, synthetic.Truth.random(rig, 1), q, 0.0, 3e-4, 1)
+    q = synthetic.random_poses(rig, POSES, seed=1)
+    tcp = synthetic.measure(rig, synthetic.GroundTruth.random(rig, 1), q, 0.0, 3e-4, 1)
     number = np.arange(1, POSES + 1)
     return Measurements(poses_of(q), number, tcp, None, None, number, Path("synthetic"), "")
 
 
-def tasks() -> list[Task]:
+def comparisons() -> list[Comparison]:
+    """Every row of the table."""
     arm, data = load_arm("lrm-lab"), synthetic_data()
     chain = chain_of(arm)
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-    option1 = replace(model, free=chosen(model, "option1"))
+    option1 = replace(model, free=select_parameters(model, "option1"))
     fitted = fit(option1, data).model
     rest = equilibrium(fitted, data.poses)
     q = np.random.default_rng(0).uniform(-1.7, 1.7, (FK_POSES, 6))
@@ -76,7 +78,7 @@ def tasks() -> list[Task]:
         OURS: lambda: frames(chain, chain.values(columns), FK_POSES),
         "lrm_math, TCP alone": tcp,
     }
-    bent: dict[str, Callable[[], object]] = {OURS: lambda: equilibrium(fitted, data.poses, tolerance=SETTLED)}
+    bent: dict[str, Callable[[], object]] = {OURS: lambda: equilibrium(fitted, data.poses, tolerance=TOLERANCE)}
     jacobian: dict[str, Callable[[], object]] = {
         OURS: lambda: parameter_jacobian(rest),
         "differences": lambda: differences(fitted, data.poses),
@@ -84,7 +86,7 @@ def tasks() -> list[Task]:
     pinocchio = _pinocchio()
     if pinocchio:
         fk["pinocchio"] = lambda: pinocchio.tcp(q)
-        bent["pinocchio"] = lambda: pinocchio.elastic_tcp(data.poses.q, k, SETTLED)
+        bent["pinocchio"] = lambda: pinocchio.elastic_tcp(data.poses.q, k, TOLERANCE)
         jacobian["pinocchio (its regressors only)"] = lambda: pinocchio.regressors(data.poses.q)
     fits: dict[str, Callable[[], object]] = {
         OURS: lambda: fit(option1, data, no_bounds(option1.free)),
@@ -93,17 +95,20 @@ def tasks() -> list[Task]:
     }
     example = load_measurements(EXAMPLE, arm)
     found = fit_identifiable(model, example, model.keys).fit.model
-    rover, search = load_arm("lrm-rover"), search_on(data.poses)
-    exchange = {OURS: search.ours, "one exchange alone, decomposing": search.one_exchange_decomposed}
-    whole: dict[str, Callable[[], object]] = {OURS: lambda: advise(diagnose(found, example))}
+    rover, J = load_arm("lrm-rover"), identification_jacobian(equilibrium(model, data.poses), TABLE_4_5)
+    selection: dict[str, Callable[[], object]] = {
+        OURS: lambda: exchange(J, CHOSEN, "O1"),
+        "one exchange alone, decomposing": lambda: decomposed_exchange(J, CHOSEN),
+    }
+    whole: dict[str, Callable[[], object]] = {OURS: lambda: build_report(diagnose(found, example))}
     return [
-        Task(f"diagnose of {len(example)} poses, whole catalogue", "s", 1, 1.0, 15.0, whole),
-        Task(f"FK of {FK_POSES} poses, all frames", "µs/pose", FK_POSES, 1e6, 0.25, fk),
-        Task(f"elastic FK of {POSES} poses, to 1 µm", "µs/pose", POSES, 1e6, 6.0, bent),
-        Task(f"3×45 total Jacobian of {POSES} poses", "ms", 1, 1e3, 10.0, jacobian),
-        Task(f"fit of 28 parameters to {POSES} poses", "ms", 1, 1e3, 100.0, fits),
-        Task(f"exchange search, {CHOSEN} of {POSES} poses, 28 parameters", "s", 1, 1.0, 1.0, exchange),
-        Task("nominal IK of one pose, all branches in limits", "µs", 1, 1e6, 6.0, one_pose(rover, OURS)),
+        Comparison(f"diagnose of {len(example)} poses, whole catalogue", "s", 1, 1.0, 15.0, whole),
+        Comparison(f"FK of {FK_POSES} poses, all frames", "µs/pose", FK_POSES, 1e6, 0.25, fk),
+        Comparison(f"elastic FK of {POSES} poses, to 1 µm", "µs/pose", POSES, 1e6, 6.0, bent),
+        Comparison(f"3×45 total Jacobian of {POSES} poses", "ms", 1, 1e3, 10.0, jacobian),
+        Comparison(f"fit of 28 parameters to {POSES} poses", "ms", 1, 1e3, 100.0, fits),
+        Comparison(f"exchange search, {CHOSEN} of {POSES} poses, 28 parameters", "s", 1, 1.0, 1.0, selection),
+        Comparison("nominal IK of one pose, all branches in limits", "µs", 1, 1e6, 6.0, one_pose(rover, OURS)),
     ]
 
 
@@ -124,20 +129,20 @@ def _pinocchio() -> Pinocchio | None:
         return None
 
 
-def rows(task: Task, timings: dict[str, Timing]) -> list[tuple[str, ...]]:
-    """The lines of one task; ratios are medians over our median."""
+def rows(comparison: Comparison, timings: dict[str, Timing]) -> list[tuple[str, ...]]:
+    """The lines of one comparison; ratios are medians over our median."""
     ours = timings[OURS].median
     out: list[tuple[str, ...]] = []
     for name, timing in timings.items():
-        value = timing.median / task.units * task.scale
-        goal = f"≤ {task.goal:g}: {'reached' if value <= task.goal else 'MISSED'}" if name == OURS else ""
+        value = timing.median / comparison.units * comparison.scale
+        goal = f"≤ {comparison.goal:g}: {'reached' if value <= comparison.goal else 'MISSED'}" if name == OURS else ""
         figures = (
             f"{value:.3g}",
-            f"{timing.best / task.units * task.scale:.3g}",
-            task.unit,
+            f"{timing.best / comparison.units * comparison.scale:.3g}",
+            comparison.unit,
             f"{timing.median / ours:.2f}",
         )
-        out.append((task.name if name == OURS else "", name, *figures, goal))
+        out.append((comparison.name if name == OURS else "", name, *figures, goal))
     return out
 
 
@@ -146,9 +151,9 @@ def main() -> None:
     table = Table(title="One core, medians of nine rounds in turn; ratio: its time over ours", title_justify="left")
     for name in ("what", "by", "median", "best", "unit", "ratio", "goal"):
         table.add_column(name, justify="right" if name in ("median", "best", "ratio") else "left")
-    for task in tasks():
-        with console.status(task.name):
-            for row in rows(task, race(task.contenders)):
+    for comparison in comparisons():
+        with console.status(comparison.name):
+            for row in rows(comparison, race(comparison.contenders)):
                 table.add_row(*row)
         table.add_section()
     console.print(table)

@@ -11,30 +11,30 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from bench.ik_peers import PEERS, Eaik, Peer
+from bench.ik_peers import PEERS, EaikSolver, PeerSolver
 from bench.timing import race
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.ik.answer import Limits
+from lrm_math.ik.answer import JointLimits
 from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.pieper import pieper_form
-from lrm_math.ik.scalar_closed_form import one_goal_solver
-from lrm_math.ik.screw_axes import lines_of
+from lrm_math.ik.scalar_closed_form import scalar_closed_form
+from lrm_math.ik.screw_axes import screw_axes_of
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
-GOALS, LESSER, BATCH, TIMED = 100_000, 1000, 1000, 500
-IN_BATCHES = f"lrm_math, batches of {BATCH}"
-TAKEN_M, TAKEN_RAD = 1e-6, 1e-6
-"""What counts as success; the largest error of the successes is shown beside it."""
+GOALS, PARTIAL_GOALS, BATCH, TIMED = 100_000, 1000, 1000, 500
+BATCH_NAME = f"lrm_math, batches of {BATCH}"
+TOLERANCE_M, TOLERANCE_RAD = 1e-6, 1e-6
+"""Success; the largest error of the successes is shown beside it."""
 SAME_RAD = 1e-3
-"""What counts as the same branch: microradians from a stretched elbow, single angles are known to 1e-4 rad only."""
+"""The same branch: microradians from a stretched elbow, single angles are known to 1e-4 rad only."""
 
 
 @dataclass(frozen=True)
-class Row:
+class SolverRow:
     """One line: share of goals solved within the limits, worst position error of those (m), seconds per goal."""
 
     name: str
@@ -53,47 +53,47 @@ def poses(arm: Arm, q: Array) -> Array:
 
 def reachable(arm: Arm, count: int, seed: int = 0) -> tuple[Array, Array]:
     """Angles (N, n) drawn evenly within the limits, and the poses (N, 4, 4) that they take."""
-    limits = Limits.of(arm)
+    limits = JointLimits.of(arm)
     q = np.random.default_rng(seed).uniform(limits.lower, limits.upper, (count, arm.dof))
     return q, poses(arm, q)
 
 
-def judged(arm: Arm, T: Array, q: Array, solved: Array) -> tuple[Array, Array]:
+def is_solution(arm: Arm, T: Array, q: Array, solved: Array) -> tuple[Array, Array]:
     """Whether angles (N, n) keep the limits and take the poses, and how far their TCP is off (m)."""
-    limits, took = Limits.of(arm), poses(arm, q)
-    off = np.linalg.norm(took[:, :3, 3] - T[:, :3, 3], axis=1)
-    turned = np.abs(took[:, :3, :3] - T[:, :3, :3]).max(axis=(1, 2))
+    limits, reached = JointLimits.of(arm), poses(arm, q)
+    off = np.linalg.norm(reached[:, :3, 3] - T[:, :3, 3], axis=1)
+    rotated = np.abs(reached[:, :3, :3] - T[:, :3, :3]).max(axis=(1, 2))
     kept = ((q >= np.array(limits.lower) - 1e-9) & (q <= np.array(limits.upper) + 1e-9)).all(axis=1)
-    return solved & kept & (off < TAKEN_M) & (turned < TAKEN_RAD), off
+    return solved & kept & (off < TOLERANCE_M) & (rotated < TOLERANCE_RAD), off
 
 
-def one_by_one(arm: Arm, name: str, solve: Callable[[Array], Array | None], T: Array) -> Row:
+def run_peer(arm: Arm, name: str, solve: Callable[[Array], Array | None], T: Array) -> SolverRow:
     """Success and error of a solver that answers one pose (4, 4) with angles (n,) or None."""
     answers = [solve(pose) for pose in T]
     solved = np.array([answer is not None for answer in answers])
     q = np.array([np.zeros(arm.dof) if answer is None else answer for answer in answers])
-    good, off = judged(arm, T, q, solved)
-    return Row(name, len(T), float(good.mean()), float(off[good].max(initial=0.0)), None)
+    good, off = is_solution(arm, T, q, solved)
+    return SolverRow(name, len(T), float(good.mean()), float(off[good].max(initial=0.0)), None)
 
 
-def ours_in_batches(arm: Arm, q: Array, T: Array) -> Row:
+def run_batches(arm: Arm, q: Array, T: Array) -> SolverRow:
     """All branches of all goals: worst error of any branch, and goals of which the angles drawn were not found."""
     solver, missed, worst, solved = solver_of(arm), 0, 0.0, 0
     for start in range(0, len(T), BATCH):
         part = slice(start, start + BATCH)
         batch = solver.solve_batch(T[part, :3, 3], T[part, :3, :3])
         row, _ = np.nonzero(batch.valid)
-        good, off = judged(arm, T[part][row], batch.q[batch.valid], np.ones(len(row), dtype=np.bool_))
-        apart = np.where(batch.valid, np.abs(batch.q - q[part, None]).max(axis=2), np.inf).min(axis=1)
-        missed += int((apart > SAME_RAD).sum())
+        good, off = is_solution(arm, T[part][row], batch.q[batch.valid], np.ones(len(row), dtype=np.bool_))
+        nearest = np.where(batch.valid, np.abs(batch.q - q[part, None]).max(axis=2), np.inf).min(axis=1)
+        missed += int((nearest > SAME_RAD).sum())
         solved += int(batch.solved.sum())
         worst = max(worst, float(off.max(initial=0.0)))
         if not good.all():
             raise AssertionError(f"a branch does not take its goal: {off.max()} m")
-    return Row(IN_BATCHES, len(T), solved / len(T), worst, None, f"{missed} branches missed")
+    return SolverRow(BATCH_NAME, len(T), solved / len(T), worst, None, f"{missed} branches missed")
 
 
-def ours_of(arm: Arm, name: str, goals: list[Goal]) -> Row:
+def run_goals(arm: Arm, name: str, goals: list[Goal]) -> SolverRow:
     """Success and error of our solver for goals of any kind."""
     solver, solved, worst = solver_of(arm), 0, 0.0
     for goal in goals:
@@ -102,12 +102,12 @@ def ours_of(arm: Arm, name: str, goals: list[Goal]) -> Row:
         if answer.branches:
             T = poses(arm, np.array([branch.q for branch in answer]))
             worst = max(worst, float(np.linalg.norm(T[:, :3, 3] - goal.position, axis=1).max()))
-    return Row(name, len(goals), solved / len(goals), worst, None)
+    return SolverRow(name, len(goals), solved / len(goals), worst, None)
 
 
 def branches_of_eaik_missed(arm: Arm, T: Array) -> int:
-    """How many branches within the limits that EAIK finds we do not. Raises `ImportError` where it is not installed."""
-    peer, solver, missed = Eaik(arm), solver_of(arm), 0
+    """How many branches of EAIK within the limits our solver misses. Raises `ImportError` where it is not installed."""
+    peer, solver, missed = EaikSolver(arm), solver_of(arm), 0
     for pose_ in T:
         q = peer.branches(pose_)
         theirs = q[((q >= peer.lower) & (q <= peer.upper)).all(axis=1)]
@@ -116,56 +116,56 @@ def branches_of_eaik_missed(arm: Arm, T: Array) -> int:
     return missed
 
 
-def rows(arm: Arm, count: int) -> Iterator[Row]:
+def rows(arm: Arm, count: int) -> Iterator[SolverRow]:
     """The table, ours first; peers that are not installed say so."""
     q, T = reachable(arm, count)
     goals = [pose(pose_[:3, 3], pose_[:3, :3]) for pose_ in T[:TIMED]]
     fixed = [(goal.rotation, goal.position) for goal in goals]
-    form, solver = pieper_form(lines_of(arm)), solver_of(arm)
-    core = one_goal_solver(form, Limits.of(arm)) if form else None
+    form, solver = pieper_form(screw_axes_of(arm)), solver_of(arm)
+    core = scalar_closed_form(form, JointLimits.of(arm)) if form else None
     contenders: dict[str, Callable[[], object]] = {}
 
     def timed(name: str, run: Callable[[object], object], over: list[object]) -> None:
         turn = cycle(over)
         contenders[name] = lambda: run(next(turn))
 
-    found: list[Row] = []
-    found.append(one_by_one(arm, "lrm_math, Answer with all branches in limits", _first(solver), T[:20_000]))
+    found: list[SolverRow] = []
+    found.append(run_peer(arm, "lrm_math, Answer with all branches in limits", _first(solver), T[:20_000]))
     timed(found[-1].name, solver.solve, list(goals))  # type: ignore[arg-type]
     if core is not None:
-        found.append(Row("lrm_math, the closed form alone", 0, np.nan, np.nan, None))
+        found.append(SolverRow("lrm_math, the closed form alone", 0, np.nan, np.nan, None))
         timed(found[-1].name, lambda goal: core(*goal), list(fixed))  # type: ignore[misc]
-    found.append(ours_in_batches(arm, q, T))
+    found.append(run_batches(arm, q, T))
     contenders[found[-1].name] = lambda: solver.solve_batch(T[:BATCH, :3, 3], T[:BATCH, :3, :3])
-    lesser = {
-        "lrm_math, position and approach": [point_along(t[:3, 3], t[:3, 2]) for t in T[:LESSER]],
-        "lrm_math, position alone": [point(t[:3, 3]) for t in T[:LESSER]],
+    partial = {
+        "lrm_math, position and approach": [point_along(t[:3, 3], t[:3, 2]) for t in T[:PARTIAL_GOALS]],
+        "lrm_math, position alone": [point(t[:3, 3]) for t in T[:PARTIAL_GOALS]],
     }
-    for name, asked in lesser.items():
-        found.append(ours_of(arm, name, asked))
-        timed(name, solver.solve, list(asked))  # type: ignore[arg-type]
+    for name, kind_goals in partial.items():
+        found.append(run_goals(arm, name, kind_goals))
+        timed(name, solver.solve, list(kind_goals))  # type: ignore[arg-type]
     for kind in PEERS:
         peer = _installed(kind, arm)
         if peer is None:
-            found.append(Row(kind.name, 0, np.nan, np.nan, None, "not installed"))
+            found.append(SolverRow(kind.name, 0, np.nan, np.nan, None, "not installed"))
             continue
-        found.append(one_by_one(arm, peer.name, peer.solve, T[: min(count, peer.goals)]))
+        found.append(run_peer(arm, peer.name, peer.solve, T[: min(count, peer.goals)]))
         timed(peer.name, peer.solve, list(T[:TIMED]))  # type: ignore[arg-type]
-        if isinstance(peer, Eaik):
+        if isinstance(peer, EaikSolver):
             timed("EAIK, all branches", peer.branches, list(T[:TIMED]))  # type: ignore[arg-type]
             note = f"{branches_of_eaik_missed(arm, T[:5000])} of its branches not ours"
-            found.append(Row("EAIK, all branches", 5000, np.nan, np.nan, None, note))
+            found.append(SolverRow("EAIK, all branches", 5000, np.nan, np.nan, None, note))
     spent = race(contenders)
     for row in found:
-        per = spent[row.name].median / (BATCH if row.name == IN_BATCHES else 1) if row.name in spent else None
-        yield Row(row.name, row.goals, row.success, row.error, per, row.note)
+        per = spent[row.name].median / (BATCH if row.name == BATCH_NAME else 1) if row.name in spent else None
+        yield SolverRow(row.name, row.goals, row.success, row.error, per, row.note)
 
 
 def one_pose(arm: Arm, ours: str) -> dict[str, Callable[[], object]]:
     """What to race for one pose, all branches: our closed form under the name `ours`, our whole answer, and EAIK."""
     _, T = reachable(arm, TIMED)
-    goals, form, solver = [pose(t[:3, 3], t[:3, :3]) for t in T], pieper_form(lines_of(arm)), solver_of(arm)
-    core = one_goal_solver(form, Limits.of(arm)) if form else None
+    goals, form, solver = [pose(t[:3, 3], t[:3, :3]) for t in T], pieper_form(screw_axes_of(arm)), solver_of(arm)
+    core = scalar_closed_form(form, JointLimits.of(arm)) if form else None
     if core is None:
         raise ValueError(f"{arm.name} has no closed form in scalar Python")
     turns = [cycle(goals), cycle(goals), cycle(T)]
@@ -175,8 +175,8 @@ def one_pose(arm: Arm, ours: str) -> dict[str, Callable[[], object]]:
         return core(goal.rotation, goal.position)
 
     out: dict[str, Callable[[], object]] = {ours: alone, "lrm_math, Answer": lambda: solver.solve(next(turns[1]))}
-    eaik = _installed(Eaik, arm)
-    if isinstance(eaik, Eaik):
+    eaik = _installed(EaikSolver, arm)
+    if isinstance(eaik, EaikSolver):
         out["EAIK, limits not looked at"] = lambda: eaik.branches(next(turns[2]))
     return out
 
@@ -189,7 +189,7 @@ def _first(solver: object) -> Callable[[Array], Array | None]:
     return solve
 
 
-def _installed(kind: type[Peer], arm: Arm) -> Peer | None:
+def _installed(kind: type[PeerSolver], arm: Arm) -> PeerSolver | None:
     try:
         return kind(arm)
     except ImportError:
@@ -197,7 +197,7 @@ def _installed(kind: type[Peer], arm: Arm) -> Peer | None:
 
 
 def table(arm: Arm, count: int) -> Table:
-    """The rows for people."""
+    """The rows as a table."""
     out = Table(title=f"{arm.name}: random poses within the limits, one core", title_justify="left")
     for name in ("by", "goals", "solved", "worst error", "µs per goal", ""):
         out.add_column(name, justify="left" if name in ("by", "") else "right")
@@ -213,8 +213,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--arm", default="lrm-rover")
     parser.add_argument("--goals", type=int, default=GOALS)
-    asked = parser.parse_args()
-    Console(width=130).print(table(load_arm(asked.arm), asked.goals))
+    options = parser.parse_args()
+    Console(width=130).print(table(load_arm(options.arm), options.goals))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Inverse kinematics by others, of the same arm, as their users would call them. Not all need be installed."""
+"""Inverse kinematics of the same arm by other projects, as their users would call them. Not all need be installed."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from bench.peers import Pinocchio
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.ik.answer import Limits
-from lrm_math.ik.screw_axes import lines_of
+from lrm_math.ik.answer import JointLimits
+from lrm_math.ik.screw_axes import screw_axes_of
 from lrm_math.kinematics.chain import X, chain_of
 
 
-class Peer(ABC):
-    """Somebody's solver of one arm. `goals`: how many it is asked for its success rate, by how long it takes."""
+class PeerSolver(ABC):
+    """Another project's solver of one arm. `goals`: how many its success rate is measured on, by its speed."""
 
     name: str
     goals: int
@@ -30,7 +30,7 @@ class Peer(ABC):
         """One answer (n,) to a pose (4, 4), or None."""
 
 
-class Eaik(Peer):
+class EaikSolver(PeerSolver):
     """EAIK (Ostermeier et al. 2024): all branches by subproblems, in C++; limits are its user's work."""
 
     name, goals = "EAIK, all branches, then limits", 100_000
@@ -38,11 +38,11 @@ class Eaik(Peer):
     def __init__(self, arm: Arm) -> None:
         from eaik.IK_HP import HPRobot  # type: ignore[import-not-found]
 
-        lines = lines_of(arm)
-        ways = np.vstack([lines.point[:1], np.diff(lines.point, axis=0), lines.position - lines.point[-1]])
-        self.robot, self.home = HPRobot(lines.axis.copy(), ways), np.eye(4)
+        lines = screw_axes_of(arm)
+        offsets = np.vstack([lines.point[:1], np.diff(lines.point, axis=0), lines.position - lines.point[-1]])
+        self.robot, self.home = HPRobot(lines.axis.copy(), offsets), np.eye(4)
         self.home[:3, :3] = lines.rotation.T
-        limits = Limits.of(arm)
+        limits = JointLimits.of(arm)
         self.lower, self.upper = np.array(limits.lower) - 1e-9, np.array(limits.upper) + 1e-9
 
     def branches(self, T: Array) -> Array:
@@ -55,7 +55,7 @@ class Eaik(Peer):
         return kept[0] if len(kept) else None
 
 
-class PinocchioLoop(Peer):
+class PinocchioLoop(PeerSolver):
     """The closed-loop iteration of pinocchio's own example, damped, from the middle of the limits."""
 
     name, goals = "pinocchio, CLIK from one start", 2000
@@ -66,10 +66,10 @@ class PinocchioLoop(Peer):
 
     def solve(self, T: Array) -> Array | None:
         pin, q = self.pin, np.zeros(self.robot.nq)
-        wanted = pin.SE3(T[:3, :3], T[:3, 3])
+        target = pin.SE3(T[:3, :3], T[:3, 3])
         for _ in range(200):
             pin.framesForwardKinematics(self.robot, self.data, q)
-            error = self.data.oMf[self.tip].actInv(wanted)
+            error = self.data.oMf[self.tip].actInv(target)
             e = pin.log6(error).vector
             if np.linalg.norm(e) < 1e-10:
                 return np.asarray((q + np.pi) % (2 * np.pi) - np.pi)
@@ -78,7 +78,7 @@ class PinocchioLoop(Peer):
         return None
 
 
-class Toolbox(Peer):
+class RoboticsToolbox(PeerSolver):
     """The Robotics Toolbox's Levenberg-Marquardt in C++, with its default restarts and limits."""
 
     name, goals = "roboticstoolbox, ik_LM", 2000
@@ -102,7 +102,7 @@ class Toolbox(Peer):
         return np.asarray(found.q) if found.success else None
 
 
-class Ikpy(Peer):
+class IkpySolver(PeerSolver):
     """ikpy: scipy's least squares within bounds, from the middle of the limits."""
 
     name, goals = "ikpy", 100
@@ -111,10 +111,10 @@ class Ikpy(Peer):
         from ikpy.chain import Chain  # type: ignore[import-not-found]
         from ikpy.link import OriginLink, URDFLink  # type: ignore[import-not-found]
 
-        lines, before, links = lines_of(arm), np.zeros(3), [OriginLink()]
+        lines, before, links = screw_axes_of(arm), np.zeros(3), [OriginLink()]
         for i, joint in enumerate(arm.joints):
-            way, before = lines.point[i] - before, lines.point[i]
-            links.append(URDFLink(f"joint{i + 1}", way, [0, 0, 0], lines.axis[i], bounds=(joint.lower, joint.upper)))
+            offset, before = lines.point[i] - before, lines.point[i]
+            links.append(URDFLink(f"joint{i + 1}", offset, [0, 0, 0], lines.axis[i], bounds=(joint.lower, joint.upper)))
         tool: dict[str, Any] = {"rotation": None, "joint_type": "fixed"}
         links.append(URDFLink("tool", lines.position - before, [0, 0, 0], **tool))
         active = [False] + [True] * arm.dof + [False]
@@ -126,4 +126,4 @@ class Ikpy(Peer):
         return np.asarray(q[1:-1])
 
 
-PEERS: tuple[type[Peer], ...] = (Eaik, PinocchioLoop, Toolbox, Ikpy)
+PEERS: tuple[type[PeerSolver], ...] = (EaikSolver, PinocchioLoop, RoboticsToolbox, IkpySolver)

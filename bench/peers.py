@@ -1,4 +1,4 @@
-"""The same work done with pinocchio and with scipy's differences, as a user of them would write it."""
+"""The same computations with pinocchio, with scipy, and without rank-one updates, as their users would write them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.design.observability import observability
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.model.derivatives import parameter_jacobian
@@ -78,7 +79,7 @@ class Pinocchio:
         return out
 
     def regressors(self, q: Array) -> None:
-        """What a total Jacobian costs at least: the kinematic regressor and gravity's derivatives of each pose."""
+        """The least that a total Jacobian costs: the kinematic regressor and gravity's derivatives of each pose."""
         pin, world = self.pin, self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         last = self.robot.njoints - 1
         for angles in q:
@@ -105,3 +106,12 @@ def scipy_fit(model: Model, data: Measurements, jacobian: bool) -> OptimizeResul
         return np.asarray(-(J * scale).reshape(-1, len(scale)))
 
     return least_squares(residual, np.zeros(len(scale)), jac=derivative if jacobian else "2-point", method="trf")
+
+
+def decomposed_exchange(J: Array, chosen: int) -> tuple[int, int]:
+    """One exchange of DETMAX that decomposes every trial set of J (N, 3, P): the pose to add to the first `chosen`, and
+    the one to drop."""
+    inside, outside = list(range(chosen)), list(range(chosen, len(J)))
+    added = max(outside, key=lambda i: observability(J[[*inside, i]]).O1)
+    inside.append(added)
+    return added, max(inside, key=lambda i: observability(J[[k for k in inside if k != i]]).O1)

@@ -1,10 +1,10 @@
-"""What the servo board does with frames: registers, refusals, and the stop on silence. The contract: docs/protocol.md.
+"""Frame handler of the servo board: chip registers, error replies, silence timeout. Specification: docs/protocol.md.
 
-No hardware here. `Board` talks to a `chip` with
+No hardware access. `Board` drives a `chip` with
     write(register, data)       one transaction; raises OSError where the chip does not answer
     read(register, length)      bytes, likewise
     enable(on)                  the chip's output-enable pin
-    pause_us(us)                wait at least so long
+    pause_us(us)                waits at least this long
 """
 
 import link
@@ -25,7 +25,7 @@ def channel_bytes(count):
 
 
 def count_of(data):
-    """Counts of a channel from its registers, 0 = full off. Raises OSError on registers that were not written here."""
+    """Counts of a channel from its registers, 0 = full off. Raises OSError on content not from `channel_bytes`."""
     if data[3] & FULL:
         return 0
     count = (data[3] & 0x0F) << 8 | data[2]
@@ -35,7 +35,7 @@ def count_of(data):
 
 
 def wrong_bit(kind, mask, words):
-    """The lowest bit of the mask whose word is out of range, or None."""
+    """Lowest bit of the mask whose word is out of range, or None."""
     for i, bit in enumerate(link.bits_of(mask)):
         if kind == link.HELLO or (kind == link.ARM and words[i] > COUNT_MAX):
             return bit
@@ -47,12 +47,12 @@ def wrong_bit(kind, mask, words):
 
 
 def mask_on(mask, words):
-    """The bits of the mask whose word switches on."""
+    """Bits of the mask whose word is not 0."""
     return sum(1 << bit for bit, word in zip(link.bits_of(mask), words) if word)  # noqa: B905, no `strict` here
 
 
 class Board:
-    """One board from power-on. `boot`: random, 1 to 65535. `kind`: 0 = hardware, 1 = simulated."""
+    """State of the board from power-on. `boot`: random, 1 to 65535. `kind`: 0 = hardware, 1 = simulated."""
 
     def __init__(self, chip, boot, kind=0):
         self.chip, self.boot, self.kind = chip, boot, kind
@@ -65,7 +65,7 @@ class Board:
         self.stop()
 
     def receive(self, data):
-        """Acts on bytes from the host; returns the bytes to answer."""
+        """Handles bytes from the host; returns the reply."""
         replies = b""
         for event in self.decoder.feed(data):
             self.tick(0)
@@ -73,15 +73,15 @@ class Board:
         return replies
 
     def tick(self, elapsed_ms):
-        """Lets time pass; stops the pulses where no ARM was accepted for the silence timeout, and retries failures."""
+        """Advances the clock; stops the pulses when the silence timeout expires, and retries a failed stop."""
         self.quiet_ms = min(self.quiet_ms + elapsed_ms, SETUP_LIMITS[1][1])
-        if self.due and self.stop():
+        if self.overdue and self.stop():
             # Latched: pulses come back by a SETUP only, so a host that was stopped cannot wake a sagged arm unaware.
             self.silenced, self.set_up = self.silenced or self.set_up, False
 
     @property
-    def due(self):
-        """Whether pulses have to stop."""
+    def overdue(self):
+        """Whether the silence timeout has expired with outputs on."""
         return self.on and self.quiet_ms >= self.silence_ms
 
     def stop(self):
@@ -112,7 +112,7 @@ class Board:
         if kind == link.ARM and not self.set_up:
             return self._refuse(seq, link.NOT_SET_UP)
         try:
-            found = self._obey(kind, mask, words)
+            found = self._execute(kind, mask, words)
         except OSError:
             self.fault = True
             return self._refuse(seq, link.CHIP)
@@ -125,8 +125,8 @@ class Board:
             return link.encode(link.INFO, seq, 0xFF, info)
         return link.encode(link.ACK, seq, 0b11, (self.status, self.boot))
 
-    def _obey(self, kind, mask, words):
-        """Does what the frame says; returns what READ and HELLO found in the chip."""
+    def _execute(self, kind, mask, words):
+        """Executes the frame; returns the chip's content for READ and HELLO."""
         if kind == link.READ:
             return self._read(mask)
         if kind == link.HELLO:
@@ -135,11 +135,11 @@ class Board:
         return None
 
     def _arm(self, mask, words):
-        self._need(AUTO_INCREMENT | SLEEP, AUTO_INCREMENT)
-        if self.due:
+        self._require_mode1(AUTO_INCREMENT | SLEEP, AUTO_INCREMENT)
+        if self.overdue:
             raise OSError("outputs that were due to stop could not be stopped")
         on = self.on & ~mask | mask_on(mask, words)
-        # Where the writing breaks off, silence still ends what it began.
+        # If the write is interrupted, the silence timeout still ends its pulses.
         self.on |= on
         self._write_channels(mask, words)
         self.on, self.quiet_ms, self.fault = on, 0, False
@@ -182,11 +182,11 @@ class Board:
             raise OSError("the chip did not take the prescale")
 
     def _read(self, mask):
-        self._need(AUTO_INCREMENT, AUTO_INCREMENT)
+        self._require_mode1(AUTO_INCREMENT, AUTO_INCREMENT)
         return [count_of(self.chip.read(LED0 + 4 * bit, 4)) for bit in link.bits_of(mask)]
 
-    def _need(self, bits, wanted):
-        """Raises OSError where the chip has lost its settings: it would take the bytes and do something else."""
+    def _require_mode1(self, bits, wanted):
+        """Raises OSError if the chip has lost its settings and would misinterpret a write."""
         if self.chip.read(MODE1, 1)[0] & bits != wanted:
             raise OSError("the chip was reset: it needs a SETUP")
 

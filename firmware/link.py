@@ -1,6 +1,6 @@
-"""Frames of the servo link, for MicroPython and CPython alike. The contract is docs/protocol.md.
+"""Codec of the servo link's frames, for MicroPython and CPython. Specification: docs/protocol.md.
 
-A frame is a tuple (type, seq, mask, words); bytes that are none come out as an error code, an int.
+A frame is a tuple (type, seq, mask, words); invalid bytes decode to an error code, an int.
 """
 
 import struct
@@ -17,7 +17,7 @@ LONGEST_WIRE = SHORTEST_FRAME + 2 * CHANNELS + 1
 
 
 def crc16(data):
-    """CRC-16/CCITT-FALSE, a byte at a time without a table."""
+    """CRC-16/CCITT-FALSE, bytewise without a table."""
     crc = 0xFFFF
     for byte in data:
         x = (crc >> 8) ^ byte
@@ -27,7 +27,7 @@ def crc16(data):
 
 
 def cobs_encode(payload):
-    """The payload (at most 253 bytes) without a 0x00 in it, one byte longer."""
+    """COBS encoding of at most 253 bytes: free of 0x00, one byte longer."""
     out = bytearray(b"\0") + payload
     run_start = 0
     for i in range(1, len(out)):
@@ -50,18 +50,18 @@ def cobs_decode(wire):
 
 
 def bits_of(mask):
-    """The set bits of a mask, lowest first."""
+    """Indices of the set bits, lowest first."""
     return [bit for bit in range(CHANNELS) if mask >> bit & 1]
 
 
 def encode(kind, seq, mask, words):
-    """A frame as it goes over the wire, with the 0x00 that ends it."""
+    """The frame's bytes on the wire, including the final 0x00."""
     body = struct.pack("<BBH" + "H" * len(words), kind, seq, mask, *words)
     return bytes(cobs_encode(body + struct.pack("<H", crc16(body)))) + b"\0"
 
 
 def decode(wire):
-    """One frame from the bytes between two 0x00, or the error code that they deserve."""
+    """Decodes the bytes between two 0x00 to a frame or an error code."""
     body = cobs_decode(wire)
     if body is None or len(body) < SHORTEST_FRAME:
         return SHAPE
@@ -75,14 +75,14 @@ def decode(wire):
 
 
 class Decoder:
-    """A byte stream cut into frames; holds 39 bytes, however long the input."""
+    """Incremental decoder of a byte stream with a buffer of 39 bytes."""
 
     def __init__(self):
         self._buffer = bytearray(LONGEST_WIRE)
         self._length = 0
 
     def feed(self, data):
-        """Frames and error codes that these bytes complete."""
+        """Frames and error codes completed by `data`."""
         events = []
         for byte in data:
             if not byte:

@@ -1,4 +1,4 @@
-"""Raspberry Pi Pico with a PCA9685: pins, bus, USB and watchdog around `board.Board`. MicroPython only."""
+"""Hardware layer for a Raspberry Pi Pico with a PCA9685: pins, I2C, USB and watchdog. MicroPython only."""
 
 import os
 import select
@@ -38,7 +38,7 @@ class Chip:
 
 
 def received(poll):
-    """Bytes that wait on the USB port, at most `BURST`: reading more than one at a time would block."""
+    """Bytes waiting on the USB port, at most `BURST`; one at a time, since larger reads block."""
     data = bytearray()
     while len(data) < BURST and poll.poll(0):
         data += sys.stdin.buffer.read(1)
@@ -46,7 +46,7 @@ def received(poll):
 
 
 def serve(board, watchdog):
-    """Frames in, replies out, forever."""
+    """Main loop: frames in, replies out."""
     readable, writable = select.poll(), select.poll()
     readable.register(sys.stdin, select.POLLIN)
     writable.register(sys.stdout, select.POLLOUT)

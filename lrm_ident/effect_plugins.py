@@ -1,4 +1,4 @@
-"""The effects that a person can use: ours, those of installed packages, and those of a file of their own."""
+"""Effect plugins: effects of the catalogue, of installed packages (entry points), and of a Python file of the user."""
 
 from __future__ import annotations
 
@@ -15,19 +15,17 @@ Catalogue = tuple[type[Effect], ...]
 
 
 def catalogue_with(file: Path | None) -> Catalogue:
-    """All effects: the shipped ones, those that installed packages offer, those defined in `file`.
+    """All available effects: shipped, from entry points of installed packages, and defined in `file`.
 
-    Raises:
-        FileError: the file cannot be run, defines no effect, or one whose id is taken.
+    Raises `FileError`: the file cannot be run, defines no effect, or one whose id is taken.
     """
     found: list[type[Effect]] = [*CATALOGUE, *(point.load() for point in entry_points(group=ENTRY_POINTS))]
     if file is not None:
-        own = effects_in(file)
         taken = {kind.id for kind in found}
-        for kind in own:
+        for kind in effects_in(file):
             if kind.id in taken:
                 raise FileError(file, f"class {kind.__name__}", f"id '{kind.id}' is taken", "choose another one")
-        found += own
+            found.append(kind)
     return tuple(found)
 
 

@@ -1,12 +1,12 @@
-"""How long work tells how far it is."""
+"""Progress callbacks of long computations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-Tick = Callable[[int, int], None]
+OnProgress = Callable[[int, int], None]
 """Called with (done, of) after each part."""
 
 
 def silent(done: int, of: int) -> None:
-    """Tells nobody."""
+    """A callback that does nothing."""

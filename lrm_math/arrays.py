@@ -1,4 +1,4 @@
-"""Array aliases: float64 numpy arrays; batches come first, `(N, ...)`."""
+"""Type aliases: float64 numpy arrays, batches first `(N, ...)`, and 3-vectors of floats."""
 
 from __future__ import annotations
 
@@ -8,3 +8,4 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+Vector3: TypeAlias = tuple[float, float, float]

@@ -1,4 +1,4 @@
-"""Every error a person may meet: one line that says what, where, and what would be right."""
+"""The exceptions that users may see: one line with what is wrong, where, and what would be right."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class LrmError(Exception):
-    """The root of all errors that this software raises on purpose. They travel between processes whole."""
+    """The base class of all errors raised on purpose; pickled with their attributes between processes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuilt, (type(self), self.args, self.__dict__)
@@ -22,14 +22,15 @@ def _rebuilt(kind: type[LrmError], args: tuple[Any, ...], attributes: dict[str, 
 
 
 class FileError(LrmError):
-    """A file that cannot be taken as it is.
+    """A file that is not valid.
 
-    Attributes: `path`, `where` (row, column, joint or key, may be empty), `what`, `right` (what would be right).
+    Attributes: `path`, `where` (row, column, joint or key, may be empty), `what` is wrong, `expected` instead.
     """
 
-    def __init__(self, path: object, where: str, what: str, right: str = "") -> None:
-        self.path, self.where, self.what, self.right = str(path), where, what, right
-        super().__init__(": ".join(part for part in (self.path, where, what) if part) + (f"; {right}" if right else ""))
+    def __init__(self, path: object, where: str, what: str, expected: str = "") -> None:
+        self.path, self.where, self.what, self.expected = str(path), where, what, expected
+        message = ": ".join(part for part in (self.path, where, what) if part)
+        super().__init__(f"{message}; {expected}" if expected else message)
 
 
 class UnknownName(LrmError):
@@ -37,11 +38,11 @@ class UnknownName(LrmError):
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
         self.name, self.valid = name, tuple(valid)
-        super().__init__(f"unknown {kind} '{name}'; {nearest(name, self.valid)}")
+        super().__init__(f"unknown {kind} '{name}'; {name_suggestion(name, self.valid)}")
 
 
-class NotSettled(LrmError):
-    """Poses without an elastic equilibrium that the model could speak of; carries their numbers, `poses`."""
+class NoEquilibrium(LrmError):
+    """No elastic equilibrium in the range of the model at the poses with the numbers `poses`."""
 
     def __init__(self, poses: Sequence[int], why: str) -> None:
         self.poses = tuple(poses)
@@ -52,8 +53,8 @@ class NotSettled(LrmError):
         )
 
 
-def nearest(name: str, valid: Sequence[str]) -> str:
-    """What to say of a wrong name: the closest valid ones first, then the whole list if it is short."""
+def name_suggestion(name: str, valid: Sequence[str]) -> str:
+    """A hint for a wrong name: the closest valid ones first, then the whole list if it is short."""
     close = difflib.get_close_matches(name, valid, n=3, cutoff=0.6)
     if close:
         hint = "did you mean " + " or ".join(close) + "?"

@@ -1,4 +1,4 @@
-"""Strict TOML files: pydantic checks them, and whatever is wrong becomes one clear line."""
+"""Strict reading of TOML files: validated by pydantic, the first fault raised as a `FileError` of one line."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from lrm_math.errors import FileError, nearest
+from lrm_math.errors import FileError, name_suggestion
 
 
 class StrictSchema(BaseModel):
-    """A table of a file: unknown keys, wrong types and non-finite numbers are errors."""
+    """Schema of a file's table: unknown keys, wrong types and non-finite numbers are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
@@ -22,8 +22,8 @@ S = TypeVar("S", bound=StrictSchema)
 
 
 def read_toml(path: Path, schema: type[S]) -> S:
-    """Reads and checks one file. Raises `FileError` for the first fault found."""
-    return check(path, parse_toml(path), schema)
+    """Reads and validates one file. Raises `FileError` for the first fault found."""
+    return validate(path, parse_toml(path), schema)
 
 
 def parse_toml(path: Path) -> dict[str, Any]:
@@ -38,8 +38,8 @@ def parse_toml(path: Path) -> dict[str, Any]:
         raise FileError(path, "", f"not valid TOML: {error}") from None
 
 
-def check(path: Path, tables: dict[str, Any], schema: type[S]) -> S:
-    """Checks parsed tables against a schema. Raises `FileError` for the first fault found."""
+def validate(path: Path, tables: dict[str, Any], schema: type[S]) -> S:
+    """Validates parsed tables by a schema. Raises `FileError` for the first fault found."""
     try:
         return schema.model_validate(tables)
     except ValidationError as error:
@@ -51,16 +51,16 @@ def check(path: Path, tables: dict[str, Any], schema: type[S]) -> S:
 def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel], more: int) -> FileError:
     *table, key = fault["loc"] or ("",)
     where = " ".join(str(part + 1 if isinstance(part, int) else part) for part in table)
-    right = ""
+    expected = ""
     match fault["type"]:
         case "missing":
             what = f"missing key {key}"
         case "extra_forbidden":
-            what, right = f"unknown key {key}", nearest(str(key), _valid_keys(schema, table))
+            what, expected = f"unknown key {key}", name_suggestion(str(key), _valid_keys(schema, table))
         case _:
             message = fault["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-            what, right = f"{key} = {fault['input']!r}", f"should be {message}"
-    return FileError(path, where, what + (f" (and {more} more faults)" if more else ""), right)
+            what, expected = f"{key} = {fault['input']!r}", f"should be {message}"
+    return FileError(path, where, what + (f" (and {more} more faults)" if more else ""), expected)
 
 
 def _valid_keys(schema: type[BaseModel], table: list[int | str]) -> tuple[str, ...]:

@@ -1,1 +1,1 @@
-"""The daemon that drives the arm: one owner of the serial port, one process that talks, one that solves."""
+"""Daemon of the robot arm, in three processes: ramp (serial port), api (zenoh, state machine), ik (kinematics)."""

@@ -1,4 +1,4 @@
-"""`lrmd.toml` -> a frozen `Config`: times in ns, pulses in ns, angles in rad."""
+"""The daemon's configuration file `lrmd.toml`, read into a frozen `Config`: times and pulses in ns, angles in rad."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pydantic import Field
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MICROSECOND, Angle, load_arm
 from lrm_math.arm.servo_table import PwmClock, ServoTable
-from lrm_math.errors import FileError, LrmError, UnknownName, nearest
+from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
 from lrm_math.toml_file import StrictSchema, read_toml
 
-MS, US = 1_000_000, 1_000
-"""Nanoseconds in a millisecond and in a microsecond."""
+SECOND, MS, US = 1_000_000_000, 1_000_000, 1_000
+"""Nanoseconds in a second, a millisecond and a microsecond."""
 
-SHORTEST = 100 * US
-"""ns: no servo's pulse is shorter; a table that says so is in another unit, or reaches too far."""
+SHORTEST_PULSE = 100 * US
+"""ns: no servo takes a shorter one; a table with one is in another unit, or has too wide a range."""
 
 Milliseconds = Annotated[float, Field(gt=0, le=60_000)]
 Celsius = Annotated[float, Field(ge=-50, le=150)]
@@ -38,7 +38,7 @@ class LinkTable(StrictSchema):
 
 
 class RampTable(StrictSchema):
-    """`[ramp]`: the staircase that every pulse follows."""
+    """`[ramp]`: tick and step of the pulses' staircase, and the process's SCHED_FIFO priority."""
 
     tick_ms: Annotated[float, Field(ge=1.0, le=100.0)] = 6.5
     step_us: Annotated[float, Field(gt=0, le=10.0)] = 1.0
@@ -46,7 +46,7 @@ class RampTable(StrictSchema):
 
 
 class ServoEntry(StrictSchema):
-    """`[servo.NAME]`: its channel; a level-1 table of its own if the arm file has none for it."""
+    """`[servo.NAME]`: channel of the board; a level-1 table where the arm file has none for this servo."""
 
     channel: Annotated[int, Field(ge=0, le=15)]
     angle_deg: list[Angle] | None = None
@@ -54,7 +54,7 @@ class ServoEntry(StrictSchema):
 
 
 class SafetyTable(StrictSchema):
-    """`[safety]`: when the daemon stops by itself."""
+    """`[safety]`: timeouts of commands and leases, delay between servos that are switched on, rest pose."""
 
     command_ms: Milliseconds = 500.0
     lease_ms: Annotated[float, Field(ge=100, le=500)] = 400.0
@@ -63,7 +63,7 @@ class SafetyTable(StrictSchema):
 
 
 class ThermalTable(StrictSchema):
-    """`[thermal]`: first-order winding temperature, T -> ambient + rise * tau^2."""
+    """`[thermal]`: first-order model of the winding temperature, T -> ambient + rise * tau^2."""
 
     ambient_c: Celsius = 25.0
     time_constant_s: Annotated[float, Field(gt=0)] = 900.0
@@ -74,14 +74,14 @@ class ThermalTable(StrictSchema):
 
 
 class StateTable(StrictSchema):
-    """`[state]`: where the last pose is kept."""
+    """`[state]`: directory of the state file, and the interval between two writes during a motion."""
 
     directory: str
     save_ms: Milliseconds = 500.0
 
 
 class ZenohTable(StrictSchema):
-    """`[zenoh]`: endpoints, and a file with whatever else zenoh shall know."""
+    """`[zenoh]`: endpoints, and a configuration file of zenoh's own."""
 
     listen: list[str] = ["tcp/127.0.0.1:7447"]
     connect: list[str] = []
@@ -105,8 +105,8 @@ class DaemonFile(StrictSchema):
 
 
 @dataclass(frozen=True)
-class Servo:
-    """One servo on the board: `channel` 0 to 15, level-1 `table`, and the pulses (ns) that it may ever be sent."""
+class ServoConfig:
+    """A servo of the board: `channel` 0 to 15, level-1 `table`, lowest and highest pulse (ns)."""
 
     name: str
     channel: int
@@ -115,21 +115,21 @@ class Servo:
     highest: int
 
     def pulse_ns(self, angle: float) -> int:
-        """Pulse (ns) for an angle (rad)."""
+        """Pulse (ns) of an angle (rad)."""
         return round(float(self.table.pulse_of(angle)) * 1e9)
 
     def angle(self, pulse_ns: int) -> float:
-        """Angle (rad) that a pulse (ns) stands for."""
+        """Angle (rad) of a pulse (ns)."""
         return float(self.table.angle_of(pulse_ns * 1e-9))
 
 
 @dataclass(frozen=True)
 class Config:
-    """What the daemon runs by. Servos stand in the order joint1 … jointN, then the others as in the file.
+    """The checked configuration. Servos in the order joint1 … jointN, then the others as in the file.
 
     `arm_file`: the name or path that `arm` was read from.
-    `tick`, `silence`, `reply`, `command`, `lease`, `stagger`, `save`: ns. `step`: ns of pulse in one tick.
-    `rest`: rad, one angle per joint, or None. `rise`: K/(N·m)², one per servo, 0 where nothing is known.
+    `tick`, `reply`, `command`, `lease`, `stagger`, `save`: ns. `step`: ns of pulse in one tick.
+    `rest`: rad, one angle per joint, or None. `rise`: K/(N·m)², one per servo, 0 where not configured.
     """
 
     robot: str
@@ -138,11 +138,10 @@ class Config:
     model: Path | None
     link: LinkTable
     clock: PwmClock
-    servos: tuple[Servo, ...]
+    servos: tuple[ServoConfig, ...]
     tick: int
     step: int
     realtime_priority: int
-    silence: int
     reply: int
     command: int
     lease: int
@@ -156,11 +155,11 @@ class Config:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Every servo's name."""
+        """Names of the servos."""
         return tuple(servo.name for servo in self.servos)
 
     def index(self, name: str) -> int:
-        """The number of a servo by its name. Raises `UnknownName`."""
+        """Index of a servo by its name. Raises `UnknownName`."""
         try:
             return self.names.index(name)
         except ValueError:
@@ -168,18 +167,16 @@ class Config:
 
     @property
     def dof(self) -> int:
-        """How many of the servos, the first ones, are joints of the arm."""
+        """Number of joints: the first `dof` servos."""
         return self.arm.dof
 
 
 def load_config(path: Path) -> Config:
-    """Reads and checks the daemon's file and the arm that it names. Raises `FileError`."""
+    """Reads and checks the configuration file and the arm file that it names. Raises `FileError`."""
     tables = read_toml(path, DaemonFile)
     arm = load_arm(tables.arm)
     try:
         return _config(tables, arm)
-    except FileError:
-        raise
     except LrmError as error:
         raise FileError(path, "", str(error)) from None
 
@@ -194,7 +191,7 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
     unknown = set(t.thermal.rise_k_per_nm2) - set(arm.joint_names)
     if unknown:
         name = sorted(unknown)[0]
-        raise LrmError(f"thermal rise_k_per_nm2: unknown joint {name}; {nearest(name, arm.joint_names)}")
+        raise LrmError(f"thermal rise_k_per_nm2: unknown joint {name}; {name_suggestion(name, arm.joint_names)}")
     if t.link.silence_ms <= 2 * t.link.reply_ms:
         raise LrmError(f"link: silence_ms = {t.link.silence_ms} must be more than twice reply_ms = {t.link.reply_ms:g}")
     if t.link.reply_ms < 2 * t.ramp.tick_ms:
@@ -203,31 +200,17 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
     for servo in servos:
         _check_fits(servo, clock)
     return Config(
-        robot=t.robot,
-        arm=arm,
-        arm_file=t.arm,
-        model=None if t.model is None else Path(t.model),
-        link=t.link,
-        clock=clock,
-        servos=servos,
-        tick=round(t.ramp.tick_ms * MS),
-        step=round(t.ramp.step_us * US),
-        realtime_priority=t.ramp.realtime_priority,
-        silence=t.link.silence_ms * MS,
-        reply=round(t.link.reply_ms * MS),
-        command=round(t.safety.command_ms * MS),
-        lease=round(t.safety.lease_ms * MS),
-        stagger=round(t.safety.stagger_ms * MS),
-        rest=None if rest is None else tuple(math.radians(angle) for angle in rest),
-        thermal=t.thermal,
-        rise=tuple(t.thermal.rise_k_per_nm2.get(servo.name, 0.0) for servo in servos),
-        state=Path(t.state.directory),
-        save=round(t.state.save_ms * MS),
-        zenoh=t.zenoh,
-    )
+        robot=t.robot, arm=arm, arm_file=t.arm, model=None if t.model is None else Path(t.model),
+        link=t.link, clock=clock, servos=servos, reply=round(t.link.reply_ms * MS),
+        tick=round(t.ramp.tick_ms * MS), step=round(t.ramp.step_us * US), realtime_priority=t.ramp.realtime_priority,
+        command=round(t.safety.command_ms * MS), lease=round(t.safety.lease_ms * MS),
+        stagger=round(t.safety.stagger_ms * MS), rest=None if rest is None else tuple(map(math.radians, rest)),
+        thermal=t.thermal, rise=tuple(t.thermal.rise_k_per_nm2.get(servo.name, 0.0) for servo in servos),
+        state=Path(t.state.directory), save=round(t.state.save_ms * MS), zenoh=t.zenoh,
+    )  # fmt: skip
 
 
-def _servos(t: DaemonFile, arm: Arm) -> tuple[Servo, ...]:
+def _servos(t: DaemonFile, arm: Arm) -> tuple[ServoConfig, ...]:
     missing = [name for name in arm.joint_names if name not in t.servo]
     if missing:
         raise LrmError(f"servo: no [servo.{missing[0]}] with its channel; every joint of {arm.name} needs one")
@@ -241,18 +224,18 @@ def _servos(t: DaemonFile, arm: Arm) -> tuple[Servo, ...]:
     return tuple(_servo(name, t.servo[name], arm) for name in names)
 
 
-def _servo(name: str, entry: ServoEntry, arm: Arm) -> Servo:
+def _servo(name: str, entry: ServoEntry, arm: Arm) -> ServoConfig:
     table = _table(name, entry, arm)
     if name in arm.joint_names:
         joint = arm.joints[arm.joint_names.index(name)]
         lower, upper = joint.lower, joint.upper
     else:
         lower, upper = table.angle[0], table.angle[-1]
-    ends = sorted(round(float(table.pulse_of(angle)) * 1e9) for angle in (lower, upper))
-    if ends[0] < SHORTEST:
-        text = f"its pulses begin at {ends[0] / US:g} us; servos take 500 to 2500 us, never below {SHORTEST // US}"
-        raise LrmError(f"servo {name}: {text}")
-    return Servo(name, entry.channel, table, ends[0], ends[1])
+    lowest, highest = sorted(round(float(table.pulse_of(angle)) * 1e9) for angle in (lower, upper))
+    if lowest < SHORTEST_PULSE:
+        text = f"pulses begin at {lowest / US:g} us; servos take 500 to 2500 us, never below {SHORTEST_PULSE // US}"
+        raise LrmError(f"servo {name}: its {text}")
+    return ServoConfig(name, entry.channel, table, lowest, highest)
 
 
 def _table(name: str, entry: ServoEntry, arm: Arm) -> ServoTable:
@@ -260,9 +243,7 @@ def _table(name: str, entry: ServoEntry, arm: Arm) -> ServoTable:
         raise LrmError(f"servo {name}: angle_deg and pulse_us belong together")
     if entry.angle_deg is not None and entry.pulse_us is not None:
         try:
-            return ServoTable(
-                tuple(math.radians(a) for a in entry.angle_deg), tuple(p * MICROSECOND for p in entry.pulse_us)
-            )
+            return ServoTable(tuple(map(math.radians, entry.angle_deg)), tuple(p * MICROSECOND for p in entry.pulse_us))
         except LrmError as error:
             raise LrmError(f"servo {name}: {error}") from None
     known = dict(arm.auxiliary_servos)
@@ -275,12 +256,12 @@ def _table(name: str, entry: ServoEntry, arm: Arm) -> ServoTable:
     return known[name]
 
 
-def _check_fits(servo: Servo, clock: PwmClock) -> None:
+def _check_fits(servo: ServoConfig, clock: PwmClock) -> None:
     try:
         clock.counts_of([servo.lowest * 1e-9, servo.highest * 1e-9])
     except LrmError as error:
-        longest = f"{servo.highest / US:g} us"
-        raise LrmError(f"servo {servo.name}: {error}; its longest pulse is {longest}: lower pwm_hz") from None
+        text = f"{error}; its longest pulse is {servo.highest / US:g} us: lower pwm_hz"
+        raise LrmError(f"servo {servo.name}: {text}") from None
 
 
 def _check_rest(arm: Arm, rest: list[float]) -> None:

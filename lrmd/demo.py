@@ -1,8 +1,7 @@
-"""The daemon without hardware, in a few seconds: `python -m lrmd.demo [--speed 10]`.
+"""Demo of the daemon without hardware: `python -m lrmd.demo [--speed 10]`.
 
-Starts a simulated board and the daemon on a clock that runs faster than time, arms the arm, moves it through a few
-poses, shows what a client hears over zenoh and where the simulated tool truly is, stops it in the middle of a move, and
-leaves nothing behind.
+Starts a simulated board and the daemon on an accelerated clock, arms the arm, moves it through a few poses, prints the
+state that a client receives over zenoh and the true position of the simulated tool, and stops it during a move.
 """
 
 from __future__ import annotations
@@ -13,18 +12,18 @@ import socket
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
 
 from lrm_math.errors import LrmError
 from lrmd import log
-from lrmd.api.process import Api
-from lrmd.client.rover import NoAnswer, Rover
+from lrmd.api.process import ApiProcess
+from lrmd.client import NoReply, Rover
 from lrmd.config import Config, load_config
 from lrmd.messages.control import Event, JointsState
-from lrmd.sim.control_socket import ask
+from lrmd.sim.control_socket import query_board
 from lrmd.sim.launch import simulated_board
 
 ARM = "lrm-rover"
@@ -39,21 +38,21 @@ zenoh = {{ listen = ["tcp/127.0.0.1:{port}"] }}
 {servos}
 """
 POSES = ((0, 0, 0, 0, 0, 0), (30, -45, 20, 0, 0, 0), (30, -45, 20, 40, 0, 0), (-30, -60, 30, 20, -30, 45))
-"""deg; the simulated arm stands at the first."""
-PATIENCE = 10.0
-FASTEST = 40.0
-"""Times as fast as time: a tick then takes 0.16 ms, about what ramp and board need for it."""
+"""deg; the simulated arm starts at the first."""
+TIMEOUT = 10.0
+MAX_SPEED = 40.0
+"""Ratio to real time: a tick then lasts 0.16 ms, about the computing time of ramp and board."""
 
 
 def free_port() -> int:
-    """A TCP port on loopback that nobody has now."""
+    """A free TCP port on loopback."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def config_in(folder: Path) -> Config:
-    """A configuration of a daemon that keeps everything in a folder. Raises `LrmError`."""
+    """Configuration of a daemon whose files are all in a folder. Raises `LrmError`."""
     servos = "\n".join(f"servo.joint{i + 1}.channel = {i}" for i in range(6))
     path = folder / "lrmd.toml"
     path.write_text(CONFIG.format(arm=ARM, state=folder / "state", port=free_port(), servos=servos), encoding="utf-8")
@@ -62,19 +61,19 @@ def config_in(folder: Path) -> Config:
 
 def _serve(config: Config, speed: float) -> None:
     log.set_up("error")
-    sys.exit(Api(config, speed).run())
+    sys.exit(ApiProcess(config, speed).run())
 
 
 @contextmanager
 def daemon(config: Config, speed: float) -> Iterator[None]:
-    """Runs the daemon in a process of its own, as systemd would: SIGTERM ends it."""
+    """Runs the daemon in a process of its own; SIGTERM ends it, as with systemd."""
     process = get_context("spawn").Process(target=_serve, args=(config, speed))
     process.start()
     try:
         yield
     finally:
         process.terminate()
-        process.join(PATIENCE)
+        process.join(TIMEOUT)
         if process.exitcode is None:
             process.kill()
             process.join()
@@ -82,8 +81,8 @@ def daemon(config: Config, speed: float) -> Iterator[None]:
 
 @contextmanager
 def connected(config: Config) -> Iterator[Rover]:
-    """A client, as soon as there is a daemon with a board. Raises `NoAnswer`."""
-    end = time.monotonic() + PATIENCE
+    """A client, as soon as there is a daemon with a board. Raises `NoReply`."""
+    end = time.monotonic() + TIMEOUT
     while True:
         try:
             with Rover(config.robot, config.zenoh.listen) as rover:
@@ -91,60 +90,56 @@ def connected(config: Config) -> Iterator[Rover]:
                     time.sleep(0.02)
                 yield rover
                 return
-        except NoAnswer:
+        except NoReply:
             if time.monotonic() > end:
                 raise
             time.sleep(0.05)
 
 
-def degrees(angles: Sequence[float]) -> str:
-    """Angles (rad) as one cell each."""
-    return " ".join(f"{math.degrees(q):7.1f}" for q in angles)
-
-
 def tool(config: Config) -> str:
-    """Where the simulated arm's tool truly is."""
-    found = ask(Path(config.link.port), "tcp")
+    """True position (mm) of the simulated arm's tool."""
+    found = query_board(Path(config.link.port), "tcp")
     return " ".join(f"{float(str(found[axis])):8.1f}" for axis in ("x_mm", "y_mm", "z_mm"))
 
 
 def show(rover: Rover, config: Config) -> None:
-    """Arms the arm and moves it through the poses; a line for each."""
-    heard: list[JointsState] = []
-    rover.watch(JointsState, "state/joints", heard.append)
+    """Arms the arm and moves it through the poses; prints a line for each."""
+    received: list[JointsState] = []
+    rover.watch(JointsState, "state/joints", received.append)
     poses = [dict(zip(config.names, map(math.radians, pose), strict=True)) for pose in POSES]
     rover.arm("given", poses[0])
-    print("armed where it stands: one servo after the other\n")
-    print("state/joints, as told to the servos (deg)        | where the tool truly is (mm)  | messages")
-    print(" ".join(f"{name:>7}" for name in config.names) + "  |        x        y        z     | heard")
+    print("armed at its present position: one servo after the other\n")
+    print("state/joints, commanded angles (deg)             | true position of the tool (mm) | messages")
+    print(" ".join(f"{name:>7}" for name in config.names) + "  |        x        y        z     | received")
     for pose in poses:
         rover.move(pose)
-        print(f"{degrees(rover.joints().q_rad)}  | {tool(config)}    | {len(heard):5d}", flush=True)
+        angles = " ".join(f"{math.degrees(q):7.1f}" for q in rover.joints().q_rad)
+        print(f"{angles}  | {tool(config)}    | {len(received):5d}", flush=True)
 
 
 def stop(rover: Rover, config: Config) -> None:
-    """An emergency stop in the middle of a move, by somebody without the lease."""
+    """An emergency stop during a move, by a client without the lease."""
     rover.move({"joint1": 1.0}, wait=False)
     time.sleep(0.2)
-    with Rover(config.robot, config.zenoh.listen) as stranger:
-        stranger.estop("the demo's stranger")
+    with Rover(config.robot, config.zenoh.listen) as other:
+        other.estop("another client")
     while any(rover.joints().on):
         time.sleep(0.01)
     q = math.degrees(rover.joints().q_rad[0])
-    print(f"\nemergency stop by another client, joint 1 on its way at {q:.1f} deg: {rover.mode().mode}, pulses off")
+    print(f"\nemergency stop by another client, joint 1 at {q:.1f} deg: {rover.mode().mode}, pulses off")
     rover.reset_fault()
     print(f"reset: {rover.mode().mode}; nothing moves until it is armed again")
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the demo. Exit code 0, or 2 with one line if it does not work here."""
+    """Runs the demo. Exit code 0, or 2 with one line that says what failed."""
     p = argparse.ArgumentParser("lrmd.demo", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--speed", type=float, default=10.0, help="how much faster than time (default: %(default)g)")
+    p.add_argument("--speed", type=float, default=10.0, help="ratio to real time (default: %(default)g)")
     speed = p.parse_args(argv).speed
     started = time.monotonic()
     try:
-        if not 1 <= speed <= FASTEST:
-            raise LrmError(f"--speed {speed:g}: should be from 1 to {FASTEST:g}")
+        if not 1 <= speed <= MAX_SPEED:
+            raise LrmError(f"--speed {speed:g}: should be from 1 to {MAX_SPEED:g}")
         with tempfile.TemporaryDirectory(prefix="lrm-demo-") as folder:
             run(config_in(Path(folder)), speed)
     except LrmError as error:
@@ -155,15 +150,15 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def run(config: Config, speed: float) -> None:
-    """The whole course on a simulated board. Raises `LrmError`."""
+    """The demo on a simulated board. Raises `LrmError`."""
     with simulated_board(config, speed) as simulated, daemon(simulated, speed), connected(simulated) as rover:
-        print(f"lrmd: {ARM} on a simulated board, {speed:g} times as fast as time; {rover.mode().mode}, pulses off")
+        print(f"lrmd: {ARM} on a simulated board at {speed:g} times real time; {rover.mode().mode}, pulses off")
         events: list[Event] = []
         rover.watch(Event, "event/mode", events.append)
         with rover.control("demo"):
             show(rover, simulated)
             stop(rover, simulated)
-        print("modes told: " + ", ".join(str(event.detail["mode"]) for event in events))
+        print("modes: " + ", ".join(str(event.detail["mode"]) for event in events))
 
 
 if __name__ == "__main__":

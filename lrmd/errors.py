@@ -1,4 +1,4 @@
-"""A request that cannot be carried out now."""
+"""The error of a request that the daemon does not carry out."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 from lrm_math.errors import LrmError
 
 
-class Refused(LrmError):
-    """Carries `code`, `retryable` and `detail` for the reply."""
+class RequestError(LrmError):
+    """A request that is not carried out; `code`, `retryable` and `detail` go into its `ErrorReply`."""
 
     def __init__(self, code: str, text: str, retryable: bool = False, **detail: Any) -> None:
         self.code, self.retryable, self.detail = code, retryable, detail

@@ -1,4 +1,4 @@
-"""The log: one JSON object per line on standard error, which systemd's journal keeps."""
+"""Structured log: one JSON object per line on standard error, for systemd's journal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import structlog
 
 
 def set_up(level: str = "info") -> None:
-    """JSON lines with time, level and event."""
+    """Configures structlog: JSON lines with time, level and event."""
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,

@@ -1,4 +1,4 @@
-"""`lrmd`: the daemon's command. Heavy imports wait until a process needs them."""
+"""Command line of the daemon, `lrmd`. Imports inside `main` keep `--check` and the child processes light."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from lrm_math.errors import LrmError
 
 TEXT = """\
 The daemon that owns a robot arm on RC servos: it has the serial link to the servo board, moves every pulse by at most
-1 us per 6.5 ms tick, publishes state on zenoh, and never moves by surprise.
+1 us per 6.5 ms tick, publishes state on zenoh, and moves the arm only on request.
 
   lrmd --config /etc/lrm/lrmd.toml           run (systemd does this)
-  lrmd --config /etc/lrm/lrmd.toml --check   read the configuration, say what is wrong with it, and stop
+  lrmd --config /etc/lrm/lrmd.toml --check   read the configuration, report its errors, and stop
   lrmd --config lrmd.toml --simulated        run on a simulated board and arm instead of the port
 """
 
@@ -36,14 +36,14 @@ def main(argv: list[str] | None = None) -> int:
             print(f"{options.config}: in order; {config.robot}, {config.arm.name}, servos {', '.join(config.names)}")
             return 0
         log.set_up(options.log_level)
-        from lrmd.api.process import Api
+        from lrmd.api.process import ApiProcess
 
         if not options.simulated:
-            return Api(config).run()
+            return ApiProcess(config).run()
         from lrmd.sim.launch import simulated_board
 
         with simulated_board(config) as simulated:
-            return Api(simulated).run()
+            return ApiProcess(simulated).run()
     except LrmError as error:
         print(f"lrmd: {error}", file=sys.stderr)
         return 2

@@ -1,31 +1,42 @@
-"""Data flows one way: lrmd -> lrm_math <- lrm_ident, and the generator knows nothing of the model it checks."""
+"""Imports go one way: lrmd -> lrm_math <- lrm_ident, between the folders of each from the top of a list to its bottom.
+
+The generator of synthetic data knows nothing of the model that it checks.
+"""
 
 from __future__ import annotations
 
 import ast
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+from tests.conftest import ROOT
+from tests.support.source_files import files, imported_names, syntax_tree
+
 ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
+LAYERS = {
+    "lrm_math": "errors arrays toml_file arm kinematics collision effects model ik",
+    "lrm_ident": "synthetic progress data effect_plugins fit diagnosis design thesis workspace report plots cli",
+    "lrmd": "errors log config persistence link messages ramp safety control sim ik api client cli main demo",
+}
+"""Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""
 
 
-def imported(path: Path) -> set[str]:
-    """Top-level packages that a file imports, relative ones by the package's own name."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            found.add(path.relative_to(ROOT).parts[0] if node.level else (node.module or "").split(".")[0])
-    return found
-
-
-def files(folder: str) -> list[Path]:
-    return sorted((ROOT / folder).rglob("*.py"))
+@pytest.mark.parametrize("package", LAYERS)
+def test_folders_import_only_from_layers_below(package: str) -> None:
+    layers = LAYERS[package].split()
+    upward = []
+    for path in files(package):
+        own = path.relative_to(ROOT / package).with_suffix("").parts[0]
+        if own.startswith("__"):  # the package's own front may reach everything
+            continue
+        assert own in layers, f"{own} has no place in the layers of {package}"
+        for name in imported_names(path):
+            imported = name.split(".")[:2]
+            if imported[0] == package and imported[-1] not in layers[: layers.index(own) + 1]:
+                upward.append(f"{path.relative_to(ROOT)} imports {name}")
+    assert not upward, "\n".join(upward)
 
 
 @pytest.mark.parametrize(
@@ -34,21 +45,18 @@ def files(folder: str) -> list[Path]:
 )
 def test_rover_packages_import_only_what_they_may(package: str, allowed: set[str]) -> None:
     for path in files(package):
-        assert imported(path) - STDLIB <= allowed, path
+        assert {name.split(".")[0] for name in imported_names(path)} - STDLIB <= allowed, path
 
 
 def test_offline_tool_never_imports_the_daemon() -> None:
-    assert files("lrm_ident")
     for path in files("lrm_ident"):
-        assert "lrmd" not in imported(path), path
+        assert not any(name.split(".")[0] == "lrmd" for name in imported_names(path)), path
 
 
 def test_generator_shares_no_code_with_the_model() -> None:
-    generator = files("lrm_ident/synthetic")
-    assert generator
-    for path in generator:
-        assert imported(path) - STDLIB <= {"lrm_ident", "numpy", "scipy"}, path
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for path in files("lrm_ident/synthetic"):
+        assert {name.split(".")[0] for name in imported_names(path)} - STDLIB <= {"lrm_ident", "numpy", "scipy"}, path
+        for node in ast.walk(syntax_tree(path)):
             if isinstance(node, ast.ImportFrom):
                 assert node.level in (0, 1), f"{path}: reaches out of its folder"
                 assert node.level or not (node.module or "").startswith("lrm_"), path

@@ -13,7 +13,7 @@ import numpy as np
 from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fit.levenberg_marquardt import fit, no_bounds
-from lrm_ident.fit.parameter_sets import chosen
+from lrm_ident.fit.parameter_sets import select_parameters
 from lrm_ident.fit.priors import Prior, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
@@ -39,7 +39,7 @@ SIZES = PriorFile.model_validate(
 
 
 @dataclass(frozen=True, eq=False)
-class Coverage:
+class IntervalCoverage:
     """(estimate − truth) / standard error of every parameter, one row per arm (seeds, P)."""
 
     keys: tuple[str, ...]
@@ -62,20 +62,20 @@ class Coverage:
         return self.keys[int(np.argmin(share))], float(share.min())
 
 
-def option_1(seeds: Sequence[int], poses: int = POSES) -> Coverage:
+def option_1(seeds: Sequence[int], poses: int = POSES) -> IntervalCoverage:
     """The thesis's 28 parameters by least squares, on arms that have these errors and no others."""
     model = _empty()
-    return _coverage(replace(model, free=chosen(model, "option1")), seeds, poses, None)
+    return _coverage(replace(model, free=select_parameters(model, "option1")), seeds, poses, None)
 
 
-def all_with_prior(seeds: Sequence[int], poses: int = POSES) -> Coverage:
+def all_with_prior(seeds: Sequence[int], poses: int = POSES) -> IntervalCoverage:
     """All 45 parameters with the prior that the arms were drawn from."""
     model = _empty()
     return _coverage(replace(model, free=model.keys), seeds, poses, _prior(model))
 
 
-def _coverage(model: Model, seeds: Sequence[int], poses: int, prior: Prior | None) -> Coverage:
-    return Coverage(model.free, np.array(list(_deviations(model, seeds, poses, prior))))
+def _coverage(model: Model, seeds: Sequence[int], poses: int, prior: Prior | None) -> IntervalCoverage:
+    return IntervalCoverage(model.free, np.array(list(_deviations(model, seeds, poses, prior))))
 
 
 def _deviations(model: Model, seeds: Sequence[int], poses: int, prior: Prior | None) -> Iterator[Array]:
@@ -91,14 +91,14 @@ def _deviations(model: Model, seeds: Sequence[int], poses: int, prior: Prior | N
 def measured(values: dict[str, float], seed: int, poses: int) -> Measurements:
     """What the independent generator measures on an arm with these parameters (SI), noise included."""
     rig = synthetic.load_arm(shipped_arms()[ARM])
-    q = synthetic.poses(rig, poses, seed)
+    q = synthetic.random_poses(rig, poses, seed)
     tcp = synthetic.measure(rig, _truth(rig, values), q, 0.0, NOISE, seed)
     number = np.arange(1, poses + 1)
     return Measurements(poses_of(q), number, tcp, None, NOISE, number, Path("synthetic"), "")
 
 
-def _truth(rig: synthetic.Rig, values: dict[str, float]) -> synthetic.Truth:
-    nominal = synthetic.Truth.nominal(rig)
+def _truth(rig: synthetic.ArmDescription, values: dict[str, float]) -> synthetic.GroundTruth:
+    nominal = synthetic.GroundTruth.nominal(rig)
     soft = {key.split(".")[1]: value for key, value in values.items() if key.startswith("compliance")}
     offsets = {k.removeprefix("offsets."): value for k, value in values.items() if k.startswith("offsets")}
     named = {name.removesuffix("_mm") + "_m" if name.endswith("_mm") else name: v for name, v in offsets.items()}

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident import synthetic
-from lrm_ident.data.error_stats import figures
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, load_measurements
 from lrm_ident.fit.identifiability import fit_identifiable
 from lrm_ident.fit.levenberg_marquardt import fit, no_bounds
-from lrm_ident.fit.parameter_sets import chosen
+from lrm_ident.fit.parameter_sets import select_parameters
 from lrm_ident.fit.priors import load_prior
-from lrm_ident.thesis.thesis_options import cross, nominal_model, option_named, residual_of, run_method
+from lrm_ident.thesis.thesis_options import cross_apply, nominal_model, option_named, residual_of, run_options
 from lrm_ident.thesis.thesis_results import NO_LOAD
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.errors import LrmError
@@ -31,7 +31,9 @@ ARM, NOISE, ARMS, FRESH = "lrm-lab", 3e-4, 12, 300
 COUNTS = (16, 20, 30, 45, 100)
 
 
-def measured(rig: synthetic.Rig, truth: synthetic.Truth, q: np.ndarray, seed: int, load: float = 0.0) -> Measurements:
+def measured(
+    rig: synthetic.ArmDescription, truth: synthetic.GroundTruth, q: np.ndarray, seed: int, load: float = 0.0
+) -> Measurements:
     """What the independent generator measures at poses (N, n), with 0.3 mm of noise and a load (kg)."""
     number = np.arange(1, len(q) + 1)
     tcp = synthetic.measure(rig, truth, q, load, NOISE, seed)
@@ -45,9 +47,9 @@ def poses_needed(count: int) -> tuple[float, float | None]:
     prior = load_prior("printed", whole)
     with_prior, eliminated = [], []
     for seed in range(ARMS):
-        truth = synthetic.Truth.random(rig, seed)
-        data = measured(rig, truth, synthetic.poses(rig, count, seed), seed)
-        q = synthetic.poses(rig, FRESH, seed + 999)
+        truth = synthetic.GroundTruth.random(rig, seed)
+        data = measured(rig, truth, synthetic.random_poses(rig, count, seed), seed)
+        q = synthetic.random_poses(rig, FRESH, seed + 999)
         fresh = replace(measured(rig, truth, q, 0), tcp=synthetic.measure(rig, truth, q))
         with_prior.append(_rms_mm(fit(whole, data, prior=prior).model, fresh))
         try:
@@ -57,15 +59,15 @@ def poses_needed(count: int) -> tuple[float, float | None]:
     return float(np.median(with_prior)), float(np.median(eliminated)) if len(eliminated) == ARMS else None
 
 
-def cross_load(hidden: Sequence[synthetic.Effect]) -> list[list[float]]:
+def cross_load(hidden: Sequence[synthetic.HiddenEffect]) -> list[list[float]]:
     """Table 6.8 of option 1₂ (mean, mm) on the pair of `validation.two_loads`, with other effects hidden."""
     rig, option = synthetic.load_arm(shipped_arms()[ARM]), option_named("option1_2")
-    truth = synthetic.Truth.random(rig, two_loads.SEED, tuple(hidden))
+    truth = synthetic.GroundTruth.random(rig, two_loads.SEED, tuple(hidden))
     methods = []
     for row, load in enumerate(two_loads.LOADS.values()):
-        q = synthetic.poses(rig, two_loads.POSES, two_loads.SEED + row, floor_m=0.1)
-        methods.append(run_method(load_arm(ARM), measured(rig, truth, q, row, load), options=[option]))
-    crossed = cross(methods[0], methods[1], option.name)
+        q = synthetic.random_poses(rig, two_loads.POSES, two_loads.SEED + row, floor_m=0.1)
+        methods.append(run_options(load_arm(ARM), measured(rig, truth, q, row, load), options=[option]))
+    crossed = cross_apply(methods[0], methods[1], option.name)
     return [[crossed.error(i, j).mean * 1e3 for j in range(2)] for i in range(2)]
 
 
@@ -74,9 +76,9 @@ def two_joints() -> tuple[int, int, float, float]:
     rig, model = synthetic.load_arm(shipped_arms()["two-joint"]), nominal_model(load_arm("two-joint"))
     levels = np.radians(np.linspace(-100, 100, 10))
     q = np.stack(np.meshgrid(levels, levels, indexing="ij"), axis=-1).reshape(-1, 2)
-    data = measured(rig, synthetic.Truth.random(rig, 3), q, 3)
+    data = measured(rig, synthetic.GroundTruth.random(rig, 3), q, 3)
     found = fit_identifiable(model, data, model.keys).fit
-    before, after = figures(residual_of(model, data)).mean, figures(found.residual).mean
+    before, after = error_stats(residual_of(model, data)).mean, error_stats(found.residual).mean
     return len(model.keys), len(found.model.free), before * 1e3, after * 1e3
 
 
@@ -84,13 +86,13 @@ def printed_parameters(path: Path) -> tuple[float, float]:
     """Mean error (mm) of Table B.1's option 1 on measurements, as printed and with the base placed anew."""
     arm = load_arm(ARM)
     data, model = load_measurements(path, arm), NO_LOAD.model(arm, "option1")
-    placed = replace(model, free=chosen(model, "offsets.base.*"))
+    placed = replace(model, free=select_parameters(model, "offsets.base.*"))
     moved = fit(placed, data, no_bounds(placed.free))
-    return figures(residual_of(model, data)).mean * 1e3, figures(moved.residual).mean * 1e3
+    return error_stats(residual_of(model, data)).mean * 1e3, error_stats(moved.residual).mean * 1e3
 
 
 def _rms_mm(model: Model, data: Measurements) -> float:
-    return figures(residual_of(model, data)).rms * 1e3
+    return error_stats(residual_of(model, data)).rms * 1e3
 
 
 def main() -> None:

@@ -16,18 +16,15 @@ SOURCE = "synthetic: validation.two_loads; soft play in joint 2 and a servo that
 
 def write(folder: Path) -> list[Path]:
     """Both data sets: 393 random poses each, errors of all 45 kinds, and two effects that no option knows."""
-    rig = synthetic.load_arm(shipped_arms()[ARM])
+    arm = synthetic.load_arm(shipped_arms()[ARM])
     gain = synthetic.OneSidedGain(joint=4, side=1, gain=0.02, corner_rad=0.02)
     hidden = (synthetic.SoftPlay(joint=2, width_rad=0.02, softness_nm=0.04), gain)
-    truth = synthetic.Truth.random(rig, SEED, hidden)
-    return [
-        synthetic.write(
-            folder / name,
-            synthetic.simulate(rig, truth, synthetic.poses(rig, POSES, SEED + row, floor_m=0.1), load, NOISE, row),
-            SOURCE,
-        )[0]
-        for row, (name, load) in enumerate(LOADS.items())
-    ]
+    truth = synthetic.GroundTruth.random(arm, SEED, hidden)
+    paths = []
+    for row, (name, load) in enumerate(LOADS.items()):
+        q = synthetic.random_poses(arm, POSES, SEED + row, floor_m=0.1)
+        paths.append(synthetic.write(folder / name, synthetic.simulate(arm, truth, q, load, NOISE, row), SOURCE)[0])
+    return paths
 
 
 def main() -> None:

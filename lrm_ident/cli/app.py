@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import sys
 
-from lrm_ident.cli import design, diagnosis, fit, identifiability, preliminary_tests, thesis, workspace
+from lrm_ident.cli import component_tests, design, diagnosis, fit, identifiability, thesis, workspace
 from lrm_ident.cli.common import app
 from lrm_math.errors import LrmError
 
 __all__ = [
+    "component_tests",
     "design",
     "diagnosis",
     "fit",
     "identifiability",
     "main",
-    "preliminary_tests",
     "thesis",
     "workspace",
 ]

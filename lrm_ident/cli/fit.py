@@ -3,68 +3,85 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from typer import Option
 
-from lrm_ident.cli.arguments import (
-    ArmName,
-    DataFile,
-    Effects,
-    EffectsFile,
-    FigureFile,
-    JsonFile,
-    LossName,
-    ModelOutput,
-    ModelPath,
-    Parameters,
-    PosesFile,
-    PriorName,
-    Start,
-    TableOutput,
-    Unbounded,
+from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.common import (
+    app,
+    arm_for,
+    nominal_error,
+    progress,
+    publish,
+    read_inputs,
+    read_measurements,
+    read_model,
+    show,
 )
-from lrm_ident.cli.common import app, arm_for, out, progress, read_measurements, read_model
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.csv_table import table_text
-from lrm_ident.data.error_stats import figures
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, load_poses
 from lrm_ident.effect_plugins import Catalogue, catalogue_with
-from lrm_ident.fit.error_breakdown import HeldOut, try_held_out
+from lrm_ident.fit.error_breakdown import HeldOutResidual, try_held_out
 from lrm_ident.fit.error_breakdown import compare as run_compare
 from lrm_ident.fit.identifiability import IdentifiedFit, fit_identifiable
 from lrm_ident.fit.levenberg_marquardt import Bounds, Fit, bounds_of, no_bounds
 from lrm_ident.fit.levenberg_marquardt import fit as run_fit
 from lrm_ident.fit.loss import Loss, loss_named
 from lrm_ident.fit.model_history import arm_name_for, model_file, model_text
-from lrm_ident.fit.parameter_sets import chosen
-from lrm_ident.fit.priors import Prior, load_prior, prior_behind, prior_name_for
-from lrm_ident.progress import Tick
-from lrm_ident.report import json_files
-from lrm_ident.report.fit import print_comparison, print_fit
-from lrm_ident.report.priors import Elimination, print_beside_elimination
+from lrm_ident.fit.parameter_sets import select_parameters
+from lrm_ident.fit.priors import Prior, load_prior, prior_name_for, prior_of_file
+from lrm_ident.plots.comparison import draw_comparison
+from lrm_ident.progress import OnProgress
+from lrm_ident.report.document import Document, ResultTable
+from lrm_ident.report.fit import ErrorSummary, comparison_document, fit_document
+from lrm_ident.report.priors import PriorComparison
 from lrm_math.arm.arm import Arm
-from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
-from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
 
 @app.command()
 def fit(
-    data: DataFile,
-    arm: ArmName = None,
-    effects: Effects = None,
-    start: Start = None,
-    parameters: Parameters = "identifiable",
-    loss: LossName = "squared",
-    unbounded: Unbounded = False,
-    prior: PriorName = None,
-    output: ModelOutput = None,
-    json: JsonFile = None,
-    effects_file: EffectsFile = None,
+    data: arg.DataFile,
+    arm: arg.ArmName = None,
+    effects: Annotated[
+        str | None,
+        Option(
+            help="What the model is made of, by commas: offsets, compliance, lateral_compliance, backlash@joint2, … "
+            "Default: offsets,compliance."
+        ),
+    ] = None,
+    start: Annotated[
+        Path | None, Option(metavar="MODEL", help="Start from this model's values, and effects unless given.")
+    ] = None,
+    parameters: Annotated[
+        str,
+        Option(
+            help="What to fit: 'identifiable' (all that the data can tell), option1 to option5 of the thesis, or names "
+            "and patterns by commas, for instance 'compliance.*,offsets.base.?_mm'."
+        ),
+    ] = "identifiable",
+    loss: Annotated[str, Option(help="squared, huber or cauchy; the last two bear wrong measurements.")] = "squared",
+    unbounded: Annotated[
+        bool, Option("--unbounded", help="Allow what physics forbids, such as negative compliances.")
+    ] = False,
+    prior: Annotated[
+        str | None,
+        Option(
+            help="What is known beforehand: a shipped prior (printed, vague) or the path of a prior file. All "
+            "parameters are then fitted together, and shown beside what the data alone can tell."
+        ),
+    ] = None,
+    output: Annotated[Path | None, Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
+    json: arg.JsonFile = None,
+    effects_file: arg.EffectsFile = None,
 ) -> None:
     """Fit the model of an arm to measurements: DATA -> MODEL.
 
@@ -76,74 +93,61 @@ def fit(
     model = _start_model(the_arm, effects, start, catalogue := catalogue_with(effects_file))
     how, known = loss_named(loss), None if prior is None else load_prior(prior, model, catalogue)
     result = _fit(model, measured, parameters, how, unbounded, known)
-    fitted = result.fit.model
     with progress("held-out error") as tick:
+        fitted = result.fit.model
         held_out = try_held_out(fitted, measured, _limits(fitted, unbounded), how, tick, known)
-    nominal = figures(measured.tcp - equilibrium(model_of(the_arm, ()), measured.poses).tcp)
-    print_fit(out, result.fit, result.held, nominal, held_out, measured)
-    tables = json_files.fit_json(result.fit, result.held, nominal, held_out, measured)
+    errors = ErrorSummary(nominal_error(the_arm, measured), error_stats(result.fit.residual), held_out)
+    document = fit_document(result, errors, measured)
     if known:
         with progress("held-out error without the prior") as tick:
-            beside = Elimination(
-                known, result.fit, held_out, *_alone(model, measured, parameters, how, unbounded, tick)
-            )
-        print_beside_elimination(out, beside)
-        tables["prior"] = beside.as_json()
-    if json:
-        write_text(json, json_files.text(tables))
+            alone = _alone(model, measured, parameters, how, unbounded, tick)
+        beside = PriorComparison(known, result.fit, held_out, *alone)
+        document = replace(
+            document, blocks=[*document.blocks, *beside.blocks()], values={**document.values, "prior": beside}
+        )
+    publish(document, json)
     if output:
         name = arm_name_for(arm_name, output.parent)
         where = None if prior is None else prior_name_for(prior)
         file = model_file(result.fit, measured, held_out, name, "fit", how.name, prior=where)
         write_text(output, model_text(file))
-        out.print(f"Model written to {output}")
-    else:
-        out.print("Not saved; give -o MODEL to keep it.")
+    show(f"Model written to {output}" if output else "Not saved; give -o MODEL to keep it.")
 
 
 @app.command()
 def predict(
-    model: ModelPath, poses: PosesFile, output: TableOutput, json: JsonFile = None, effects_file: EffectsFile = None
+    model: arg.ModelPath,
+    poses: arg.PosesFile,
+    output: Annotated[Path, Option("-o", "--output", metavar="CSV", help="Where to write the predictions.")],
+    json: arg.JsonFile = None,
+    effects_file: arg.EffectsFile = None,
 ) -> None:
     """Predict the TCP (mm) and gravity's joint torques (Nm) at commanded poses."""
     _, the_model = read_model(model, catalogue_with(effects_file))
-    asked = load_poses(poses, the_model.arm)
-    rest = equilibrium(the_model, asked)
-    columns = _prediction(asked, rest.tcp, rest.joint_torque, rest.base_moment)
-    if json:
-        names = [name for name, _, _ in columns]
-        cells = np.stack([values for _, values, _ in columns], axis=1).tolist()
-        rows = [dict(zip(names, row, strict=True)) for row in cells]
-        write_text(json, json_files.text({"schema": "lrm/prediction/1", "poses": rows}))
-    write_text(output, table_text(columns))
-    out.print(f"{len(asked)} predictions written to {output}")
+    rest = equilibrium(the_model, load_poses(poses, the_model.arm))
+    table = _predictions(rest)
+    publish(Document([], "lrm/prediction/1", {"poses": table.records()}), json)
+    write_text(output, table.csv())
+    show(f"{len(rest.tcp)} predictions written to {output}")
 
 
 @app.command()
 def compare(
-    model: ModelPath,
-    data: DataFile,
-    json: JsonFile = None,
-    figure: FigureFile = None,
-    effects_file: EffectsFile = None,
+    model: arg.ModelPath,
+    data: arg.DataFile,
+    json: arg.JsonFile = None,
+    figure: arg.FigureFile = None,
+    effects_file: arg.EffectsFile = None,
 ) -> None:
     """Show where a model fails on measurements: by joint angle, torque, load, order, region; the worst poses.
 
     The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses.
     """
-    file, the_model = read_model(model, catalogue := catalogue_with(effects_file))
-    measured = read_measurements(data, the_model.arm, file.arm)
-    prior = prior_behind(file, the_model, catalogue)
+    file, the_model, measured, catalogue = read_inputs(model, data, effects_file)
+    prior = prior_of_file(file, the_model, catalogue)
     with progress("held-out error") as tick:
         comparison = run_compare(the_model, measured, tick, prior)
-    print_comparison(out, comparison, measured)
-    if json:
-        write_text(json, json_files.text(json_files.comparison_json(comparison, measured)))
-    if figure:
-        from lrm_ident.plots.comparison import draw_comparison  # matplotlib takes half a second to load
-
-        draw_comparison(comparison, measured, figure)
-        out.print(f"Figure written to {figure}")
+    publish(comparison_document(comparison, measured), json, figure, partial(draw_comparison, comparison, measured))
 
 
 def _fit(
@@ -154,19 +158,19 @@ def _fit(
         if prior is None:
             return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
     else:
-        keys = chosen(model, parameters)
+        keys = select_parameters(model, parameters)
     free = replace(model, free=keys)
     return IdentifiedFit(run_fit(free, data, _limits(free, unbounded), loss, prior), ())
 
 
 def _alone(
-    model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, tick: Tick
-) -> tuple[Fit | str, HeldOut]:
+    model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, tick: OnProgress
+) -> tuple[Fit | str, HeldOutResidual]:
     """The fit without a prior and its held-out error, or the reason why there is none."""
     try:
         alone = _fit(model, data, parameters, loss, unbounded).fit
     except LrmError as error:
-        return str(error), HeldOut(None, str(error))
+        return str(error), HeldOutResidual(None, str(error))
     return alone, try_held_out(alone.model, data, _limits(alone.model, unbounded), loss, tick)
 
 
@@ -188,12 +192,9 @@ def _start_model(arm: Arm, effects: str | None, start: Path | None, catalogue: C
     return model_of(arm, model.effects, known)
 
 
-def _prediction(poses: Poses, tcp: Array, torque: Array, base_moment: Array) -> list[tuple[str, Array, int]]:
-    n = poses.q.shape[1]
-    return [
-        *((f"q{i + 1}_deg", np.degrees(poses.q[:, i]), 6) for i in range(n)),
-        ("payload_g", poses.payload * 1e3, 3),
-        *((f"{axis}_mm", tcp[:, i] * 1e3, 7) for i, axis in enumerate("xyz")),
-        ("tau_base_Nm", base_moment, 10),
-        *((f"tau{i + 1}_Nm", torque[:, i], 10) for i in range(n)),
-    ]
+def _predictions(rest: Equilibrium) -> ResultTable:
+    q, n = np.degrees(rest.poses.q), rest.model.arm.dof
+    columns = [*(f"q{i + 1}_deg|.6f" for i in range(n)), "payload_g|.3f", "x_mm|.7f", "y_mm|.7f", "z_mm|.7f"]
+    columns += ["tau_base_Nm|.10f", *(f"tau{i + 1}_Nm|.10f" for i in range(n))]
+    payload, base = rest.poses.payload[:, None] * 1e3, rest.base_moment[:, None]
+    return ResultTable(columns, np.concatenate([q, payload, rest.tcp * 1e3, base, rest.joint_torque], axis=1).tolist())

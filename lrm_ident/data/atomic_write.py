@@ -1,4 +1,4 @@
-"""Files are written whole or not at all."""
+"""Atomic file writing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CSV tables with a header, read cell by cell so that every fault can be named by row and column."""
+"""CSV tables with a header; errors name line and column."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
 
 @dataclass(frozen=True)
-class Table:
-    """The cells of a CSV file as text. `lines[i]` is the line number of row i in the file."""
+class CsvTable:
+    """Cells of a CSV file as text. `lines[i]`: line number of row i in the file."""
 
     path: Path
     header: tuple[str, ...]
@@ -24,13 +25,18 @@ class Table:
     lines: tuple[int, ...]
 
     def numbers(self, column: str) -> Array:
-        """One column as finite numbers. Raises `FileError` naming the row."""
-        place = self.header.index(column)
-        return np.array([self._number(i, column, row[place]) for i, row in enumerate(self.rows)], dtype=np.float64)
+        """(N,), one column as finite numbers. Raises `FileError`."""
+        j = self.header.index(column)
+        return np.array([self._number(i, column, row[j]) for i, row in enumerate(self.rows)], dtype=np.float64)
 
     def at(self, row: int, column: str) -> str:
-        """How to name one cell in an error message."""
+        """Location of a cell for error messages."""
         return f"line {self.lines[row]}, column {column}"
+
+    def reject(self, bad: NDArray[np.bool_], column: str, what: str, right: str = "") -> None:
+        """Raises `FileError` at the first row where `bad` (N,) holds."""
+        if bad.any():
+            raise FileError(self.path, self.at(int(np.argmax(bad)), column), what, right)
 
     def _number(self, row: int, column: str, cell: str) -> float:
         try:
@@ -43,11 +49,10 @@ class Table:
         return value
 
 
-def read_table(path: Path, required: Sequence[str]) -> Table:
+def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
     """Reads a CSV file with a header.
 
-    Raises:
-        FileError: no such file, a missing or doubled column, a row with too few or too many cells, no rows.
+    Raises `FileError`: no such file, a missing or doubled column, a row with too few or too many cells, no rows.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -68,7 +73,7 @@ def read_table(path: Path, required: Sequence[str]) -> Table:
             lines.append(reader.line_num)
     if not rows:
         raise FileError(path, "", "no rows below the header")
-    return Table(path, header, tuple(rows), tuple(lines))
+    return CsvTable(path, header, tuple(rows), tuple(lines))
 
 
 def _check_header(path: Path, header: tuple[str, ...], required: Sequence[str]) -> None:
@@ -80,7 +85,7 @@ def _check_header(path: Path, header: tuple[str, ...], required: Sequence[str]) 
         raise FileError(path, "header", f"column {twice[0]} stands twice")
 
 
-def table_text(columns: Iterable[tuple[str, Array, int]]) -> str:
+def csv_text(columns: Iterable[tuple[str, Array, int]]) -> str:
     """CSV text of (name, values (N,), decimals)."""
     named = list(columns)
     head = ",".join(name for name, _, _ in named)

@@ -1,27 +1,27 @@
-"""What a data set cannot show, whatever is done with it."""
+"""Audit of the experiment design: confounding and missing excitation in a data set."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
-from lrm_math.effects.base import FEW_REVERSALS, Evidence
+from lrm_math.effects.base import FEW_REVERSALS, Excitation
 
-FEW_LEVELS, RUNS_WITH = 4, 0.8
+FEW_LEVELS, STRONG_CORRELATION = 4, 0.8
 
 
 def audit(data: Measurements, torque: Array) -> tuple[str, ...]:
-    """Traps in the data, one sentence each, worst for the identification first. `torque`: (N, n), N·m."""
-    traps = (_levels(data, torque), _order(data), _reversals(data, torque), _signs(data, torque), _loads(data))
-    return tuple(sentence for kind in traps for sentence in kind)
+    """Deficiencies of the data, one sentence each, the most severe first. `torque`: (N, n), N·m."""
+    of = Excitation(data.poses, torque)
+    checks = (_levels(of), _order(of), _reversals(of), _signs(of), _loads(of))
+    return tuple(sentence for check in checks for sentence in check)
 
 
-def _levels(data: Measurements, torque: Array) -> Iterator[str]:
-    seen = Evidence(data.poses, torque)
-    few = {i + 1: seen.levels(i) for i in range(torque.shape[1]) if seen.levels(i) <= FEW_LEVELS}
+def _levels(of: Excitation) -> Iterator[str]:
+    few = {i + 1: of.levels(i) for i in range(of.torque.shape[1]) if of.levels(i) <= FEW_LEVELS}
     if few:
         least, most = min(few.values()), max(few.values())
         levels = f"{least}" if least == most else f"{least} to {most}"
@@ -31,40 +31,34 @@ def _levels(data: Measurements, torque: Array) -> Iterator[str]:
         )
 
 
-def _order(data: Measurements) -> Iterator[str]:
-    order = np.arange(len(data))
-    for i in range(data.poses.q.shape[1]):
-        q = data.poses.q[:, i]
+def _order(of: Excitation) -> Iterator[str]:
+    for i, q in enumerate(of.poses.q.T):
         if np.ptp(q) > 0:
-            correlation = float(np.corrcoef(order, q)[0, 1])
-            if abs(correlation) > RUNS_WITH:
+            correlation = float(np.corrcoef(np.arange(len(q)), q)[0, 1])
+            if abs(correlation) > STRONG_CORRELATION:
                 yield (
                     f"order: the poses run with joint {i + 1} (correlation {correlation:.2f}), so a drift and an error "
                     "of that joint look alike; measure in random order"
                 )
 
 
-def _reversals(data: Measurements, torque: Array) -> Iterator[str]:
-    if data.poses.direction is None:
-        return
-    seen = Evidence(data.poses, torque)
-    never = [i + 1 for i in range(torque.shape[1]) if seen.reversals(i) < FEW_REVERSALS]
-    if never:
+def _reversals(of: Excitation) -> Iterator[str]:
+    never = [i + 1 for i in range(of.torque.shape[1]) if of.reversals(i) < FEW_REVERSALS]
+    if never and of.poses.direction is not None:
         yield f"no reversal: {_joints(never)} (nearly) never turned round, so hysteresis there cannot show"
 
 
-def _signs(data: Measurements, torque: Array) -> Iterator[str]:
-    seen = Evidence(data.poses, torque)
-    same = [i + 1 for i in range(torque.shape[1]) if not seen.both_signs(torque[:, i])]
+def _signs(of: Excitation) -> Iterator[str]:
+    same = [i + 1 for i, tau in enumerate(of.torque.T) if not of.both_signs(tau)]
     if same:
         yield f"one-sided torque: gravity pulls {_joints(same)} to one side only; their play cannot show"
 
 
-def _loads(data: Measurements) -> Iterator[str]:
-    if len(np.unique(data.poses.payload)) == 1:
+def _loads(of: Excitation) -> Iterator[str]:
+    if len(np.unique(of.poses.payload)) == 1:
         yield "one load only: a spring that stiffens, play, and wrong masses are hard to tell apart; measure with two"
 
 
-def _joints(numbers: object) -> str:
-    names = [str(number) for number in numbers]  # type: ignore[attr-defined]
+def _joints(numbers: Iterable[int]) -> str:
+    names = list(map(str, numbers))
     return f"joint {names[0]}" if len(names) == 1 else f"joints {', '.join(names[:-1])} and {names[-1]}"

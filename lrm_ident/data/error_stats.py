@@ -1,16 +1,19 @@
-"""The four numbers that every error is reported by."""
+"""Statistics of TCP errors: mean, RMS, maximum, SD; and distribution beside a Gaussian (thesis Figures 6.4–6.7)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from lrm_math.arrays import Array
 
+CRITICAL_1_PERCENT = 1.035  # of A*, mean and SD estimated (D'Agostino & Stephens 1986)
+
 
 @dataclass(frozen=True)
-class ErrorFigures:
+class ErrorStats:
     """Mean, RMS, maximum and standard deviation over poses of the 3-D distance (m)."""
 
     mean: float
@@ -19,13 +22,67 @@ class ErrorFigures:
     sd: float
 
     def as_json(self) -> dict[str, float]:
-        """The same in mm."""
+        """In mm."""
         return {f"{name}_mm": value * 1e3 for name, value in vars(self).items()}
 
 
-def figures(residual: Array) -> ErrorFigures:
-    """Figures of a residual (N, 3) in m."""
+def error_stats(residual: Array) -> ErrorStats:
+    """Statistics of a residual (N, 3) in m."""
     distance = np.linalg.norm(residual, axis=1)
-    return ErrorFigures(
+    return ErrorStats(
         float(distance.mean()), float(np.sqrt((distance**2).mean())), float(distance.max()), float(distance.std())
+    )
+
+
+@dataclass(frozen=True)
+class ErrorDistribution:
+    """Errors, and the Gaussian of their mean and SD.
+
+    Attributes:
+        distance: (N,), sorted (m).
+        mean, sd: of the errors (m).
+        skewness: 0 for a Gaussian.
+        misfit: Anderson–Darling statistic A*, mean and SD estimated; correlated poses enlarge it too.
+        below_zero: probability of a negative distance under the Gaussian.
+    """
+
+    distance: Array
+    mean: float
+    sd: float
+    skewness: float
+    misfit: float
+    below_zero: float
+
+    @property
+    def is_gaussian(self) -> bool:
+        """Whether the Anderson–Darling test does not reject a Gaussian at the 1 % level."""
+        return self.misfit < CRITICAL_1_PERCENT
+
+    def quantile(self, part: float) -> float:
+        """Quantile of the errors (m)."""
+        return float(np.quantile(self.distance, part))
+
+    def density(self, at: Array) -> Array:
+        """Density of the Gaussian (1/m)."""
+        return np.asarray(stats.norm.pdf(at, self.mean, self.sd))
+
+    def cumulative(self, at: Array) -> Array:
+        """Part of the Gaussian below (0 to 1)."""
+        return np.asarray(stats.norm.cdf(at, self.mean, self.sd))
+
+
+def error_distribution(residual: Array) -> ErrorDistribution:
+    """Distribution of the norms of residuals (N, 3) in m; at least three, not all equal."""
+    distance = np.sort(np.linalg.norm(residual, axis=1))
+    mean, sd, n = float(distance.mean()), float(distance.std(ddof=1)), len(distance)
+    cumulative = stats.norm.cdf((distance - mean) / sd).clip(1e-16, 1 - 1e-16)
+    weight = 2 * np.arange(1, n + 1) - 1
+    a_squared = float(-n - np.mean(weight * (np.log(cumulative) + np.log1p(-cumulative[::-1]))))
+    return ErrorDistribution(
+        distance=distance,
+        mean=mean,
+        sd=sd,
+        skewness=float(stats.skew(distance)),
+        misfit=a_squared * (1 + 0.75 / n + 2.25 / n**2),
+        below_zero=float(stats.norm.cdf(0.0, mean, sd)),
     )

@@ -1,4 +1,4 @@
-"""Measurements: `NAME.csv`, one row per pose in the order measured, and `NAME.toml` beside it."""
+"""Measurement files: `NAME.csv`, one row per pose in measured order, and its metadata `NAME.toml`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from lrm_ident.data.csv_table import Table, read_table, table_text
+from lrm_ident.data.csv_table import CsvTable, csv_text, read_csv
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
@@ -21,11 +21,11 @@ from lrm_math.toml_file import StrictSchema, read_toml
 
 ATTITUDE = ("qw", "qx", "qy", "qz")
 OPTIONAL = ("t_s", "session", "payload_g", *ATTITUDE, "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
-LIMIT_SLACK = np.radians(1e-6)
+LIMIT_TOLERANCE = np.radians(1e-6)
 
 
 class Metadata(StrictSchema):
-    """The file `NAME.toml`, schema `lrm/measurements/1`."""
+    """Metadata file `NAME.toml`, schema `lrm/measurements/1`."""
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
     arm: str | None = None
@@ -39,12 +39,12 @@ class Measurements:
     """N measured poses.
 
     Attributes:
-        pose: (N,), the number that each row carries.
+        pose: (N,), pose numbers.
         tcp: (N, 3), measured TCP position (m).
         sd: (N,), standard deviation of each position per axis (m), or None.
-        noise_sd: the same for the whole file (m), or None.
-        repeat_of: (N,), number of the pose that a row repeats, its own number if none.
-        notices: what a person should know about the file.
+        noise_sd: standard deviation per axis for all poses (m), or None.
+        repeat_of: (N,), number of the pose that a row repeats, else its own number.
+        notices: warnings about the file.
     """
 
     poses: Poses
@@ -61,7 +61,7 @@ class Measurements:
         return len(self.pose)
 
     def take(self, rows: ArrayLike) -> Measurements:
-        """Some of the rows (indices or a mask)."""
+        """The given rows (indices or a mask)."""
         chosen = np.asarray(rows)
         return replace(
             self,
@@ -74,19 +74,15 @@ class Measurements:
 
 
 def metadata_of(path: Path) -> Metadata | None:
-    """The file beside a CSV, or None if there is none. Raises `FileError`."""
-    beside = path.with_suffix(".toml")
-    return read_toml(beside, Metadata) if beside.exists() else None
+    """Metadata of a CSV file, or None if there is no such file. Raises `FileError`."""
+    file = path.with_suffix(".toml")
+    return read_toml(file, Metadata) if file.exists() else None
 
 
 def load_measurements(path: Path, arm: Arm) -> Measurements:
-    """Reads measurements of an arm.
-
-    Raises:
-        FileError: naming file, line and column of the first fault.
-    """
+    """Reads measurements of an arm. Raises `FileError`: naming file, line and column of the first fault."""
     angles = [f"q{i + 1}_deg" for i in range(arm.dof)]
-    table = read_table(path, ["pose", *angles, "x_mm", "y_mm", "z_mm"])
+    table = read_csv(path, ["pose", *angles, "x_mm", "y_mm", "z_mm"])
     metadata = metadata_of(path)
     pose = _whole(table, "pose")
     _check_once(table, pose)
@@ -96,18 +92,10 @@ def load_measurements(path: Path, arm: Arm) -> Measurements:
     if start is not None and len(start) != arm.dof:
         raise FileError(path.with_suffix(".toml"), "start_q_deg", f"{len(start)} angles", f"should be {arm.dof}")
     sd = known.get("sd_mm")
-    if sd is not None and np.any(sd <= 0):
-        raise FileError(path, table.at(int(np.argmax(sd <= 0)), "sd_mm"), "not above zero")
+    if sd is not None:
+        table.reject(sd <= 0, "sd_mm", "not above zero")
     return Measurements(
-        poses=Poses(
-            q=q,
-            payload=read_payload(table),
-            direction=read_approach(table, directions(q, None if start is None else np.radians(start))),
-            t=known.get("t_s"),
-            session=known.get("session"),
-            temperature=known.get("temp_c"),
-            number=pose,
-        ),
+        poses=_poses(table, q, known, pose, None if start is None else np.radians(start)),
         pose=pose,
         tcp=np.stack([table.numbers(name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * MM,
         sd=None if sd is None else sd * MM,
@@ -121,25 +109,31 @@ def load_measurements(path: Path, arm: Arm) -> Measurements:
 
 def load_poses(path: Path, arm: Arm) -> Poses:
     """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`. Raises `FileError`."""
-    table = read_table(path, [f"q{i + 1}_deg" for i in range(arm.dof)])
+    table = read_csv(path, [f"q{i + 1}_deg" for i in range(arm.dof)])
     q = read_angles(table, arm)
-    known = {name: table.numbers(name) for name in ("t_s", "session", "temp_c") if name in table.header}
+    known: dict[str, Array] = {n: table.numbers(n) for n in ("t_s", "session", "temp_c") if n in table.header}
+    return _poses(table, q, known, _whole(table, "pose") if "pose" in table.header else None, None)
+
+
+def _poses(
+    table: CsvTable, q: Array, known: dict[str, Array], number: NDArray[np.int64] | None, start: Array | None
+) -> Poses:
     return Poses(
         q=q,
         payload=read_payload(table),
-        direction=read_approach(table, directions(q, None)),
+        direction=read_approach(table, directions(q, start)),
         t=known.get("t_s"),
         session=known.get("session"),
         temperature=known.get("temp_c"),
-        number=_whole(table, "pose") if "pose" in table.header else None,
+        number=number,
     )
 
 
-def read_angles(table: Table, arm: Arm) -> Array:
+def read_angles(table: CsvTable, arm: Arm) -> Array:
     """(N, n) joint angles (rad), every one within the arm's limits. Raises `FileError`."""
     q = np.radians(np.stack([table.numbers(f"q{i + 1}_deg") for i in range(arm.dof)], axis=1))
     for i, joint in enumerate(arm.joints):
-        outside = (q[:, i] < joint.lower - LIMIT_SLACK) | (q[:, i] > joint.upper + LIMIT_SLACK)
+        outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
         if outside.any():
             row = int(np.argmax(outside))
             low, high = np.degrees([joint.lower, joint.upper])
@@ -152,29 +146,26 @@ def read_angles(table: Table, arm: Arm) -> Array:
     return q
 
 
-def read_payload(table: Table) -> Array:
+def read_payload(table: CsvTable) -> Array:
     """(N,) load (kg), zero where the column is missing. Raises `FileError` for a negative one."""
     if "payload_g" not in table.header:
         return np.zeros(len(table.rows))
     payload = table.numbers("payload_g")
-    if np.any(payload < 0):
-        raise FileError(table.path, table.at(int(np.argmax(payload < 0)), "payload_g"), "a negative load")
+    table.reject(payload < 0, "payload_g", "a negative load")
     return payload * GRAM
 
 
-def read_approach(table: Table, moves: Array) -> Array:
-    """(N, n): the side that every joint came from where the file says so, else the moves. Raises `FileError`."""
+def read_approach(table: CsvTable, moves: Array) -> Array:
+    """(N, n), approach directions: the column `approach`, else the moves. Raises `FileError`."""
     if "approach" not in table.header:
         return moves
     side = table.numbers("approach")
-    odd = ~np.isin(side, (-1.0, 0.0, 1.0))
-    if odd.any():
-        raise FileError(table.path, table.at(int(np.argmax(odd)), "approach"), "not a side", "1, -1, or 0 if unknown")
+    table.reject(~np.isin(side, (-1.0, 0.0, 1.0)), "approach", "not a side", "1, -1, or 0 if unknown")
     return np.repeat(side[:, None], moves.shape[1], axis=1)
 
 
 def directions(q: Array, start: Array | None) -> Array:
-    """(N, n): sign of the last move of each joint before each pose; 0 as long as it has not moved."""
+    """(N, n), sign of the last move of each joint before each pose; 0 before its first move."""
     before = q[:1] if start is None else np.asarray(start)[None, :]
     moves = np.sign(np.diff(np.concatenate([before, q]), axis=0))
     for row in range(1, len(moves)):
@@ -183,7 +174,7 @@ def directions(q: Array, start: Array | None) -> Array:
 
 
 def measurements_csv(data: Measurements) -> str:
-    """The same measurements as CSV text, the required columns and the optional ones that are kept."""
+    """CSV text of measurements, with the optional columns that they have."""
     columns: list[tuple[str, Array, int]] = [("pose", data.pose.astype(np.float64), 0)]
     optional = (("t_s", data.poses.t, 1.0, 3), ("session", data.poses.session, 1.0, 0))
     columns += [(name, values / unit, digits) for name, values, unit, digits in optional if values is not None]
@@ -195,35 +186,31 @@ def measurements_csv(data: Measurements) -> str:
     if data.sd is not None:
         columns.append(("sd_mm", data.sd / MM, 6))
     columns.append(("repeat_of", data.repeat_of.astype(np.float64), 0))
-    return table_text(columns)
+    return csv_text(columns)
 
 
-def _whole(table: Table, column: str) -> NDArray[np.int64]:
+def _whole(table: CsvTable, column: str) -> NDArray[np.int64]:
     values = table.numbers(column)
-    odd = values != np.round(values)
-    if odd.any():
-        raise FileError(table.path, table.at(int(np.argmax(odd)), column), "not a whole number")
+    table.reject(values != np.round(values), column, "not a whole number")
     return values.astype(np.int64)
 
 
-def _check_once(table: Table, pose: NDArray[np.int64]) -> None:
-    seen: dict[int, int] = {}
+def _check_once(table: CsvTable, pose: NDArray[np.int64]) -> None:
+    first: dict[int, int] = {}
     for row, number in enumerate(pose.tolist()):
-        if number in seen:
-            first = table.lines[seen[number]]
+        if first.setdefault(number, row) != row:
+            what = f"pose {number} stands in line {table.lines[first[number]]} already"
             right = "each row has its own number; name a repetition in the column repeat_of"
-            raise FileError(table.path, table.at(row, "pose"), f"pose {number} stands in line {first} already", right)
-        seen[number] = row
+            raise FileError(table.path, table.at(row, "pose"), what, right)
 
 
-def _repeats(table: Table, pose: NDArray[np.int64]) -> NDArray[np.int64]:
+def _repeats(table: CsvTable, pose: NDArray[np.int64]) -> NDArray[np.int64]:
     if "repeat_of" not in table.header:
         return pose
-    place = table.header.index("repeat_of")
-    empty = [not row[place].strip() for row in table.rows]
+    j = table.header.index("repeat_of")
     rows = tuple(
-        tuple(str(own) if i == place and blank else cell for i, cell in enumerate(row))
-        for row, own, blank in zip(table.rows, pose.tolist(), empty, strict=True)
+        row if row[j].strip() else (*row[:j], str(own), *row[j + 1 :])
+        for row, own in zip(table.rows, pose.tolist(), strict=True)
     )
     repeat = _whole(replace(table, rows=rows), "repeat_of")
     unknown = ~np.isin(repeat, pose)
@@ -233,7 +220,7 @@ def _repeats(table: Table, pose: NDArray[np.int64]) -> NDArray[np.int64]:
     return repeat
 
 
-def _notices(table: Table, known: list[str]) -> list[str]:
+def _notices(table: CsvTable, known: list[str]) -> list[str]:
     unknown = [name for name in table.header if name not in known]
     notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
     if not table.path.read_bytes().endswith(b"\n"):

@@ -1,7 +1,7 @@
-"""Poses that could be measured: every combination of joint levels that keeps clear of itself and its surroundings.
+"""Candidate poses: the full grid of joint levels, less those that break a clearance rule.
 
-Rules of the thesis (section 5.2): bodies stay 3 cm apart, the tool 16 cm from the inner arm and from what it stands on,
-and nothing goes below the table. Bodies are the shapes of the arm's file; an arm without shapes is held to the lines
+Rules of the thesis (section 5.2): bodies stay 3 cm apart, the tool 16 cm from the inner arm and from what it is mounted
+on, and nothing goes below the table. Bodies are the shapes of the arm's file; for an arm without shapes, the lines
 between its joints. Frames are those of the nominal arm: the margins have to cover its sag.
 """
 
@@ -22,111 +22,111 @@ from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
-LEVELS = 5
-MOST_COMBINATIONS = 300_000
+DEFAULT_LEVELS = 5
+MAX_COMBINATIONS = 300_000
 NEAR_LINKS = 4  # the last links, which the tool can fold back upon but never leave; their shapes keep it clear
 
 
 @dataclass(frozen=True)
-class Rules:
-    """How far to stay away (m): bodies from each other, the TCP from the inner links and from boxes; the lowest z.
+class ClearanceRules:
+    """Minimum distances (m): between bodies, of the TCP from the inner links and from boxes; and the lowest z.
 
     `floor` may be None where nothing is known of a table, or where a box of the arm's file is the table.
     """
 
-    apart: float = 0.03
-    tip: float = 0.16
+    body_distance: float = 0.03
+    tcp_distance: float = 0.16
     floor: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Combinations:
-    """Angles (N, n) in rad that keep the rules, of `tried` combinations; how many each rule refused, by its name."""
+class CandidateGrid:
+    """Angles (N, n) in rad that keep the rules, of `tried` combinations; how many each rule rejected, by its name."""
 
     q: Array
     tried: int
-    refused: dict[str, int]
+    rejected: dict[str, int]
 
 
-def levels_of(arm: Arm, text: str = str(LEVELS)) -> tuple[tuple[float, ...], ...]:
-    """The levels of every joint (rad) from words such as `5`, `-100,0,100` or `5; joint2=-50,0,50; joint6=3`.
+def parse_levels(arm: Arm, text: str = str(DEFAULT_LEVELS)) -> tuple[tuple[float, ...], ...]:
+    """The levels of every joint (rad) from text such as `5`, `-100,0,100` or `5; joint2=-50,0,50; joint6=3`.
 
     One number is a count of levels, evenly from limit to limit; several are angles in deg.
 
     Raises:
-        LrmError: words that say nothing, or an angle beyond a joint's limits. UnknownName: no such joint.
+        LrmError: text that cannot be parsed, or an angle beyond a joint's limits. UnknownName: no such joint.
     """
-    words: dict[str, str] = {}
+    by_joint: dict[str, str] = {}
     for part in text.split(";"):
         place, equals, angles = part.strip().rpartition("=")
         if equals and place.strip() not in arm.joint_names:
             raise UnknownName("joint", place.strip(), arm.joint_names)
-        words[place.strip()] = angles.strip()
-    return tuple(_levels(arm, i, words.get(name, words.get("", str(LEVELS)))) for i, name in enumerate(arm.joint_names))
+        by_joint[place.strip()] = angles.strip()
+    default = by_joint.get("", str(DEFAULT_LEVELS))
+    return tuple(_levels(arm, i, by_joint.get(name, default)) for i, name in enumerate(arm.joint_names))
 
 
 def _levels(arm: Arm, i: int, text: str) -> tuple[float, ...]:
-    joint, right = arm.joints[i], "say a count such as 5, or angles in deg such as -100,0,100"
+    joint, expected = arm.joints[i], "give a count such as 5, or angles in deg such as -100,0,100"
     try:
         numbers = [float(word) for word in text.split(",")]
     except ValueError:
-        raise LrmError(f"levels of joint {i + 1}: '{text}' is not a list of numbers; {right}") from None
+        raise LrmError(f"levels of joint {i + 1}: '{text}' is not a list of numbers; {expected}") from None
     if len(numbers) == 1 and numbers[0] == round(numbers[0]) and numbers[0] >= 1:
         return tuple(np.linspace(joint.lower, joint.upper, int(numbers[0])).tolist()) if numbers[0] > 1 else (0.0,)
     angles = np.radians(numbers)
     if len(numbers) < 2 or np.any(angles < joint.lower - 1e-9) or np.any(angles > joint.upper + 1e-9):
         low, high = np.degrees([joint.lower, joint.upper])
-        raise LrmError(f"levels of joint {i + 1}: '{text}'; {right}, within {low:g} to {high:g} deg")
+        raise LrmError(f"levels of joint {i + 1}: '{text}'; {expected}, within {low:g} to {high:g} deg")
     return tuple(angles.tolist())
 
 
-def combinations(arm: Arm, levels: Sequence[Sequence[float]], rules: Rules | None = None) -> Combinations:
+def candidate_grid(arm: Arm, levels: Sequence[Sequence[float]], rules: ClearanceRules | None = None) -> CandidateGrid:
     """Every combination of levels that keeps the rules.
 
     Raises:
-        LrmError: more combinations than can be looked at, or none that keeps the rules.
+        LrmError: more than `MAX_COMBINATIONS`, or none that keeps the rules.
     """
     count = int(np.prod([len(angles) for angles in levels]))
-    if count > MOST_COMBINATIONS:
-        raise LrmError(
-            f"{count} combinations of levels; at most {MOST_COMBINATIONS} can be looked at, take fewer levels"
-        )
+    if count > MAX_COMBINATIONS:
+        raise LrmError(f"{count} combinations of levels; at most {MAX_COMBINATIONS} are checked, take fewer levels")
     q = np.array(list(product(*levels)), dtype=np.float64)
-    broken = broken_rules(arm, q, rules or Rules())
-    good = ~np.any([np.zeros(len(q), dtype=np.bool_), *broken.values()], axis=0)
+    violated = violated_rules(arm, q, rules or ClearanceRules())
+    good = ~np.any([np.zeros(len(q), dtype=np.bool_), *violated.values()], axis=0)
     if not good.any():
-        worst = max(broken, key=lambda name: int(broken[name].sum()))
+        worst = max(violated, key=lambda name: int(violated[name].sum()))
         raise LrmError(f"none of {count} combinations of levels keeps the rules; most break: {worst}")
-    return Combinations(q[good], count, {name: int(rows.sum()) for name, rows in broken.items()})
+    return CandidateGrid(q[good], count, {name: int(rows.sum()) for name, rows in violated.items()})
 
 
-def broken_rules(arm: Arm, q: Array, rules: Rules) -> dict[str, NDArray[np.bool_]]:
-    """For every rule, which of the angles (N, n) break it (N,)."""
+def violated_rules(arm: Arm, q: Array, rules: ClearanceRules) -> dict[str, NDArray[np.bool_]]:
+    """For every rule, which of the angles (N, n) violate it (N,)."""
     chain = chain_of(arm)
-    stands = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))
-    points = stands[:, :, :3, 3]
-    broken = {}
+    link_frames = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))
+    points = link_frames[:, :, :3, 3]
+    violated, near = {}, f"the TCP within {rules.tcp_distance * 1e3:g} mm"
     if arm.dof > NEAR_LINKS:
-        broken[f"the TCP within {rules.tip * 1e3:g} mm of an inner link"] = _tip_near_links(points) < rules.tip
+        violated[f"{near} of an inner link"] = _tcp_to_links(points) < rules.tcp_distance
     if arm.shapes.capsules:
         scene = Scene.of(arm)
-        broken[f"bodies within {rules.apart * 1e3:g} mm"] = clearance_of(scene, stands).distance < rules.apart
-        broken[f"the TCP within {rules.tip * 1e3:g} mm of a box"] = _tip_near_boxes(scene, points[:, -1]) < rules.tip
+        bodies = clearance_of(scene, link_frames).distance
+        violated[f"bodies within {rules.body_distance * 1e3:g} mm"] = bodies < rules.body_distance
+        violated[f"{near} of a box"] = _tcp_to_boxes(scene, points[:, -1]) < rules.tcp_distance
     if rules.floor is not None:
-        broken[f"below z = {rules.floor * 1e3:g} mm"] = points[:, 1:, 2].min(axis=1) < rules.floor
-    return broken
+        violated[f"below z = {rules.floor * 1e3:g} mm"] = points[:, 1:, 2].min(axis=1) < rules.floor
+    return violated
 
 
-def _tip_near_links(points: Array) -> Array:
+def _tcp_to_links(points: Array) -> Array:
     """(N,), distance of the TCP from the lines between the frames of the base and the inner joints (N, n + 2, 3)."""
-    inner, tip = points[:, : points.shape[1] - 1 - NEAR_LINKS], points[:, -1:]
-    return np.asarray(segment_to_segment(inner[:, :-1], inner[:, 1:], tip, tip).min(axis=1))
+    inner, tcp = points[:, : points.shape[1] - 1 - NEAR_LINKS], points[:, -1:]
+    return np.asarray(segment_to_segment(inner[:, :-1], inner[:, 1:], tcp, tcp).min(axis=1))
 
 
-def _tip_near_boxes(scene: Scene, tip: Array) -> Array:
+def _tcp_to_boxes(scene: Scene, tcp: Array) -> Array:
     """(N,), distance of the TCP (N, 3) from the nearest box (m); infinite where there is none."""
-    nearest = np.full(len(tip), np.inf)
-    for turn, centre, half in zip(scene.box_turn, scene.box_centre, scene.box_half, strict=True):
-        seen = (tip - centre) @ turn
-        nearest = np.minimum(nearest, segment_to_box(seen, seen, np.broadcast_to(half, seen.shape)))
+    nearest = np.full(len(tcp), np.inf)
+    for rotation, centre, half in zip(scene.box_rotation, scene.box_centre, scene.box_half, strict=True):
+        local = (tcp - centre) @ rotation
+        nearest = np.minimum(nearest, segment_to_box(local, local, np.broadcast_to(half, local.shape)))
     return nearest

@@ -1,7 +1,7 @@
-"""How small a step central differences should take: their Jacobian against the total derivative (thesis section 4.6).
+"""Step size of central differences: their Jacobian against the exact total derivative (thesis section 4.6).
 
-A step too large cuts the curve off (an error like ε²), one too small drowns in round-off (like 1/ε). The thesis looks
-for steps at which the norm of the Jacobian stays level; with the exact derivative at hand the error itself is known.
+A large step truncates the curve (error like ε²), a small one is lost in round-off (like 1/ε). The thesis looks for
+steps at which the norm of the Jacobian stays level; with the exact derivative the error itself is known.
 """
 
 from __future__ import annotations
@@ -12,30 +12,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.design.observability import MM_PER_M, Units, identification_jacobian, unit_of
-from lrm_ident.progress import Tick, silent
+from lrm_ident.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.errors import LrmError, NotSettled
+from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 
 STEPS: tuple[float, ...] = tuple(10.0 ** (k / 3) for k in range(-48, 1))
 TOLERANCE = 1e-14  # m: the elastic iteration must not limit the differences
-GOOD = 1e-6  # relative error that a derivative may have
+MAX_RELATIVE_ERROR = 1e-6  # of a usable derivative
 
 
 @dataclass(frozen=True, eq=False)
-class StepStudy:
+class StepSizeStudy:
     """Central differences at one posture, for some parameters.
 
     Attributes:
         angle: rad, of every joint. option: which parameters.
         steps: (E,), in the units of the study, the same for every parameter.
-        norm: (E,), Frobenius norm of the 3 × P Jacobian by differences.
-        error: (E,), norm of its difference from the exact Jacobian over the exact one's norm.
-        exact: norm of the exact Jacobian.
-        collapsed: steps so large that the arm had no equilibrium any more; they are left out of the others.
+        norm: (E,), Frobenius norm of the 3 × P Jacobian by differences. exact: norm of the exact Jacobian.
+        error: (E,), relative error of the Jacobian (norm of its difference from the exact one).
+        no_equilibrium: steps so large that the arm has no equilibrium; they are left out of the others.
     """
 
     angle: float
@@ -44,7 +43,7 @@ class StepStudy:
     norm: Array
     error: Array
     exact: float
-    collapsed: tuple[float, ...]
+    no_equilibrium: tuple[float, ...]
 
     @property
     def best(self) -> tuple[float, float]:
@@ -53,29 +52,24 @@ class StepStudy:
         return float(self.steps[k]), float(self.error[k])
 
     @property
-    def good(self) -> tuple[float, float] | None:
-        """From which step to which the error stays below `GOOD`, around the best one; None if it never does."""
-        below = self.error < GOOD
-        k = int(np.argmin(self.error))
-        if not below[k]:
+    def usable_range(self) -> tuple[float, float] | None:
+        """Steps around the best one between which the error stays below `MAX_RELATIVE_ERROR`; None if there is none."""
+        k, bad = int(np.argmin(self.error)), np.flatnonzero(~(self.error < MAX_RELATIVE_ERROR))
+        if k in bad:
             return None
-        first, last = k, k
-        while first > 0 and below[first - 1]:
-            first -= 1
-        while last + 1 < len(below) and below[last + 1]:
-            last += 1
+        first, last = max(bad[bad < k], default=-1) + 1, min(bad[bad > k], default=len(self.error)) - 1
         return float(self.steps[first]), float(self.steps[last])
 
 
-def step_study(
+def study_step_sizes(
     model: Model,
     options: Mapping[str, Sequence[str]],
     angles: Sequence[float],
     units: Units = "thesis",
     steps: Sequence[float] = STEPS,
-    progress: Tick = silent,
-) -> list[StepStudy]:
-    """Differences of every option's parameters with all joints at each of the angles (rad).
+    progress: OnProgress = silent,
+) -> list[StepSizeStudy]:
+    """Studies every option's parameters with all joints at each of the angles (rad).
 
     Raises:
         LrmError: an angle beyond the limits of a joint.
@@ -93,24 +87,24 @@ def step_study(
     return found
 
 
-def _study(angle: float, option: str, steps: Array, exact: Array, by_step: Array, columns: list[int]) -> StepStudy:
+def _study(angle: float, option: str, steps: Array, exact: Array, by_step: Array, columns: list[int]) -> StepSizeStudy:
     chosen, size = by_step[:, :, columns], float(np.linalg.norm(exact[:, columns]))
-    settled = np.isfinite(chosen).all(axis=(1, 2))
-    away = np.linalg.norm(chosen[settled] - exact[:, columns], axis=(1, 2)) / size
-    norm = np.linalg.norm(chosen[settled], axis=(1, 2))
-    return StepStudy(angle, option, steps[settled], norm, away, size, tuple(steps[~settled].tolist()))
+    solved = np.isfinite(chosen).all(axis=(1, 2))
+    error = np.linalg.norm(chosen[solved] - exact[:, columns], axis=(1, 2)) / size
+    norm = np.linalg.norm(chosen[solved], axis=(1, 2))
+    return StepSizeStudy(angle, option, steps[solved], norm, error, size, tuple(steps[~solved].tolist()))
 
 
 def _all_joints_at(arm: Arm, angle: float) -> Poses:
     for number, joint in enumerate(arm.joints, start=1):
         if not joint.lower - 1e-9 <= angle <= joint.upper + 1e-9:
-            low, high, asked = np.degrees([joint.lower, joint.upper, angle])
-            raise LrmError(f"{asked:g} deg is beyond the limits of joint {number}: {low:g} to {high:g} deg")
+            low, high, requested = np.degrees([joint.lower, joint.upper, angle])
+            raise LrmError(f"{requested:g} deg is beyond the limits of joint {number}: {low:g} to {high:g} deg")
     return poses_of([angle] * arm.dof)
 
 
 def _differences(model: Model, pose: Poses, keys: Sequence[str], units: Units, step: float) -> Array:
-    """(3, P), mm per unit; NaN for a parameter with which the arm does not come to rest."""
+    """(3, P), mm per unit; NaN for a parameter with which there is no equilibrium."""
     out = np.full((3, len(keys)), np.nan)
     for column, key in enumerate(keys):
         j = model.position(key)
@@ -121,7 +115,7 @@ def _differences(model: Model, pose: Poses, keys: Sequence[str], units: Units, s
                 equilibrium(model.with_values(model.values + side), pose, tolerance=TOLERANCE).tcp[0]
                 for side in (change, -change)
             )
-        except NotSettled:
+        except NoEquilibrium:
             continue
         out[:, column] = (up - down) * MM_PER_M / (2.0 * step)
     return out

@@ -1,8 +1,8 @@
-"""What a set of poses tells: one information matrix and its determinant, pose by pose, without decompositions.
+"""Fisher information of a set of poses, with its determinant and rank-3 updates instead of decompositions.
 
-With M = Σ JᵀJ over the set and V_i = J_i M⁻¹ J_iᵀ, taking pose i in or out multiplies det M by det(I ± V_i) and changes
-M⁻¹ and every V by matrices of rank 3 (Sylvester; Woodbury). Columns are whitened first, so that all candidates
-together tell the identity; that only shifts the log-determinant, and keeps the updates accurate.
+With M = Σ JᵀJ over the set and V_i = J_i M⁻¹ J_iᵀ, adding or removing pose i multiplies det M by det(I ± V_i)
+(Sylvester) and changes M⁻¹ and every V by matrices of rank 3 (Woodbury). Columns are whitened first, so that the
+information of all candidates together is the identity; that only shifts log det M, and keeps the updates accurate.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
 Rows = NDArray[np.int64]
-RIDGE = 1e-9  # of what all candidates tell: keeps a poor random start invertible
-SINGULAR = 1e-7  # of the largest singular value of columns of equal length: below it a parameter cannot be told
-LEAST_LEFT = 1e-12  # of the determinant that a pose may leave behind when it goes
-FIRST, SECOND = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]  # the axes of the six components
-FULL = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])  # where the six components stand in the matrix
+RIDGE = 1e-9  # of the information of all candidates: keeps a poor random start invertible
+SINGULAR = 1e-7  # of the largest singular value of columns of equal length: below it a parameter is not identifiable
+MIN_DETERMINANT = 1e-12  # part of the determinant that removing a pose must leave
+FIRST, SECOND = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]  # axes of the components xx, yy, zz, xy, xz, yz
+COMPONENT = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])  # which component each element of the matrix is
 
 
-class TooPoor(LrmError):
-    """Candidates that cannot tell all parameters; carries the `rank` and the number of `parameters`."""
+class RankDeficient(LrmError):
+    """Candidates that do not determine all parameters; carries the `rank` and the number of `parameters`."""
 
     def __init__(self, poses: int, rank: int, parameters: int) -> None:
         self.rank, self.parameters = rank, parameters
@@ -35,98 +35,100 @@ class TooPoor(LrmError):
 
 
 @dataclass(frozen=True, eq=False)
-class Whitened:
-    """Columns such that all candidates and what is known already tell the identity together.
+class WhitenedColumns:
+    """Columns for which all candidates and the prior information together make the identity.
 
     Attributes:
         columns: (3, N, m), the TCP's motion along x, y, z.
-        back: (m, m), a solution in whitened columns times this is one in the units given.
-        known: (m, m), what is known already, ridge included. offset: of the log-determinant.
+        unwhiten: (m, m), turns a solution in whitened columns into one in the units given.
+        prior_information: (m, m), ridge included. log_det_offset: log det M in the units given, less the whitened one.
     """
 
     columns: Array
-    back: Array
-    known: Array
-    offset: float
+    unwhiten: Array
+    prior_information: Array
+    log_det_offset: float
 
 
-def whiten(columns: Array, already: Array | None = None) -> Whitened:
-    """Whitens columns (N, 3, m), with what is known already (m, m) in the same units. Raises `TooPoor`."""
+def whiten(columns: Array, prior_information: Array | None = None) -> WhitenedColumns:
+    """Whitens columns (N, 3, m), with prior information (m, m) in the same units. Raises `RankDeficient`."""
     m = columns.shape[2]
     stacked = columns.reshape(-1, m)
-    if already is not None:
-        values, vectors = np.linalg.eigh(already)
+    if prior_information is not None:
+        values, vectors = np.linalg.eigh(prior_information)
         stacked = np.concatenate([stacked, (vectors * np.sqrt(np.maximum(values, 0.0))).T])
     length = np.linalg.norm(stacked, axis=0)
     length = np.where(length > 0.0, length, 1.0)
     _, sigma, right = np.linalg.svd(stacked / length, full_matrices=False)
     rank = int(np.count_nonzero(sigma > SINGULAR * sigma[0]))
     if rank < m:
-        raise TooPoor(len(columns), rank, m)
-    back = (right.T / sigma) / length[:, None]
-    known = RIDGE * np.eye(m)
-    if already is not None:
-        known = known + back.T @ already @ back
+        raise RankDeficient(len(columns), rank, m)
+    unwhiten = (right.T / sigma) / length[:, None]
+    prior = RIDGE * np.eye(m)
+    if prior_information is not None:
+        prior = prior + unwhiten.T @ prior_information @ unwhiten
     offset = 2.0 * float(np.log(sigma).sum() + np.log(length).sum())
-    return Whitened(np.ascontiguousarray((columns @ back).transpose(1, 0, 2)), back, known, offset)
+    return WhitenedColumns(np.ascontiguousarray((columns @ unwhiten).transpose(1, 0, 2)), unwhiten, prior, offset)
 
 
 @dataclass(frozen=True, eq=False)
-class Information:
-    """The information of a set of poses, among N candidates.
+class FisherInformation:
+    """The Fisher information of a set of poses, among N candidates.
 
     Attributes:
-        of: the candidates.
+        candidates: all of them.
         inverse: (m, m), M⁻¹ of the set, whitened.
-        spread: (6, N), xx, yy, zz, xy, xz, yz of every candidate's V: the covariance of its predicted TCP in units of
-            the noise.
+        tcp_covariance: (6, N), xx, yy, zz, xy, xz, yz of every candidate's V: the covariance of its predicted TCP in
+            units of the noise.
         log_det: of M, in the units given.
     """
 
-    of: Whitened
+    candidates: WhitenedColumns
     inverse: Array
-    spread: Array
+    tcp_covariance: Array
     log_det: float
 
-    def spread_of(self, among: Rows) -> Array:
+    def tcp_covariance_of(self, among: Rows) -> Array:
         """(len(among), 3, 3), V of some candidates."""
-        return np.asarray(self.spread[:, among][FULL].transpose(2, 0, 1))
+        return np.asarray(self.tcp_covariance[:, among][COMPONENT].transpose(2, 0, 1))
 
     def log_dets(self, sign: int, among: Rows) -> Array:
-        """Log-determinant with each of `among` taken in (+1) or out (−1); −inf where nothing would be left."""
-        left = _determinant(sign * self.spread[:, among])
+        """log det M with each of `among` added (+1) or removed (−1); −inf where it would be singular."""
+        factor = _determinant(sign * self.tcp_covariance[:, among])
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(left > LEAST_LEFT, self.log_det + np.log(np.maximum(left, LEAST_LEFT)), -np.inf)
+            log_det = self.log_det + np.log(np.maximum(factor, MIN_DETERMINANT))
+            return np.where(factor > MIN_DETERMINANT, log_det, -np.inf)
 
-    def changed(self, i: int, sign: int) -> Information:
-        """With candidate i taken in (+1) or out (−1)."""
-        root = np.linalg.cholesky(np.linalg.inv(np.eye(3) + sign * self.spread[FULL, i]))
-        gain = self.inverse @ self.of.columns[:, i].T @ root
-        across = self.of.columns @ gain
+    def updated(self, i: int, sign: int) -> FisherInformation:
+        """With candidate i added (+1) or removed (−1)."""
+        root = np.linalg.cholesky(np.linalg.inv(np.eye(3) + sign * self.tcp_covariance[COMPONENT, i]))
+        gain = self.inverse @ self.candidates.columns[:, i].T @ root
+        across = self.candidates.columns @ gain
         return replace(
             self,
             inverse=self.inverse - sign * (gain @ gain.T),
-            spread=self.spread - sign * _squares(across, across),
+            tcp_covariance=self.tcp_covariance - sign * _components(across, across),
             log_det=self.log_det - 2.0 * float(np.log(np.diag(root)).sum()),
         )
 
 
-def information(of: Whitened, rows: Rows) -> Information:
+def fisher_information(candidates: WhitenedColumns, rows: Rows) -> FisherInformation:
     """The information of some rows of the candidates."""
-    chosen = of.columns[:, rows].reshape(-1, of.columns.shape[2])
-    M = chosen.T @ chosen + of.known
+    chosen = candidates.columns[:, rows].reshape(-1, candidates.columns.shape[2])
+    M = chosen.T @ chosen + candidates.prior_information
     inverse: Array = np.asarray(np.linalg.inv(M))
-    spread = _squares(of.columns @ inverse, of.columns)
-    return Information(of, inverse, spread, float(np.linalg.slogdet(M)[1]) + of.offset)
+    tcp_covariance = _components(candidates.columns @ inverse, candidates.columns)
+    log_det = float(np.linalg.slogdet(M)[1]) + candidates.log_det_offset
+    return FisherInformation(candidates, inverse, tcp_covariance, log_det)
 
 
-def _squares(a: Array, b: Array) -> Array:
+def _components(a: Array, b: Array) -> Array:
     """xx, yy, zz, xy, xz, yz of Σ a bᵀ over the last axis of (3, N, k): (6, N)."""
     return np.asarray(np.einsum("pnk,pnk->pn", a[FIRST], b[SECOND]))
 
 
 def _determinant(V: Array) -> Array:
-    """det(I + V) of symmetric 3 × 3 matrices by their six components (6, N), written out: (N,)."""
+    """det(I + V) of symmetric 3 × 3 matrices by their six components (6, N): (N,)."""
     a, b, c = 1.0 + V[:3]
     d, e, f = V[3:]
     return np.asarray(a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e))

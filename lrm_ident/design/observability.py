@@ -1,8 +1,8 @@
-"""The identification Jacobian in units, its singular values, and the five indices that judge a set of poses by them."""
+"""The identification Jacobian, its singular values, and the observability indices O1 to O5 of a set of poses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,7 +22,7 @@ MM_PER_M = 1e3
 
 
 def unit_of(parameter: Parameter, units: Units) -> float:
-    """What one unit of a parameter is in SI: its typical size, or the thesis's unit (mm, rad, N·mm; section 4.5)."""
+    """One unit of a parameter in SI: its typical size, or the thesis's unit (mm, rad, N·mm; section 4.5)."""
     if units == "scaled":
         return parameter.typical
     above, _, below = parameter.unit.partition("_per_")
@@ -30,7 +30,7 @@ def unit_of(parameter: Parameter, units: Units) -> float:
 
 
 def _thesis_unit(word: str) -> float:
-    """mm and N·mm take the place of m and N·m; a power stands behind the unit."""
+    """The thesis's unit in SI: mm, N·mm and g instead of m, N·m and kg, to the power behind the unit."""
     power = int(word[-1]) if word[-1].isdigit() else 1
     return float({"mm": 1e-3, "Nm": 1e-3, "g": 1e-3}.get(word.rstrip("0123456789"), 1.0) ** power)
 
@@ -66,21 +66,27 @@ class Observability:
     O5: float
 
     def value(self, index: Index) -> float:
-        """One of the five."""
+        """One of the five indices."""
         return float(getattr(self, index))
+
+    @classmethod
+    def median(cls, jacobian: Array, draws: Iterable[NDArray[np.int64]]) -> Observability:
+        """Medians of the indices over sets of rows of a Jacobian (N, 3, m)."""
+        indices = [list(vars(observability(jacobian[rows])).values()) for rows in draws]
+        return cls(*np.median(indices, axis=0).tolist())
 
 
 def observability(jacobian: Array) -> Observability:
-    """All five indices of a Jacobian (n, 3, m); zero where some parameter cannot be told at all."""
+    """All five indices of a Jacobian (n, 3, m); zero where the Jacobian is rank deficient."""
     n, _, m = jacobian.shape
     sigma = singular_values(jacobian)
     sigma[sigma <= np.finfo(np.float64).eps * 3 * n * sigma[0]] = 0.0
     if 3 * n < m:
         return Observability(0.0, 0.0, 0.0, 0.0, 0.0)
-    return Observability(*(float(index_of(sigma**2, name, n)) for name in INDICES))
+    return Observability(*(float(observability_index(sigma**2, name, n)) for name in INDICES))
 
 
-def index_of(eigenvalues: NDArray[np.floating], index: Index, n: int) -> Array:
+def observability_index(eigenvalues: NDArray[np.floating], index: Index, n: int) -> Array:
     """One index from the eigenvalues σ² (…, m) of the information matrix JᵀJ of n poses; (…,)."""
     sigma = np.sqrt(np.maximum(eigenvalues, 0.0))
     least, most = sigma.min(axis=-1), sigma.max(axis=-1)

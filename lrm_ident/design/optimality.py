@@ -1,69 +1,40 @@
-"""What makes one set of poses better than another: a score, and what it would be with a pose more or less."""
+"""Optimality criteria for sets of poses: D-optimality (O1), Ds-optimality, and the eigenvalue indices O2 to O5."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from lrm_ident.design.fisher_information import Information, Rows, Whitened, information, whiten
-from lrm_ident.design.observability import Index, index_of
+from lrm_ident.design.feasibility import FeasibleCriterion, FeasibleScore
+from lrm_ident.design.fisher_information import FisherInformation, Rows, WhitenedColumns, fisher_information, whiten
+from lrm_ident.design.observability import Index, observability_index
 from lrm_math.arrays import Array
 
-TRIED_EXACTLY = 12
-
-
-class Scored(Protocol):
-    """A set of poses with its score; the larger the better."""
-
-    @property
-    def score(self) -> float:
-        """Of the set itself."""
-
-    def scores(self, sign: int, among: Rows) -> Array:
-        """Of the set with each of the candidates `among` taken in (+1) or out (−1); −inf if not worth a thought."""
-
-    def changed(self, row: int, sign: int) -> Scored:
-        """The set with one candidate taken in (+1) or out (−1)."""
-
-
-class Criterion(Protocol):
-    """Scores sets of poses among `count` candidates."""
-
-    @property
-    def count(self) -> int:
-        """How many candidates there are."""
-
-    def of(self, rows: Rows) -> Scored:
-        """A set, scored."""
+EXACT_CANDIDATES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Determinants:
-    """Σ weight · log det of several information matrices of the same poses: log O1, or Ds-optimality.
+class DeterminantCriterion:
+    """Σ weight · log det of several information matrices of the same poses: log O1, or Ds-optimality."""
 
-    Attributes:
-        parts: (columns, weight) of each.
-    """
-
-    parts: tuple[tuple[Whitened, float], ...]
+    parts: tuple[tuple[WhitenedColumns, float], ...]
 
     @property
     def count(self) -> int:
-        """How many candidates there are."""
+        """Number of candidates."""
         return int(self.parts[0][0].columns.shape[1])
 
-    def of(self, rows: Rows) -> DeterminantScore:
-        """A set, scored."""
-        return DeterminantScore(tuple((information(columns, rows), weight) for columns, weight in self.parts))
+    def evaluate(self, rows: Rows) -> DeterminantScore:
+        """The score of a set."""
+        return DeterminantScore(tuple((fisher_information(columns, rows), weight) for columns, weight in self.parts))
 
 
 @dataclass(frozen=True, eq=False)
 class DeterminantScore:
-    """A set under `Determinants`."""
+    """A set under `DeterminantCriterion`."""
 
-    parts: tuple[tuple[Information, float], ...]
+    parts: tuple[tuple[FisherInformation, float], ...]
 
     @property
     def score(self) -> float:
@@ -71,46 +42,45 @@ class DeterminantScore:
         return sum(weight * part.log_det for part, weight in self.parts)
 
     def scores(self, sign: int, among: Rows) -> Array:
-        """With each of `among` taken in or out."""
+        """Scores with each of the candidates `among` added (+1) or removed (−1); −inf where singular."""
         dets = [(part.log_dets(sign, among), weight) for part, weight in self.parts]
-        impossible = np.logical_or.reduce([np.isneginf(det) for det, _ in dets])
-        total = sum(weight * np.where(impossible, 0.0, det) for det, weight in dets)
-        return np.where(impossible, -np.inf, total)
+        singular = np.logical_or.reduce([np.isneginf(det) for det, _ in dets])
+        total = sum(weight * np.where(singular, 0.0, det) for det, weight in dets)
+        return np.where(singular, -np.inf, total)
 
-    def changed(self, row: int, sign: int) -> DeterminantScore:
-        """With one more or less."""
-        return DeterminantScore(tuple((part.changed(row, sign), weight) for part, weight in self.parts))
-
-
-def log_o1(columns: Array, already: Array | None = None) -> Determinants:
-    """log (σ1 … σm)^(1/m): O1 but for the number of poses, which is the same for all sets compared."""
-    return Determinants(((whiten(columns, already), 0.5 / columns.shape[2]),))
+    def updated(self, row: int, sign: int) -> DeterminantScore:
+        """With one candidate added (+1) or removed (−1)."""
+        return DeterminantScore(tuple((part.updated(row, sign), weight) for part, weight in self.parts))
 
 
 @dataclass(frozen=True, eq=False)
-class ByEigenvalues:
-    """O2 to O5. Columns (N, 3, m) and what is known already (m, m), in units that make parameters comparable."""
+class EigenvalueCriterion:
+    """O2 to O5. Columns (N, 3, m) and prior information (m, m), in units that make parameters comparable."""
 
     columns: Array
     index: Index
-    known: Array
+    prior_information: Array
 
     @property
     def count(self) -> int:
-        """How many candidates there are."""
+        """Number of candidates."""
         return len(self.columns)
 
-    def of(self, rows: Rows) -> EigenScore:
-        """A set, scored."""
+    def evaluate(self, rows: Rows) -> EigenvalueScore:
+        """The score of a set."""
         chosen = self.columns[rows].reshape(-1, self.columns.shape[2])
-        return _eigen(self, chosen.T @ chosen + self.known)
+        return self.decomposed(chosen.T @ chosen + self.prior_information)
+
+    def decomposed(self, M: Array) -> EigenvalueScore:
+        """The score of a set with information M (m, m)."""
+        return EigenvalueScore(self, M, *np.linalg.eigh(M))
 
 
 @dataclass(frozen=True, eq=False)
-class EigenScore:
-    """A set under `ByEigenvalues`: its information M (m, m), eigenvalues and eigenvectors."""
+class EigenvalueScore:
+    """A set under `EigenvalueCriterion`: its information M (m, m), eigenvalues and eigenvectors."""
 
-    of: ByEigenvalues
+    criterion: EigenvalueCriterion
     M: Array
     values: Array
     vectors: Array
@@ -118,31 +88,41 @@ class EigenScore:
     @property
     def score(self) -> float:
         """The index."""
-        return float(index_of(self.values, self.of.index, 1))
+        return float(observability_index(self.values, self.criterion.index, 1))
 
     def scores(self, sign: int, among: Rows) -> Array:
-        """Exact for the few that first-order perturbation of the eigenvalues promises most from, −inf for the rest."""
-        J = self.of.columns[among]
-        promised = index_of(self.values + sign * ((J @ self.vectors) ** 2).sum(axis=1), self.of.index, 1)
-        best = np.argsort(-promised)[:TRIED_EXACTLY]
+        """Exact for the best few by first-order perturbation of the eigenvalues, −inf for the rest."""
+        J, index = self.criterion.columns[among], self.criterion.index
+        first_order = observability_index(self.values + sign * ((J @ self.vectors) ** 2).sum(axis=1), index, 1)
+        best = np.argsort(-first_order)[:EXACT_CANDIDATES]
         exact = np.linalg.eigvalsh(self.M + sign * J[best].transpose(0, 2, 1) @ J[best])
         out = np.full(len(among), -np.inf)
-        out[best] = index_of(exact, self.of.index, 1)
+        out[best] = observability_index(exact, index, 1)
         return out
 
-    def changed(self, row: int, sign: int) -> EigenScore:
-        """With one more or less."""
-        return _eigen(self.of, self.M + sign * self.of.columns[row].T @ self.of.columns[row])
+    def updated(self, row: int, sign: int) -> EigenvalueScore:
+        """With one candidate added (+1) or removed (−1)."""
+        J = self.criterion.columns[row]
+        return self.criterion.decomposed(self.M + sign * J.T @ J)
 
 
-def _eigen(of: ByEigenvalues, M: Array) -> EigenScore:
-    return EigenScore(of, M, *np.linalg.eigh(M))
+Criterion = DeterminantCriterion | EigenvalueCriterion | FeasibleCriterion
+PoseSetScore = DeterminantScore | EigenvalueScore | FeasibleScore
+"""A set of poses with its `score`; the larger the better."""
 
 
-def criterion_of(columns: Array, index: Index, already: Array | None = None) -> Criterion:
-    """The criterion behind one of the five indices. Raises `TooPoor`."""
+def criterion_of(columns: Array, index: Index, prior_information: Array | None = None) -> Criterion:
+    """The criterion that maximises one of the five indices.
+
+    O1 but for the number of poses, which is the same for all sets compared: log (σ1 … σm)^(1/m).
+
+    Args:
+        columns: (N, 3, m), identification Jacobian of the candidates. prior_information: (m, m), same units.
+
+    Raises:
+        RankDeficient: the candidates do not determine all parameters.
+    """
+    m, whitened = columns.shape[2], whiten(columns, prior_information)
     if index == "O1":
-        return log_o1(columns, already)
-    whiten(columns, already)
-    m = columns.shape[2]
-    return ByEigenvalues(columns, index, np.zeros((m, m)) if already is None else already)
+        return DeterminantCriterion(((whitened, 0.5 / m),))
+    return EigenvalueCriterion(columns, index, np.zeros((m, m)) if prior_information is None else prior_information)

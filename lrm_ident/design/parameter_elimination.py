@@ -1,10 +1,9 @@
-"""From all parameters to an independent set, one by one, by the singular values of the identification Jacobian.
+"""Backward elimination of parameters, one by one, by the singular values of the identification Jacobian.
 
-The thesis's way (section 4.5): as long as the smallest singular value lies below a threshold, a parameter goes; which
-one, it leaves open. Here, first, whatever others reproduce exactly: of all parameters in such combinations the least
-important one goes (`preference`), until none is left. Then the one whose own motion, less what the others can
-reproduce of it, is smallest. The threshold is a length, mm per unit of the parameters; it grows with the root of the
-number of poses, and means something only together with the units.
+As in the thesis (section 4.5), a parameter is removed while the smallest singular value lies below a threshold; the
+thesis does not say which. Here, first, of all parameters in exactly dependent combinations the least important one
+(`selection_order`), until none is left; then the one whose column, less what the others reproduce of it, is smallest.
+The threshold is a length, mm per unit of the parameters; it grows with the root of the number of poses.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from lrm_ident.design.observability import (
     observability,
     singular_values,
 )
-from lrm_ident.fit.identifiability import ROUND_OFF, Unidentifiable, describe, preference
+from lrm_ident.fit.identifiability import ROUND_OFF, UnidentifiableParameter, explain_dependence, selection_order
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import Equilibrium
@@ -33,8 +32,8 @@ PUBLISHED_THRESHOLD = 0.95  # Conenna 2024, section 4.5
 
 
 @dataclass(frozen=True)
-class Removal:
-    """One parameter taken out: the smallest singular value before and after, in the units of the elimination."""
+class RemovedParameter:
+    """One parameter removed: the smallest singular value before and after, in the units of the elimination."""
 
     key: str
     before: float
@@ -42,12 +41,12 @@ class Removal:
 
 
 @dataclass(frozen=True, eq=False)
-class Elimination:
+class ParameterElimination:
     """The independent parameters.
 
     Attributes:
-        keys: all parameters; kept: those that stay, in the order of the model.
-        removals: in the order in which they went. held: the same parameters, and what of the kept ones each amounts to.
+        keys: all parameters; kept: those that stay, in the order of the model. removals: in that order.
+        held: the same parameters, and which combination of the kept ones each equals.
         all_values, kept_values: singular values by units, before and after. observability: of the kept ones, by units.
     """
 
@@ -56,15 +55,15 @@ class Elimination:
     threshold: float
     keys: tuple[str, ...]
     kept: tuple[str, ...]
-    removals: tuple[Removal, ...]
-    held: tuple[Unidentifiable, ...]
+    removals: tuple[RemovedParameter, ...]
+    held: tuple[UnidentifiableParameter, ...]
     all_values: dict[Units, Array]
     kept_values: dict[Units, Array]
     observability: dict[Units, Observability]
 
 
 def fittable(model: Model) -> tuple[str, ...]:
-    """All parameters but shapes."""
+    """Keys of all parameters except shape parameters."""
     return tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
 
 
@@ -74,39 +73,38 @@ def eliminate(
     units: Units = "thesis",
     threshold: float = PUBLISHED_THRESHOLD,
     noise: float = 3e-4,
-) -> Elimination:
-    """Takes parameters out until every singular value reaches the threshold.
+) -> ParameterElimination:
+    """Removes parameters until every singular value reaches the threshold.
 
     Args:
         rest: equilibrium at the poses, at the parameters to linearise about.
         threshold: mm per unit, see `UNITS`.
-        noise: m per axis, for the standard errors of the parameters taken out.
+        noise: m per axis, for the standard errors of the removed parameters.
 
     Raises:
         LrmError: no parameter is left.
     """
-    order = preference(rest.model, keys)
+    model, order = rest.model, selection_order(rest.model, keys)
     by_units = {u: identification_jacobian(rest, order, u) for u in UNITS}
     columns = by_units[units].reshape(-1, len(order))
     _, triangle = np.linalg.qr(columns)
     kept, removals = list(range(len(order))), []
-    least = _least(triangle)
+    least = _smallest(triangle)
     while least < threshold:
-        out = _weakest(triangle[:, kept])
-        key = order[kept.pop(out)]
+        key = order[kept.pop(_weakest(triangle[:, kept]))]
         if not kept:
             raise LrmError(f"no parameter reaches a singular value of {threshold:g} mm; lower --threshold")
-        before, least = least, _least(triangle[:, kept])
-        removals.append(Removal(key, before, least))
-    typical = np.array([rest.model.parameters[rest.model.position(key)].typical for key in order])
+        before, least = least, _smallest(triangle[:, kept])
+        removals.append(RemovedParameter(key, before, least))
+    typical = np.array([model.parameters[model.position(key)].typical for key in order])
     scaled = by_units["scaled"].reshape(columns.shape) * 1e-3
-    scaled[:, _nothing(scaled)] = 0.0
+    scaled[:, _zero_columns(scaled)] = 0.0
     held = [
-        describe(scaled, typical, order, rest.model, kept, j, _left(scaled, kept, j), noise)
+        explain_dependence(scaled, typical, order, model, kept, j, _remainder(scaled, kept, j), noise)
         for j in (order.index(removal.key) for removal in removals)
     ]
     chosen = {order[j] for j in kept}
-    return Elimination(
+    return ParameterElimination(
         poses=len(rest.poses),
         units=units,
         threshold=threshold,
@@ -120,7 +118,7 @@ def eliminate(
     )
 
 
-def _least(columns: Array) -> float:
+def _smallest(columns: Array) -> float:
     """Smallest singular value; 0 where there are fewer rows than columns."""
     if columns.shape[0] < columns.shape[1]:
         return 0.0
@@ -128,10 +126,10 @@ def _least(columns: Array) -> float:
 
 
 def _weakest(columns: Array) -> int:
-    """The last, hence least important, column that others reproduce exactly; else the one with least of its own."""
-    nothing, length = _nothing(columns), np.linalg.norm(columns, axis=0)
-    if nothing.any():
-        return int(np.flatnonzero(nothing)[-1])
+    """The last, hence least important, exactly dependent column; else the one with the smallest independent part."""
+    zero, length = _zero_columns(columns), np.linalg.norm(columns, axis=0)
+    if zero.any():
+        return int(np.flatnonzero(zero)[-1])
     _, sigma, right = np.linalg.svd(columns / length)
     full = np.concatenate([sigma, np.zeros(len(right) - len(sigma))])
     dependent = np.linalg.norm(right[full < ROUND_OFF * full[0]], axis=0) > ROUND_OFF
@@ -141,13 +139,13 @@ def _weakest(columns: Array) -> int:
     return int(np.argmin(own))
 
 
-def _nothing(columns: Array) -> NDArray[np.bool_]:
+def _zero_columns(columns: Array) -> NDArray[np.bool_]:
     """Columns that do not move the TCP at all."""
     length = np.linalg.norm(columns, axis=0)
     return np.asarray(length <= ROUND_OFF**2 * length.max())
 
 
-def _left(columns: Array, kept: Sequence[int], j: int) -> float:
-    """What of column j (m) no combination of the kept ones reproduces."""
+def _remainder(columns: Array, kept: Sequence[int], j: int) -> float:
+    """Norm of what no combination of the kept columns reproduces of column j (m)."""
     share, *_ = np.linalg.lstsq(columns[:, kept], columns[:, j], rcond=None)
     return float(np.linalg.norm(columns[:, j] - columns[:, kept] @ share))

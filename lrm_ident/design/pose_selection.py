@@ -1,4 +1,4 @@
-"""Which of the measured poses to identify on (thesis section 6.2), and what identifying on them gives."""
+"""Pose selection among measured poses (thesis section 6.2), and the identification on the selected ones."""
 
 from __future__ import annotations
 
@@ -6,106 +6,96 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.data.error_stats import ErrorFigures, figures
+from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.design.detmax import STARTS, best_possible_o1, check_number, exchange, exchange_by
-from lrm_ident.design.feasibility import Physical
+from lrm_ident.design.detmax import STARTS, check_count, exchange, maximise_criterion, o1_upper_bound
+from lrm_ident.design.feasibility import FeasibleCriterion
 from lrm_ident.design.fisher_information import Rows, whiten
 from lrm_ident.design.observability import MM_PER_M, Index, Observability, identification_jacobian, observability
 from lrm_ident.fit.levenberg_marquardt import Bounds, Fit, bounds_of, fit, no_bounds
-from lrm_ident.progress import Tick, silent
+from lrm_ident.progress import OnProgress, silent
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 
-BLIND_DRAWS = 20
+RANDOM_DRAWS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
-    """A fit to chosen poses, its error on all poses and on those it did not see (None if there are none).
-
-    `broken`: parameters that came out against physics.
-    """
+class SubsetFit:
+    """A fit to selected poses, its error on all and on the rest (None if none), parameters out of physical bounds."""
 
     name: str
     fit: Fit
-    on_all: ErrorFigures
-    on_rest: ErrorFigures | None
-    broken: tuple[str, ...]
+    error_all: ErrorStats
+    error_rest: ErrorStats | None
+    violated_bounds: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
-    """Chosen rows of a data set.
-
-    Attributes:
-        value: their indices. blind: medians of as many poses drawn blindly.
-        best_possible_o1: no set of so many of these poses has a larger O1.
-        identified: without bounds, and with bounds in the fit.
+class PoseSelection:
+    """Selected rows of a data set, their indices, the medians for as many random poses, and the bound of O1 for sets of
+    this size; `fits` to the selected poses, without bounds and with bounds.
     """
 
     rows: Rows
-    value: Observability
-    blind: Observability
-    best_possible_o1: float
-    identified: tuple[Identified, ...]
+    observability: Observability
+    random_baseline: Observability
+    o1_upper_bound: float
+    fits: tuple[SubsetFit, ...]
 
 
-def choose(
+def select_poses(
     model: Model,
     data: Measurements,
     count: int,
     index: Index = "O1",
     physical: bool = False,
     seed: int = 0,
-    progress: Tick = silent,
-) -> Choice:
-    """The poses that identify the model's free parameters best, and what identifying on them gives.
+    progress: OnProgress = silent,
+) -> PoseSelection:
+    """The poses that maximise an index of the model's free parameters, and the fits to them.
 
     Args:
         physical: only sets whose own unbounded identification keeps the parameters' bounds (thesis Figure 6.3).
 
     Raises:
-        TooPoor: the data do not tell all parameters.
-        LrmError: an impossible number of poses, or none of the sets found is physical.
+        RankDeficient: the data do not determine all parameters.
+        LrmError: an impossible number of poses, or none of the sets found is feasible.
     """
     if count < len(model.free):
         raise LrmError(f"{count} poses for {len(model.free)} parameters; choose at least {len(model.free)} (-n)")
     columns = identification_jacobian(equilibrium(model, data.poses), model.free)
     if physical:
-        rows = _physical(model, data, count, seed, progress)
+        rows = _select_feasible(model, data, count, seed, progress)
     else:
         rows = exchange(columns, count, index, seed=seed, progress=progress).rows
     rng = np.random.default_rng(seed)
-    draws = [observability(columns[rng.choice(len(data), count, replace=False)]) for _ in range(BLIND_DRAWS)]
-    blind = Observability(*np.median([list(vars(draw).values()) for draw in draws], axis=0).tolist())
+    draws = [rng.choice(len(data), count, replace=False) for _ in range(RANDOM_DRAWS)]
     bounds = bounds_of(model, model.free)
-    return Choice(
+    limits = {"no bounds": no_bounds(model.free), "bounds in the fit": bounds}
+    return PoseSelection(
         rows,
         observability(columns[rows]),
-        blind,
-        best_possible_o1(columns, rows),
-        tuple(
-            _identify(name, model, data, rows, limits, bounds)
-            for name, limits in (("no bounds", no_bounds(model.free)), ("bounds in the fit", bounds))
-        ),
+        Observability.median(columns, draws),
+        o1_upper_bound(columns, rows),
+        tuple(_fit_subset(name, model, data, rows, limit, bounds) for name, limit in limits.items()),
     )
 
 
-def _physical(model: Model, data: Measurements, count: int, seed: int, progress: Tick) -> Rows:
-    """The set of best O1 whose own identification is physical: linear, about the bounded fit to all poses."""
+def _select_feasible(model: Model, data: Measurements, count: int, seed: int, progress: OnProgress) -> Rows:
+    """The set of best O1 whose own identification, linear about the bounded fit to all poses, keeps the bounds."""
     bounds = bounds_of(model, model.free)
-    near = fit(model, data, bounds)
-    columns = identification_jacobian(near.rest, model.free)
-    check_number(count, columns.shape)
+    fitted = fit(model, data, bounds)
+    columns = identification_jacobian(fitted.rest, model.free)
+    check_count(count, len(columns), columns.shape[2])
     position = [model.position(key) for key in model.free]
     typical = np.array([model.parameters[j].typical for j in position])
-    now = near.model.values[position]
-    limits = (bounds.lower - now) / typical, (bounds.upper - now) / typical
-    criterion = Physical(whiten(columns), near.residual * MM_PER_M, *limits)
-    rows = exchange_by(criterion, count, STARTS, seed, progress).rows
-    if not criterion.of(rows).feasible:
+    values = fitted.model.values[position]
+    limits = (bounds.lower - values) / typical, (bounds.upper - values) / typical
+    criterion = FeasibleCriterion(whiten(columns), fitted.residual * MM_PER_M, *limits)
+    rows = maximise_criterion(criterion, count, STARTS, seed, progress).rows
+    if not criterion.evaluate(rows).feasible:
         raise LrmError(
             f"no {count} of these {len(data)} poses were found whose identification keeps the bounds of physics; "
             "ask for more poses (-n), or keep the bounds in the fit (leave --physical out)"
@@ -113,14 +103,14 @@ def _physical(model: Model, data: Measurements, count: int, seed: int, progress:
     return rows
 
 
-def _identify(name: str, model: Model, data: Measurements, rows: Rows, limits: Bounds, physics: Bounds) -> Identified:
+def _fit_subset(name: str, model: Model, data: Measurements, rows: Rows, limits: Bounds, physics: Bounds) -> SubsetFit:
     result = fit(model, data.take(rows), limits)
     residual = data.tcp - equilibrium(result.model, data.poses).tcp
     rest = np.setdiff1d(np.arange(len(data)), rows)
     values = [result.model.value(key) for key in model.free]
-    broken = tuple(
+    violated = tuple(
         key
         for key, value, low, high in zip(model.free, values, physics.lower, physics.upper, strict=True)
         if not low <= value <= high
     )
-    return Identified(name, result, figures(residual), figures(residual[rest]) if len(rest) else None, broken)
+    return SubsetFit(name, result, error_stats(residual), error_stats(residual[rest]) if len(rest) else None, violated)

@@ -1,4 +1,4 @@
-"""Everything that might be missing: each effect of the catalogue at each place, as columns of the total Jacobian."""
+"""Candidate effects: every effect of the catalogue at every place, as columns of the total Jacobian."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, Parameter
-from lrm_math.effects.base import Evidence
+from lrm_math.effects.base import Excitation
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import Response, effect_columns, respond
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
-KNOWN = ("quantisation",)  # not fitted, so nothing to find
+Unfitted = tuple[Effect, tuple[int, ...]]
+"""An effect, and which of its parameters are not fitted yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,65 +46,59 @@ class Candidate:
         return tuple(self.effect.parameters[row] for row in self.rows)
 
 
-def catalogue_of(
-    model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE
-) -> Iterator[tuple[Effect, tuple[int, ...]]]:
-    """Every effect at every place of the model's arm, with the parameters that the model does not fit."""
-    free = set(model.free)
+def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:
+    """Every effect at every place of the model's arm, with the parameters that the model does not fit.
+
+    Without `quantisation`, which is known and never fitted.
+    """
     for kind in catalogue:
         for place in kind.places(model.arm):
             effect = kind(model.arm, place)
-            rows = tuple(
-                row
-                for row, parameter in enumerate(effect.parameters)
-                if parameter.fixed is None and f"{kind.id}.{place}.{parameter.name}" not in free
-            )
-            if rows and kind.id not in KNOWN:
+            rows = unfitted_rows(effect, model.free)
+            if rows and kind.id != "quantisation":
                 yield effect, rows
+
+
+def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:
+    """Which of the effect's parameters are neither shapes nor among the keys of fitted ones."""
+    prefix = f"{effect.id}.{effect.place}."
+    return tuple(i for i, p in enumerate(effect.parameters) if p.fixed is None and prefix + p.name not in fitted)
 
 
 def split_testable(
     model: Model, rest: Equilibrium, catalogue: Iterable[type[Effect]] = CATALOGUE
-) -> tuple[list[tuple[Effect, tuple[int, ...]]], list[tuple[Effect, str]]]:
-    """The catalogue's effects that these poses might show, and the others with the reason."""
-    evidence = Evidence(rest.poses, rest.joint_torque)
-    testable, refused = [], []
-    for effect, rows in catalogue_of(model, catalogue):
-        why = effect.why_not(evidence)
-        if why is None:
-            testable.append((effect, rows))
-        else:
-            refused.append((effect, why))
-    return testable, refused
+) -> tuple[list[Unfitted], list[tuple[Effect, str]]]:
+    """The catalogue's effects that these poses can test, and the others with the reason."""
+    excitation = Excitation(rest.poses, rest.joint_torque)
+    tried = [(one, one[0].missing_excitation(excitation)) for one in unfitted_effects(model, catalogue)]
+    testable = [one for one, reason in tried if reason is None]
+    return testable, [(effect, reason) for (effect, _), reason in tried if reason is not None]
 
 
-def candidates(
-    model: Model, poses: Poses, effects: Sequence[tuple[Effect, tuple[int, ...]]]
+def differentiate_candidates(
+    model: Model, poses: Poses, effects: Sequence[Unfitted]
 ) -> tuple[Response, list[Candidate]]:
-    """The columns of every effect at the model's equilibrium, where none of them acts yet."""
+    """The columns of every effect at the model's equilibrium, where none of them acts yet; and that response."""
     present = {(effect.id, effect.place) for effect in model.effects}
     added = [effect for effect, _ in effects if (effect.id, effect.place) not in present]
     known = {key: model.value(key) for key in model.keys}
-    wide = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free)
-    response = respond(equilibrium(wide, poses))
-    return response, [_candidate(wide, effect, rows, response) for effect, rows in effects]
+    extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free)
+    response = respond(equilibrium(extended, poses))
+    return response, [_candidate(extended, effect, rows, response) for effect, rows in effects]
 
 
-def _candidate(wide: Model, effect: Effect, rows: tuple[int, ...], response: Response) -> Candidate:
-    parameters = effect.parameters
-    prefix = f"{effect.id}.{effect.place}."
-    present = [wide.value(prefix + parameter.name) for parameter in parameters]
-    shapes = _shapes(parameters, present, fixed=any(prefix + p.name in wide.free for p in parameters))
+def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response: Response) -> Candidate:
+    parameters, prefix = effect.parameters, f"{effect.id}.{effect.place}."
+    present = [extended.value(prefix + parameter.name) for parameter in parameters]
+    shapes = _shapes(parameters, present, fixed=any(prefix + p.name in extended.free for p in parameters))
     typical = np.array([parameters[row].typical for row in rows])
-    columns = []
-    for shape in shapes:
-        moved = effect_columns(effect, shape, response)[list(rows)]
-        columns.append((moved.transpose(2, 1, 0) * typical).reshape(-1, len(rows)))
-    return Candidate(effect, rows, shapes, tuple(columns))
+    moved = (effect_columns(effect, shape, response)[list(rows)] for shape in shapes)
+    columns = tuple((motion.transpose(2, 1, 0) * typical).reshape(-1, len(rows)) for motion in moved)
+    return Candidate(effect, rows, shapes, columns)
 
 
 def _shapes(parameters: Sequence[Parameter], present: Sequence[float], fixed: bool) -> tuple[tuple[float, ...], ...]:
-    """Parameter vectors with each value of a shape parameter that is worth trying."""
+    """Parameter vectors with every combination of the shape parameters' scan values."""
     shapes = [tuple(present)]
     for row, parameter in enumerate(parameters):
         if parameter.scan and not fixed:

@@ -1,79 +1,86 @@
-"""Which physical effect is missing: audit, floor, structure, score, classes, decision by prediction, verdict.
+"""Diagnosis: which physical effect is missing, that none is, or that structure is left which no effect explains.
 
-Every effect of the catalogue at every place is tried on the residual, as a total derivative with the fitted parameters
-taken out (score test; Saris, Satorra & Sörbom 1987), and judged by the held-out error that it would leave. Effects are
-taken one after the other as long as one helps. Then free functions (`flexible`) are tried on what is left: an effect
-that stands in for a structure which it does not really have is told from one that is really there.
+Every effect of the catalogue at every place is tried on the residual (score test) and judged by the held-out error that
+it would leave; effects are taken by forward selection. Then free functions are tried on what is left: they separate an
+effect that is really there from one that only resembles a structure outside the catalogue.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.candidates import candidates, split_testable
-from lrm_ident.diagnosis.forward_selection import SIGNIFICANT, path_of, rivals_of
-from lrm_ident.diagnosis.free_functions import FreeFunction
-from lrm_ident.diagnosis.linearised_fit import Bench, bench
-from lrm_ident.diagnosis.residual_structure import Floor, Structure, noise_floor, structure
-from lrm_ident.diagnosis.score_test import Scored, benjamini_yekutieli, score_all
-from lrm_ident.diagnosis.unexplained import free_structure
-from lrm_ident.fit.cross_validation import blocks
+from lrm_ident.diagnosis.candidates import differentiate_candidates, split_testable
+from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE, equivalent_effects, forward_select
+from lrm_ident.diagnosis.free_functions import free_functions
+from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
+from lrm_ident.diagnosis.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
+from lrm_ident.diagnosis.score_test import ScoredCandidate, benjamini_yekutieli, score_candidates
+from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
+from lrm_ident.fit.cross_validation import joint_space_folds
 from lrm_ident.fit.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
 from lrm_ident.fit.loss import robust_scale
-from lrm_ident.progress import Tick, silent
+from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.model import Model
 
-ABOVE_FLOOR, ALIKE = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
+FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
+Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure"]
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What is missing.
+    """What a model misses on measurements.
 
     Attributes:
-        before: held-out squared distance of each pose without anything added (m²).
-        scored: every testable candidate, best first.
-        path: those that help, in the order they were taken, borrowed ones included.
-        borrowed: name of those whose place has a structure that they only resemble -> the free function that has it.
-        rivals: for each of the path, names of candidates that these data cannot tell from it.
-        free: nameless functions that explain much of what the path leaves, at one joint.
-        turns: (n, 3, N), TCP's motion for a unit turn of each joint (m/rad).
-        anatomy: free functions on the residual, best first, with their held-out RMS (m).
+        squared_held_out: (N,), held-out squared distance of each pose without anything added (m²).
+        scored: every testable candidate, best first. adjusted_p_values: theirs, Benjamini-Yekutieli.
+        selected: by forward selection, in that order, spurious ones included.
+        equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
+        joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad).
+        outliers: numbers of the poses left out.
     """
 
     fit: Fit
     data: Measurements
-    floor: Floor
-    structure: Structure
-    verdict: Literal["effect_missing", "nothing_missing", "unexplained_structure"]
-    before: Array
-    scored: tuple[Scored, ...]
-    adjusted: dict[str, float]
-    path: tuple[Scored, ...]
-    borrowed: dict[str, str]
-    rivals: dict[str, tuple[str, ...]]
-    free: tuple[FreeFunction, ...]
-    anatomy: tuple[tuple[FreeFunction, float], ...]
+    floor: NoiseFloor
+    structure: ResidualStructure
+    squared_held_out: Array
+    scored: tuple[ScoredCandidate, ...]
+    adjusted_p_values: dict[str, float]
+    selected: tuple[ScoredCandidate, ...]
+    equivalent: dict[str, tuple[str, ...]]
+    unexplained: UnexplainedStructure
     not_testable: tuple[tuple[Effect, str], ...]
-    turns: Array
-    outliers: tuple[int, ...] = field(default=())
+    joint_jacobian: Array
+    outliers: tuple[int, ...] = ()
 
     @property
-    def supported(self) -> tuple[Scored, ...]:
-        """Effects that are there as far as these data can tell, most helpful first."""
-        return tuple(scored for scored in self.path if scored.name not in self.borrowed)
+    def supported(self) -> tuple[ScoredCandidate, ...]:
+        """Effects that are there as far as these data show, most helpful first."""
+        return tuple(scored for scored in self.selected if scored.name not in self.unexplained.spurious)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Structure counts if it is significant and the error exceeds the noise floor (or neighbours are alike)."""
+        if self.supported:
+            return "effect_missing"
+        if self.unexplained.functions:
+            return "unexplained_structure"
+        structure, floor = self.structure, self.floor.sd
+        significant = structure.p_value < SIGNIFICANCE or structure.order_p_value < SIGNIFICANCE
+        matters = structure.moran_i > MORAN_THRESHOLD if floor is None else self.fit.sigma > FLOOR_RATIO * floor
+        return "unexplained_structure" if significant and matters else "nothing_missing"
 
 
 def diagnose(
-    model: Model, data: Measurements, catalogue: Iterable[type[Effect]] = CATALOGUE, progress: Tick = silent
+    model: Model, data: Measurements, catalogue: Iterable[type[Effect]] = CATALOGUE, progress: OnProgress = silent
 ) -> Diagnosis:
     """Finds what a model misses on measurements. The model's free parameters are refitted first.
 
@@ -87,39 +94,33 @@ def diagnose(
         return first
     kept = np.setdiff1d(np.arange(len(data)), outliers)
     again = _diagnose(first.fit.model, data.take(kept), kinds, progress)
-    return Diagnosis(**{**vars(again), "outliers": tuple(int(data.pose[row]) for row in outliers)})
+    return replace(again, outliers=tuple(int(data.pose[row]) for row in outliers))
 
 
-def _diagnose(model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: Tick) -> Diagnosis:
+def _diagnose(model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: OnProgress) -> Diagnosis:
     fitted = fit(model, data)
     weight = _weights(data)
-    on = _bench(fitted, data, weight)
-    testable, refused = split_testable(fitted.model, fitted.rest, kinds)
-    response, found = candidates(fitted.model, data.poses, testable)
-    scored, invisible = score_all(found, on, weight, progress)
-    ranked = sorted(scored, key=lambda s: s.alone.rms)
-    path = path_of(ranked, on, progress)
-    turns = response.slots[list(response.rest.model.chain.joint_slots)]
-    free = free_structure(path, on, turns, data, fitted, weight)
-    left = structure(data.poses.q, on.residual, on.basis)
-    floor = noise_floor(data)
-    named = [s for s in path if s.name not in free.borrowed]
+    linear = _linearise(fitted, data, weight)
+    testable, not_testable = split_testable(fitted.model, fitted.rest, kinds)
+    response, found = differentiate_candidates(fitted.model, data.poses, testable)
+    scored, undetectable = score_candidates(found, linear, weight, progress)
+    ranked = sorted(scored, key=lambda one: one.alone.rms)
+    selected = forward_select(ranked, linear, progress)
+    joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
+    functions = free_functions(joint_jacobian, data, fitted.rest.joint_torque)
     return Diagnosis(
         fit=fitted,
         data=data,
-        floor=floor,
-        structure=left,
-        verdict=_verdict(named, free.functions, left, floor, fitted.sigma),
-        before=on.explain().held_out,
-        scored=tuple(_in_order(ranked, path)),
-        adjusted=benjamini_yekutieli({s.name: s.p_value for s in ranked}),
-        path=tuple(path),
-        borrowed=free.borrowed,
-        rivals={s.name: rivals_of(s, path, ranked, on) for s in path},
-        free=free.functions,
-        anatomy=free.anatomy,
-        not_testable=(*((effect, why) for effect, why in refused), *invisible),
-        turns=turns,
+        floor=noise_floor(data),
+        structure=residual_structure(data.poses.q, linear.residual, linear.basis),
+        squared_held_out=linear.explain().held_out,
+        scored=(*selected, *(one for one in ranked if one not in selected)),
+        adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
+        selected=tuple(selected),
+        equivalent={one.name: equivalent_effects(one, selected, ranked, linear) for one in selected},
+        unexplained=unexplained_structure(selected, linear, functions, weight),
+        not_testable=(*not_testable, *undetectable),
+        joint_jacobian=joint_jacobian,
     )
 
 
@@ -130,37 +131,21 @@ def _weights(data: Measurements) -> Array:
     return np.repeat(np.sqrt(np.mean(data.sd**2)) / data.sd, 3)[:, None]
 
 
-def _bench(fitted: Fit, data: Measurements, weight: Array) -> Bench:
+def _linearise(fitted: Fit, data: Measurements, weight: Array) -> LinearisedFit:
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     typical = np.array([fitted.model.parameters[fitted.model.position(key)].typical for key in keys])
     columns = (parameter_jacobian(fitted.rest, keys) * typical).reshape(-1, len(keys))
-    fold = blocks(data.poses.q, data.repeat_of)
+    fold = joint_space_folds(data.poses.q, data.repeat_of)
     poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]
-    return bench(columns * weight, fitted.residual.reshape(-1) * weight[:, 0], poses, fitted.sigma)
-
-
-def _in_order(ranked: Sequence[Scored], path: Sequence[Scored]) -> list[Scored]:
-    return [*path, *(one for one in ranked if one not in path)]
-
-
-def _verdict(
-    named: Sequence[Scored], free: Sequence[FreeFunction], left: Structure, floor: Floor, sigma: float
-) -> Literal["effect_missing", "nothing_missing", "unexplained_structure"]:
-    if named:
-        return "effect_missing"
-    if free:
-        return "unexplained_structure"
-    structured = left.p_value < SIGNIFICANT or left.order_p_value < SIGNIFICANT
-    matters = left.moran_i > ALIKE if floor.sd is None else sigma > ABOVE_FLOOR * floor.sd
-    return "unexplained_structure" if structured and matters else "nothing_missing"
+    return linearise(columns * weight, fitted.residual.reshape(-1) * weight[:, 0], poses, fitted.sigma)
 
 
 def _outliers(diagnosis: Diagnosis) -> list[int]:
-    """Rows that stick out twice as far as an outlier of a fit does, with the best single candidate and without it.
+    """Rows farther out than twice the outlier distance of a fit, with the best single candidate and without it.
 
-    Farther, because an effect that is still missing may make whole groups of poses stick out.
+    Twice, because an effect that is still missing may put whole groups of poses far out.
     """
-    distance = np.sqrt(diagnosis.before)
+    distance = np.sqrt(diagnosis.squared_held_out)
     best = min(diagnosis.scored, key=lambda one: one.alone.rms, default=None)
     if best is not None:
         distance = np.minimum(distance, np.sqrt(best.alone.held_out))

@@ -1,4 +1,4 @@
-"""A diagnosis turned into advice: each candidate's verdict, its estimate in words, and what to measure next."""
+"""Report of a diagnosis: each candidate's verdict and estimates, the best ones refitted, and what to measure next."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Literal
 import numpy as np
 
 from lrm_ident.data.data_audit import audit
-from lrm_ident.data.error_stats import ErrorFigures, figures
-from lrm_ident.diagnosis.add_effect import add_effects, shape_of
-from lrm_ident.diagnosis.diagnose import Diagnosis
-from lrm_ident.diagnosis.forward_selection import WORTHWHILE
-from lrm_ident.diagnosis.score_test import Scored
-from lrm_ident.fit.cross_validation import held_out
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
+from lrm_ident.diagnosis.forward_selection import MIN_GAIN
+from lrm_ident.diagnosis.score_test import ScoredCandidate
+from lrm_ident.fit.cross_validation import held_out_residual
 from lrm_ident.fit.levenberg_marquardt import Fit
 from lrm_math.errors import LrmError
 
-CONFIRMED = 3  # candidates that are refitted and cross-validated in full
-UNITS = {
+MAX_REFITS = 3  # candidates that are refitted and cross-validated in full
+DISPLAY_UNITS = {
     "rad": (180.0 / np.pi, "°"),
     "rad_per_rad": (100.0, " %"),
     "rad_per_Nm": (1.0, " rad/Nm"),
@@ -28,185 +28,170 @@ UNITS = {
     "Nm_per_rad": (1.0, " Nm/rad"),
     "mm_per_m": (1.0, " mm/m"),
 }
+Estimates = tuple[tuple[str, float, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Advice:
-    """One candidate, judged.
+class RankedCandidate:
+    """One candidate with its verdict.
 
     Attributes:
-        estimates: (name with unit, value, standard error) in the file's units.
         held_out_rms: what the held-out RMS would be (m); `exact` if refitted and cross-validated, else linear.
+        estimates: (name with unit, value, standard error) in the file's units.
+        equivalent: names of effects that the data cannot distinguish from it. why: one sentence.
     """
 
-    scored: Scored
+    scored: ScoredCandidate
     verdict: Literal["supported", "indistinguishable", "no_evidence"]
     held_out_rms: float
     exact: bool
-    estimates: tuple[tuple[str, float, float], ...]
-    rivals: tuple[str, ...]
+    estimates: Estimates
+    equivalent: tuple[str, ...]
     why: str
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
-    """A diagnosis with everything that is said of it."""
+class DiagnosisReport:
+    """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next."""
 
     diagnosis: Diagnosis
-    verdict: Literal["effect_missing", "nothing_missing", "unexplained_structure"]
-    fit: ErrorFigures
-    held_out: ErrorFigures
-    ranking: tuple[Advice, ...]
-    traps: tuple[str, ...]
+    verdict: Verdict
+    fit: ErrorStats
+    held_out: ErrorStats
+    ranking: tuple[RankedCandidate, ...]
+    limitations: tuple[str, ...]
     hint: str
 
     @property
-    def first(self) -> Advice | None:
+    def first(self) -> RankedCandidate | None:
         """The effect to add, if any."""
         return self.ranking[0] if self.verdict == "effect_missing" else None
 
 
-def advise(diagnosis: Diagnosis, told: Callable[[str], object] = str) -> Report:
-    """Judges every candidate; the best few are refitted and cross-validated. `told` hears what is being done."""
-    told("cross-validating the model as it is")
-    before = figures(held_out(diagnosis.fit.model, diagnosis.data))
-    confirmed: dict[str, tuple[Fit, float]] = {}
-    refuted: list[str] = []
-    for scored in _worth_confirming(diagnosis):
-        told(f"refitting with {scored.name}")
-        found = _confirm(diagnosis, scored)
-        if found and found[1] < (1.0 - WORTHWHILE) * before.rms:
-            confirmed[scored.name] = found
-        else:
-            refuted.append(scored.name)
-    supported = [s for s in diagnosis.supported if s.name not in refuted]
-    verdict = diagnosis.verdict
-    if verdict == "effect_missing" and not supported:
-        verdict = "unexplained_structure"
-    ordered = _order(diagnosis, supported)
-    ranking = tuple(_judge(scored, diagnosis, supported, confirmed, before) for scored in ordered)
-    return Report(
+def build_report(diagnosis: Diagnosis, on_progress: Callable[[str], object] = str) -> DiagnosisReport:
+    """Ranks every candidate; the best few are refitted and cross-validated in full.
+
+    Args:
+        on_progress: called with what is being done.
+    """
+    on_progress("cross-validating the model as it is")
+    before = error_stats(held_out_residual(diagnosis.fit.model, diagnosis.data))
+    refitted: dict[str, tuple[Fit, float]] = {}
+    supported = list(diagnosis.supported)
+    for scored in _to_refit(diagnosis):
+        on_progress(f"refitting with {scored.name}")
+        found = _refit(diagnosis, scored)
+        if found and found[1] < (1.0 - MIN_GAIN) * before.rms:
+            refitted[scored.name] = found
+        elif scored in supported:
+            supported.remove(scored)
+    lost = diagnosis.verdict == "effect_missing" and not supported
+    return DiagnosisReport(
         diagnosis=diagnosis,
-        verdict=verdict,
-        fit=figures(diagnosis.fit.residual),
+        verdict="unexplained_structure" if lost else diagnosis.verdict,
+        fit=error_stats(diagnosis.fit.residual),
         held_out=before,
-        ranking=ranking,
-        traps=audit(diagnosis.data, diagnosis.fit.rest.joint_torque),
+        ranking=tuple(_rank(one, diagnosis, supported, refitted, before) for one in _order(diagnosis, supported)),
+        limitations=audit(diagnosis.data, diagnosis.fit.rest.joint_torque),
         hint=_hint(diagnosis, supported),
     )
 
 
-def _worth_confirming(diagnosis: Diagnosis) -> list[Scored]:
+def _to_refit(diagnosis: Diagnosis) -> list[ScoredCandidate]:
+    """The first supported effect, those equivalent to it, then the other supported ones."""
     by_name = {scored.name: scored for scored in diagnosis.scored}
-    names = [s.name for s in diagnosis.supported[:1]]
-    names += [rival for name in names for rival in diagnosis.rivals[name]]
-    names += [s.name for s in diagnosis.supported[1:]]
-    return [by_name[name] for name in names[:CONFIRMED]]
+    names = [scored.name for scored in diagnosis.supported]
+    names[1:1] = [other for name in names[:1] for other in diagnosis.equivalent[name]]
+    return [by_name[name] for name in names[:MAX_REFITS]]
 
 
-def _confirm(diagnosis: Diagnosis, scored: Scored) -> tuple[Fit, float] | None:
+def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> tuple[Fit, float] | None:
+    """The fit with a candidate and its held-out RMS (m)."""
     try:
-        fitted = add_effects(diagnosis.fit.model, diagnosis.data, [scored.candidate.effect], shape_of(scored))
-        return fitted, figures(held_out(fitted.model, diagnosis.data)).rms
+        fitted = add_effects(diagnosis.fit.model, diagnosis.data, [scored.candidate.effect], scored.shape)
+        return fitted, error_stats(held_out_residual(fitted.model, diagnosis.data)).rms
     except LrmError:
         return None
 
 
-def _order(diagnosis: Diagnosis, supported: Sequence[Scored]) -> list[Scored]:
-    """Supported ones first, those that cannot be told from the first next, then by what they would leave."""
-    first = supported[:1]
-    rivals = {name for scored in first for name in diagnosis.rivals[scored.name]}
-    rest = [s for s in diagnosis.scored if s not in supported]
-    rest.sort(key=lambda s: (s.name not in rivals, bool(s.implausible), s.alone.rms))
+def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
+    """Supported ones first, those equivalent to the first next, then by the held-out RMS that they would leave."""
+    equivalent = diagnosis.equivalent[supported[0].name] if supported else ()
+    rest = [one for one in diagnosis.scored if one not in supported]
+    rest.sort(key=lambda one: (one.name not in equivalent, bool(one.implausible), one.alone.rms))
     return [*supported, *rest]
 
 
-def _judge(
-    scored: Scored,
+def _rank(
+    scored: ScoredCandidate,
     diagnosis: Diagnosis,
-    supported: Sequence[Scored],
-    confirmed: dict[str, tuple[Fit, float]],
-    before: ErrorFigures,
-) -> Advice:
-    fitted, rms = confirmed.get(scored.name, (None, scored.alone.rms))
+    supported: Sequence[ScoredCandidate],
+    refitted: dict[str, tuple[Fit, float]],
+    before: ErrorStats,
+) -> RankedCandidate:
+    fitted, rms = refitted.get(scored.name, (None, scored.alone.rms))
     estimates = _estimates(scored) if fitted is None else _fitted_estimates(scored, fitted)
-    rivals = diagnosis.rivals.get(scored.name, ()) if scored in supported else ()
-    leaders = [s.name for s in supported[:1] if scored.name in diagnosis.rivals[s.name]]
+    leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
+    equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    if rivals or leaders:
-        verdict = "indistinguishable"
-    elif scored in supported:
-        verdict = "supported"
-    why = _why(scored, diagnosis, verdict, estimates, rms, before, tuple(leaders) or rivals)
-    return Advice(scored, verdict, rms, fitted is not None, estimates, tuple(leaders) or rivals, why)
+    why = f"alone it would leave {rms * 1e3:.2f} mm, but with the effects above there is no need of it"
+    if equivalent or scored in supported:
+        verdict = "indistinguishable" if equivalent else "supported"
+        fall = f"the held-out error falls from {before.rms * 1e3:.2f} to {rms * 1e3:.2f} mm"
+        unsure = f"; these data cannot tell it from {', '.join(equivalent[:4])}" if equivalent else ""
+        why = f"{_describe_effect(scored, estimates)}: {fall}{unsure}"
+    elif scored.implausible:
+        why = scored.implausible
+    elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
+        why = f"it would leave {rms * 1e3:.2f} mm held out of {before.rms * 1e3:.2f}: hardly less"
+    if scored.name in diagnosis.unexplained.spurious:
+        why = f"it only resembles {diagnosis.unexplained.spurious[scored.name]}, which explains far more"
+    return RankedCandidate(scored, verdict, rms, fitted is not None, estimates, equivalent, why)
 
 
-def _estimates(scored: Scored) -> tuple[tuple[str, float, float], ...]:
+def _estimates(scored: ScoredCandidate) -> Estimates:
     return tuple(
         (p.name, float(theta * p.typical / p.si), float(error * p.typical / p.si))
         for p, theta, error in zip(scored.candidate.parameters, scored.alone.theta, scored.alone.error, strict=True)
     )
 
 
-def _fitted_estimates(scored: Scored, fitted: Fit) -> tuple[tuple[str, float, float], ...]:
+def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> Estimates:
     effect, model = scored.candidate.effect, fitted.model
     errors = dict(zip(model.free, fitted.standard_error, strict=True))
-    out = []
-    for parameter in effect.parameters:
-        key = f"{effect.id}.{effect.place}.{parameter.name}"
-        if key in errors or parameter.fixed is not None:
-            out.append((parameter.name, model.value(key) / parameter.si, float(errors.get(key, 0.0)) / parameter.si))
-    return tuple(out)
+    keys = {f"{effect.id}.{effect.place}.{parameter.name}": parameter for parameter in effect.parameters}
+    return tuple(
+        (p.name, model.value(key) / p.si, float(errors.get(key, 0.0)) / p.si)
+        for key, p in keys.items()
+        if key in errors or p.fixed is not None
+    )
 
 
-def _why(
-    scored: Scored,
-    diagnosis: Diagnosis,
-    verdict: str,
-    estimates: Sequence[tuple[str, float, float]],
-    rms: float,
-    before: ErrorFigures,
-    rivals: Sequence[str],
-) -> str:
-    if scored.name in diagnosis.borrowed:
-        return f"it only resembles {diagnosis.borrowed[scored.name]}, which explains far more"
-    if verdict == "no_evidence":
-        if scored.implausible:
-            return scored.implausible
-        if scored.alone.rms > (1.0 - WORTHWHILE) * before.rms:
-            return f"it would leave {rms * 1e3:.2f} mm held out of {before.rms * 1e3:.2f}: hardly less"
-        return f"alone it would leave {rms * 1e3:.2f} mm, but with the effects above there is no need of it"
-    fall = f"the held-out error falls from {before.rms * 1e3:.2f} to {rms * 1e3:.2f} mm"
-    unsure = f"; these data cannot tell it from {', '.join(rivals[:4])}" if rivals else ""
-    return f"{in_words(scored, estimates)}: {fall}{unsure}"
-
-
-def in_words(scored: Scored, estimates: Sequence[tuple[str, float, float]]) -> str:
+def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     """The effect's claim with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`."""
     effect = scored.candidate.effect
     units = {p.name: p.unit for p in effect.parameters}
     words = {name: _with_unit(value, error, units[name]) for name, value, error in estimates}
     numbers = {p.name: words.get(p.name, "0") for p in effect.parameters}
-    if effect.claim and any(name in effect.claim for name in words):
-        return effect.claim.format(place=effect.place, **numbers)
-    said = effect.claim.format(place=effect.place, **numbers) if effect.claim else f"{effect.id} at {effect.place}"
-    return f"{said} ({', '.join(f'{name} {text}' for name, text in words.items())})"
+    claim = effect.claim.format(place=effect.place, **numbers) if effect.claim else f"{effect.id} at {effect.place}"
+    if any(name in effect.claim for name in words):
+        return claim
+    return f"{claim} ({', '.join(f'{name} {text}' for name, text in words.items())})"
 
 
 def _with_unit(value: float, error: float, unit: str) -> str:
-    scale, symbol = UNITS.get(unit, (1.0, f" {unit}"))
+    scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
     return f"{value * scale:.3g} ± {error * scale:.1g}{symbol}"
 
 
-def _hint(diagnosis: Diagnosis, supported: Sequence[Scored]) -> str:
+def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:
     """One sentence on which poses would tell more."""
     kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
-    for scored in supported[:1]:
-        names = (scored.name, *diagnosis.rivals[scored.name])
-        needs = [kinds[name].needs for name in names if kinds[name].needs]
-        if len(names) > 1:
-            what = "; ".join(dict.fromkeys(needs)) or "poses that differ in load, angle and order independently"
-            return f"To tell {names[0]} from {names[1]}: {what}."
+    names = [name for one in supported[:1] for name in (one.name, *diagnosis.equivalent[one.name])]
+    if len(names) > 1:
+        needs = dict.fromkeys(kinds[name].needs for name in names if kinds[name].needs)
+        what = "; ".join(needs) or "poses that differ in load, angle and order independently"
+        return f"To tell {names[0]} from {names[1]}: {what}."
     for effect, reason in diagnosis.not_testable:
         if effect.needs and "typical size" not in reason:
             return f"To test {effect.id}@{effect.place} ({reason}): {effect.needs}."

@@ -1,4 +1,4 @@
-"""Inject and recover: would these poses let the tool name what it is looking for?"""
+"""Inject and recover: simulates each effect at planned poses and checks whether the diagnosis names it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from zlib import crc32
 
 import numpy as np
 
-from lrm_ident.data.error_stats import figures
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.candidates import split_testable
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.effect_plugins import catalogue_with
 from lrm_ident.fit.identifiability import fit_identifiable
-from lrm_ident.progress import Tick, silent
+from lrm_ident.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import Effect, effects_at
@@ -28,14 +28,16 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 
-SPREAD = 0.4  # of typical sizes, for the arm's own errors
+NOMINAL_SD = 0.4  # of the arm's other errors, in typical sizes
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One effect injected at its typical size: what it does to the TCP (m RMS), and what was named.
+class InjectionTrial:
+    """One effect injected at its typical size.
 
-    `named`: the first class, best first; empty if none. `verdict`: of the diagnosis, or an error.
+    Attributes:
+        moved: RMS motion of the TCP that it causes (m). verdict: of the diagnosis, or its error.
+        named: the first supported effect and those equivalent to it; empty if none.
     """
 
     truth: str
@@ -54,8 +56,8 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What the poses can be tried on."""
+class InjectionPlan:
+    """The poses to try, the noise (m per axis) and the seed of the simulation."""
 
     arm: str
     poses: Poses
@@ -64,20 +66,19 @@ class Plan:
     effects_file: Path | None
 
 
-def may_show(plan: Plan, pattern: str = "*") -> tuple[list[str], list[tuple[Effect, str]]]:
-    """Names of effects that the poses might show and that match the pattern; the others with the reason."""
-    arm = load_arm(plan.arm)
-    base = _base(arm)
+def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[str], list[tuple[Effect, str]]]:
+    """Names of effects that the poses can test and that match the pattern; the others with the reason."""
+    base = _base(load_arm(plan.arm))
     base = replace(base, free=tuple(base.keys))
-    able, refused = split_testable(base, equilibrium(base, plan.poses), catalogue_with(plan.effects_file))
-    names = [f"{effect.id}@{effect.place}" for effect, _ in able]
-    return [name for name in names if fnmatchcase(name, pattern)], refused
+    testable, not_testable = split_testable(base, equilibrium(base, plan.poses), catalogue_with(plan.effects_file))
+    names = [f"{effect.id}@{effect.place}" for effect, _ in testable]
+    return [name for name in names if fnmatchcase(name, pattern)], not_testable
 
 
-def run(plan: Plan, names: Sequence[str], progress: Tick = silent) -> Iterator[Trial]:
+def run_trials(plan: InjectionPlan, names: Sequence[str], progress: OnProgress = silent) -> Iterator[InjectionTrial]:
     """Injects each effect and diagnoses, on all cores."""
-    workers = min(len(names), os.cpu_count() or 1)
-    with ProcessPoolExecutor(max(workers, 1), mp_context=multiprocessing.get_context("spawn")) as pool:
+    workers = max(min(len(names), os.cpu_count() or 1), 1)
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         waiting = [pool.submit(_trial, plan, name) for name in names]
         for done, future in enumerate(as_completed(waiting), start=1):
             progress(done, len(names))
@@ -88,32 +89,26 @@ def _base(arm: Arm) -> Model:
     return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
 
 
-def _trial(plan: Plan, name: str) -> Trial:
+def _trial(plan: InjectionPlan, name: str) -> InjectionTrial:
     arm, catalogue = load_arm(plan.arm), catalogue_with(plan.effects_file)
     rng = np.random.default_rng([plan.seed, crc32(name.encode())])
     base = _base(arm)
-    sizes = np.where([p.lower == 0.0 for p in base.parameters], rng.uniform(0.3, 1.0, len(base.keys)), 0.0)
-    sizes += np.where([p.lower == 0.0 for p in base.parameters], 0.0, rng.normal(0, SPREAD, len(base.keys)))
+    positive, count = [p.lower == 0.0 for p in base.parameters], len(base.keys)
+    sizes = np.where(positive, rng.uniform(0.3, 1.0, count), rng.normal(0, NOMINAL_SD, count))
     values = {k: s * p.typical for k, s, p in zip(base.keys, sizes, base.parameters, strict=True)}
     [effect] = effects_at(arm, name, catalogue)
     for parameter in effect.parameters:
-        side = 1.0 if parameter.lower >= 0.0 else rng.choice([-1.0, 1.0])
-        size = parameter.typical * side if parameter.fixed is None else parameter.fixed
+        sign = 1.0 if parameter.lower >= 0.0 else rng.choice([-1.0, 1.0])
+        size = parameter.typical * sign if parameter.fixed is None else parameter.fixed
         values[f"{effect.id}.{effect.place}.{parameter.name}"] = float(size)
     try:
         without = equilibrium(model_of(arm, base.effects, {k: values[k] for k in base.keys}), plan.poses).tcp
         truth = equilibrium(model_of(arm, (*base.effects, effect), values), plan.poses).tcp
-        data = _measured(plan, truth + rng.normal(0, plan.noise, truth.shape))
+        number, tcp = np.arange(1, len(truth) + 1), truth + rng.normal(0, plan.noise, truth.shape)
+        data = Measurements(plan.poses, number, tcp, None, plan.noise, number, Path("injected"), "")
         found = diagnose(fit_identifiable(base, data, base.keys).fit.model, data, catalogue)
     except LrmError as error:
-        return Trial(name, float("nan"), str(error), ())
-    moved = figures(truth - without).rms
-    if found.verdict != "effect_missing":
-        return Trial(name, moved, found.verdict, ())
-    first = found.supported[0].name
-    return Trial(name, moved, found.verdict, (first, *found.rivals[first]))
-
-
-def _measured(plan: Plan, tcp: np.ndarray) -> Measurements:
-    number = np.arange(1, len(tcp) + 1)
-    return Measurements(plan.poses, number, tcp, None, plan.noise, number, Path("injected"), "")
+        return InjectionTrial(name, float("nan"), str(error), ())
+    first = [one.name for one in found.supported[:1] if found.verdict == "effect_missing"]
+    named = tuple(name for one in first for name in (one, *found.equivalent[one]))
+    return InjectionTrial(name, error_stats(truth - without).rms, found.verdict, named)

@@ -1,9 +1,9 @@
-"""The fit seen linearly at its minimum: what any further columns would explain, in the fit and held out.
+"""The fit linearised at its minimum: what any further columns would explain, in sample and held out.
 
-With A the fitted parameters' columns (taken out of everything by projection; Frisch–Waugh–Lovell), r the residual and C
-further columns of typical size, θ minimises |r − Aβ − Cθ|² + (σ/s)² |θ|²: a weak prior of s typical sizes keeps
-directions that the data cannot tell from running away. Folds do the same on their training rows; nothing is refitted
-from scratch, so thousands of hypotheses cost seconds.
+With A the fitted parameters' columns (projected out of everything; Frisch–Waugh–Lovell theorem), r the residual and C
+further columns of typical size, θ minimises |r − Aβ − Cθ|² + (σ/s)² |θ|²: a ridge, i.e. a Gaussian prior of s typical
+sizes, which bounds directions that the data cannot determine. Each fold solves the same problem on its training rows;
+nothing is refitted from scratch, so thousands of hypotheses cost seconds.
 """
 
 from __future__ import annotations
@@ -16,39 +16,42 @@ from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 
-PRIOR_SIZES = 3.0  # typical sizes that a parameter may well have
+PRIOR_SD = 3.0  # of a parameter, in typical sizes
 NUMERICAL_RANK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """Training rows with A projected out, test rows as a fit to the training rows leaves them."""
+    """Training rows with A projected out, test rows as a fit to the training rows leaves them.
+
+    The training rows of A are U S Vᵀ: `basis` is U, `inverse_factor` is V S⁻¹.
+    """
 
     train: NDArray[np.int64]
     test: NDArray[np.int64]
     basis: Array
-    backward: Array
+    inverse_factor: Array
     test_columns: Array
     train_residual: Array
     test_residual: Array
 
-    def train_of(self, C: Array) -> Array:
+    def project_train(self, C: Array) -> Array:
         """Training rows of C without what A explains."""
-        inside = C[self.train]
-        return inside - self.basis @ (self.basis.T @ inside)
+        rows = C[self.train]
+        return rows - self.basis @ (self.basis.T @ rows)
 
-    def test_of(self, C: Array) -> Array:
+    def project_test(self, C: Array) -> Array:
         """Test rows of C, less what the training fit of A would predict for them."""
-        return C[self.test] - self.test_columns @ (self.backward @ (self.basis.T @ C[self.train]))
+        return C[self.test] - self.test_columns @ (self.inverse_factor @ (self.basis.T @ C[self.train]))
 
 
 @dataclass(frozen=True, eq=False)
-class Explained:
+class Explanation:
     """What columns explain.
 
     Attributes:
         theta: (m,), estimate in typical sizes. error: (m,), its standard error, at most the prior's.
-        in_sample: sum of squares that the fit would still leave (m²).
+        in_sample: residual sum of squares that the fit would still leave (m²).
         held_out: (N,), squared 3-D distance of each pose, predicted by the other folds (m²).
     """
 
@@ -64,17 +67,17 @@ class Explained:
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
-    """Columns with the fitted parameters taken out: of all rows (3 N, m), and of each fold's training and test rows."""
+class ProjectedColumns:
+    """Columns with A projected out: all rows (3 N, m), and each fold's training and test rows."""
 
-    inside: Array
+    all_rows: Array
     train: tuple[Array, ...]
     test: tuple[Array, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
-    """A fit at its minimum, ready to have columns tried on it.
+class LinearisedFit:
+    """A fit linearised at its minimum, on which further columns are tried.
 
     Attributes:
         residual: (3 N,), what the fitted parameters leave (m).
@@ -88,81 +91,78 @@ class Bench:
     sigma: float
 
     @property
-    def freedom(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Rows less fitted parameters."""
         return len(self.residual) - int(self.basis.shape[1])
 
-    def prepare(self, C: Array) -> Prepared:
-        """Takes the fitted parameters out of columns (3 N, m)."""
-        inside = C - self.basis @ (self.basis.T @ C)
-        return Prepared(inside, tuple(f.train_of(C) for f in self.folds), tuple(f.test_of(C) for f in self.folds))
+    def project(self, C: Array) -> ProjectedColumns:
+        """Projects the fitted parameters out of columns C (3 N, m)."""
+        all_rows = C - self.basis @ (self.basis.T @ C)
+        train, test = (f.project_train(C) for f in self.folds), (f.project_test(C) for f in self.folds)
+        return ProjectedColumns(all_rows, tuple(train), tuple(test))
 
-    def explain(self, *parts: Prepared) -> Explained:
-        """What the columns of all parts explain together."""
-        if not parts:
-            held_out = np.empty(len(self.residual))
-            for fold in self.folds:
-                held_out[fold.test] = fold.test_residual**2
-            return Explained(np.zeros(0), np.zeros(0), float(self.residual @ self.residual), _by_pose(held_out))
-        inside = np.concatenate([part.inside for part in parts], axis=1)
-        gram, prior = inside.T @ inside, np.eye(inside.shape[1]) * (self.sigma / PRIOR_SIZES) ** 2
-        inverse = np.linalg.inv(gram + prior)
-        theta = inverse @ (inside.T @ self.residual)
-        left = self.residual - inside @ theta
-        scale = float(left @ left) / max(self.freedom - len(theta), 1)
-        held_out = np.empty(len(self.residual))
+    def explain(self, *parts: ProjectedColumns) -> Explanation:
+        """What the columns of all parts explain together (nothing: the fit as it is)."""
+        prior, held_out = (self.sigma / PRIOR_SD) ** 2, np.empty(len(self.residual))
         for number, fold in enumerate(self.folds):
-            train = np.concatenate([part.train[number] for part in parts], axis=1)
-            test = np.concatenate([part.test[number] for part in parts], axis=1)
-            answer = np.linalg.solve(train.T @ train + prior, train.T @ fold.train_residual)
-            held_out[fold.test] = (fold.test_residual - test @ answer) ** 2
-        error = np.sqrt(max(scale, self.sigma**2) * np.diag(inverse))
-        return Explained(theta, error, float(left @ left), _by_pose(held_out))
+            left = fold.test_residual
+            if parts:
+                train = np.concatenate([part.train[number] for part in parts], axis=1)
+                test = np.concatenate([part.test[number] for part in parts], axis=1)
+                gram = train.T @ train + np.eye(train.shape[1]) * prior
+                left = left - test @ np.linalg.solve(gram, train.T @ fold.train_residual)
+            held_out[fold.test] = left**2
+        squared = np.asarray(held_out.reshape(-1, 3).sum(axis=1))
+        if not parts:
+            return Explanation(np.zeros(0), np.zeros(0), float(self.residual @ self.residual), squared)
+        columns = np.concatenate([part.all_rows for part in parts], axis=1)
+        inverse = np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]) * prior)
+        theta = inverse @ (columns.T @ self.residual)
+        left = self.residual - columns @ theta
+        variance = float(left @ left) / max(self.degrees_of_freedom - len(theta), 1)
+        error = np.sqrt(max(variance, self.sigma**2) * np.diag(inverse))
+        return Explanation(theta, error, float(left @ left), squared)
 
 
-def bench(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]], sigma: float) -> Bench:
-    """A bench from the fitted parameters' columns A (3 N, P), the residual (3 N,) and the poses of each fold."""
-    basis = _orthonormal(A)
+def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]], sigma: float) -> LinearisedFit:
+    """Linearises a fit with the parameters' columns A (3 N, P), residual (3 N,) (m) and the test poses of each fold."""
+    basis = _svd(A)[0]
     projected = residual - basis @ (basis.T @ residual)
-    return Bench(projected, basis, tuple(_fold(A, projected, poses) for poses in test_poses), sigma)
-
-
-def _by_pose(squares: Array) -> Array:
-    return np.asarray(squares.reshape(-1, 3).sum(axis=1))
+    return LinearisedFit(projected, basis, tuple(_fold(A, projected, poses) for poses in test_poses), sigma)
 
 
 def _fold(A: Array, residual: Array, poses: NDArray[np.int64]) -> Fold:
     test = (3 * poses[:, None] + np.arange(3)).reshape(-1)
     train = np.setdiff1d(np.arange(len(residual)), test)
-    basis, singular, rows = np.linalg.svd(A[train], full_matrices=False)
+    basis, inverse_factor = _svd(A[train])
+    test_residual = residual[test] - A[test] @ (inverse_factor @ (basis.T @ residual[train]))
+    train_residual = residual[train] - basis @ (basis.T @ residual[train])
+    return Fold(train, test, basis, inverse_factor, A[test], train_residual, test_residual)
+
+
+def _svd(A: Array) -> tuple[Array, Array]:
+    """U and V S⁻¹ of A = U S Vᵀ, numerically zero singular values left out."""
+    basis, singular, rows = np.linalg.svd(A, full_matrices=False)
     keep = singular > NUMERICAL_RANK * singular.max(initial=0.0)
-    basis, backward = basis[:, keep], (rows[keep].T / singular[keep])
-    outside = residual[test] - A[test] @ (backward @ (basis.T @ residual[train]))
-    inside = residual[train] - basis @ (basis.T @ residual[train])
-    return Fold(train, test, basis, backward, A[test], inside, outside)
+    return basis[:, keep], rows[keep].T / singular[keep]
 
 
-def _orthonormal(A: Array) -> Array:
-    basis, singular, _ = np.linalg.svd(A, full_matrices=False)
-    return np.asarray(basis[:, singular > NUMERICAL_RANK * singular.max(initial=0.0)])
-
-
-def rank_of(columns: Array, whole: Array) -> int:
-    """How many directions of projected columns (3 N, m) are more than a thousandth of what they were (3 N, m)."""
-    scale = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
+def projected_rank(columns: Array, original: Array) -> int:
+    """Number of directions of projected columns (3 N, m) that are more than a thousandth of the original ones."""
+    scale = np.maximum(np.linalg.norm(original, axis=0), 1e-300)
     return int(np.count_nonzero(np.linalg.svd(columns / scale, compute_uv=False) > 1e-3))
 
 
-def coincidence(a: Array, b: Array) -> float:
-    """Smallest principal cosine between the smaller of two column spaces and the larger one: 1 if it lies inside."""
-    small, large = sorted((_orthonormal(a), _orthonormal(b)), key=lambda basis: basis.shape[1])
+def principal_cosine(a: Array, b: Array) -> float:
+    """Smallest principal cosine (Björck & Golub 1973) of two column spaces: 1 if the smaller lies in the larger."""
+    small, large = sorted((_svd(a)[0], _svd(b)[0]), key=lambda basis: basis.shape[1])
     if not small.shape[1]:
         return 0.0
     return float(np.linalg.svd(large.T @ small, compute_uv=False).min())
 
 
-def paired(better: Array, worse: Array) -> float:
-    """How surely the first predicts better: mean difference of squared errors over its standard error (Vuong 1989)."""
+def paired_z(better: Array, worse: Array) -> float:
+    """z score of a paired difference of squared errors (N,): mean over its standard error (Vuong 1989)."""
     difference = worse - better
     spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
     return float(difference.mean() / spread) if spread > 0 else 0.0

@@ -1,4 +1,4 @@
-"""Is there anything left to find? Noise floor, and structure of the residual among neighbours and in order."""
+"""Is there anything left to find? Noise floor, and autocorrelation of the residual among neighbours and in order."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.stats import norm
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
@@ -16,7 +17,7 @@ NEIGHBOURS, DRAWS, SEED = 6, 400, 0
 
 
 @dataclass(frozen=True)
-class Floor:
+class NoiseFloor:
     """Standard deviation of the measurement per axis (m), or None, and where it is known from."""
 
     sd: float | None
@@ -28,42 +29,42 @@ class Floor:
         return None if self.sd is None else float(np.sqrt(3.0) * self.sd)
 
 
-def noise_floor(data: Measurements) -> Floor:
-    """From repeated poses where there are some, else from the file, else unknown."""
+def noise_floor(data: Measurements) -> NoiseFloor:
+    """Pooled standard deviation of repeated poses where there are some, else from the file, else unknown."""
     groups = [np.flatnonzero(data.repeat_of == number) for number in np.unique(data.repeat_of)]
     repeats = [rows for rows in groups if len(rows) > 1]
     if repeats:
         squares = sum(float(((data.tcp[rows] - data.tcp[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
-        freedom = 3 * sum(len(rows) - 1 for rows in repeats)
-        return Floor(float(np.sqrt(squares / freedom)), "replicates")
+        degrees_of_freedom = 3 * sum(len(rows) - 1 for rows in repeats)
+        return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates")
     if data.sd is not None:
-        return Floor(float(np.sqrt(np.mean(data.sd**2))), "metadata")
-    return Floor(data.noise_sd, "unknown" if data.noise_sd is None else "metadata")
+        return NoiseFloor(float(np.sqrt(np.mean(data.sd**2))), "metadata")
+    return NoiseFloor(data.noise_sd, "unknown" if data.noise_sd is None else "metadata")
 
 
 @dataclass(frozen=True)
-class Structure:
-    """Moran's I of the residual among neighbours in joint space (1 alike, 0 unrelated), its p value and that of the
-    likeness of successive poses, both against noise that went through the same fit."""
+class ResidualStructure:
+    """Moran's I of the residual among neighbours in joint space (1 alike, 0 unrelated; Moran 1950), its p value, and
+    the p value of the correlation of successive poses; both by a Monte Carlo test against noise fitted in the same way.
+    """
 
     moran_i: float
     p_value: float
     order_p_value: float
 
 
-def structure(q: Array, residual: Array, basis: Array) -> Structure:
-    """Looks for structure.
+def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStructure:
+    """Tests the residual for structure.
 
     Args:
         q: (N, n) joint angles (rad). residual: (3 N,), what the fit leaves. basis: (3 N, P), what the fit explains.
     """
-    near, chain = _neighbours(q), np.stack([np.arange(len(q) - 1), np.arange(1, len(q))], axis=1)
-    rng = np.random.default_rng(SEED)
-    noise = rng.normal(size=(len(residual), DRAWS))
+    near, successive = _neighbours(q), np.stack([np.arange(len(q) - 1), np.arange(1, len(q))], axis=1)
+    noise = np.random.default_rng(SEED).normal(size=(len(residual), DRAWS))
     noise -= basis @ (basis.T @ noise)
-    seen = _likeness(residual[:, None], near)[0], _likeness(residual[:, None], chain)[0]
-    drawn = _likeness(noise, near), _likeness(noise, chain)
-    return Structure(float(seen[0]), _p_value(seen[0], drawn[0]), _p_value(seen[1], drawn[1]))
+    observed = [_morans_i(residual[:, None], pairs)[0] for pairs in (near, successive)]
+    p_values = [_p_value(i, _morans_i(noise, pairs)) for i, pairs in zip(observed, (near, successive), strict=True)]
+    return ResidualStructure(float(observed[0]), *p_values)
 
 
 def _neighbours(q: Array) -> NDArray[np.int64]:
@@ -73,18 +74,16 @@ def _neighbours(q: Array) -> NDArray[np.int64]:
     return np.array(pairs, dtype=np.int64)
 
 
-def _likeness(residuals: Array, pairs: NDArray[np.int64]) -> Array:
+def _morans_i(residuals: Array, pairs: NDArray[np.int64]) -> Array:
     """Mean product of paired residual vectors over their mean square, for each column of (3 N, D)."""
     vectors = residuals.reshape(-1, 3, residuals.shape[1])
-    together = np.einsum("pcd,pcd->d", vectors[pairs[:, 0]], vectors[pairs[:, 1]]) / len(pairs)
-    return np.asarray(together / np.einsum("ncd,ncd->d", vectors, vectors) * len(vectors))
+    products = np.einsum("pcd,pcd->d", vectors[pairs[:, 0]], vectors[pairs[:, 1]]) / len(pairs)
+    return np.asarray(products / np.einsum("ncd,ncd->d", vectors, vectors) * len(vectors))
 
 
-def _p_value(seen: float, drawn: Array) -> float:
-    """Of a value as large, by a normal fitted to the draws where they do not reach."""
-    count = int(np.count_nonzero(drawn >= seen))
+def _p_value(observed: float, simulated: Array) -> float:
+    """One-sided Monte Carlo p value; from a normal fitted to the simulated values where none is as large."""
+    count = int(np.count_nonzero(simulated >= observed))
     if count:
-        return (count + 1) / (len(drawn) + 1)
-    from scipy.stats import norm
-
-    return float(min(norm.sf((seen - drawn.mean()) / drawn.std()), 1 / (len(drawn) + 1)))
+        return (count + 1) / (len(simulated) + 1)
+    return float(min(norm.sf((observed - simulated.mean()) / simulated.std()), 1 / (len(simulated) + 1)))

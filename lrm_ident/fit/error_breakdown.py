@@ -1,4 +1,4 @@
-"""Where a model fails: its error beside held-out error, split by everything that may drive it."""
+"""Breakdown of a model's error: nominal, fit and held-out error, and one-way analysis of variance by driving factor."""
 
 from __future__ import annotations
 
@@ -9,86 +9,84 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.error_stats import ErrorFigures, figures
+from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.cross_validation import held_out
+from lrm_ident.fit.cross_validation import held_out_residual
 from lrm_ident.fit.levenberg_marquardt import Bounds
 from lrm_ident.fit.loss import Loss
 from lrm_ident.fit.priors import Prior
-from lrm_ident.progress import Tick, silent
+from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
-MOST_LEVELS, BINS, ORDER_PARTS, WORST = 8, 6, 10, 10
+MAX_LEVELS, BINS, ORDER_PARTS, WORST = 8, 6, 10, 10
 
 
 @dataclass(frozen=True)
-class Group:
-    """Some of the poses: what they share, how many, their error, and the mean residual (m).
+class PoseGroup:
+    """A group of poses: label, count, error, and mean residual (m).
 
-    `acts_like`: the rotation of the factor's joint (rad) that would explain most of the group's residual, or None.
+    `equivalent_rotation`: rotation of the factor's joint (rad) that fits the group's residual best, or None.
     """
 
     label: str
     count: int
-    error: ErrorFigures
+    error: ErrorStats
     bias: tuple[float, float, float]
-    acts_like: float | None
+    equivalent_rotation: float | None
 
 
 @dataclass(frozen=True)
 class Factor:
-    """One way to split the poses.
+    """A grouping of the poses.
 
-    `share`: part of the residual's sum of squares (0 to 1) that the groups' means explain, less what as many groups
-    drawn at random would (adjusted R²). It shows where to look; it is no test of a cause.
+    `share`: adjusted R² (0 to 1) of the group means; descriptive, no test of a cause.
     """
 
     kind: str
     name: str
     share: float
-    groups: tuple[Group, ...]
+    groups: tuple[PoseGroup, ...]
 
     @property
-    def worst(self) -> Group:
+    def worst(self) -> PoseGroup:
         """The group with the largest RMS."""
         return max(self.groups, key=lambda group: group.error.rms)
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut:
+class HeldOutResidual:
     """Held-out residual (N, 3) in m, or the reason why there is none."""
 
     residual: Array | None
     reason: str = ""
 
     @property
-    def error(self) -> ErrorFigures | None:
-        """Its figures."""
-        return None if self.residual is None else figures(self.residual)
+    def error(self) -> ErrorStats | None:
+        """Its statistics."""
+        return None if self.residual is None else error_stats(self.residual)
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A model against measurements. `factors` stand in falling order of their share; `worst`: rows, worst first."""
+    """A model against measurements. `factors`: by decreasing share; `worst`: rows by decreasing error."""
 
     rest: Equilibrium
     residual: Array
-    nominal: ErrorFigures
-    error: ErrorFigures
-    held_out: HeldOut
+    nominal: ErrorStats
+    error: ErrorStats
+    held_out: HeldOutResidual
     factors: tuple[Factor, ...]
     worst: tuple[int, ...]
 
 
-def compare(model: Model, data: Measurements, progress: Tick = silent, prior: Prior | None = None) -> Comparison:
+def compare(model: Model, data: Measurements, progress: OnProgress = silent, prior: Prior | None = None) -> Comparison:
     """Compares a model, as it is, with measurements; held out, its free parameters are refitted in every fold.
 
-    Raises:
-        NotSettled: the model has no equilibrium at some pose.
+    Raises `NoEquilibrium`: the model has no equilibrium at some pose.
     """
     rest = equilibrium(model, data.poses)
     residual = data.tcp - rest.tcp
@@ -97,8 +95,8 @@ def compare(model: Model, data: Measurements, progress: Tick = silent, prior: Pr
     return Comparison(
         rest=rest,
         residual=residual,
-        nominal=figures(data.tcp - nominal.tcp),
-        error=figures(residual),
+        nominal=error_stats(data.tcp - nominal.tcp),
+        error=error_stats(residual),
         held_out=try_held_out(model, data, progress=progress, prior=prior),
         factors=tuple(sorted(_factors(rest, data, residual), key=lambda factor: -factor.share)),
         worst=tuple(np.argsort(-distance)[:WORST].tolist()),
@@ -110,24 +108,24 @@ def try_held_out(
     data: Measurements,
     bounds: Bounds | None = None,
     loss: Loss | None = None,
-    progress: Tick = silent,
+    progress: OnProgress = silent,
     prior: Prior | None = None,
-) -> HeldOut:
-    """Held-out error, or why it cannot be had (too few poses, a fold that does not converge)."""
+) -> HeldOutResidual:
+    """The held-out residual, or the reason why there is none (too few poses, a fold that does not converge)."""
     try:
-        return HeldOut(held_out(model, data, bounds, loss, progress, prior=prior))
+        return HeldOutResidual(held_out_residual(model, data, bounds, loss, progress, prior=prior))
     except LrmError as error:
-        return HeldOut(None, str(error))
+        return HeldOutResidual(None, str(error))
 
 
 def _factors(rest: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:
     J = joint_jacobian(rest)
     torque = rest.joint_torque
     for i in range(rest.model.arm.dof):
-        turns = J[:, :, i]
+        column = J[:, :, i]
         by_angle, by_torque = _by_value(np.degrees(data.poses.q[:, i]), "°"), _by_quantile(torque[:, i], " N·m")
-        yield _factor("angle", f"angle of joint {i + 1}", *by_angle, residual, turns)
-        yield _factor("torque", f"torque of joint {i + 1}", *by_torque, residual, turns)
+        yield _factor("angle", f"angle of joint {i + 1}", *by_angle, residual, column)
+        yield _factor("torque", f"torque of joint {i + 1}", *by_torque, residual, column)
     if np.ptp(data.poses.payload) > 0:
         yield _factor("load", "load", *_by_value(data.poses.payload * 1e3, " g"), residual)
     yield _factor("order", "order of measurement", *_by_order(data), residual)
@@ -135,7 +133,7 @@ def _factors(rest: Equilibrium, data: Measurements, residual: Array) -> Iterator
 
 
 def _factor(
-    kind: str, name: str, group: NDArray[np.int64], labels: Sequence[str], residual: Array, turns: Array | None = None
+    kind: str, name: str, group: NDArray[np.int64], labels: Sequence[str], residual: Array, column: Array | None = None
 ) -> Factor:
     groups, explained = [], 0.0
     for number, label in enumerate(labels):
@@ -143,34 +141,31 @@ def _factor(
         if chosen.any():
             bias = residual[chosen].mean(axis=0)
             explained += float(chosen.sum() * (bias**2).sum())
-            acts_like = None if turns is None else _best_turn(residual[chosen], turns[chosen])
+            rotation = None if column is None else _equivalent_rotation(residual[chosen], column[chosen])
             x, y, z = bias.tolist()
-            groups.append(Group(label, int(chosen.sum()), figures(residual[chosen]), (x, y, z), acts_like))
-    return Factor(kind, name, _adjusted(explained, residual, len(groups)), tuple(groups))
+            groups.append(PoseGroup(label, int(chosen.sum()), error_stats(residual[chosen]), (x, y, z), rotation))
+    return Factor(kind, name, _adjusted_r2(explained, residual, len(groups)), tuple(groups))
 
 
-def _adjusted(explained: float, residual: Array, groups: int) -> float:
-    total = float((residual**2).sum())
-    if total == 0.0 or len(residual) <= groups:
+def _adjusted_r2(explained: float, residual: Array, groups: int) -> float:
+    n, total = len(residual), float((residual**2).sum())
+    around_mean = total - n * float((residual.mean(axis=0) ** 2).sum())
+    if n <= groups or around_mean <= 0.0:
         return 0.0
-    around_mean = total - len(residual) * float((residual.mean(axis=0) ** 2).sum())
     between = explained - (total - around_mean)
-    if around_mean <= 0.0 or len(residual) < 2:
-        return 0.0
-    share = 1.0 - (1.0 - between / around_mean) * (len(residual) - 1) / (len(residual) - groups)
-    return max(share, 0.0)
+    return max(1.0 - (1.0 - between / around_mean) * (n - 1) / (n - groups), 0.0)
 
 
-def _best_turn(residual: Array, turns: Array) -> float:
-    """The one rotation that fits these residuals best, by least squares (rad)."""
-    length = float((turns**2).sum())
-    return float((residual * turns).sum() / length) if length > 0 else 0.0
+def _equivalent_rotation(residual: Array, column: Array) -> float:
+    """Rotation (rad) of a joint with Jacobian columns (N, 3) that fits the residuals (N, 3) best (least squares)."""
+    length = float((column**2).sum())
+    return float((residual * column).sum() / length) if length > 0 else 0.0
 
 
 def _by_value(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
-    """Groups by level where there are few, else by equal steps."""
+    """Groups by level if there are few levels, else by bins of equal width."""
     levels, group = np.unique(np.round(values, 3), return_inverse=True)
-    if len(levels) <= MOST_LEVELS:
+    if len(levels) <= MAX_LEVELS:
         return group.reshape(-1), [f"{level:g}{unit}" for level in levels]
     return _cut(values, np.linspace(values.min(), values.max(), BINS + 1), unit)
 

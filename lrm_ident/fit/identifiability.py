@@ -1,9 +1,10 @@
-"""Which parameters the data can tell, and what those it cannot tell are made of."""
+"""Identifiable parameters of a data set, and the linear combinations that the others are confounded with."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -15,21 +16,25 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
-ROUND_OFF = 1e-7  # a column is numerically dependent when no more than this part of it is left
-CLEARLY = 3.0  # standard errors that must fit into the typical size of a parameter worth fitting
-NEGLIGIBLE = 0.05  # part of a combination too small to be worth a word
-MOST_ROUNDS = 6
+ROUND_OFF = 1e-7  # a column is numerically dependent if its independent part is no more than this
+MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
+NEGLIGIBLE = 0.05  # share of a combination that is not listed
+MAX_ITERATIONS = 6
+SELECTION_ORDER = (
+    *("compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
+    *("offsets.joint*_mm", "offsets.joint*", "offsets.base.*", "offsets.tool.*", "*"),
+)
 
 
 @dataclass(frozen=True)
-class Unidentifiable:
-    """A parameter held at zero because the data cannot tell it from others.
+class UnidentifiableParameter:
+    """A parameter held at zero because the data cannot distinguish it from others.
 
     Attributes:
-        survival: part of its effect on the TCP (0 to 1) that no combination of the kept ones reproduces.
-        combination: (key, amount): what the kept parameters would have to change by, in their own file units, to move
-            the TCP as one file unit of this parameter does.
-        standard_error: of this parameter if it were fitted too (SI), infinite if it cannot be told at all.
+        survival: part (0 to 1) of its Jacobian column that is linearly independent of the kept ones.
+        combination: (key, amount): change of the kept parameters, in their file units, that moves the TCP as one file
+            unit of this parameter does.
+        standard_error: of this parameter if it were fitted too (SI); infinite if it is linearly dependent.
     """
 
     key: str
@@ -39,58 +44,42 @@ class Unidentifiable:
 
 
 @dataclass(frozen=True)
-class Identifiable:
-    """The parameters to fit, and those to hold."""
+class IdentifiableSet:
+    """The parameters to fit, and those to hold at zero."""
 
     kept: tuple[str, ...]
-    held: tuple[Unidentifiable, ...]
+    held: tuple[UnidentifiableParameter, ...]
 
 
-def preference(model: Model, keys: Sequence[str]) -> list[str]:
-    """The order in which parameters are taken in; of two that look alike the earlier one is kept.
+def selection_order(model: Model, keys: Sequence[str]) -> list[str]:
+    """The order of selection; of two confounded parameters the earlier one is kept.
 
-    What matters most on such an arm comes first: compliances, the angles that servos are mounted at, where the base
-    and the tool stand; then lengths and twists, each from the base outwards; then the parameters of further effects.
+    The most important on such an arm come first: compliances, joint zero offsets, positions of base and tool; then
+    lengths and twists, each from the base outwards; then the parameters of further effects.
     """
 
     def rank(key: str) -> int:
-        """Place in the order, lowest first."""
-        effect, place, name = key.split(".")
-        match effect, place, name:
-            case "compliance", _, _:
-                return 0
-            case "offsets", _, "theta_rad":
-                return 1
-            case "offsets", "base", "x_mm" | "y_mm" | "z_mm":
-                return 2
-            case "offsets", "tool", "x_mm" | "y_mm" | "z_mm":
-                return 3
-            case "offsets", _, "extra_z_mm" | "a_mm" | "d_mm":
-                return 4
-            case "offsets", "tool", _:
-                return 7
-            case "offsets", "base", _:
-                return 6
-            case "offsets", _, _:
-                return 5
-        return 8
+        return next(i for i, pattern in enumerate(SELECTION_ORDER) if fnmatchcase(key, pattern))
 
     return sorted(keys, key=lambda key: (rank(key), model.position(key)))
 
 
-def identifiable(rest: Equilibrium, keys: Sequence[str], noise: float, sd: Array | None = None) -> Identifiable:
-    """Sorts parameters into those that these poses can tell and those they cannot.
+def select_identifiable(
+    rest: Equilibrium, keys: Sequence[str], noise: float, sd: Array | None = None
+) -> IdentifiableSet:
+    """Forward selection of parameters by Gram–Schmidt orthogonalisation of their Jacobian columns.
 
-    Taken in by preference, a parameter is kept if the part of its column that is new would fix it to a third of its
-    typical size or better at this noise: else what is known beforehand (about zero) is hardly improved by the data.
+    A parameter is kept if the independent part of its column determines it to a third of its typical size or better at
+    this noise; else the data hardly improve the prior knowledge (about zero).
 
     Args:
         rest: equilibrium at the poses, at the parameters to linearise about.
-        noise: m per axis, what the fit is expected to leave.
+        keys: candidates.
+        noise: expected residual of the fit, m per axis.
         sd: (N,), relative weights of the poses as in `Measurements.sd`, or None.
     """
     model = rest.model
-    order = preference(model, keys)
+    order = selection_order(model, keys)
     typical = np.array([model.parameters[model.position(key)].typical for key in order])
     columns = (parameter_jacobian(rest, order) * typical * _weights(sd)).reshape(-1, len(order))
     basis = np.empty((columns.shape[0], 0))
@@ -100,19 +89,21 @@ def identifiable(rest: Equilibrium, keys: Sequence[str], noise: float, sd: Array
         whole = float(np.linalg.norm(columns[:, j]))
         left = columns[:, j] - basis @ (basis.T @ columns[:, j])
         left -= basis @ (basis.T @ left)
-        remains = float(np.linalg.norm(left))
-        if remains > max(CLEARLY * noise, ROUND_OFF * whole):
+        independent = float(np.linalg.norm(left))
+        if independent > max(MIN_T * noise, ROUND_OFF * whole):
             kept.append(j)
-            basis = np.column_stack([basis, left / remains])
+            basis = np.column_stack([basis, left / independent])
         else:
-            dropped.append((j, remains))
-    held = [describe(columns, typical, order, model, kept, j, remains, noise) for j, remains in dropped]
+            dropped.append((j, independent))
+    held = [
+        explain_dependence(columns, typical, order, model, kept, j, independent, noise) for j, independent in dropped
+    ]
     chosen = {order[j] for j in kept}
-    return Identifiable(tuple(key for key in model.keys if key in chosen), tuple(held))
+    return IdentifiableSet(tuple(key for key in model.keys if key in chosen), tuple(held))
 
 
 def expected_noise(rest: Equilibrium, keys: Sequence[str], tcp: Array, sd: Array | None = None) -> float:
-    """What a fit of `keys` would leave per axis (m), by one linear least-squares step from `rest`.
+    """Residual standard deviation per axis (m) of a fit of `keys`, by one linear least-squares step from `rest`.
 
     Args:
         tcp: (N, 3), measured (m).
@@ -127,21 +118,21 @@ def expected_noise(rest: Equilibrium, keys: Sequence[str], tcp: Array, sd: Array
 
 
 def _weights(sd: Array | None) -> Array:
-    """Relative weight of each pose, (N, 1, 1), of mean square one in 1/sd's own sense; one where no sd is known."""
+    """(N, 1, 1) or (1, 1, 1), RMS of sd over sd of each pose; one where no sd is known."""
     return np.ones((1, 1, 1)) if sd is None else (np.sqrt(np.mean(sd**2)) / sd)[:, None, None]
 
 
-def describe(
+def explain_dependence(
     columns: Array,
     typical: Array,
     order: Sequence[str],
     model: Model,
     kept: Sequence[int],
     j: int,
-    remains: float,
+    independent: float,
     noise: float,
-) -> Unidentifiable:
-    """Why the data cannot tell parameter `j` from the kept ones: the combination that moves the tip as it does."""
+) -> UnidentifiableParameter:
+    """The combination of the `kept` columns that reproduces column `j` of `columns` (3 N, P), by least squares."""
     whole = float(np.linalg.norm(columns[:, j]))
     units = np.array([model.parameters[model.position(key)].si for key in order])
     share, *_ = np.linalg.lstsq(columns[:, kept], columns[:, j], rcond=None)
@@ -151,49 +142,48 @@ def describe(
         for k, amount, matters in sorted(zip(kept, share, size, strict=True), key=lambda part: -part[2])
         if matters > NEGLIGIBLE * whole
     ]
-    survival = remains / whole if whole > 0 else 0.0
-    error = noise / remains * typical[j] if survival > ROUND_OFF else np.inf
-    return Unidentifiable(order[j], survival, tuple(parts), float(error))
+    survival = independent / whole if whole > 0 else 0.0
+    error = noise / independent * typical[j] if survival > ROUND_OFF else np.inf
+    return UnidentifiableParameter(order[j], survival, tuple(parts), float(error))
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedFit:
-    """A fit of the identifiable part of a model, and what was held."""
+    """A fit of the identifiable parameters, and those held at zero."""
 
     fit: Fit
-    held: tuple[Unidentifiable, ...]
+    held: tuple[UnidentifiableParameter, ...]
 
 
 def fit_identifiable(
     model: Model, data: Measurements, keys: Sequence[str], loss: Loss | None = None, signed: Bounds | None = None
 ) -> IdentifiedFit:
-    """Fits whatever part of `keys` the data can tell; the rest is held at zero.
+    """Fits the identifiable parameters among `keys`; the others are zero in the result.
 
-    Which part that is depends on the noise that the fit leaves and on where it ends, so both are repeated until the
-    choice stays. Parameters held are zero in the result.
+    The selection depends on the residual noise and on the estimate, so selection and fit alternate until the selection
+    repeats.
 
     Args:
-        signed: bounds of all `keys`; the physical ones if None.
+        signed: bounds of all `keys`; None: the physical ones.
 
-    Raises:
-        LrmError: fewer poses than parameters that could be told, or no convergence.
+    Raises `LrmError`: fewer poses than identifiable parameters, or no convergence.
     """
     limits = signed or bounds_of(model, keys)
     by_key = {key: (low, high) for key, low, high in zip(keys, limits.lower, limits.upper, strict=True)}
     rest = equilibrium(model, data.poses)
     noise = expected_noise(rest, keys, data.tcp, data.sd)
     seen: list[tuple[str, ...]] = []
-    for _ in range(MOST_ROUNDS):
-        choice = identifiable(rest, keys, noise, data.sd)
-        check_enough(len(data), len(choice.kept))
-        start = _holding(rest.model, keys, choice.kept)
-        low, high = np.array([by_key[key] for key in choice.kept]).reshape(-1, 2).T
+    for _ in range(MAX_ITERATIONS):
+        selected = select_identifiable(rest, keys, noise, data.sd)
+        check_enough(len(data), len(selected.kept))
+        start = _holding(rest.model, keys, selected.kept)
+        low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
         result = fit(start, data, Bounds(low, high), loss)
-        if choice.kept in seen:
+        if selected.kept in seen:
             break
-        seen.append(choice.kept)
+        seen.append(selected.kept)
         rest, noise = result.rest, result.sigma
-    return IdentifiedFit(result, choice.held)
+    return IdentifiedFit(result, selected.held)
 
 
 def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:

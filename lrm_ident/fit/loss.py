@@ -1,4 +1,4 @@
-"""How much a pose counts in the fit, given how far the model misses it."""
+"""Robust losses (M-estimators): the weight of a pose as a function of its residual."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.errors import UnknownName
 
-MEDIAN_TO_SCALE = 1.0 / 1.5381724  # of a 3-D distance: the median of a chi distribution with three degrees of freedom
+CHI3_MEDIAN = 1.5381724  # median of the chi distribution with three degrees of freedom
 
 
 class Loss(Protocol):
-    """A robust loss: its value and the weight it gives, both of the distance in units of its robust scale."""
+    """Loss and weight as functions of the distance in units of the robust scale."""
 
     @property
     def name(self) -> str:
-        """Its name on the command line."""
+        """Name on the command line."""
 
     def rho(self, t: Array) -> Array:
-        """Loss of scaled distances t, ½ t² for small ones."""
+        """Loss of scaled distances t (N,); ½ t² for small ones."""
 
     def weight(self, t: Array) -> Array:
         """ρ′(t)/t, between 0 and 1."""
@@ -29,7 +29,7 @@ class Loss(Protocol):
 
 @dataclass(frozen=True)
 class Squared:
-    """Least squares: every pose counts alike."""
+    """Least squares: equal weights."""
 
     name: str = "squared"
 
@@ -60,7 +60,7 @@ class Huber:
 
 @dataclass(frozen=True)
 class Cauchy:
-    """Grows like a logarithm: far poses hardly count."""
+    """Logarithmic growth, redescending weight (Holland & Welsch 1977)."""
 
     knee: float = 3.5
     name: str = "cauchy"
@@ -79,13 +79,13 @@ LOSSES: tuple[Loss, ...] = (SQUARED, Huber(), Cauchy())
 
 
 def loss_named(name: str) -> Loss:
-    """One of the losses. Raises `UnknownName`."""
-    for loss in LOSSES:
-        if loss.name == name:
-            return loss
-    raise UnknownName("loss", name, [loss.name for loss in LOSSES])
+    """The loss of that name. Raises `UnknownName`."""
+    by_name = {loss.name: loss for loss in LOSSES}
+    if name not in by_name:
+        raise UnknownName("loss", name, list(by_name))
+    return by_name[name]
 
 
 def robust_scale(distance: Array) -> float:
-    """Standard deviation per axis that a median 3-D distance speaks of; half of the poses may be wrong."""
-    return float(np.median(distance) * MEDIAN_TO_SCALE)
+    """Standard deviation per axis from the median of 3-D distances (N,); breakdown point 50 %."""
+    return float(np.median(distance) * (1.0 / CHI3_MEDIAN))

@@ -1,4 +1,4 @@
-"""From a fit to a model file: parameters, standard errors, provenance, and what each step left."""
+"""Model files from fits: parameters, standard errors, provenance, and the history of identification steps."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from lrm_ident.data.error_stats import figures
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.error_breakdown import HeldOut
+from lrm_ident.fit.error_breakdown import HeldOutResidual
 from lrm_ident.fit.levenberg_marquardt import Fit
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
-from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile, ProvenanceTable, as_tables, parameter_tables
 
 
@@ -32,24 +31,24 @@ def tool_version() -> str:
 def model_file(
     fit: Fit,
     data: Measurements,
-    held_out: HeldOut,
+    held_out: HeldOutResidual,
     arm: str,
     step: str,
     loss: str,
     before: Sequence[HistoryTable] = (),
     prior: str | None = None,
 ) -> ModelFile:
-    """The model file of a fit, one entry added to the history that came `before`.
+    """The model file of a fit: one entry appended to the history `before`.
 
     Args:
-        arm: name of a shipped arm or path of its file, as the model file shall name it.
-        step: what was done, in a few words.
-        prior: name of the prior that the fit took, if any.
+        arm: name of a shipped arm or path of its file, as stored in the model file.
+        step: short description of the step.
+        prior: name of the prior of the fit, if any.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
     entry = HistoryTable(
         step=step,
-        fit_rms_mm=figures(fit.residual).rms * 1e3,
+        fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
         effects=effect_names(model.effects),
         parameters=parameter_tables(model),
@@ -65,18 +64,18 @@ def model_file(
             prior=prior,
         ),
     )
-    return _standing_at(arm, [*before, entry])
+    return _file_at(arm, [*before, entry])
 
 
-def undone(file: ModelFile) -> ModelFile:
-    """The model file as it was before its last step. Raises `LrmError` if there was none."""
+def undo_step(file: ModelFile) -> ModelFile:
+    """The model file before its last step. Raises `LrmError` if there was none."""
     if len(file.history) < 2:
         raise LrmError("nothing to undo: the model's history has no step before this one")
-    return _standing_at(file.arm, file.history[:-1])
+    return _file_at(file.arm, file.history[:-1])
 
 
-def _standing_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
-    """The file whose model is that of the last entry."""
+def _file_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
+    """The model file whose model is that of the last entry."""
     last = history[-1]
     return ModelFile(
         schema="lrm/model/1",
@@ -91,7 +90,7 @@ def _standing_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
 
 
 def effect_names(effects: Sequence[Effect]) -> list[str]:
-    """Effects as a model file names them: `id` where it stands at all its places, else `id@place`."""
+    """Effects as named in a model file: `id` if present at all its places, else `id@place`."""
     names: list[str] = []
     for effect in effects:
         everywhere = {e.place for e in effects if e.id == effect.id} == set(type(effect).places(effect.arm))
@@ -103,7 +102,7 @@ def effect_names(effects: Sequence[Effect]) -> list[str]:
 
 def sigma_table(fit: Fit) -> dict[str, float]:
     """Standard errors of the free parameters in the file's units; parameters at a bound have none."""
-    model: Model = fit.model
+    model = fit.model
     return {
         key: float(error) / model.parameters[model.position(key)].si
         for key, error in zip(model.free, fit.standard_error, strict=True)
@@ -112,12 +111,12 @@ def sigma_table(fit: Fit) -> dict[str, float]:
 
 
 def covariance_table_of(fit: Fit) -> CovarianceTable | None:
-    """Correlations of the same parameters; None if nothing was fitted."""
+    """Covariance table of the free parameters that are not at a bound; None if there are none."""
     error = fit.standard_error
-    told = [j for j, key in enumerate(fit.model.free) if key not in fit.at_bound and error[j] > 0.0]
-    if not told:
+    fitted = [j for j, key in enumerate(fit.model.free) if key not in fit.at_bound and error[j] > 0.0]
+    if not fitted:
         return None
-    return covariance_table([fit.model.free[j] for j in told], fit.covariance[np.ix_(told, told)])
+    return covariance_table([fit.model.free[j] for j in fitted], fit.covariance[np.ix_(fitted, fitted)])
 
 
 def model_text(file: ModelFile) -> str:
@@ -126,7 +125,7 @@ def model_text(file: ModelFile) -> str:
 
 
 def arm_name_for(arm: str, folder: Path) -> str:
-    """How a model file in `folder` shall name an arm that was given on the command line: a path seen from there."""
+    """Name of a shipped arm, or path of an arm file relative to `folder`, for a model file there."""
     path = Path(arm)
     if path.suffix != ".toml":
         return arm

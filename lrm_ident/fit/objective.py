@@ -1,6 +1,6 @@
-"""What a fit minimises: the loss of the residuals, and how far the parameters leave their prior, both scaled.
+"""Objective of the fit: robust loss of the residuals (M-estimator) plus the negative logarithm of a Gaussian prior.
 
-Parameters are counted in typical sizes, residuals in units of the stated noise of their pose (m where none is stated).
+Parameters are scaled by their typical sizes, residuals by the stated noise of their pose (m where none is stated).
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
-SETTLED = 1e-3  # relative change of a yardstick at which its estimate is good enough
-LEAST_SCALE = 1e-9  # m, or of the stated noise
-LEAST_SIGMA = 1e-5  # m: finer than any tracker of a whole arm; far below it a prior would be lost in round-off
+SCALE_TOLERANCE = 1e-3  # relative change at which the noise scale has converged
+MIN_SCALE = 1e-9  # m, or of the stated noise
+MIN_SIGMA = 1e-5  # m: below any tracker's noise; at much smaller values the prior is lost in round-off
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """One point of the search: scaled parameters z (P,), equilibrium, residual (N, 3) in units of the noise."""
+class Iterate:
+    """One iterate: scaled parameters z (P,), equilibrium, residual (N, 3) in units of the noise."""
 
     z: Array
     rest: Equilibrium
@@ -34,27 +34,26 @@ class State:
 
     @property
     def distance(self) -> Array:
-        """(N,), of the residual."""
+        """(N,), norms of the residual."""
         return np.asarray(np.linalg.norm(self.residual, axis=1))
 
 
 @dataclass(frozen=True)
-class Yardstick:
-    """In units of the noise: the robust `scale` of the loss, and `sigma`, against which the prior is weighed."""
+class NoiseScale:
+    """In units of the noise: the robust `scale` of the loss, and the `sigma` that weighs data against the prior."""
 
     scale: float
     sigma: float
 
     @property
-    def odds(self) -> float:
-        """What the objective changes by when the logarithm of the posterior changes by one; zero without a prior."""
+    def prior_weight(self) -> float:
+        """Change of the objective per unit of the log-posterior; zero without a prior."""
         return (self.sigma / self.scale) ** 2
 
-    def close_to(self, other: Yardstick) -> bool:
-        """Whether both are the same but for a thousandth."""
-        return abs(self.scale - other.scale) < SETTLED * other.scale and (
-            abs(self.sigma - other.sigma) <= SETTLED * other.sigma
-        )
+    def close_to(self, other: NoiseScale) -> bool:
+        """Whether both agree to `SCALE_TOLERANCE`."""
+        scale_change, sigma_change = abs(self.scale - other.scale), abs(self.sigma - other.sigma)
+        return scale_change < SCALE_TOLERANCE * other.scale and sigma_change <= SCALE_TOLERANCE * other.sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,89 +67,92 @@ class Objective:
 
     @cached_property
     def columns(self) -> list[int]:
-        """Where the free parameters stand among the model's values."""
+        """Indices of the free parameters in the model's values."""
         return [self.model.position(key) for key in self.model.free]
 
     @cached_property
     def typical(self) -> Array:
-        """(P,), SI: what a scaled parameter of one is."""
+        """(P,), typical sizes (SI)."""
         return np.array([self.model.parameters[j].typical for j in self.columns])
 
     @cached_property
-    def noise(self) -> Array:
-        """(N, 1) or (1, 1), the stated noise (m), one where none is stated."""
+    def stated_noise(self) -> Array:
+        """(N, 1) or (1, 1), stated noise (m); one where none is stated."""
         return np.ones((1, 1)) if self.data.sd is None else self.data.sd[:, None]
 
     @cached_property
-    def _centre(self) -> Array:
-        """(P,), the prior's mean, scaled."""
+    def _prior_mean(self) -> Array:
+        """(P,), scaled."""
         free = self.model.free
         return np.zeros(len(free)) if self.prior is None else np.asarray(self.prior.mean_of(free) / self.typical)
 
     @cached_property
-    def _pull(self) -> Array:
-        """(P,), the prior's precision, scaled; zero without one."""
+    def _prior_precision(self) -> Array:
+        """(P,), scaled; zero without a prior."""
         free = self.model.free
         return np.zeros(len(free)) if self.prior is None else (self.typical / self.prior.sd_of(free)) ** 2
 
-    def at(self, z: Array, near: Equilibrium | None) -> State:
-        """The state at scaled parameters. Raises `NotSettled`."""
+    def at(self, z: Array, near: Equilibrium | None) -> Iterate:
+        """The iterate at scaled parameters. Raises `NoEquilibrium`."""
         values = self.model.values.copy()
         values[self.columns] = z * self.typical
         rest = equilibrium(self.model.with_values(values), self.data.poses, start=near)
-        return State(z, rest, (self.data.tcp - rest.tcp) / self.noise)
+        return Iterate(z, rest, (self.data.tcp - rest.tcp) / self.stated_noise)
 
-    def value(self, state: State, measure: Yardstick) -> float:
-        """What is minimised."""
-        pulled = 0.5 * measure.odds * float(self._pull @ (state.z - self._centre) ** 2)
-        return float(self.loss.rho(state.distance / measure.scale).sum()) + pulled
+    def value(self, iterate: Iterate, noise: NoiseScale) -> float:
+        """The objective."""
+        prior = 0.5 * noise.prior_weight * float(self._prior_precision @ (iterate.z - self._prior_mean) ** 2)
+        return float(self.loss.rho(iterate.distance / noise.scale).sum()) + prior
 
-    def jacobian(self, state: State, measure: Yardstick) -> Array:
-        """(3 N, P), scaled, rows weighted as the loss does."""
-        weight = self.loss.weight(state.distance / measure.scale)
-        J = parameter_jacobian(state.rest, self.model.free) * self.typical / self.noise[:, :, None]
-        return np.asarray((J * np.sqrt(weight)[:, None, None]).reshape(-1, len(state.z)))
+    def jacobian(self, iterate: Iterate, noise: NoiseScale) -> Array:
+        """(3 N, P), scaled, rows weighted by the loss (iteratively reweighted least squares)."""
+        weight = self.loss.weight(iterate.distance / noise.scale)
+        J = parameter_jacobian(iterate.rest, self.model.free) * self.typical / self.stated_noise[:, :, None]
+        return np.asarray((J * np.sqrt(weight)[:, None, None]).reshape(-1, len(iterate.z)))
 
-    def descent(self, state: State, J: Array, measure: Yardstick) -> Array:
-        """(P,), minus the gradient, times scale²."""
-        weight = self.loss.weight(state.distance / measure.scale)
-        to_data = J.T @ (state.residual * np.sqrt(weight)[:, None]).reshape(-1)
-        return np.asarray(to_data + measure.sigma**2 * self._pull * (self._centre - state.z))
+    def negative_gradient(self, iterate: Iterate, J: Array, noise: NoiseScale) -> Array:
+        """(P,), times scale²."""
+        weight = self.loss.weight(iterate.distance / noise.scale)
+        data = J.T @ (iterate.residual * np.sqrt(weight)[:, None]).reshape(-1)
+        return np.asarray(data + noise.sigma**2 * self._prior_precision * (self._prior_mean - iterate.z))
 
-    def curvature(self, J: Array, measure: Yardstick, free: NDArray[np.bool_]) -> Array:
-        """(p, p), Gauss–Newton matrix of the p parameters that are free to move, times scale²."""
-        return np.asarray(J[:, free].T @ J[:, free] + np.diag(measure.sigma**2 * self._pull[free]))
+    def gauss_newton(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
+        """(p, p), Gauss–Newton Hessian of the p parameters off their bounds, times scale²."""
+        return np.asarray(J[:, free].T @ J[:, free] + np.diag(noise.sigma**2 * self._prior_precision[free]))
 
-    def inverse(self, J: Array, measure: Yardstick, free: NDArray[np.bool_]) -> Array:
-        """(p, p), inverse of the same, without squaring its condition."""
-        known = np.diag(measure.sigma * np.sqrt(self._pull[free]))
-        _, R = np.linalg.qr(J[:, free] if self.prior is None else np.concatenate([J[:, free], known]))
+    def inverse_hessian(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
+        """(p, p), inverse of `gauss_newton` by QR, which does not square the condition number."""
+        prior = np.diag(noise.sigma * np.sqrt(self._prior_precision[free]))
+        _, R = np.linalg.qr(J[:, free] if self.prior is None else np.concatenate([J[:, free], prior]))
         root = np.linalg.solve(R, np.eye(len(R)))
         return np.asarray(root @ root.T)
 
-    def decided(self, inverse: Array, measure: Yardstick, free: NDArray[np.bool_]) -> float:
-        """How many parameters the data decide: all, less the part of each that the prior decides (MacKay 1992)."""
-        return len(inverse) - measure.sigma**2 * float(np.diag(inverse) @ self._pull[free])
+    def effective_parameters(self, inverse: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> float:
+        """Number of parameters well determined by the data rather than the prior (MacKay 1992, γ)."""
+        return len(inverse) - noise.sigma**2 * float(np.diag(inverse) @ self._prior_precision[free])
 
-    def weight(self, state: State) -> Array:
-        """(N,), of each pose."""
-        return self.loss.weight(state.distance / self._scale(state))
+    def weight(self, iterate: Iterate) -> Array:
+        """(N,), weight of each pose in the loss."""
+        return self.loss.weight(iterate.distance / self._scale(iterate))
 
-    def spread(self, state: State, decided: float = 0.0) -> float:
-        """Standard deviation per axis that the residual shows, in units of the noise."""
-        weight = self.weight(state)
-        freedom = 3 * weight.sum() - decided
-        return float(np.sqrt((weight[:, None] * state.residual**2).sum() / freedom)) if freedom > 0 else np.nan
+    def residual_sd(self, iterate: Iterate, parameters: float = 0.0) -> float:
+        """Weighted residual standard deviation per axis, in units of the noise; `parameters`: effective number."""
+        weight = self.weight(iterate)
+        freedom = 3 * weight.sum() - parameters
+        return float(np.sqrt((weight[:, None] * iterate.residual**2).sum() / freedom)) if freedom > 0 else np.nan
 
-    def yardstick(self, state: State, before: Yardstick | None, free: NDArray[np.bool_]) -> Yardstick:
-        """What the state's residual says of scale and noise; `before`: the one it was reached with."""
-        scale = self._scale(state)
+    def noise_scale(self, iterate: Iterate, before: NoiseScale | None, free: NDArray[np.bool_]) -> NoiseScale:
+        """Estimate from the residual; `before`: the noise scale that the iterate was computed with."""
+        scale = self._scale(iterate)
         if self.prior is None:
-            return Yardstick(scale, 0.0)
-        decided = 0.0
+            return NoiseScale(scale, 0.0)
+        parameters = 0.0
         if before is not None and free.any():
-            decided = self.decided(self.inverse(self.jacobian(state, before), before, free), before, free)
-        return Yardstick(scale, max(self.spread(state, decided), LEAST_SIGMA / float(self.noise.mean())))
+            inverse = self.inverse_hessian(self.jacobian(iterate, before), before, free)
+            parameters = self.effective_parameters(inverse, before, free)
+        return NoiseScale(
+            scale, max(self.residual_sd(iterate, parameters), MIN_SIGMA / float(self.stated_noise.mean()))
+        )
 
-    def _scale(self, state: State) -> float:
-        return 1.0 if self.loss.name == "squared" else max(robust_scale(state.distance), LEAST_SCALE)
+    def _scale(self, iterate: Iterate) -> float:
+        return 1.0 if self.loss.name == "squared" else max(robust_scale(iterate.distance), MIN_SCALE)

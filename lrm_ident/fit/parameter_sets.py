@@ -1,4 +1,4 @@
-"""Named choices of which parameters to fit."""
+"""Named sets of parameters to fit."""
 
 from __future__ import annotations
 
@@ -35,11 +35,10 @@ THESIS_OPTIONS: dict[str, tuple[str, ...]] = {
 Option 2 is announced with 21 parameters, but Table B.1 holds δdd3 at zero in it: 20 are fitted."""
 
 
-def chosen(model: Model, choice: str) -> tuple[str, ...]:
-    """The parameters that a choice names: an option of the thesis, or keys and patterns separated by commas.
+def select_parameters(model: Model, choice: str) -> tuple[str, ...]:
+    """Keys of a named set: an option of the thesis, or keys and patterns (`*`, `?`) separated by commas.
 
-    Raises:
-        UnknownName: a pattern that matches no parameter of the model.
+    Raises `UnknownName`: a pattern that matches no parameter of the model.
     """
     patterns = THESIS_OPTIONS.get(choice) or tuple(part.strip() for part in choice.split(","))
     for pattern in patterns:

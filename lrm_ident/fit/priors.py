@@ -1,4 +1,4 @@
-"""What is known of the parameters before measuring: one Gaussian each (thesis Eq 2.66), by file or typical size."""
+"""Independent Gaussian priors of the parameters (thesis Eq 2.66), from a file or from typical sizes."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from pydantic import Field
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, Parameter
-from lrm_math.errors import FileError, UnknownName, nearest
+from lrm_math.errors import FileError, UnknownName, name_suggestion
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import StrictSchema, read_toml
 
 
 class GaussianTable(StrictSchema):
-    """`mean` and standard deviation `sd` of a parameter, in the unit that its key names."""
+    """`mean` and standard deviation `sd` of a parameter, in the unit of its key."""
 
     mean: float = 0.0
     sd: Annotated[float, Field(gt=0)]
 
 
 class PriorFile(StrictSchema):
-    """The whole file, schema `lrm/prior/1`.
+    """Prior file, schema `lrm/prior/1`.
 
-    `[parameters]`: keys `effect.place.name_unit`, `*` and `?` allowed; of several that match the last one holds.
+    `[parameters]`: keys `effect.place.name_unit`, `*` and `?` allowed; the last matching key applies.
     `other_sd`: standard deviation, in typical sizes of the effect, of every parameter that no key matches.
     """
 
@@ -65,17 +65,16 @@ class Prior:
 
 
 def shipped_priors() -> dict[str, Path]:
-    """Priors that come with the software, by name."""
+    """Paths of the shipped priors by name."""
     here = Path(__file__).resolve().parents[1]
     folders = [here / "prior_files", here.parent / "config" / "priors"]
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
 def load_prior(name_or_path: str, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:
-    """The prior of all parameters of a model that are fitted (shape parameters are not).
+    """The prior of all parameters of a model that can be fitted (not the shape parameters).
 
-    Raises:
-        FileError: no such prior, a fault in its file, or a key that fits no parameter of any effect on this arm.
+    Raises `FileError`: no such prior, a fault in its file, or a key that fits no parameter of any effect on this arm.
     """
     shipped = shipped_priors()
     path = shipped.get(name_or_path, Path(name_or_path))
@@ -86,31 +85,27 @@ def load_prior(name_or_path: str, model: Model, catalogue: tuple[type[Effect], .
 
 
 def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:
-    """Patterns to parameters, units to SI. Raises `FileError`."""
-    known = set(model.keys) | _keys_on(model.arm, catalogue)
+    """Applies the patterns of a prior file to the parameters of a model; SI units. Raises `FileError`."""
+    known = set(model.keys) | _possible_keys(model.arm, catalogue)
     for pattern in file.parameters:
         if not any(fnmatchcase(key, pattern) for key in known):
-            raise FileError(path, "parameters", f"'{pattern}' fits no parameter", nearest(pattern, sorted(known)))
+            raise FileError(
+                path, "parameters", f"'{pattern}' fits no parameter", name_suggestion(pattern, sorted(known))
+            )
     named = [(key, p) for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None]
     means, sds = zip(*(_gaussian(file, key, parameter) for key, parameter in named), strict=True)
     return Prior(file.name, tuple(key for key, _ in named), means, sds)
 
 
 def prior_name_for(name_or_path: str) -> str:
-    """How a model file shall name a prior that was given on the command line."""
+    """Name of a shipped prior, or absolute path of a prior file, for the provenance of a model file."""
     return name_or_path if name_or_path in shipped_priors() else Path(name_or_path).resolve().as_posix()
 
 
-def prior_behind(file: ModelFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior | None:
-    """The prior that a model file was fitted with, None if with none. Raises `FileError`."""
+def prior_of_file(file: ModelFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior | None:
+    """The prior that a model file was fitted with, or None. Raises `FileError`."""
     name = None if file.provenance is None else file.provenance.prior
     return None if name is None else load_prior(name, model, catalogue)
-
-
-def prior_of_typical_sizes(model: Model, sizes: float = 1.0) -> Prior:
-    """Every parameter about zero, give or take so many of its typical sizes."""
-    file = PriorFile(schema="lrm/prior/1", name=f"{sizes:g} typical sizes", other_sd=sizes)
-    return to_prior(Path(file.name), file, model)
 
 
 def _gaussian(file: PriorFile, key: str, parameter: Parameter) -> tuple[float, float]:
@@ -120,8 +115,8 @@ def _gaussian(file: PriorFile, key: str, parameter: Parameter) -> tuple[float, f
     return matching[-1].mean * parameter.si, matching[-1].sd * parameter.si
 
 
-def _keys_on(arm: Arm, catalogue: Iterable[type[Effect]]) -> set[str]:
-    """Every parameter that such an arm could have, also those of dimensions that its links lack."""
+def _possible_keys(arm: Arm, catalogue: Iterable[type[Effect]]) -> set[str]:
+    """Keys of all parameters of all effects on such an arm, also of dimensions that its links lack."""
     arm = replace(arm, joints=tuple(replace(joint, extra_z=joint.extra_z or 0.0) for joint in arm.joints))
     return {
         f"{kind.id}.{place}.{parameter.name}"

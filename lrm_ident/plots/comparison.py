@@ -2,52 +2,31 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fit.error_breakdown import Comparison
+from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
 from lrm_math.arrays import Array
-from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 
-FORMATS = (".png", ".svg", ".pdf")
-NOMINAL, MODEL, HELD_OUT, GREEN = (
-    "#888888",
-    "#0072b2",
-    "#d55e00",
-    "#009e73",
-)  # told apart with any colour vision (Okabe & Ito 2008)
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 FACTORS_DRAWN, GROUPS_DRAWN = 8, 10
 
 
 def draw_comparison(comparison: Comparison, data: Measurements, path: Path) -> None:
     """Draws how far the error fell and what the rest follows. Raises `FileError` for an unknown format or place."""
-    check_format(path)
-    figure, (left, middle, right) = plt.subplots(
-        1, 3, figsize=(13, 4.2), width_ratios=(1.2, 1, 1.3), layout="constrained"
-    )
-    _draw_distribution(left, comparison, data)
-    _draw_factors(middle, comparison)
-    _draw_groups(right, comparison)
-    save_figure(figure, path)
-
-
-def check_format(path: Path) -> None:
-    """Raises `FileError` if pictures of this kind cannot be drawn."""
-    if path.suffix not in FORMATS:
-        raise FileError(path, "", f"cannot draw a {path.suffix or 'nameless'} file", f"one of {', '.join(FORMATS)}")
+    with figure_file(path, 13, 4.2) as figure:
+        left, middle, right = figure.subplots(1, 3, width_ratios=(1.2, 1, 1.3))
+        _draw_distribution(left, comparison, data)
+        _draw_factors(middle, comparison)
+        _draw_groups(right, comparison)
 
 
 def _draw_distribution(axes: Axes, comparison: Comparison, data: Measurements) -> None:
@@ -59,7 +38,7 @@ def _draw_distribution(axes: Axes, comparison: Comparison, data: Measurements) -
     axes.set(xlabel="TCP error, mm", ylabel="share of the poses below it, %", ylim=(0, 130), title=f"{len(data)} poses")
     axes.set_yticks(range(0, 101, 20))
     axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_major_formatter(plain_number)
     axes.grid(alpha=0.3, which="both")
     axes.legend(loc="upper left", fontsize=9)
 
@@ -84,36 +63,16 @@ def _draw_groups(axes: Axes, comparison: Comparison) -> None:
     factor = comparison.factors[0]
     groups = factor.groups[:GROUPS_DRAWN]
     place = np.arange(len(groups))
-    turns = [group.acts_like for group in groups if group.acts_like is not None]
+    turns = [group.equivalent_rotation for group in groups if group.equivalent_rotation is not None]
     if turns:
         axes.bar(place, np.degrees(turns), 0.6, color=MODEL)
         axes.set(ylabel=f"acts like a turn of joint {factor.name.split()[-1]}, deg")
     else:
-        for shift, axis, hatch, colour in (
-            (-0.27, "x", "", MODEL),
-            (0.0, "y", "//", HELD_OUT),
-            (0.27, "z", "..", GREEN),
-        ):
-            bias = [group.bias["xyz".index(axis)] * 1e3 for group in groups]
-            axes.bar(place + shift, bias, 0.27, label=axis, hatch=hatch, color=colour, edgecolor="white")
+        for k, (hatch, colour) in enumerate((("", MODEL), ("//", HELD_OUT), ("..", GREEN))):
+            bias = [group.bias[k] * 1e3 for group in groups]
+            axes.bar(place + 0.27 * (k - 1), bias, 0.27, label="xyz"[k], hatch=hatch, color=colour, edgecolor="white")
         axes.set(ylabel="mean residual, mm")
         axes.legend(title="along")
     axes.set_xticks(place, [group.label for group in groups], rotation=35, ha="right")
     axes.axhline(0, color="black", linewidth=0.8)
     axes.set_title(f"Residual by {factor.name}")
-
-
-def save_figure(figure: Figure, path: Path) -> None:
-    """Writes a figure whole or not at all, and closes it. Raises `FileError`."""
-    temporary = ""
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)
-        os.close(handle)
-        figure.savefig(temporary, dpi=110)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        Path(temporary).unlink(missing_ok=True)
-        raise FileError(path, "", f"cannot be written ({error.strerror})") from None
-    finally:
-        plt.close(figure)

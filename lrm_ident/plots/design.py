@@ -5,106 +5,104 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import INDICES
-from lrm_ident.design.pose_design import Design, Knowledge, Offer, Task
-from lrm_ident.design.pose_selection import Choice
-from lrm_ident.plots.comparison import GREEN, HELD_OUT, MODEL, NOMINAL, check_format, save_figure
+from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
+from lrm_ident.design.pose_selection import PoseSelection
+from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
 from lrm_ident.report.symbols import symbol
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import equilibrium
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 NEVER = 1e6  # how high a bar stands, off the picture, where a rival is never told
 
 
-def draw_choice(found: Choice, data: Measurements, path: Path) -> None:
+def draw_choice(found: PoseSelection, data: Measurements, path: Path) -> None:
     """The chosen poses among all, and their indices over those of blind choices. Raises `FileError`."""
-    check_format(path)
-    figure, (left, middle, right) = plt.subplots(
-        1, 3, figsize=(13, 4.4), width_ratios=(1, 1, 0.8), layout="constrained"
-    )
-    for axes, pair in ((left, (0, 2)), (middle, (0, 1))):
-        _draw_places(axes, data.tcp, data.tcp[found.rows], pair)
-    gain = [found.value.value(name) / max(found.blind.value(name), 1e-300) for name in INDICES]
-    bars = right.bar(INDICES, gain, color=MODEL)
-    right.bar_label(bars, fmt="%.2f", padding=3)
-    right.axhline(1.0, color="black", linewidth=0.8)
-    share = 100 * found.value.O1 / found.best_possible_o1
-    right.set(ylabel="index / index of a blind choice", ylim=(0, 1.15 * max(gain)))
-    right.set_title(f"O1: {share:.1f} % of what no choice exceeds", fontsize=10)
-    save_figure(figure, path)
+    with figure_file(path, 13, 4.4) as figure:
+        left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1, 0.8))
+        for axes, pair in ((left, (0, 2)), (middle, (0, 1))):
+            _draw_places(axes, data.tcp, data.tcp[found.rows], pair)
+        gain = [found.observability.value(name) / max(found.random_baseline.value(name), 1e-300) for name in INDICES]
+        bars = right.bar(INDICES, gain, color=MODEL)
+        right.bar_label(bars, fmt="%.2f", padding=3)
+        right.axhline(1.0, color="black", linewidth=0.8)
+        share = 100 * found.observability.O1 / found.o1_upper_bound
+        right.set(ylabel="index / index of a blind choice", ylim=(0, 1.15 * max(gain)))
+        right.set_title(f"O1: {share:.1f} % of what no choice exceeds", fontsize=10)
 
 
-def draw_design(task: Task, offer: Offer, found: Design, path: Path) -> None:
+def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, path: Path) -> None:
     """Where the poses are, what will be known of every parameter, and which sizes of the rivals can be told apart.
 
     Raises `FileError` for an unknown format or a place that cannot be written.
     """
-    check_format(path)
-    widths = (0.7, 1.3) if found.after.apart is None else (0.7, 1.2, 0.5)
-    figure, panels = plt.subplots(1, len(widths), figsize=(14, 4.8), width_ratios=widths, layout="constrained")
+    widths = (0.7, 1.3) if found.after.discrimination is None else (0.7, 1.2, 0.5)
     everywhere, chosen = (equilibrium(task.model, poses).tcp for poses in (offer.poses, found.poses))
-    _draw_places(panels[0], everywhere, chosen, (0, 2))
     sets = [
-        Shown(known, *style)
+        PlottedSet(known, *style)
         for known, *style in (
             (found.before, "now", NOMINAL, "s", ".."),
-            (found.blind_after, "with poses drawn blindly", HELD_OUT, "x", "//"),
+            (found.random_after, "with poses drawn blindly", HELD_OUT, "x", "//"),
             (found.after, "with these", MODEL, "o", ""),
         )
         if known is not None
     ]
-    _draw_errors(panels[1], found, sets)
-    panels[1].set_title(f"noise {task.noise * 1e3:g} mm per axis", fontsize=10)
-    if found.after.apart is not None:
-        _draw_rivals(panels[2], [rival.name for rival in found.after.apart.rivals], sets)
-    save_figure(figure, path)
+    with figure_file(path, 14, 4.8) as figure:
+        panels = figure.subplots(1, len(widths), width_ratios=widths)
+        _draw_places(panels[0], everywhere, chosen, (0, 2))
+        _draw_errors(panels[1], found, sets)
+        panels[1].set_title(f"noise {task.noise * 1e3:g} mm per axis", fontsize=10)
+        if found.after.discrimination is not None:
+            _draw_rivals(panels[2], [rival.name for rival in found.after.discrimination.rivals], sets)
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """One set of poses in the picture."""
+class PlottedSet:
+    """The expected accuracy of one set of poses, and how it is drawn."""
 
-    known: Knowledge
+    known: ExpectedAccuracy
     label: str
     colour: str
     marker: str
     hatch: str
 
 
-def _draw_errors(axes: Axes, found: Design, sets: Sequence[Shown]) -> None:
+def _draw_errors(axes: Axes, found: PoseDesign, sets: Sequence[PlottedSet]) -> None:
     place = np.arange(len(found.keys))
     for one in sets:
         label = f"{one.label}: TCP to {one.known.tcp:.3g} mm"
-        axes.plot(place, one.known.errors, one.marker, color=one.colour, label=label, markersize=6)
+        axes.plot(place, one.known.standard_errors, one.marker, color=one.colour, label=label, markersize=6)
     _log(axes)
     axes.set_xticks(place, [symbol(key) for key in found.keys], rotation=60, fontsize=8)
     axes.set_ylabel("expected standard error as TCP motion, mm")
     axes.legend(fontsize=9)
 
 
-def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[Shown]) -> None:
+def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -> None:
     """The least size of every rival that is told from all else; no bar where it never is."""
     width = 0.8 / len(sets)
     for k, one in enumerate(sets):
-        rivals = () if one.known.apart is None else one.known.apart.rivals
+        rivals = () if one.known.discrimination is None else one.known.discrimination.rivals
         place = np.arange(len(names)) + (k - 0.5 * (len(sets) - 1)) * width
         for x, rival in zip(place, rivals, strict=True):
-            height = NEVER if rival.least is None else rival.least
+            height = NEVER if rival.detectable_size is None else rival.detectable_size
             bar = axes.bar(x, height, width, color=one.colour, hatch=one.hatch, edgecolor="white")
-            if rival.least is not None:
-                axes.bar_label(bar, [f"{rival.least:.2g}"], fontsize=8)
+            if rival.detectable_size is not None:
+                axes.bar_label(bar, [f"{rival.detectable_size:.2g}"], fontsize=8)
             else:
                 axes.text(x, 0.5, "never", rotation=90, fontsize=8, transform=axes.get_xaxis_transform(), ha="center")
-    told = [r.least for one in sets if one.known.apart for r in one.known.apart.rivals if r.least is not None]
+    known = [one.known.discrimination.rivals for one in sets if one.known.discrimination]
+    sizes = [rival.detectable_size for rivals in known for rival in rivals if rival.detectable_size is not None]
     _log(axes)
-    axes.set_ylim(0.5 * min(told, default=1.0), 3.0 * max(told, default=1.0))
+    axes.set_ylim(0.5 * min(sizes, default=1.0), 3.0 * max(sizes, default=1.0))
     axes.set_xticks(np.arange(len(names)), [name.replace("@", "\n@") for name in names], fontsize=8)
     axes.set_ylabel("least size told apart, typical sizes")
 
@@ -112,8 +110,8 @@ def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[Shown]) -> Non
 def _log(axes: Axes) -> None:
     """A logarithmic axis in plain numbers."""
     axes.set_yscale("log")
-    for formatted in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-        formatted(FuncFormatter(lambda value, _: f"{value:g}"))
+    for set_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        set_format(plain_number)
     axes.grid(alpha=0.3)
 
 

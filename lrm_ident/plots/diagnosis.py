@@ -3,36 +3,37 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import Diagnosis
-from lrm_ident.diagnosis.diagnosis_report import Advice, Report
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.free_functions import FreeFunction
-from lrm_ident.plots.comparison import GREEN, HELD_OUT, MODEL, NOMINAL, check_format, save_figure
+from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
 from lrm_math.arrays import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 DRAWN = 9
 HATCH = {"supported": "", "indistinguishable": "//", "no_evidence": ".."}
 BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
 
 
-def draw_report(report: Report, path: Path) -> None:
+def draw_report(report: DiagnosisReport, path: Path) -> None:
     """Draws a diagnosis. Raises `FileError` for an unknown format or a place that cannot be written."""
-    check_format(path)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(13, 4.6), width_ratios=(1, 1.1), layout="constrained")
-    _draw_ranking(left, report)
-    if report.first is not None:
-        _draw_evidence(right, report.diagnosis, report.first)
-    elif report.diagnosis.anatomy:
-        _draw_anatomy(right, report.diagnosis, report.diagnosis.anatomy[0][0])
-    save_figure(figure, path)
+    with figure_file(path, 13, 4.6) as figure:
+        left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
+        _draw_ranking(left, report)
+        if report.first is not None:
+            _draw_evidence(right, report.diagnosis, report.first)
+        elif report.diagnosis.unexplained.ranking:
+            _draw_anatomy(right, report.diagnosis, report.diagnosis.unexplained.ranking[0][0])
 
 
-def _draw_ranking(axes: Axes, report: Report) -> None:
+def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     shown = report.ranking[:DRAWN][::-1]
     bars = axes.barh([a.scored.name for a in shown], [a.held_out_rms * 1e3 for a in shown], color=MODEL)
     for bar, advice in zip(bars, shown, strict=True):
@@ -50,48 +51,42 @@ def _draw_ranking(axes: Axes, report: Report) -> None:
     axes.set_title(f"{report.verdict.replace('_', ' ')} (line: now {now:.2f}{noise} mm)", fontsize=10)
 
 
-def _draw_evidence(axes: Axes, found: Diagnosis, first: Advice) -> None:
+def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None:
     """Added-variable plot: what the fit leaves, against what the effect would add beyond the fitted parameters.
 
     One point for each pose and axis; along the dashed line the effect explains all of it.
     """
     scored = first.scored
-    motion = (scored.prepared.inside @ scored.alone.theta).reshape(-1, 3) * 1e3
+    motion = (scored.projected.all_rows @ scored.alone.theta).reshape(-1, 3) * 1e3
     residual = found.fit.residual * 1e3
     for axis, (colour, marker) in enumerate(BANDS):
-        axes.scatter(
-            motion[:, axis], residual[:, axis], s=12, color=colour, marker=marker, label=f"along {'xyz'[axis]}"
-        )
+        label = f"along {'xyz'[axis]}"
+        axes.scatter(motion[:, axis], residual[:, axis], s=12, color=colour, marker=marker, label=label)
     most = float(np.abs(motion).max())
     axes.plot([-most, most], [-most, most], color="black", linestyle="--", linewidth=1, label="as the effect says")
-    axes.set(xlabel=f"what {scored.name} would add beyond the fit, mm", ylabel="what the fit leaves, mm")
-    axes.set_title(f"{scored.name}: {first.why.split(':')[0]}", fontsize=10)
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=9)
+    title = f"{scored.name}: {first.why.split(':')[0]}"
+    finish(axes, f"what {scored.name} would add beyond the fit, mm", "what the fit leaves, mm", title)
 
 
 def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
     """The turn of one joint that each residual acts like, against what it follows; a second quantity in three bands."""
-    turn = found.turns[function.joint]
+    turn = found.joint_jacobian[function.joint]
     length = np.maximum((turn**2).sum(axis=0), 1e-12)
-    acts_like = np.degrees((found.fit.residual.T * turn).sum(axis=0) / length)
-    name, values = function.follows[0], _values(found.data, found, function.follows[0])
-    if len(function.follows) == 1:
-        axes.scatter(values, acts_like, s=12, color=MODEL)
+    equivalent_rotation = np.degrees((found.fit.residual.T * turn).sum(axis=0) / length)
+    name, values = function.covariates[0], _values(found.data, found, function.covariates[0])
+    if len(function.covariates) == 1:
+        axes.scatter(values, equivalent_rotation, s=12, color=MODEL)
     else:
-        second, other = function.follows[1], _values(found.data, found, function.follows[1])
+        second, other = function.covariates[1], _values(found.data, found, function.covariates[1])
         edges = np.quantile(other, [0, 1 / 3, 2 / 3, 1])
         for (colour, marker), low, high in zip(BANDS, edges, edges[1:], strict=False):
             band = (other >= low) & (other <= high)
             label = f"{_with_unit(second)} from {low:.3g} to {high:.3g}"
-            axes.scatter(values[band], acts_like[band], s=14, color=colour, marker=marker, label=label)
-        axes.legend(fontsize=9)
-    limit = float(np.quantile(np.abs(acts_like), 0.98))
-    axes.set(
-        xlabel=name, ylabel=f"acts like a turn of joint {function.joint + 1}, deg", ylim=(-1.3 * limit, 1.3 * limit)
-    )
-    axes.set_title(f"Anatomy: {function.name}", fontsize=10)
-    axes.grid(alpha=0.3)
+            axes.scatter(values[band], equivalent_rotation[band], s=14, color=colour, marker=marker, label=label)
+    limit = float(np.quantile(np.abs(equivalent_rotation), 0.98))
+    axes.set_ylim(-1.3 * limit, 1.3 * limit)
+    turned, title = f"acts like a turn of joint {function.joint + 1}, deg", f"Anatomy: {function.name}"
+    finish(axes, name, turned, title, legend=len(function.covariates) > 1)
 
 
 def _with_unit(name: str) -> str:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 
-from lrm_ident.design.finite_difference_study import StepStudy
+from lrm_ident.design.finite_difference_study import StepSizeStudy
 from lrm_ident.design.observability import UNITS, Units
-from lrm_ident.design.parameter_elimination import Elimination
-from lrm_ident.plots.comparison import GREEN, HELD_OUT, MODEL, NOMINAL, check_format, save_figure
+from lrm_ident.design.parameter_elimination import ParameterElimination
+from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 TABLE_A_1 = (
     *(2.34e6, 1.13e6, 8.07e5, 2.93e5, 2.11e5, 1.95e4, 9.25e3, 1.71e3, 1.39e3, 1.02e3, 8.16e2, 7.28e2, 6.16e2, 4.79e2),
@@ -27,47 +29,44 @@ STYLES = {"option1": (MODEL, "-"), "option2": (HELD_OUT, "--"), "option3": (GREE
 TITLES = {"thesis": "mm per rad, mm, rad/Nmm", "scaled": "mm per typical size"}
 
 
-def draw_elimination(found: Elimination, path: Path) -> None:
+def draw_elimination(found: ParameterElimination, path: Path) -> None:
     """Singular values before and after, in the thesis's units and scaled. Raises `FileError`."""
-    check_format(path)
-    figure, panels = plt.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
-    for axes, units in zip(panels, UNITS, strict=True):
-        every, kept = found.all_values[units], found.kept_values[units]
-        axes.plot(np.arange(1, len(every) + 1), np.maximum(every, FLOOR), "o", color=NOMINAL, label=f"all {len(every)}")
-        label = f"the {len(kept)} kept"
-        axes.plot(np.arange(1, len(kept) + 1), kept, "x", color=MODEL, markersize=8, label=label)
-        if units == "thesis":
-            number = np.arange(1, len(TABLE_A_1) + 1)
-            axes.plot(number, TABLE_A_1, "+", color=HELD_OUT, markersize=8, label="thesis, Table A.1")
-        if units == found.units:
-            label = f"threshold {found.threshold:g}"
-            axes.axhline(found.threshold, color="black", linestyle="--", linewidth=1, label=label)
-        axes.set_yscale("log")
-        axes.set(xlabel="number", ylabel=f"singular value, {TITLES[units]}")
-        axes.set_title(f"{found.poses} poses" + (f" (at {FLOOR:g}: zero)" if every.min() < FLOOR else ""), fontsize=10)
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=9)
-    save_figure(figure, path)
+    with figure_file(path, 12, 4.6) as figure:
+        for axes, units in zip(figure.subplots(1, 2), UNITS, strict=True):
+            _draw_singular_values(axes, found, units)
 
 
-def draw_steps(studies: Sequence[StepStudy], units: Units, path: Path) -> None:
+def _draw_singular_values(axes: Axes, found: ParameterElimination, units: Units) -> None:
+    every, kept = found.all_values[units], found.kept_values[units]
+    axes.plot(np.arange(1, len(every) + 1), np.maximum(every, FLOOR), "o", color=NOMINAL, label=f"all {len(every)}")
+    label = f"the {len(kept)} kept"
+    axes.plot(np.arange(1, len(kept) + 1), kept, "x", color=MODEL, markersize=8, label=label)
+    if units == "thesis":
+        number = np.arange(1, len(TABLE_A_1) + 1)
+        axes.plot(number, TABLE_A_1, "+", color=HELD_OUT, markersize=8, label="thesis, Table A.1")
+    if units == found.units:
+        label = f"threshold {found.threshold:g}"
+        axes.axhline(found.threshold, color="black", linestyle="--", linewidth=1, label=label)
+    axes.set_yscale("log")
+    title = f"{found.poses} poses" + (f" (at {FLOOR:g}: zero)" if every.min() < FLOOR else "")
+    finish(axes, "number", f"singular value, {TITLES[units]}", title)
+
+
+def draw_steps(studies: Sequence[StepSizeStudy], units: Units, path: Path) -> None:
     """Norm over exact norm, and error, by step; a column for each posture. Raises `FileError`."""
-    check_format(path)
     angles = list(dict.fromkeys(study.angle for study in studies))
-    figure, panels = plt.subplots(
-        2, len(angles), figsize=(4.4 * len(angles), 6.4), layout="constrained", sharex=True, sharey="row", squeeze=False
-    )
-    for column, angle in enumerate(angles):
-        here = [study for study in studies if study.angle == angle]
-        _draw_norm(panels[0, column], here)
-        _draw_error(panels[1, column], here, THESIS_STEP if units == "thesis" else None)
-        panels[0, column].set_title(f"all joints at {np.degrees(angle):.0f} deg", fontsize=10)
-    panels[0, 0].set_ylabel("norm by differences / exact norm")
-    panels[1, 0].set_ylabel("relative error of the Jacobian")
-    save_figure(figure, path)
+    with figure_file(path, 4.4 * len(angles), 6.4) as figure:
+        panels = figure.subplots(2, len(angles), sharex=True, sharey="row", squeeze=False)
+        for column, angle in enumerate(angles):
+            here = [study for study in studies if study.angle == angle]
+            _draw_norm(panels[0, column], here)
+            _draw_error(panels[1, column], here, THESIS_STEP if units == "thesis" else None)
+            panels[0, column].set_title(f"all joints at {np.degrees(angle):.0f} deg", fontsize=10)
+        panels[0, 0].set_ylabel("norm by differences / exact norm")
+        panels[1, 0].set_ylabel("relative error of the Jacobian")
 
 
-def _draw_norm(axes: Axes, studies: Sequence[StepStudy]) -> None:
+def _draw_norm(axes: Axes, studies: Sequence[StepSizeStudy]) -> None:
     for study in studies:
         colour, line = STYLES[study.option]
         label = f"{study.option}: exact {study.exact:.3g}"
@@ -77,14 +76,12 @@ def _draw_norm(axes: Axes, studies: Sequence[StepStudy]) -> None:
     axes.legend(fontsize=9)
 
 
-def _draw_error(axes: Axes, studies: Sequence[StepStudy], published: float | None) -> None:
+def _draw_error(axes: Axes, studies: Sequence[StepSizeStudy], published: float | None) -> None:
     for study in studies:
         colour, line = STYLES[study.option]
         axes.plot(study.steps, study.error, color=colour, linestyle=line, linewidth=2)
     if published is not None:
         axes.axvline(published, color="black", linewidth=1, linestyle="-.")
         axes.text(1.3 * published, 0.2, f"thesis: {published:g}", fontsize=9)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("step ε")
+    axes.set(xscale="log", yscale="log", xlabel="step ε")
     axes.grid(alpha=0.3)

@@ -3,49 +3,46 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import QuadMesh
-from matplotlib.patches import Polygon, Rectangle
-from scipy.spatial import ConvexHull
 
-from lrm_ident.plots.comparison import HELD_OUT, MODEL, NOMINAL, check_format, save_figure
-from lrm_ident.report.workspace import Compared
-from lrm_ident.workspace.capability_map import Capability
-from lrm_ident.workspace.voxel_grid import ball_of
+from lrm_ident.plots.style import HELD_OUT, MODEL, NOMINAL, figure_file
+from lrm_ident.report.workspace import VariantComparison
+from lrm_ident.workspace.capability_map import CapabilityMap
+from lrm_ident.workspace.voxel_grid import bounding_ball
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
+
 MM_PER_M = 1e3
 ROW, SHORTEST = 0.27, 4.6
 """Height of one variant's bar, and of the figure at least (inches)."""
 
 
-def draw_reach(found: Compared, path: Path) -> None:
+def draw_reach(found: VariantComparison, path: Path) -> None:
     """Draws the first map, cut twice, and all variants. Raises `FileError` for an unknown format or place."""
-    check_format(path)
     compared = len(found.maps) > 1
     size = (16.5, max(SHORTEST, 1.2 + ROW * len(found.maps))) if compared else (10.5, SHORTEST)
     widths = (1, 1, 0.6) if compared else (1, 1)
-    figure, axes = plt.subplots(1, len(widths), figsize=size, width_ratios=widths, layout="constrained")
-    arm, first = found.variants[0].arm, found.maps[0]
-    middle = ball_of(arm)[0]
-    level = _height(found)
-    most = 100 * max(float(_layer(first, k, at).max()) for k, at in ((1, middle[1]), (2, level))) or 1.0
-    _draw_cut(axes[0], found, (0, 2), float(middle[1]), most)
-    mesh = _draw_cut(axes[1], found, (0, 1), level, most)
-    figure.colorbar(mesh, ax=axes[:2], label="orientations that can be taken, %", shrink=0.8)
-    if compared:
-        _draw_variants(axes[2], found)
-    save_figure(figure, path)
+    first, middle, level = found.maps[0], float(bounding_ball(found.variants[0].arm)[0][1]), _height(found)
+    most = 100 * max(float(_layer(first, k, at).max()) for k, at in ((1, middle), (2, level))) or 1.0
+    with figure_file(path, *size) as figure:
+        axes = figure.subplots(1, len(widths), width_ratios=widths)
+        _draw_cut(axes[0], found, (0, 2), middle, most)
+        mesh = _draw_cut(axes[1], found, (0, 1), level, most)
+        figure.colorbar(mesh, ax=axes[:2], label="orientations that can be taken, %", shrink=0.8)
+        if compared:
+            _draw_variants(axes[2], found)
 
 
-def _height(found: Compared) -> float:
+def _height(found: VariantComparison) -> float:
     """Where to cut level (m): through the middle of the first area, or where the map holds most."""
     first = found.maps[0]
     if found.areas:
@@ -54,7 +51,7 @@ def _height(found: Compared) -> float:
     return float(first.grid.axis(2)[best])
 
 
-def _draw_cut(axes: Axes, found: Compared, plane: tuple[int, int], at: float, most: float) -> QuadMesh:
+def _draw_cut(axes: Axes, found: VariantComparison, plane: tuple[int, int], at: float, most: float) -> QuadMesh:
     """The mean of the two layers of cells on either side of `at` (m) along the axis that `plane` leaves out."""
     arm, first = found.variants[0].arm, found.maps[0]
     i, j = plane
@@ -68,15 +65,10 @@ def _draw_cut(axes: Axes, found: Compared, plane: tuple[int, int], at: float, mo
     _draw_arm(axes, arm, plane)
     for area in found.areas:
         if area.low[k] <= at <= area.high[k]:
-            low, size = MM_PER_M * np.array(area.low), MM_PER_M * (np.array(area.high) - area.low)
-            axes.add_patch(
-                Rectangle(
-                    (low[i], low[j]), size[i], size[j], fill=False, edgecolor=HELD_OUT, linewidth=2, linestyle="--"
-                )
-            )
-            axes.annotate(
-                area.name, (low[i] + size[i], low[j] + size[j]), color=HELD_OUT, ha="right", va="bottom", weight="bold"
-            )
+            low, high = (MM_PER_M * np.array(corner)[[i, j]] for corner in (area.low, area.high))
+            outline = np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])
+            axes.plot(*outline.T, color=HELD_OUT, linewidth=2, linestyle="--")
+            axes.annotate(area.name, tuple(high), color=HELD_OUT, ha="right", va="bottom", weight="bold")
     step = MM_PER_M * first.grid.step
     if len(x) and len(y):
         axes.set(xlim=(x.min() - 2 * step, x.max() + 3 * step), ylim=(y.min() - 2 * step, y.max() + 3 * step))
@@ -85,7 +77,7 @@ def _draw_cut(axes: Axes, found: Compared, plane: tuple[int, int], at: float, mo
     return mesh
 
 
-def _layer(found: Capability, k: int, at: float) -> Array:
+def _layer(found: CapabilityMap, k: int, at: float) -> Array:
     """The map's mean of the two layers nearest to `at` along axis k."""
     nearest = np.argsort(np.abs(found.grid.axis(k) - at), kind="stable")[:2]
     return np.asarray(found.grid.by_axis(found.index).take(nearest, axis=k).mean(axis=k))
@@ -95,9 +87,12 @@ def _draw_boxes(axes: Axes, arm: Arm, plane: tuple[int, int], k: int, at: float)
     """Outlines of what stands around the arm, where the cut goes through it."""
     if not arm.shapes.capsules:
         return
+    from matplotlib.patches import Polygon
+    from scipy.spatial import ConvexHull
+
     scene = Scene.of(arm)
     signs = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
-    for turn, centre, half in zip(scene.box_turn, scene.box_centre, scene.box_half, strict=True):
+    for turn, centre, half in zip(scene.box_rotation, scene.box_centre, scene.box_half, strict=True):
         corners = centre + (signs * half) @ turn.T
         if corners[:, k].min() <= at <= corners[:, k].max():
             flat = MM_PER_M * corners[:, plane]
@@ -113,10 +108,10 @@ def _draw_arm(axes: Axes, arm: Arm, plane: tuple[int, int]) -> None:
     axes.legend(loc="upper left", fontsize=9)
 
 
-def _draw_variants(axes: Axes, found: Compared) -> None:
+def _draw_variants(axes: Axes, found: VariantComparison) -> None:
     ranked = found.ranked[::-1]
     scale = 100.0 if found.areas else 1e3
-    values = [scale * found.worth(capability) for _, capability in ranked]
+    values = [scale * found.criterion(capability) for _, capability in ranked]
     colours = [MODEL if variant is found.variants[0] else NOMINAL for variant, _ in ranked]
     bars = axes.barh([variant.name.replace(",", ", ") for variant, _ in ranked], values, color=colours)
     axes.bar_label(bars, fmt="%.2f" if found.areas else "%.0f", padding=3, fontsize=9)

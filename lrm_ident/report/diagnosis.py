@@ -1,62 +1,97 @@
-"""What people read of a search: the verdict first, then the ranking, then what the data cannot show."""
+"""Reports of `diagnose`, `auto`, `selftest` and `effects`: the verdict, the ranking, what the data cannot show."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from rich.console import Console
+from rich.text import Text
 
-from lrm_ident.data.error_stats import figures
-from lrm_ident.diagnosis.add_effect import Step
-from lrm_ident.diagnosis.diagnose import ABOVE_FLOOR
-from lrm_ident.diagnosis.diagnosis_report import Report
-from lrm_ident.diagnosis.inject_recover import Trial
-from lrm_ident.report.fit import table
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.diagnosis.add_effect import AutoRun, AutoStep
+from lrm_ident.diagnosis.diagnose import FLOOR_RATIO
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.inject_recover import InjectionTrial
+from lrm_ident.fit.error_breakdown import HeldOutResidual
+from lrm_ident.fit.levenberg_marquardt import Fit
+from lrm_ident.report.document import Block, Document, ResultTable, enumerate_words, heading, section
+from lrm_ident.report.fit import ErrorSummary, parameter_table
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import Effect, Parameter
 
-SHOWN, REFUSED_SHOWN, RIVALS_SHOWN = 8, 4, 4
+SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED = 8, 4, 4, 30
 VERDICTS = {
     "effect_missing": "An effect is missing.",
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
     "unexplained_structure": "There is structure left that no known effect explains.",
 }
 OUTCOMES = {"found": "● found", "one of a class": "◐ one of a class", "missed": "○ missed", "wrong": "✕ wrong"}
+OFFLINE = "explains a measurement session; never deployed silently"
 MARKS = {"supported": "● supported", "indistinguishable": "◐ one of a class", "no_evidence": "○ no evidence"}
 
 
-def print_report(console: Console, report: Report) -> None:
-    """The result of `lrm-ident diagnose`."""
+def diagnosis_document(report: DiagnosisReport) -> Document:
+    """Result of `lrm-ident diagnose`, schema `lrm/diagnosis/1`."""
     found = report.diagnosis
-    floor = "unknown" if found.floor.rms is None else f"{found.floor.rms * 1e3:.2f} mm ({found.floor.source})"
-    console.print(_verdict(report), style="bold")
-    console.print(
+    floor = None if found.floor.rms is None else found.floor.rms * 1e3
+    anatomy = [(function, rms * 1e3) for function, rms in found.unexplained.ranking]
+    noise = "unknown" if floor is None else f"{floor:.2f} mm ({found.floor.source})"
+    values = {
+        "poses": len(found.data),
+        "parameters": len(found.fit.model.free),
+        "error": {"fit": report.fit, "held_out": report.held_out},
+        "noise_floor_rms_mm": floor,
+        "noise_floor_source": found.floor.source,
+        "structure": {
+            "moran_i": found.structure.moran_i,
+            "p_value": found.structure.p_value,
+            "order_p_value": found.structure.order_p_value,
+        },
+        "verdict": report.verdict,
+        "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
+        "unexplained": [
+            {"acts_like": function.name, "joint": function.joint + 1, "follows": function.covariates}
+            for function in found.unexplained.functions
+        ],
+        "anatomy": [
+            {"joint": function.joint + 1, "follows": function.covariates, "held_out_rms_mm": rms}
+            for function, rms in anatomy
+        ],
+        "outliers": found.outliers,
+        "audit": report.limitations,
+        "not_testable": [
+            {
+                "effect": effect.id,
+                "place": effect.place,
+                "reason": reason,
+                "would_need": effect.needs or "poses where it moves the TCP more",
+            }
+            for effect, reason in found.not_testable
+        ],
+        "next_poses_hint": report.hint,
+    }
+    blocks: list[Block] = [
+        heading(_verdict(report)),
         f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {report.fit.rms * 1e3:.2f} mm in the "
-        f"fit, {report.held_out.rms * 1e3:.2f} mm held out; noise floor {floor}; "
+        f"fit, {report.held_out.rms * 1e3:.2f} mm held out; noise floor {noise}; "
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p = {found.structure.p_value:.1g}",
-        highlight=False,
-    )
-    _print_ranking(console, report)
-    if report.verdict == "unexplained_structure" and found.anatomy:
-        console.print("\nIts anatomy: what it acts like, and what that follows", style="bold")
-        for function, rms in found.anatomy:
-            console.print(f"  {function.name} would leave {rms * 1e3:.2f} mm held out", highlight=False)
+        _ranking_table(report),
+    ]
+    if report.verdict == "unexplained_structure":
+        lines = (f"{function.name} would leave {rms:.2f} mm held out" for function, rms in anatomy)
+        blocks += section("\nIts anatomy: what it acts like, and what that follows", lines)
     if found.outliers:
-        console.print(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}", highlight=False)
-    if report.traps:
-        console.print("\nWhat these data cannot show", style="bold")
-        for trap in report.traps:
-            console.print(f"  {trap}", highlight=False, soft_wrap=True)
-    _print_untestable(console, found.not_testable)
-    console.print(f"\nNext poses: {report.hint}", highlight=False)
+        blocks.append(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}")
+    blocks += section("\nWhat these data cannot show", report.limitations)
+    blocks += section("\nNot testable", _untestable(found.not_testable))
+    return Document([*blocks, f"\nNext poses: {report.hint}"], "lrm/diagnosis/1", values)
 
 
-def _verdict(report: Report) -> str:
+def _verdict(report: DiagnosisReport) -> str:
     """The verdict in words; nothing found above the noise floor is not the same as nothing missing."""
     floor, sigma = report.diagnosis.floor.sd, report.diagnosis.fit.sigma
-    if report.verdict == "nothing_missing" and floor is not None and sigma > ABOVE_FLOOR * floor:
+    if report.verdict == "nothing_missing" and floor is not None and sigma > FLOOR_RATIO * floor:
         return (
             f"No effect can be shown to be missing, yet the error is {sigma / floor:.2f} times the noise: "
             "there are too few poses to tell, or the noise is larger than said."
@@ -64,59 +99,118 @@ def _verdict(report: Report) -> str:
     return VERDICTS[report.verdict]
 
 
-def _print_ranking(console: Console, report: Report) -> None:
-    ranking = table("", ">", "effect", "verdict", ">held out mm", "why")
-    named = sum(advice.verdict != "no_evidence" for advice in report.ranking)
-    for rank, advice in enumerate(report.ranking[: min(named, SHOWN) + REFUSED_SHOWN], start=1):
-        approximate = "" if advice.exact else "≈ "
-        rms = f"{approximate}{advice.held_out_rms * 1e3:.2f}"
-        ranking.add_row(str(rank), advice.scored.name, MARKS[advice.verdict], rms, advice.why)
-    console.print(ranking)
+def _ranking_table(report: DiagnosisReport) -> ResultTable:
+    supported = sum(advice.verdict != "no_evidence" for advice in report.ranking)
+    rows = []
+    for rank, advice in enumerate(report.ranking[: min(supported, SHOWN) + REFUSED_SHOWN], start=1):
+        rms = ("" if advice.exact else "≈ ") + f"{advice.held_out_rms * 1e3:.2f}"
+        rows.append((rank, advice.scored.name, MARKS[advice.verdict], rms, advice.why))
+    return ResultTable(("|", "effect", "verdict", "held out mm|", "why"), rows)
 
 
-def _print_untestable(console: Console, refused: tuple[tuple[Effect, str], ...]) -> None:
+def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict[str, object]:
+    effect = advice.scored.candidate.effect
+    return {
+        "rank": rank,
+        "effect": effect.id,
+        "place": effect.place,
+        "verdict": advice.verdict,
+        "held_out_rms_mm": advice.held_out_rms * 1e3,
+        "approximate": not advice.exact,
+        "gain_mm": (report.held_out.rms - advice.held_out_rms) * 1e3,
+        "p_value": min(1.0, report.diagnosis.adjusted_p_values[advice.scored.name]),
+        "parameters": {name: {"value": value, "se": error} for name, value, error in advice.estimates},
+        "indistinguishable_from": advice.equivalent,
+        "online": effect.online,
+        "why": advice.why,
+    }
+
+
+def _untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
+    """One line for all places of an effect that the data cannot test for the same reason."""
     by_reason: dict[tuple[str, str], list[str]] = defaultdict(list)
     for effect, reason in refused:
-        general = reason.replace(effect.place, "the joint")
-        short = f"{general} (needs {effect.needs})" if effect.needs else general
+        general = reason.replace(effect.place, "the joint") + (f" (needs {effect.needs})" if effect.needs else "")
         if "typical size" in reason:
-            short = "its typical size would hardly show in what is left now"
-        by_reason[effect.id, short].append(effect.place)
-    if by_reason:
-        console.print("\nNot testable", style="bold")
-        for (name, reason), places in by_reason.items():
-            console.print(f"  {name} at {', '.join(places)}: {reason}", highlight=False, soft_wrap=True)
+            general = "its typical size would hardly show in what is left now"
+        by_reason[effect.id, general].append(effect.place)
+    for (name, reason), places in by_reason.items():
+        yield f"{name} at {', '.join(places)}: {reason}"
 
 
-def print_step(console: Console, number: int, step: Step, held_out: float) -> None:
-    """One line of the fall, and what could not be told from the effect added."""
+def step_blocks(number: int, step: AutoStep, held_out: float) -> Iterator[Block]:
+    """One step of `lrm-ident auto`: errors (held out: m), and the effects that explain the data equally well."""
     bar = "█" * int(np.clip(round(held_out * 1e3 * 3), 1, 24))
-    errors = f"fit {figures(step.fit.residual).rms * 1e3:5.2f}   held out ≈ {held_out * 1e3:5.2f} mm  {bar}"
-    line = f"{number:3d}  {step.added or 'start':28s} {len(step.fit.model.free):3d} parameters   {errors}"
-    console.print(line, highlight=False, soft_wrap=True)
-    if step.rivals:
-        more = f" and {len(step.rivals) - RIVALS_SHOWN} more" if len(step.rivals) > RIVALS_SHOWN else ""
-        rivals = ", ".join(step.rivals[:RIVALS_SHOWN]) + more
-        console.print(f"       or {rivals}: these data cannot tell", highlight=False, soft_wrap=True, style="dim")
+    errors = f"fit {error_stats(step.fit.residual).rms * 1e3:5.2f}   held out ≈ {held_out * 1e3:5.2f} mm  {bar}"
+    yield f"{number:3d}  {step.added or 'start':28s} {len(step.fit.model.free):3d} parameters   {errors}"
+    if step.equivalent:
+        yield Text(f"       or {enumerate_words(step.equivalent, RIVALS_SHOWN)}: these data cannot tell", style="dim")
 
 
-def print_effect(console: Console, kind: type[Effect], in_full: bool) -> None:
-    """What one effect is; in full, with everything that there is to know."""
-    console.print(f"[bold]{kind.id}[/bold]: {kind.cause}", highlight=False, soft_wrap=True)
-    console.print(f"    {kind.formula}", highlight=False, soft_wrap=True, markup=False)
-    if not in_full:
-        return
-    online = "the rover can compensate it" if kind.online else "explains a measurement session; never deployed silently"
-    console.print(
-        f"    source: {kind.source}\n    needs: {kind.needs or 'nothing special'}\n    {online}", highlight=False
-    )
-    arm = load_arm(next(iter(shipped_arms())))
-    places = kind.places(arm)
-    console.print(f"    places on {arm.name}: {', '.join(places)}", highlight=False, soft_wrap=True, markup=False)
-    console.print(f"    acts on: {_acts_on(kind(arm, places[0]))}", highlight=False, soft_wrap=True, markup=False)
-    console.print(f"    parameters, for instance at {places[0]}:", highlight=False, markup=False)
-    for parameter in kind(arm, places[0]).parameters:
-        console.print(f"      {_parameter(parameter)}", highlight=False, soft_wrap=True, markup=False)
+def step_document(effect: str, free: int, before: ErrorSummary, fit: Fit, after: ErrorSummary) -> Document:
+    """Result of `lrm-ident add`, schema `lrm/step/1`; `free`: how many parameters there were before."""
+    now = len(fit.model.free)
+    tables = [*before.blocks(f"before: {free} parameters"), *after.blocks(f"with {effect}: {now}")]
+    errors = {"before": before, "after": after}
+    values = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
+    return Document([parameter_table(fit), *tables], "lrm/step/1", {"added": effect, "parameters": now, **values})
+
+
+def course_document(
+    course: AutoRun, report: DiagnosisReport, held_out: HeldOutResidual, nested: HeldOutResidual
+) -> Document:
+    """Result of `lrm-ident auto`, schema `lrm/course/1`: the nested held-out error and the last diagnosis."""
+    what = "Held out, effects chosen anew in every fold (nested):"
+    last: Block = f"{what} none, because {nested.reason}"
+    if nested.error is not None:
+        last = heading(f"{what} mean {nested.error.mean * 1e3:.2f}, RMS {nested.error.rms * 1e3:.2f} mm")
+    values = {
+        "steps": [
+            {
+                "added": step.added,
+                "indistinguishable_from": step.equivalent,
+                "parameters": len(step.fit.model.free),
+                "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
+            }
+            for step in course.steps
+        ],
+        "verdict": course.diagnosis.verdict,
+        "held_out_effects_fixed": held_out.error,
+        "held_out": nested.error,
+    }
+    return Document([last, *diagnosis_document(report).blocks], "lrm/course/1", values)
+
+
+def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Sequence[tuple[Effect, str]]) -> Document:
+    """Result of `lrm-ident selftest`, schema `lrm/selftest/1`: what would be named for each injected effect."""
+    columns = ("hidden", "moves TCP mm|.2f", "outcome", "named")
+    rows = [(t.truth, t.moved * 1e3, OUTCOMES[t.outcome], enumerate_words(t.named, 4) or t.verdict) for t in trials]
+    counts = (f"{sum(trial.outcome == outcome for trial in trials)} {outcome}" for outcome in OUTCOMES)
+    blocks = [
+        ResultTable(columns, rows, "What would be named"),
+        *section("\nNot testable", _untestable(refused)),
+        f"\n{len(trials)} effects: {', '.join(counts)}",
+    ]
+    records = [
+        {"truth": t.truth, "moved_rms_mm": t.moved * 1e3, "outcome": t.outcome, "named": t.named} for t in trials
+    ]
+    return Document(blocks, "lrm/selftest/1", {"poses": poses, "trials": records})
+
+
+def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
+    """What one effect is; in full, with source, places and parameters."""
+    yield Text.assemble((kind.id, "bold"), f": {kind.cause}")
+    yield f"    {kind.formula}"
+    if in_full:
+        arm = load_arm(next(iter(shipped_arms())))
+        effect = kind(arm, kind.places(arm)[0])
+        yield f"    source: {kind.source}"
+        yield f"    needs: {kind.needs or 'nothing special'}"
+        yield "    " + ("the rover can compensate it" if kind.online else OFFLINE)
+        yield f"    places on {arm.name}: {', '.join(kind.places(arm))}"
+        yield f"    acts on: {_acts_on(effect)}"
+        yield f"    parameters, for instance at {effect.place}:"
+        yield from (f"      {_parameter(parameter)}" for parameter in effect.parameters)
 
 
 def _acts_on(effect: Effect) -> str:
@@ -133,15 +227,3 @@ def _parameter(parameter: Parameter) -> str:
     bounds = f", at least {parameter.lower / parameter.si:g}" if np.isfinite(parameter.lower) else ""
     shape = "" if parameter.fixed is None else ", a shape: searched, not fitted"
     return f"{parameter.name}: {parameter.meaning} ({typical}{bounds}{shape})"
-
-
-def print_trials(console: Console, trials: Sequence[Trial], refused: Sequence[tuple[Effect, str]]) -> None:
-    """The result of `lrm-ident selftest`: what would be named for each truth."""
-    confusion = table("What would be named", "hidden", ">moves TCP mm", "outcome", "named")
-    for trial in trials:
-        named = ", ".join(trial.named[:4]) + (f" and {len(trial.named) - 4} more" if len(trial.named) > 4 else "")
-        confusion.add_row(trial.truth, f"{trial.moved * 1e3:.2f}", OUTCOMES[trial.outcome], named or trial.verdict)
-    console.print(confusion)
-    _print_untestable(console, tuple(refused))
-    count = {outcome: sum(trial.outcome == outcome for trial in trials) for outcome in OUTCOMES}
-    console.print(f"\n{len(trials)} effects: " + ", ".join(f"{number} {outcome}" for outcome, number in count.items()))

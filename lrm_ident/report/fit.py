@@ -1,176 +1,221 @@
-"""What people read: tables for the terminal. Every picture of size is also a number."""
+"""Reports of `fit` and `compare`: estimates, parameters that cannot be identified, errors, and what they depend on."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.console import Console, Group, RenderableType
-from rich.table import Table
 
-from lrm_ident.data.error_stats import ErrorFigures, figures
+from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.error_breakdown import Comparison, Factor, HeldOut
-from lrm_ident.fit.identifiability import Unidentifiable
+from lrm_ident.fit.error_breakdown import Comparison, Factor, HeldOutResidual, PoseGroup
+from lrm_ident.fit.identifiability import IdentifiedFit, UnidentifiableParameter
 from lrm_ident.fit.levenberg_marquardt import Fit
+from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_math.arrays import Array
 from lrm_math.model.model import Model
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
 PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
+OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:"
 
 
-def table(title: str, *columns: str) -> Table:
-    """An empty table; columns whose name starts with ">" stand on the right."""
-    out = Table(title=title, title_justify="left", box=SIMPLE_HEAD, title_style="bold", pad_edge=False)
-    for name in columns:
-        out.add_column(name.removeprefix(">"), justify="right" if name.startswith(">") else "left")
-    return out
+@dataclass(frozen=True)
+class ErrorSummary:
+    """Errors of a model beside the nominal arm's, in the fit and held out."""
+
+    nominal: ErrorStats
+    fitted: ErrorStats
+    held_out: HeldOutResidual
+
+    def blocks(self, title: str) -> list[Block]:
+        """A table of all three, or the reason why there is no held-out error."""
+        rows = [("nominal arm", *in_mm(self.nominal)), ("model", *in_mm(self.fitted))]
+        if self.held_out.error is not None:
+            rows.append(("held out (10 joint-space blocks)", *in_mm(self.held_out.error)))
+        table = ResultTable(("TCP error, mm", "mean|.2f", "RMS|.2f", "max|.2f", "SD|.2f"), rows, title)
+        return [table] if self.held_out.error else [table, f"held out: none, because {self.held_out.reason}"]
+
+    def as_json(self) -> dict[str, object]:
+        """The table `error`."""
+        reason = {} if self.held_out.error else {"held_out_reason": self.held_out.reason}
+        return {"nominal": self.nominal, "fit": self.fitted, "held_out": self.held_out.error, **reason}
 
 
-def error_table(nominal: ErrorFigures, fitted: ErrorFigures, held_out: HeldOut, title: str) -> RenderableType:
-    """Nominal, fit and held-out error side by side."""
-    errors = table(title, "TCP error, mm", ">mean", ">RMS", ">max", ">SD")
-    errors.add_row("nominal arm", *_mm(nominal))
-    errors.add_row("model", *_mm(fitted))
-    if held_out.error is None:
-        return Group(errors, f"held out: none, because {held_out.reason}")
-    errors.add_row("held out (10 joint-space blocks)", *_mm(held_out.error))
-    return errors
+def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements) -> Document:
+    """Result of `lrm-ident fit`, schema `lrm/fit/1`."""
+    fit, model = result.fit, result.fit.model
+    mean, before, held_out = errors.fitted.mean, errors.nominal.mean, errors.held_out.error
+    distance = norms_mm(fit.residual)
+    outliers = [(data.pose[row], distance[row]) for row in fit.outliers]
+    blocks = [
+        parameter_table(fit),
+        *section(
+            "Held at zero, because these poses cannot tell them:", (f"{p.key}: {_why(model, p)}" for p in result.held)
+        ),
+        *section(f"Correlated above {STRONG}:", _correlated(fit)),
+        *section(OUTLIERS, (f"pose {pose}: {error:.1f} mm" for pose, error in outliers)),
+        *errors.blocks(f"{len(data)} poses, {len(model.free)} parameters"),
+        f"The mean error fell from {before * 1e3:.2f} to {mean * 1e3:.2f} mm ({100 * (1 - mean / before):.0f} % less)"
+        + ("." if held_out is None else f"; on poses it never saw it is {held_out.mean * 1e3:.2f} mm."),
+    ]
+    values = {
+        "poses": len(data),
+        "parameters": len(model.free),
+        "error": errors,
+        "residual_sd_per_axis_mm": fit.sigma * 1e3,
+        "steps": fit.steps,
+        "estimates": estimates(fit, se_at_bound=None),
+        "correlation": {"keys": model.free, "matrix": np.round(fit.correlation, 6)},
+        "held_at_zero": [
+            {
+                "parameter": held.key,
+                "survival": held.survival,
+                "se_if_fitted": held.standard_error / model.parameters[model.position(held.key)].si,
+                "moves_the_tcp_like": dict(held.combination),
+            }
+            for held in result.held
+        ],
+        "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
+    }
+    return Document(blocks, "lrm/fit/1", values)
 
 
-def parameter_table(fit: Fit) -> Table:
-    """Estimates with standard errors; angles in degrees."""
-    out = table(f"{len(fit.model.free)} parameters", "parameter", ">value", ">± standard error", "unit")
-    for key, error in zip(fit.model.free, fit.standard_error, strict=True):
-        scale, unit = screen_unit(fit.model, key)
-        note = "at its bound" if key in fit.at_bound else f"± {error * scale:.4f}"
-        name = key.removesuffix("_" + fit.model.parameters[fit.model.position(key)].unit)
-        out.add_row(name, f"{fit.model.value(key) * scale:.4f}", note, unit)
-    return out
-
-
-def held_lines(model: Model, held: tuple[Unidentifiable, ...]) -> Iterator[str]:
-    """One line for every parameter that the data cannot tell."""
-    for parameter in held:
-        yield f"  {parameter.key}: {_why(model, parameter)}"
-
-
-def _why(model: Model, parameter: Unidentifiable) -> str:
-    if not parameter.combination or parameter.survival > 0.2:
-        scale, unit = screen_unit(model, parameter.key)
-        return f"hardly moves the TCP (it would be known to ± {parameter.standard_error * scale:.3g} {unit})"
-    unit = model.parameters[model.position(parameter.key)].unit
-    parts = " and ".join(
-        f"{amount:+.4g} {model.parameters[model.position(key)].unit} of {key}"
-        for key, amount in parameter.combination[:PARTS_SHOWN]
-    ) + (" and less of others" if len(parameter.combination) > PARTS_SHOWN else "")
-    like = "exactly" if parameter.survival < 1e-6 else "nearly"
-    return f"1 {unit} of it moves the TCP {like} like {parts}"
-
-
-def correlation_lines(fit: Fit) -> Iterator[str]:
-    """Pairs of parameters that the data can hardly tell apart."""
-    correlation = fit.correlation
-    for i in range(len(correlation)):
-        for j in range(i):
-            if abs(correlation[i, j]) > STRONG:
-                yield f"  {fit.model.free[j]} and {fit.model.free[i]}: {correlation[i, j]:+.3f}"
-
-
-def print_fit(
-    console: Console,
-    fit: Fit,
-    held: tuple[Unidentifiable, ...],
-    nominal: ErrorFigures,
-    held_out: HeldOut,
-    data: Measurements,
-) -> None:
-    """The result of `lrm-ident fit`."""
-    fitted = figures(fit.residual)
-    console.print(parameter_table(fit))
-    _print_list(console, "Held at zero, because these poses cannot tell them:", held_lines(fit.model, held))
-    _print_list(console, f"Correlated above {STRONG}:", correlation_lines(fit))
-    outliers = (f"  pose {data.pose[row]}: {np.linalg.norm(fit.residual[row]) * 1e3:.1f} mm" for row in fit.outliers)
-    _print_list(
-        console,
-        "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:",
-        outliers,
-    )
-    console.print(error_table(nominal, fitted, held_out, f"{len(data)} poses, {len(fit.model.free)} parameters"))
-    console.print(
-        f"The mean error fell from {nominal.mean * 1e3:.2f} to {fitted.mean * 1e3:.2f} mm "
-        f"({100 * (1 - fitted.mean / nominal.mean):.0f} % less)"
-        + ("." if held_out.error is None else f"; on poses it never saw it is {held_out.error.mean * 1e3:.2f} mm.")
-    )
-
-
-def print_comparison(console: Console, comparison: Comparison, data: Measurements) -> None:
-    """The result of `lrm-ident compare`."""
-    free = len(comparison.rest.model.free)
-    title = f"{len(data)} poses, {free} parameters"
-    console.print(error_table(comparison.nominal, comparison.error, comparison.held_out, title))
-    console.print(_factor_table(comparison))
-    for factor in comparison.factors[:2]:
-        console.print(_group_table(factor))
-    console.print(_worst_table(comparison, data))
-
-
-def _factor_table(comparison: Comparison) -> Table:
-    out = table(
-        "Where it fails: what the residual follows", "split by", ">explains", "", "worst group", ">RMS mm", ">poses"
-    )
-    for factor in comparison.factors[:FACTORS_SHOWN]:
-        worst, share = factor.worst, factor.share
-        bar = "█" * round(BAR * share)
-        out.add_row(
-            factor.name, f"{100 * share:.0f} %", bar, worst.label, f"{worst.error.rms * 1e3:.2f}", str(worst.count)
+def comparison_document(found: Comparison, data: Measurements) -> Document:
+    """Result of `lrm-ident compare`, schema `lrm/comparison/1`."""
+    free, q = len(found.rest.model.free), np.degrees(data.poses.q)
+    errors = ErrorSummary(found.nominal, found.error, found.held_out)
+    load, residual, distance = data.poses.payload * 1e3, found.residual * 1e3, norms_mm(found.residual)
+    angles = " ".join(f"{'q' + str(i + 1):>4s}" for i in range(q.shape[1]))
+    worst = [
+        (
+            data.pose[row],
+            " ".join(f"{a:4.0f}" for a in q[row]) + "    ",
+            load[row],
+            distance[row],
+            _vector(residual[row]),
         )
+        for row in found.worst
+    ]
+    blocks = [
+        *errors.blocks(f"{len(data)} poses, {free} parameters"),
+        _factor_table(found.factors[:FACTORS_SHOWN]),
+        *(_group_table(factor) for factor in found.factors[:2]),
+        ResultTable(
+            ("pose|", angles + "|", "load g|.1f", "error mm|.2f", "residual mm|"),
+            worst,
+            "The worst poses (angles in deg)",
+        ),
+    ]
+    values = {
+        "poses": len(data),
+        "parameters": free,
+        "error": errors,
+        "factors": [
+            {"kind": f.kind, "name": f.name, "share": f.share, "groups": [_group(group) for group in f.groups]}
+            for f in found.factors
+        ],
+        "worst_poses": [
+            {
+                "pose": data.pose[row],
+                "q_deg": np.round(q[row], 6),
+                "payload_g": load[row],
+                "error_mm": distance[row],
+                "residual_mm": residual[row],
+            }
+            for row in found.worst
+        ],
+    }
+    return Document(blocks, "lrm/comparison/1", values)
+
+
+def parameter_table(fit: Fit) -> ResultTable:
+    """Estimates with standard errors; angles in degrees."""
+    rows = []
+    for key, error in zip(fit.model.free, fit.standard_error, strict=True):
+        name, scale, unit = screen_unit(fit.model, key)
+        note = "at its bound" if key in fit.at_bound else f"± {error * scale:.4f}"
+        rows.append((name, fit.model.value(key) * scale, note, unit))
+    columns = ("parameter", "value|.4f", "± standard error|", "unit")
+    return ResultTable(columns, rows, f"{len(fit.model.free)} parameters")
+
+
+def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object]]:
+    """Value and standard error of each free parameter for JSON, in the units of the keys."""
+    out: dict[str, dict[str, object]] = {}
+    for key, error in zip(fit.model.free, fit.standard_error, strict=True):
+        unit, bound = fit.model.parameters[fit.model.position(key)].si, key in fit.at_bound
+        out[key] = {
+            "value": fit.model.value(key) / unit,
+            "se": se_at_bound if bound else error / unit,
+            "at_bound": bound,
+        }
     return out
 
 
-def _group_table(factor: Factor) -> Table:
-    turns = factor.groups[0].acts_like is not None
-    acts_like = [f">like q{factor.name.split()[-1]} deg"] if turns else []
-    out = table(f"By {factor.name}", "group", ">poses", ">mean", ">RMS mm", ">mean residual mm", *acts_like)
-    for group in factor.groups:
-        mean, rms, *_ = _mm(group.error)
-        turn = [] if group.acts_like is None else [f"{np.degrees(group.acts_like):+.2f}"]
-        out.add_row(group.label, str(group.count), mean, rms, _vector(np.array(group.bias)), *turn)
-    return out
-
-
-def _worst_table(comparison: Comparison, data: Measurements) -> Table:
-    angles = ">" + " ".join(f"{'q' + str(i + 1):>4s}" for i in range(data.poses.q.shape[1]))
-    out = table("The worst poses (angles in deg)", ">pose", angles, ">load g", ">error mm", ">residual mm")
-    for row in comparison.worst:
-        q = " ".join(f"{angle:4.0f}" for angle in np.degrees(data.poses.q[row]))
-        error = f"{np.linalg.norm(comparison.residual[row]) * 1e3:.2f}"
-        load = f"{data.poses.payload[row] * 1e3:.1f}"
-        out.add_row(str(data.pose[row]), q + "    ", load, error, _vector(comparison.residual[row]))
-    return out
-
-
-def _vector(metres: Array) -> str:
-    return " ".join(f"{component * 1e3:+6.2f}" for component in metres)
-
-
-def _print_list(console: Console, title: str, lines: Iterator[str]) -> None:
-    found = list(lines)
-    if found:
-        console.print(title, style="bold")
-        for line in found:
-            console.print(line, highlight=False, soft_wrap=True)
-
-
-def _mm(error: ErrorFigures) -> tuple[str, str, str, str]:
-    return (f"{error.mean * 1e3:.2f}", f"{error.rms * 1e3:.2f}", f"{error.max * 1e3:.2f}", f"{error.sd * 1e3:.2f}")
-
-
-def screen_unit(model: Model, key: str) -> tuple[float, str]:
-    """What to multiply an SI value by for the screen, and the unit to print."""
+def screen_unit(model: Model, key: str) -> tuple[str, float, str]:
+    """A key without its unit, what to multiply an SI value by for the terminal, and the unit to print."""
     parameter = model.parameters[model.position(key)]
-    if parameter.unit == "rad":
-        return float(np.degrees(1.0)), "deg"
-    return 1.0 / parameter.si, PRETTY_UNIT.get(parameter.unit, parameter.unit)
+    scale = float(np.degrees(1.0)) if parameter.unit == "rad" else 1.0 / parameter.si
+    return key.removesuffix("_" + parameter.unit), scale, PRETTY_UNIT.get(parameter.unit, parameter.unit)
+
+
+def in_mm(error: ErrorStats) -> tuple[float, float, float, float]:
+    """Mean, RMS, maximum and SD (mm)."""
+    return error.mean * 1e3, error.rms * 1e3, error.max * 1e3, error.sd * 1e3
+
+
+def norms_mm(residual: Array) -> Array:
+    """(N,), length of each row of a residual (N, 3) in m, in mm."""
+    return np.asarray(np.linalg.norm(residual, axis=1) * 1e3)
+
+
+def _why(model: Model, held: UnidentifiableParameter) -> str:
+    if not held.combination or held.survival > 0.2:
+        _, scale, unit = screen_unit(model, held.key)
+        return f"hardly moves the TCP (it would be known to ± {held.standard_error * scale:.3g} {unit})"
+    units = {key: model.parameters[model.position(key)].unit for key in (held.key, *dict(held.combination))}
+    parts = " and ".join(f"{amount:+.4g} {units[key]} of {key}" for key, amount in held.combination[:PARTS_SHOWN])
+    less = " and less of others" if len(held.combination) > PARTS_SHOWN else ""
+    like = "exactly" if held.survival < 1e-6 else "nearly"
+    return f"1 {units[held.key]} of it moves the TCP {like} like {parts}{less}"
+
+
+def _correlated(fit: Fit) -> Iterator[str]:
+    """Pairs of parameters whose estimates depend on each other."""
+    for i, row in enumerate(fit.correlation):
+        for j in range(i):
+            if abs(row[j]) > STRONG:
+                yield f"{fit.model.free[j]} and {fit.model.free[i]}: {row[j]:+.3f}"
+
+
+def _factor_table(factors: Sequence[Factor]) -> ResultTable:
+    columns = ("split by", "explains|", "", "worst group", "RMS mm|.2f", "poses|")
+    rows = [
+        (f.name, f"{100 * f.share:.0f} %", "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
+        for f, w in ((factor, factor.worst) for factor in factors)
+    ]
+    return ResultTable(columns, rows, "Where it fails: what the residual follows")
+
+
+def _group_table(factor: Factor) -> ResultTable:
+    columns = ["group", "poses|", "mean|.2f", "RMS mm|.2f", "mean residual mm|"]
+    rows: list[tuple[object, ...]] = []
+    for group in factor.groups:
+        turn = () if group.equivalent_rotation is None else (np.degrees(group.equivalent_rotation),)
+        bias = _vector(1e3 * np.array(group.bias))
+        rows.append((group.label, group.count, *in_mm(group.error)[:2], bias, *turn))
+    if factor.groups[0].equivalent_rotation is not None:
+        columns.append(f"like q{factor.name.split()[-1]} deg|+.2f")
+    return ResultTable(columns, rows, f"By {factor.name}")
+
+
+def _vector(mm: Array) -> str:
+    return " ".join(f"{component:+6.2f}" for component in mm)
+
+
+def _group(group: PoseGroup) -> dict[str, object]:
+    turn = {} if group.equivalent_rotation is None else {"acts_like_deg": np.degrees(group.equivalent_rotation)}
+    bias = 1e3 * np.array(group.bias)
+    return {"label": group.label, "poses": group.count, **group.error.as_json(), "bias_mm": bias, **turn}

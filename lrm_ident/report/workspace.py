@@ -1,35 +1,36 @@
-"""What people and machines read of capability maps."""
+"""Report of `reach`: capability maps of an arm and its variants."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from rich.console import Console
+from rich.text import Text
 
-from lrm_ident.data.csv_table import table_text
-from lrm_ident.report.fit import table
-from lrm_ident.workspace.arm_variants import Variant
-from lrm_ident.workspace.capability_map import Capability
+from lrm_ident.report.document import Block, Document, ResultTable, heading
+from lrm_ident.workspace.arm_variants import ArmVariant
+from lrm_ident.workspace.capability_map import CapabilityMap
 from lrm_ident.workspace.voxel_grid import Area
 
 AS_IT_IS = "as it is"
+INDEX_MEANING = (
+    "index: share of all orientations that can be taken, the mean over the cells that can be reached at all, or "
+    "over all cells of an area"
+)
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class VariantComparison:
     """Maps of an arm (first) and its variants on one grid.
 
     Attributes:
         collisions: whether poses that collide were left out.
-        orientations: how many were asked for in every cell.
+        orientations: how many were tried in every cell.
         seconds: what all maps took together.
     """
 
-    variants: tuple[Variant, ...]
-    maps: tuple[Capability, ...]
+    variants: tuple[ArmVariant, ...]
+    maps: tuple[CapabilityMap, ...]
     areas: tuple[Area, ...]
     orientations: int
     collisions: bool
@@ -37,54 +38,43 @@ class Compared:
 
     @property
     def goals(self) -> int:
-        """Poses asked for in all maps."""
+        """Target poses of all maps."""
         return sum(found.goals for found in self.maps)
 
     @property
     def goals_per_second(self) -> float:
-        """Poses asked for in a second, most of them out of reach."""
+        """Target poses in a second, most of them out of reach."""
         return self.goals / self.seconds
 
-    def worth(self, found: Capability) -> float:
-        """What maps are ranked by: the mean index over all areas, or the volume (m³) where no area is given."""
+    def criterion(self, found: CapabilityMap) -> float:
+        """The criterion that ranks maps: the mean index over all areas, or the volume (m³) where no area is given."""
         return found.score(self.areas) if self.areas else found.volume
 
     @property
-    def ranked(self) -> list[tuple[Variant, Capability]]:
+    def ranked(self) -> list[tuple[ArmVariant, CapabilityMap]]:
         """Best first."""
-        return sorted(zip(self.variants, self.maps, strict=True), key=lambda pair: self.worth(pair[1]), reverse=True)
+        pairs = zip(self.variants, self.maps, strict=True)
+        return sorted(pairs, key=lambda pair: self.criterion(pair[1]), reverse=True)
 
 
-def print_reach(console: Console, found: Compared) -> None:
-    """The variants, best first, and how fast that was."""
-    first = found.maps[0].grid
-    areas = [f">{area.name} %" for area in found.areas]
-    total = [">all areas %"] if len(areas) > 1 else []
+def reach_document(found: VariantComparison) -> Document:
+    """Result of `lrm-ident reach`, schema `lrm/reach/1`: the variants, best first, and the speed of the solver."""
+    grid, pairs = found.maps[0].grid, list(zip(found.variants, found.maps, strict=True))
     clear = "clear of collisions" if found.collisions else "collisions not looked at"
-    title = f"{len(first)} cells of {first.step * 1e3:g} mm, {found.orientations} orientations each, {clear}"
-    console.print(title, style="bold", highlight=False)
-    rows = table("", "variant", ">volume L", ">index %", *areas, *total)
+    total = found.areas if len(found.areas) > 1 else ()
+    columns = ["variant", "volume L|.1f", "index %|.2f", *(f"{area.name} %|.2f" for area in found.areas)]
+    rows = []
     for variant, capability in found.ranked:
-        inside = [_percent(capability.within(area).index) for area in found.areas]
-        score = [_percent(capability.score(found.areas))] if total else []
-        volume = f"{capability.volume * 1e3:.1f}"
-        rows.add_row(variant.name, volume, _percent(capability.everywhere.index), *inside, *score)
-    console.print(rows)
-    console.print(
-        "index: share of all orientations that can be taken, the mean over the cells that can be reached at all, or "
-        "over all cells of an area",
-        style="dim",
-    )
-    console.print(
-        f"{found.goals:,} goals in {found.seconds:.1f} s: {found.goals_per_second:,.0f} goals/s", highlight=False
-    )
-
-
-def reach_json(found: Compared) -> dict[str, Any]:
-    """Result of `lrm-ident reach`, schema `lrm/reach/1`; the arm as it is comes first."""
-    grid = found.maps[0].grid
-    return {
-        "schema": "lrm/reach/1",
+        shares = [capability.everywhere.index, *(capability.within(area).index for area in found.areas)]
+        shares += [capability.score(total)] if total else []
+        rows.append((variant.name, capability.volume * 1e3, *(100 * share for share in shares)))
+    blocks: list[Block] = [
+        heading(f"{len(grid)} cells of {grid.step * 1e3:g} mm, {found.orientations} orientations each, {clear}"),
+        ResultTable([*columns, "all areas %|.2f"] if total else columns, rows),
+        Text(INDEX_MEANING, style="dim"),
+        f"{found.goals:,} goals in {found.seconds:.1f} s: {found.goals_per_second:,.0f} goals/s",
+    ]
+    values = {
         "arm": found.variants[0].arm.name,
         "step_mm": grid.step * 1e3,
         "cells": len(grid),
@@ -94,42 +84,29 @@ def reach_json(found: Compared) -> dict[str, Any]:
         "seconds": found.seconds,
         "goals_per_s": found.goals_per_second,
         "areas": {
-            area.name: {"from_mm": [1e3 * v for v in area.low], "to_mm": [1e3 * v for v in area.high]}
-            for area in found.areas
+            area.name: {"from_mm": 1e3 * np.array(area.low), "to_mm": 1e3 * np.array(area.high)} for area in found.areas
         },
-        "variants": [_variant(variant, capability, found) for variant, capability in _pairs(found)],
+        "variants": [
+            {
+                "name": variant.name,
+                "volume_l": capability.volume * 1e3,
+                "reachable": capability.everywhere,
+                "areas": {area.name: capability.within(area) for area in found.areas},
+                "all_areas_index": capability.score(found.areas) if found.areas else None,
+            }
+            for variant, capability in pairs
+        ],
         "best": found.ranked[0][0].name,
     }
+    return Document(blocks, "lrm/reach/1", values, _cells(found))
 
 
-def _variant(variant: Variant, capability: Capability, found: Compared) -> dict[str, Any]:
-    return {
-        "name": variant.name,
-        "volume_l": capability.volume * 1e3,
-        "reachable": asdict(capability.everywhere),
-        "areas": {area.name: asdict(capability.within(area)) for area in found.areas},
-        "all_areas_index": capability.score(found.areas) if found.areas else None,
-    }
-
-
-def reach_rows(found: Compared) -> str:
-    """CSV: a row for every cell that some variant reaches, with each variant's share of orientations."""
+def _cells(found: VariantComparison) -> ResultTable:
+    """A row for every cell that some variant reaches, with each variant's share of orientations."""
     index = np.stack([capability.index for capability in found.maps])
     some = (index > 0.0).any(axis=0)
     centres = found.maps[0].grid.centres[some] * 1e3
-    places = [(f"{axis}_mm", centres[:, i], 3) for i, axis in enumerate("xyz")]
-    shares = [(_column(variant), row, 6) for variant, row in zip(found.variants, index[:, some], strict=True)]
-    return table_text([*places, *shares])
-
-
-def _pairs(found: Compared) -> Sequence[tuple[Variant, Capability]]:
-    return list(zip(found.variants, found.maps, strict=True))
-
-
-def _column(variant: Variant) -> str:
-    """A header without commas."""
-    return f"index {variant.name}".replace(",", " ")
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2f}"
+    shares = ("index " + variant.name.replace(",", " ") + "|.6f" for variant in found.variants)
+    return ResultTable(
+        ("x_mm|.3f", "y_mm|.3f", "z_mm|.3f", *shares), np.concatenate([centres.T, index[:, some]]).T.tolist()
+    )

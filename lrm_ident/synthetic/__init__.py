@@ -1,14 +1,16 @@
-"""Synthetic measurements by a second, independent model of the arm: screws, world-frame statics, Newton's method.
+"""Synthetic measurements from an independent model of the arm: twists, statics in world axes, Newton's method.
 
-It shares no code with the model that is fitted, so that the two check each other.
+It shares no code with the fitted model, so that each verifies the other.
 """
 
-from .chain import name_base_errors
+from .arm_description import ArmDescription, load_arm
+from .chain import base_displacement_to_deviations
 from .example import example, write_example
 from .files import write
-from .generate import Dataset, Schedule, even_schedule, measure, poses, simulate, true_state
-from .hidden import Effect, EndLoad, JointLoad, Sight, Situation
-from .hidden_bodies import BaseRocking, LinkBending, WrongBody, WrongLoad
+from .generate import Dataset, Schedule, even_schedule, measure, random_poses, simulate, true_state
+from .ground_truth import Deviations, GroundTruth
+from .hidden_bodies import BaseRocking, BaseWarmUp, LinkBending, WrongBody, WrongLoad
+from .hidden_effect import CommandedPoses, EndLoad, HiddenEffect, JointLoad
 from .hidden_joints import (
     CablePull,
     CoupledJoint,
@@ -17,51 +19,46 @@ from .hidden_joints import (
     FrictionLag,
     HardeningSpring,
     OneSidedGain,
+    SessionStep,
     SoftPlay,
+    WarmUp,
 )
-from .hidden_sight import SkewTracker
-from .hidden_times import BaseWarmUp, SessionStep, WarmUp
-from .rig import Body, Link, Placement, Rig, load_arm
+from .hidden_tracker import SkewTracker
 from .statics import TrueState
-from .truth import Deviations, Truth
 
 __all__ = [
+    "ArmDescription",
     "BaseRocking",
     "BaseWarmUp",
-    "Body",
     "CablePull",
+    "CommandedPoses",
     "CoupledJoint",
     "Dataset",
     "Deviations",
     "EccentricShaft",
-    "Effect",
     "EndLoad",
     "EntangledJoint",
     "FrictionLag",
+    "GroundTruth",
     "HardeningSpring",
+    "HiddenEffect",
     "JointLoad",
-    "Link",
     "LinkBending",
     "OneSidedGain",
-    "Placement",
-    "Rig",
     "Schedule",
     "SessionStep",
-    "Sight",
-    "Situation",
     "SkewTracker",
     "SoftPlay",
     "TrueState",
-    "Truth",
     "WarmUp",
     "WrongBody",
     "WrongLoad",
+    "base_displacement_to_deviations",
     "even_schedule",
     "example",
     "load_arm",
     "measure",
-    "name_base_errors",
-    "poses",
+    "random_poses",
     "simulate",
     "true_state",
     "write",

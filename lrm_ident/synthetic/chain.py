@@ -1,44 +1,53 @@
-"""Kinematics: the zero configuration of the true arm, and its motion as a product of exponentials."""
+"""Forward kinematics of the true arm: the product of exponentials formula (Brockett 1984)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .rig import Body, Link, Placement, Rig
-from .screws import WORLD, Array, Frame, Motion, displacement, exponential, line_twist, rotation
-from .truth import NOTHING, Truth
+from .arm_description import ArmDescription, BodyDescription, FramePlacement, LinkDescription
+from .ground_truth import ZERO, GroundTruth
+from .screws import (
+    WORLD,
+    Array,
+    CoordinateFrame,
+    RigidMotion,
+    displacement,
+    exponential,
+    revolute_twist,
+    rotation_matrix,
+)
 
 X, Y, Z = 0, 1, 2
 
 
 @dataclass(frozen=True)
-class Chain:
-    """Zero configuration in world axes, m: unit axis (3,) about which the base bends at its origin, N joint axes
-    (unit (3,), point (3,)), link ends 0..N (0 is the base), B bodies with the axes (B, 3, 3) of the frames that their
-    centres are given in, body centres (B, 3) or (B, P, 3), TCP (3,)."""
+class TrueChain:
+    """Zero configuration in world axes, m: unit axis (3,) of the base's compliance through the base's origin, N joint
+    axes (unit (3,), point (3,)), link end frames 0..N (0: the base), B bodies with the axes (B, 3, 3) of the frames of
+    their `com_m`, centres of mass (B, 3) or (B, P, 3), TCP (3,)."""
 
     base_axis: Array
     joint_axes: tuple[Array, ...]
     joint_points: tuple[Array, ...]
-    ends: tuple[Frame, ...]
-    bodies: tuple[Body, ...]
+    ends: tuple[CoordinateFrame, ...]
+    bodies: tuple[BodyDescription, ...]
     body_axes: Array
     centres: Array
     tcp: Array
 
-    def with_centres_off(self, shifts_m: Array) -> Chain:
-        """The same arm whose B bodies have their centres off by (P, B, 3) in m, in their own frames."""
+    def with_com_shifts(self, shifts_m: Array) -> TrueChain:
+        """The same arm with its B centres of mass shifted by (P, B, 3) in m, in the frames of their `com_m`."""
         return replace(self, centres=self.centres[:, None] + np.einsum("bij,pbj->bpi", self.body_axes, shifts_m))
 
 
 @dataclass(frozen=True)
 class Posture:
-    """P postures in world axes, m: tcp (P, 3), centres (P, B, 3), joint axes and points (P, N, 3), base axis and point
-    (P, 3), and for each link that bends its frame before bending (P, 3, 3) and its end after bending (P, 3)."""
+    """P postures in world axes, m: tcp (P, 3), centres of mass (P, B, 3), joint axes and points (P, N, 3), base axis
+    and point (P, 3), and for each flexible link the undeflected end axes (P, 3, 3) and deflected end point (P, 3)."""
 
     tcp: Array
     centres: Array
@@ -50,103 +59,110 @@ class Posture:
     end_points: Mapping[int, Array]
 
 
-def zero_configuration(rig: Rig, truth: Truth) -> Chain:
-    """Walk along the arm at zero joint angles, errors included, and note the screw axes, link ends and bodies."""
-    errors, slips = truth.deviations, truth.displacements
-    frame, hinge = _at_base(WORLD, rig.base, np.array(errors.base))
-    frame, hinge = frame.displaced(slips[0]), rotation(slips[0][:3]) @ hinge
-    axes, points, ends, nears = [], [], [frame], [frame]
-    for link, error, slip in zip(rig.links, errors.links, slips[1:-1], strict=True):
-        axes.append(frame.axes[:, Z])
-        points.append(frame.origin)
-        near, frame = _along_link(frame.displaced(slip), link, np.array(error))
-        nears.append(near)
-        ends.append(frame)
-    near, tip = _at_tool(frame.displaced(slips[-1]), rig.tool, np.array(errors.tool))
-    far = (*ends, tip)
-    near_all = (*nears, near)
-    stands = [(near_all if body.near_end else far)[body.frame] for body in rig.bodies]
-    centres = np.array([stand.place(body.com_m) for stand, body in zip(stands, rig.bodies, strict=True)])
-    body_axes = np.array([stand.axes for stand in stands])
-    return Chain(hinge, tuple(axes), tuple(points), tuple(ends), rig.bodies, body_axes, centres, tip.origin)
-
-
-def _at_base(frame: Frame, base: Placement, error: Array) -> tuple[Frame, Array]:
-    """The base's frame, and its y axis before the last turn (gamma): a change of beta is a turn about that."""
-    for axis in (X, Y, Z):
-        frame = frame.moved(axis, base.xyz_m[axis] + error[axis])
-    for axis in (X, Y):
-        frame = frame.turned(axis, base.angles_rad[axis] + error[3 + axis])
-    return frame.turned(Z, base.angles_rad[Z] + error[3 + Z]), frame.axes[:, Y]
-
-
-def name_base_errors(rig: Rig, truth: Truth) -> Truth:
-    """The same rigid arm with the displacement of its base told as deviations of the base's six dimensions.
-
-    Only the axis about which the base bends changes: a displacement carries it along; with deviations it is where the
-    published model has it, Rx(alpha) y of the base as it stands.
-    """
-    frame, _ = _at_base(WORLD, rig.base, np.array(truth.deviations.base))
-    frame = frame.displaced(truth.displacements[0])
-    R = frame.axes
-    angles = np.arctan2([-R[1, 2], R[0, 2], -R[0, 1]], [R[2, 2], math.hypot(R[0, 0], R[0, 1]), R[0, 0]])
-    x, y, z = (frame.origin - rig.base.xyz_m).tolist()
-    alpha, beta, gamma = (angles - rig.base.angles_rad).tolist()
-    deviations = replace(truth.deviations, base=(x, y, z, alpha, beta, gamma))
-    return replace(truth, deviations=deviations, displacements=(NOTHING, *truth.displacements[1:]))
-
-
-def _along_link(frame: Frame, link: Link, error: Array) -> tuple[Frame, Frame]:
-    frame = frame.turned(Z, link.theta_rad + error[0]).moved(Z, link.d_m + error[1])
-    near = frame.moved(X, link.a_m + error[2]).turned(X, link.alpha_rad + error[3])
-    return near, near.moved(Z, link.extra_z_m + error[4])
-
-
-def _at_tool(frame: Frame, tool: Placement, error: Array) -> tuple[Frame, Frame]:
-    for axis in (X, Y, Z):
-        frame = frame.turned(axis, tool.angles_rad[axis] + error[3 + axis])
-    for axis in (X, Y):
-        frame = frame.moved(axis, tool.xyz_m[axis] + error[axis])
-    return frame, frame.moved(Z, tool.xyz_m[Z] + error[Z])
-
-
-def move(chain: Chain, base_rad: Array, q_rad: Array, bends: Mapping[int, Array]) -> Posture:
-    """Move the arm: base deflection (P,), joint angles (P, N), and for links that bend the rotation vector and the
-    deflection (P, 6) of their end in rad and m, in the axes of the end frame."""
-    base = chain.ends[0]
-    stiff = [exponential(line_twist(chain.base_axis, base.origin), base_rad)]
-    bent = [_bend(stiff[0], base, bends.get(0))]
-    for number, (axis, point) in enumerate(zip(chain.joint_axes, chain.joint_points, strict=True), start=1):
-        stiff.append(bent[-1] @ exponential(line_twist(axis, point), q_rad[:, number - 1]))
-        bent.append(_bend(stiff[-1], chain.ends[number], bends.get(number)))
-    centres = [
-        _carrier(body, stiff, bent).point(centre) for body, centre in zip(chain.bodies, chain.centres, strict=True)
-    ]
-    return Posture(
-        tcp=bent[-1].point(chain.tcp),
-        centres=np.stack(centres, axis=1),
-        base_axis=stiff[0].direction(chain.base_axis),
-        base_point=stiff[0].point(base.origin),
-        joint_axes=np.stack([m.direction(a) for m, a in zip(bent[:-1], chain.joint_axes, strict=True)], axis=1),
-        joint_points=np.stack([m.point(p) for m, p in zip(bent[:-1], chain.joint_points, strict=True)], axis=1),
-        end_axes={link: stiff[link].turn @ chain.ends[link].axes for link in bends},
-        end_points={link: bent[link].point(chain.ends[link].origin) for link in bends},
+def zero_configuration(arm: ArmDescription, truth: GroundTruth) -> TrueChain:
+    """The chain at zero joint angles, deviations and displacements included."""
+    errors, (base_error, *link_errors, tool_error) = truth.deviations, truth.displacements
+    base, base_axis = _at_base(WORLD, arm.base, errors.base)
+    frame = base.displaced(base_error)
+    proximal, distal = [frame], [frame]
+    for link, error, displaced in zip(arm.links, errors.links, link_errors, strict=True):
+        near, frame = _along_link(frame.displaced(displaced), link, error)
+        proximal.append(near)
+        distal.append(frame)
+    near, tip = _at_tool(frame.displaced(tool_error), arm.tool, errors.tool)
+    frames = [([*proximal, near] if body.near_end else [*distal, tip])[body.frame] for body in arm.bodies]
+    return TrueChain(
+        base_axis=rotation_matrix(base_error[:3]) @ base_axis,
+        joint_axes=tuple(end.axes[:, Z] for end in distal[:-1]),
+        joint_points=tuple(end.origin for end in distal[:-1]),
+        ends=tuple(distal),
+        bodies=arm.bodies,
+        body_axes=np.array([frame.axes for frame in frames]),
+        centres=np.array([frame.to_world(body.com_m) for frame, body in zip(frames, arm.bodies, strict=True)]),
+        tcp=tip.origin,
     )
 
 
-def _bend(stiff: Motion, end: Frame, bend: Array | None) -> Motion:
-    if bend is None:
-        return stiff
-    return stiff @ displacement(end.origin, bend[:, :3] @ end.axes.T, bend[:, 3:] @ end.axes.T)
+def _at_base(frame: CoordinateFrame, base: FramePlacement, error: Sequence[float]) -> tuple[CoordinateFrame, Array]:
+    """The base's frame, and its y axis before the rotation by gamma, about which beta rotates."""
+    for axis in (X, Y, Z):
+        frame = frame.translated(axis, base.xyz_m[axis] + error[axis])
+    for axis in (X, Y):
+        frame = frame.rotated(axis, base.angles_rad[axis] + error[3 + axis])
+    return frame.rotated(Z, base.angles_rad[Z] + error[3 + Z]), frame.axes[:, Y]
 
 
-def _carrier(body: Body, stiff: list[Motion], bent: list[Motion]) -> Motion:
-    """A link's own mass is spread along it and does not follow the bending of its far end; what it carries does."""
-    if body.frame >= len(bent):
-        return bent[-1]
-    return bent[body.frame] if body.loads_joint > body.frame else stiff[body.frame]
+def base_displacement_to_deviations(arm: ArmDescription, truth: GroundTruth) -> GroundTruth:
+    """The same rigid arm with the displacement of its base expressed as deviations of the base's six dimensions.
+
+    Only the axis of the base's compliance changes: a displacement moves it too; with deviations it is that of the
+    published model, Rx(alpha) y of the base.
+    """
+    frame = _at_base(WORLD, arm.base, truth.deviations.base)[0].displaced(truth.displacements[0])
+    R = frame.axes
+    angles = np.arctan2([-R[1, 2], R[0, 2], -R[0, 1]], [R[2, 2], math.hypot(R[0, 0], R[0, 1]), R[0, 0]])
+    x, y, z = (frame.origin - arm.base.xyz_m).tolist()
+    alpha, beta, gamma = (angles - arm.base.angles_rad).tolist()
+    deviations = replace(truth.deviations, base=(x, y, z, alpha, beta, gamma))
+    return replace(truth, deviations=deviations, displacements=(ZERO, *truth.displacements[1:]))
 
 
-def hangs_on(body: Body, link: int) -> bool:
-    """Whether the body loads the far end of that link (0: the base)."""
+def _along_link(
+    frame: CoordinateFrame, link: LinkDescription, error: Sequence[float]
+) -> tuple[CoordinateFrame, CoordinateFrame]:
+    """The link's frame before its last translation along z, and its end frame."""
+    frame = frame.rotated(Z, link.theta_rad + error[0]).translated(Z, link.d_m + error[1])
+    near = frame.translated(X, link.a_m + error[2]).rotated(X, link.alpha_rad + error[3])
+    return near, near.translated(Z, link.extra_z_m + error[4])
+
+
+def _at_tool(
+    frame: CoordinateFrame, tool: FramePlacement, error: Sequence[float]
+) -> tuple[CoordinateFrame, CoordinateFrame]:
+    for axis in (X, Y, Z):
+        frame = frame.rotated(axis, tool.angles_rad[axis] + error[3 + axis])
+    for axis in (X, Y):
+        frame = frame.translated(axis, tool.xyz_m[axis] + error[axis])
+    return frame, frame.translated(Z, tool.xyz_m[Z] + error[Z])
+
+
+def forward_kinematics(chain: TrueChain, base_rad: Array, q_rad: Array, deflections: Mapping[int, Array]) -> Posture:
+    """Posture from base deflection (P,), joint angles (P, N), and the deflections (P, 6) of the flexible links' ends:
+    rotation vector in rad and displacement in m, in the axes of the end frame."""
+    base = chain.ends[0]
+    rigid = [exponential(revolute_twist(chain.base_axis, base.origin), base_rad)]
+    flexed = [_deflect(rigid[0], base, deflections.get(0))]
+    for number, (axis, point) in enumerate(zip(chain.joint_axes, chain.joint_points, strict=True), start=1):
+        rigid.append(flexed[-1] @ exponential(revolute_twist(axis, point), q_rad[:, number - 1]))
+        flexed.append(_deflect(rigid[-1], chain.ends[number], deflections.get(number)))
+    centres = [
+        _carrier(body, rigid, flexed).point(centre) for body, centre in zip(chain.bodies, chain.centres, strict=True)
+    ]
+    return Posture(
+        tcp=flexed[-1].point(chain.tcp),
+        centres=np.stack(centres, axis=1),
+        base_axis=rigid[0].vector(chain.base_axis),
+        base_point=rigid[0].point(base.origin),
+        joint_axes=np.stack([m.vector(a) for m, a in zip(flexed[:-1], chain.joint_axes, strict=True)], axis=1),
+        joint_points=np.stack([m.point(p) for m, p in zip(flexed[:-1], chain.joint_points, strict=True)], axis=1),
+        end_axes={link: rigid[link].rotation @ chain.ends[link].axes for link in deflections},
+        end_points={link: flexed[link].point(chain.ends[link].origin) for link in deflections},
+    )
+
+
+def _deflect(rigid: RigidMotion, end: CoordinateFrame, deflection: Array | None) -> RigidMotion:
+    if deflection is None:
+        return rigid
+    return rigid @ displacement(end.origin, deflection[:, :3] @ end.axes.T, deflection[:, 3:] @ end.axes.T)
+
+
+def _carrier(body: BodyDescription, rigid: list[RigidMotion], flexed: list[RigidMotion]) -> RigidMotion:
+    """A link's own mass does not follow the deflection of its distal end; what the link carries does."""
+    if body.frame >= len(flexed):
+        return flexed[-1]
+    return flexed[body.frame] if body.loads_joint > body.frame else rigid[body.frame]
+
+
+def is_carried_by(body: BodyDescription, link: int) -> bool:
+    """Whether the body loads the distal end of that link (0: the base)."""
     return max(body.frame, body.loads_joint) > link

@@ -1,4 +1,4 @@
-"""The data set shipped as lrm_ident/examples/hidden-play."""
+"""The example data set lrm_ident/examples/hidden-play."""
 
 from __future__ import annotations
 
@@ -7,31 +7,33 @@ from pathlib import Path
 
 import numpy as np
 
-from .chain import name_base_errors
+from .arm_description import load_arm
+from .chain import base_displacement_to_deviations
 from .files import write
-from .generate import Dataset, poses, simulate
+from .generate import Dataset, random_poses, simulate
+from .ground_truth import GroundTruth
 from .hidden_joints import SoftPlay
-from .rig import load_arm
-from .truth import Truth
 
 NAME = "hidden-play"
 SOURCE = "synthetic: lrm_ident.synthetic.write_example; play hidden in one joint, see the truth file"
 SEED = 20240715
 POSES = 300
 PAYLOAD_KG = 0.0663
-FLOOR_M = 0.1  # of the rigid nominal arm; leaves room for sagging
+FLOOR_M = 0.1  # for the TCP of the rigid nominal arm: leaves room for sag
 PROJECT = Path(__file__).resolve().parents[2]
 ARM_FILES = [PROJECT / folder / "arms" / "lrm-lab.toml" for folder in ("config", "lrm_math")]  # checkout, installed
 ARM_FILE = next((path for path in ARM_FILES if path.exists()), ARM_FILES[0])
 
 
 def example(arm_file: str | Path = ARM_FILE) -> Dataset:
-    """300 random poses of the lab rig in four blocks of 75, in turn without and with 66.3 g; noise 0.3 mm per axis."""
-    rig = load_arm(arm_file)
+    """300 random poses of the lab arm in four blocks of 75, in turn without and with 66.3 g; noise 0.3 mm per axis."""
+    arm = load_arm(arm_file)
     play = SoftPlay(joint=2, width_rad=round(math.radians(2.3), 6), softness_nm=0.04)
-    truth = name_base_errors(rig, Truth.random(rig, SEED, (play,)))
+    truth = base_displacement_to_deviations(arm, GroundTruth.random(arm, SEED, (play,)))
     payload = np.where(np.arange(POSES) // (POSES // 4) % 2 == 0, 0.0, PAYLOAD_KG)
-    return simulate(rig, truth, poses(rig, POSES, SEED + 1, floor_m=FLOOR_M), payload, noise_m=0.0003, seed=SEED + 2)
+    return simulate(
+        arm, truth, random_poses(arm, POSES, SEED + 1, floor_m=FLOOR_M), payload, noise_m=0.0003, seed=SEED + 2
+    )
 
 
 def write_example(directory: str | Path, arm_file: str | Path = ARM_FILE) -> tuple[Path, Path, Path]:

@@ -1,9 +1,7 @@
-"""Data sets as files: measurements, their description, and the truth behind them."""
+"""Files of a synthetic data set: measurements, their metadata, and the ground truth."""
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 import tempfile
@@ -15,22 +13,21 @@ from typing import Any
 import numpy as np
 
 from .generate import Dataset
-from .hidden import Effect
-from .truth import LINK_KEYS, PLACEMENT_KEYS, Truth
+from .ground_truth import LINK_KEYS, PLACEMENT_KEYS, GroundTruth
+from .hidden_effect import HiddenEffect
 
 
 def write(path: str | Path, data: Dataset, source: str) -> tuple[Path, Path, Path]:
     """Write NAME.csv, NAME.toml and NAME.truth.toml for path = .../NAME (or NAME.csv); return their paths."""
-    stem = Path(path)
-    folder, name = stem.parent, stem.name.removesuffix(".csv")
-    texts = {".csv": _table(data), ".toml": _description(data, source), ".truth.toml": _truth(data)}
-    for ending, text in texts.items():
-        _replace(folder / (name + ending), text)
-    return folder / f"{name}.csv", folder / f"{name}.toml", folder / f"{name}.truth.toml"
+    stem = str(path).removesuffix(".csv")
+    table, metadata, truth = (Path(stem + suffix) for suffix in (".csv", ".toml", ".truth.toml"))
+    for file, text in ((table, _table(data)), (metadata, _metadata(data, source)), (truth, _truth(data))):
+        _replace(file, text)
+    return table, metadata, truth
 
 
 def _replace(path: Path, text: str) -> None:
-    """A reader never meets half a file."""
+    """Atomic replacement: a reader never sees a partial file."""
     handle, draft = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
@@ -43,26 +40,22 @@ def _replace(path: Path, text: str) -> None:
 
 
 def _table(data: Dataset) -> str:
-    out = io.StringIO()
-    rows = csv.writer(out, lineterminator="\n")
     joints = [f"q{number}_deg" for number in range(1, data.q_rad.shape[1] + 1)]
-    rows.writerow(["pose", "t_s", "session", "payload_g", *joints, "x_mm", "y_mm", "z_mm"])
+    lines = [["pose", "t_s", "session", "payload_g", *joints, "x_mm", "y_mm", "z_mm"]]
     # adding zero turns -0.0 into 0.0
     q_deg = np.round(np.rad2deg(data.q_rad), 2) + 0.0
     tcp_mm = np.round(data.tcp_m * 1000.0, 4) + 0.0
-    for row in range(len(q_deg)):
-        when = (f"{data.schedule.time_s[row]:.10g}", f"{data.schedule.session[row]:.0f}")
-        payload = f"{data.payload_kg[row] * 1000.0:.10g}"
-        angles = (f"{value:.2f}" for value in q_deg[row])
-        rows.writerow([row + 1, *when, payload, *angles, *(f"{value:.4f}" for value in tcp_mm[row])])
-    return out.getvalue()
+    for row, (time, session) in enumerate(zip(data.schedule.time_s, data.schedule.session, strict=True)):
+        cells = [str(row + 1), f"{time:.10g}", f"{session:.0f}", f"{data.payload_kg[row] * 1000.0:.10g}"]
+        lines.append(cells + [f"{angle:.2f}" for angle in q_deg[row]] + [f"{x:.4f}" for x in tcp_mm[row]])
+    return "".join(",".join(line) + "\n" for line in lines)
 
 
-def _description(data: Dataset, source: str) -> str:
+def _metadata(data: Dataset, source: str) -> str:
     return _toml(
         [
             ("schema", "lrm/measurements/1"),
-            ("arm", data.rig.name),
+            ("arm", data.arm.name),
             ("source", source),
             ("start_q_deg", np.round(np.rad2deg(data.schedule.start_q_rad), 2).tolist()),
             ("noise_sd_mm", _tidy(data.noise_sd_m * 1000.0)),
@@ -74,7 +67,7 @@ def _truth(data: Dataset) -> str:
     truth = data.truth
     top: list[tuple[str, Any]] = [
         ("schema", "lrm/truth/1"),
-        ("arm", data.rig.name),
+        ("arm", data.arm.name),
         ("noise_seed", data.seed),
         ("noise_sd_mm", _tidy(data.noise_sd_m * 1000.0)),
         ("base_compliance_rad_per_nm", truth.base_compliance_rad_per_nm),
@@ -88,21 +81,21 @@ def _truth(data: Dataset) -> str:
     return "".join([*tables, *(f"\n[[effect]]\n{_toml(_effect(effect))}" for effect in truth.effects)])
 
 
-def _deviations(truth: Truth) -> Iterator[tuple[str, float]]:
-    """Only what is not zero: mostly the displacements carry the errors."""
+def _deviations(truth: GroundTruth) -> Iterator[tuple[str, float]]:
+    """Only those that are not zero: most errors are displacements."""
     places = [(f"joint{n}", LINK_KEYS, row) for n, row in enumerate(truth.deviations.links, start=1)]
     ends = [("base", PLACEMENT_KEYS, truth.deviations.base), ("tool", PLACEMENT_KEYS, truth.deviations.tool)]
     for place, keys, values in [*places, *ends]:
         yield from ((f"{place}.{key}", value) for key, value in zip(keys, values, strict=True) if value != 0.0)
 
 
-def _displacements(truth: Truth) -> str:
+def _displacements(truth: GroundTruth) -> str:
     names = ["base", *(f"link{n}" for n in range(1, len(truth.displacements) - 1)), "tool"]
     rows = zip(names, truth.displacements, strict=True)
     return "".join(f"{name} = {{ turn_rad = {_value(row[:3])}, shift_m = {_value(row[3:])} }}\n" for name, row in rows)
 
 
-def _effect(effect: Effect) -> list[tuple[str, Any]]:
+def _effect(effect: HiddenEffect) -> list[tuple[str, Any]]:
     fields: dict[str, Any] = asdict(effect)  # type: ignore[call-overload]
     return [("kind", type(effect).__name__), *fields.items()]
 
@@ -116,8 +109,6 @@ def _value(value: Any) -> str:
         return "[" + ", ".join(_value(item) for item in value) + "]"
     if isinstance(value, (bool, str)):
         return json.dumps(value, ensure_ascii=False)  # TOML writes these as JSON does
-    if callable(value):
-        return json.dumps(getattr(value, "__name__", type(value).__name__))
     return repr(value)
 
 

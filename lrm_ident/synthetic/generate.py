@@ -1,4 +1,4 @@
-"""Synthetic measurements: poses, true states, noise."""
+"""Synthetic measurements: random poses, true states, systematic and random measurement errors."""
 
 from __future__ import annotations
 
@@ -8,19 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .chain import move, zero_configuration
-from .hidden import Sight, Situation
-from .rig import Rig
+from .arm_description import ArmDescription
+from .chain import forward_kinematics, zero_configuration
+from .ground_truth import GroundTruth
+from .hidden_effect import CommandedPoses
 from .screws import Array
 from .statics import TrueState, equilibrium
-from .truth import Truth
-
-STEP_S = 15.0
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """When P poses are measured: time_s (P,) and session (P,) (from 1), and the pose (N,) that the arm starts from."""
+    """When P poses are measured: time_s (P,), session (P,) from 1, and the start pose (N,) in rad."""
 
     time_s: Array
     session: Array
@@ -29,10 +27,10 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Dataset:
-    """What was measured on a true arm: q_rad (P, N), payload_kg (P,), tcp_m (P, 3) in world axes."""
+    """Measurements of a true arm: q_rad (P, N), payload_kg (P,), tcp_m (P, 3) in world axes."""
 
-    rig: Rig
-    truth: Truth
+    arm: ArmDescription
+    truth: GroundTruth
     schedule: Schedule
     q_rad: Array
     payload_kg: Array
@@ -43,27 +41,27 @@ class Dataset:
 
 def even_schedule(poses: int, joints: int) -> Schedule:
     """One session from the home pose, a measurement every 15 s."""
-    return Schedule(STEP_S * np.arange(1, poses + 1, dtype=float), np.ones(poses), np.zeros(joints))
+    return Schedule(15.0 * np.arange(1, poses + 1, dtype=float), np.ones(poses), np.zeros(joints))
 
 
-def poses(
-    rig: Rig, count: int, seed: int, limit_deg: float | None = None, floor_m: float = 0.02, tries: int = 50
+def random_poses(
+    arm: ArmDescription, count: int, seed: int, limit_deg: float | None = None, floor_m: float = 0.02, tries: int = 50
 ) -> Array:
     """Joint angles (count, N) in rad, uniform within the limits and rounded to 0.01 deg.
 
-    The TCP of the nominal rigid arm stands above floor_m; poses that still fail after many tries are kept.
+    Poses whose nominal TCP is not above floor_m are redrawn (rejection sampling); those left after `tries` are kept.
     """
     rng = np.random.default_rng(seed)
     bound = math.inf if limit_deg is None else math.radians(limit_deg)
-    low = np.array([max(link.limits_rad[0], -bound) for link in rig.links])
-    high = np.array([min(link.limits_rad[1], bound) for link in rig.links])
+    low = np.array([max(link.limits_rad[0], -bound) for link in arm.links])
+    high = np.array([min(link.limits_rad[1], bound) for link in arm.links])
     q = _draw(rng, low, high, count)
-    chain = zero_configuration(rig, Truth.nominal(rig))
+    chain = zero_configuration(arm, GroundTruth.nominal(arm))
     for _ in range(tries):
-        under = move(chain, np.zeros(count), q, {}).tcp[:, 2] <= floor_m
-        if not under.any():
+        low_poses = forward_kinematics(chain, np.zeros(count), q, {}).tcp[:, 2] <= floor_m
+        if not low_poses.any():
             break
-        q[under] = _draw(rng, low, high, int(under.sum()))
+        q[low_poses] = _draw(rng, low, high, int(low_poses.sum()))
     return q
 
 
@@ -72,59 +70,61 @@ def _draw(rng: np.random.Generator, low: Array, high: Array, count: int) -> Arra
 
 
 def rounded(q_rad: Array) -> Array:
-    """Joint angles as a file holds them: to 0.01 deg."""
+    """Joint angles rounded to 0.01 deg, as in the file."""
     return np.deg2rad(np.round(np.rad2deg(q_rad), 2))
 
 
 def true_state(
-    rig: Rig, truth: Truth, q: ArrayLike, payload_kg: ArrayLike = 0.0, schedule: Schedule | None = None
+    arm: ArmDescription, truth: GroundTruth, q: ArrayLike, payload_kg: ArrayLike = 0.0, schedule: Schedule | None = None
 ) -> TrueState:
-    """Equilibrium at the commanded angles q (P, N) in rad with payload_kg (P,) or one for all; no noise, no tracker."""
-    return equilibrium(rig, truth, _situation(rig, q, payload_kg, schedule))
+    """Equilibrium at the commanded angles q (P, N) in rad with payload_kg (P,) or one for all; no measurement error."""
+    return equilibrium(arm, truth, _commanded(arm, q, payload_kg, schedule))
 
 
 def measure(
-    rig: Rig,
-    truth: Truth,
+    arm: ArmDescription,
+    truth: GroundTruth,
     q: ArrayLike,
     payload_kg: ArrayLike = 0.0,
     noise_m: float = 0.0,
     seed: int = 0,
     schedule: Schedule | None = None,
 ) -> Array:
-    """TCP (P, 3) in m as the tracker sees it, with normal noise of noise_m per axis."""
-    now = _situation(rig, q, payload_kg, schedule)
-    sight = Sight(now, equilibrium(rig, truth, now).tcp_m)
-    seen = sight.tcp_m + sum((effect.seen_shift(sight) for effect in truth.effects), np.zeros(3))
-    return np.asarray(seen + noise_m * np.random.default_rng(seed).normal(size=seen.shape))
+    """Measured TCP (P, 3) in m, with normal noise of noise_m per axis."""
+    poses = _commanded(arm, q, payload_kg, schedule)
+    tcp = equilibrium(arm, truth, poses).tcp_m
+    measured = tcp + sum((effect.measurement_error(tcp) for effect in truth.effects), np.zeros(3))
+    return np.asarray(measured + noise_m * np.random.default_rng(seed).normal(size=tcp.shape))
 
 
 def simulate(
-    rig: Rig,
-    truth: Truth,
+    arm: ArmDescription,
+    truth: GroundTruth,
     q: ArrayLike,
     payload_kg: ArrayLike = 0.0,
     noise_m: float = 0.0003,
     seed: int = 0,
     schedule: Schedule | None = None,
 ) -> Dataset:
-    """A data set as it can be written: the angles are rounded before the arm moves to them."""
+    """A data set of the arm at the angles q (P, N), rounded as in the file before the arm moves to them."""
     angles = rounded(np.asarray(q, dtype=float))
-    plan = schedule or even_schedule(*angles.shape)
+    schedule = schedule or even_schedule(*angles.shape)
     payload = np.broadcast_to(np.asarray(payload_kg, dtype=float), len(angles)).copy()
-    tcp = measure(rig, truth, angles, payload, noise_m, seed, plan)
-    return Dataset(rig, truth, plan, angles, payload, tcp, noise_m, seed)
+    tcp = measure(arm, truth, angles, payload, noise_m, seed, schedule)
+    return Dataset(arm, truth, schedule, angles, payload, tcp, noise_m, seed)
 
 
-def _situation(rig: Rig, q: ArrayLike, payload_kg: ArrayLike, schedule: Schedule | None) -> Situation:
+def _commanded(arm: ArmDescription, q: ArrayLike, payload_kg: ArrayLike, schedule: Schedule | None) -> CommandedPoses:
     angles = np.asarray(q, dtype=float)
-    plan = schedule or even_schedule(*angles.shape)
+    schedule = schedule or even_schedule(*angles.shape)
     payload = np.broadcast_to(np.asarray(payload_kg, dtype=float), len(angles))
-    return Situation(rig, angles, directions(angles, plan.start_q_rad), plan.time_s, plan.session, payload)
+    return CommandedPoses(
+        arm, angles, directions(angles, schedule.start_q_rad), schedule.time_s, schedule.session, payload
+    )
 
 
 def directions(q_rad: Array, start_q_rad: Array) -> Array:
-    """Sign (P, N) of each joint's last move that was one; zero before its first."""
+    """Sign (P, N) of each joint's last nonzero move; zero before its first."""
     signs = np.sign(np.diff(q_rad, axis=0, prepend=start_q_rad[None]))
     for row in range(1, len(signs)):
         still = signs[row] == 0.0

@@ -1,4 +1,4 @@
-"""Hidden effects in the joints: gears, servos, springs, cables. Joints count from 1; angles in rad, torques in Nm."""
+"""Hidden effects of joints: gear, servo, spring, cable, drift. Joints count from 1; angles in rad, torques in Nm."""
 
 from __future__ import annotations
 
@@ -7,29 +7,28 @@ from typing import Literal
 
 import numpy as np
 
-from .hidden import Effect, JointLoad, at_joint
+from .hidden_effect import HiddenEffect, JointLoad, at_joint
 from .screws import Array
 
 
 @dataclass(frozen=True)
-class SoftPlay(Effect):
-    """Play that a torque takes up gradually: half the width times tau / sqrt(tau^2 + softness^2)."""
+class SoftPlay(HiddenEffect):
+    """Smoothed backlash: half the width times tau / sqrt(tau^2 + softness^2)."""
 
     joint: int
     width_rad: float
     softness_nm: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        """The joint lies towards the side to which the torque pushes it."""
         tau = load.tau_nm[:, self.joint - 1]
         return at_joint(self.joint, 0.5 * self.width_rad * tau / np.hypot(tau, self.softness_nm), load.tau_nm)
 
 
 @dataclass(frozen=True)
-class HardeningSpring(Effect):
-    """A joint that gets stiffer under torque: the linear spring becomes size * asinh(tau / scale) for large torques.
+class HardeningSpring(HiddenEffect):
+    """Hardening torsional stiffness: the linear spring becomes size * asinh(tau / scale) for large torques.
 
-    size / scale has to stay below the joint's linear compliance, or the joint would turn against large torques.
+    size / scale must stay below the joint's linear compliance, else the total compliance becomes negative.
     """
 
     joint: int
@@ -37,14 +36,13 @@ class HardeningSpring(Effect):
     scale_nm: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        """What the asinh falls short of its own slope at zero: size * (asinh(tau / scale) - tau / scale)."""
         x = load.tau_nm[:, self.joint - 1] / self.scale_nm
         return at_joint(self.joint, self.size_rad * (np.arcsinh(x) - x), load.tau_nm)
 
 
 @dataclass(frozen=True)
-class OneSidedGain(Effect):
-    """A servo that turns too far by a share of the angle on one side (+1 or -1) only, with a rounded corner at zero."""
+class OneSidedGain(HiddenEffect):
+    """Gain error of a servo on one side (+1 or -1) of zero only, with a hyperbolic corner at zero."""
 
     joint: int
     side: int
@@ -52,17 +50,16 @@ class OneSidedGain(Effect):
     corner_rad: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        """A hyperbola between zero and gain * q."""
-        q = self.side * load.now.q_rad[:, self.joint - 1]
+        q = self.side * load.poses.q_rad[:, self.joint - 1]
         ramp = 0.5 * (q + np.hypot(q, self.corner_rad) - self.corner_rad)
         return at_joint(self.joint, self.side * self.gain * ramp, load.tau_nm)
 
 
 @dataclass(frozen=True)
-class EccentricShaft(Effect):
-    """An angle sensor or horn whose centre lies beside the axis.
+class EccentricShaft(HiddenEffect):
+    """Eccentricity of an angle sensor or servo horn.
 
-    offset: distance of the centres over the radius at which the angle is taken; phase_rad: where the centre lies.
+    offset: eccentricity over the radius at which the angle is taken; phase_rad: its direction.
     """
 
     joint: int
@@ -70,21 +67,21 @@ class EccentricShaft(Effect):
     phase_rad: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        """The angle of a point of the circle seen from the other centre, less the true one; zero at angle zero."""
-        q = load.now.q_rad[:, self.joint - 1]
-        return at_joint(self.joint, self._seen(q) - self._seen(np.zeros_like(q)), load.tau_nm)
+        """Angle about the eccentric centre less the true angle; zero at angle zero."""
+        q = load.poses.q_rad[:, self.joint - 1]
+        return at_joint(self.joint, self._error(q) - self._error(np.zeros_like(q)), load.tau_nm)
 
-    def _seen(self, q: Array) -> Array:
+    def _error(self, q: Array) -> Array:
         y, x = (f(q) - self.offset * f(self.phase_rad) for f in (np.sin, np.cos))
         return np.asarray(np.arctan2(y * np.cos(q) - x * np.sin(q), x * np.cos(q) + y * np.sin(q)))
 
 
 @dataclass(frozen=True)
-class FrictionLag(Effect):
-    """Friction that holds a joint back on the side it comes from; a short move does not turn it over fully.
+class FrictionLag(HiddenEffect):
+    """Friction hysteresis: the joint lags behind its move; reversal is gradual (Dahl 1968, in position, not force).
 
-    width_rad: from one side to the other; negative if the joint runs past instead. travel_rad: the move after which
-    1 - 1/e of the change is done (Dahl 1968, in the position instead of the force). Poses stand in measured order.
+    width_rad: of the loop; negative if the joint overshoots. travel_rad: the move after which 1 - 1/e of a reversal is
+    done. Poses are in measured order.
     """
 
     joint: int
@@ -92,9 +89,9 @@ class FrictionLag(Effect):
     travel_rad: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        """Minus half the width, times a state from -1 to 1 that each move draws towards its direction."""
-        q, side = load.now.q_rad[:, self.joint - 1], load.now.direction[:, self.joint - 1]
-        state = side.copy()  # before the first pose the joint has come a long way
+        """Minus half the width times the Dahl state from -1 to 1, which each move draws towards its direction."""
+        q, side = load.poses.q_rad[:, self.joint - 1], load.poses.direction[:, self.joint - 1]
+        state = side.copy()  # a long move precedes the first pose
         for row in range(1, len(q)):
             left = np.exp(-abs(q[row] - q[row - 1]) / self.travel_rad)
             state[row] = side[row] + (state[row - 1] - side[row]) * left
@@ -102,10 +99,10 @@ class FrictionLag(Effect):
 
 
 @dataclass(frozen=True)
-class CablePull(Effect):
-    """A cable bundle that is slack up to an angle and tightens beyond, ever stiffer, and so pulls the joint back.
+class CablePull(HiddenEffect):
+    """Restoring torque of a cable bundle that is slack up to an angle and stiffens exponentially beyond.
 
-    side: +1 if it tightens above slack_rad, -1 if below. stiffening_rad: the pull grows e-fold faster every so far.
+    side: +1 if it tightens above slack_rad, -1 if below. stiffening_rad: angle over which its stiffness grows e-fold.
     """
 
     joint: int
@@ -115,15 +112,15 @@ class CablePull(Effect):
     stiffening_rad: float
 
     def added_torques(self, load: JointLoad) -> Array:
-        """Towards slack, stiffness * s * (exp(x / s) - 1) for an excess x; it reaches the angle by the compliance."""
-        excess = np.maximum(0.0, self.side * (load.now.q_rad[:, self.joint - 1] - self.slack_rad))
+        """Torque -stiffness * s * (exp(x / s) - 1) at excess x; it acts through the joint's compliance."""
+        excess = np.maximum(0.0, self.side * (load.poses.q_rad[:, self.joint - 1] - self.slack_rad))
         pull = self.stiffness_nm_per_rad * self.stiffening_rad * np.expm1(excess / self.stiffening_rad)
         return at_joint(self.joint, -self.side * pull, load.tau_nm)
 
 
 @dataclass(frozen=True)
-class CoupledJoint(Effect):
-    """A joint that turns with another one, less and less as that one leaves zero: ratio * bend * sin(q / bend)."""
+class CoupledJoint(HiddenEffect):
+    """Coupling of a joint to the angle of another one: ratio * bend * sin(q / bend), of slope `ratio` at zero."""
 
     joint: int
     by: int
@@ -131,14 +128,13 @@ class CoupledJoint(Effect):
     bend: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        """In the joint, from the commanded angle of the other."""
-        q = load.now.q_rad[:, self.by - 1]
+        q = load.poses.q_rad[:, self.by - 1]
         return at_joint(self.joint, self.ratio * self.bend * np.sin(q / self.bend), load.tau_nm)
 
 
 @dataclass(frozen=True)
-class EntangledJoint(Effect):
-    """A joint that turns with two others together; no catalogue has it.
+class EntangledJoint(HiddenEffect):
+    """Interaction of two other joints' angles, which is in no catalogue.
 
     form: "sum" for sin(q_a + q_b), "product" for sin(q_a) sin(q_b), "beat" for sin(2 q_a) cos(q_b).
     """
@@ -149,7 +145,31 @@ class EntangledJoint(Effect):
     form: Literal["sum", "product", "beat"]
 
     def added_angles(self, load: JointLoad) -> Array:
-        """In the joint, from the commanded angles of the two."""
-        a, b = (load.now.q_rad[:, joint - 1] for joint in self.by)
+        a, b = (load.poses.q_rad[:, joint - 1] for joint in self.by)
         shapes = {"sum": np.sin(a + b), "product": np.sin(a) * np.sin(b), "beat": np.sin(2.0 * a) * np.cos(b)}
         return at_joint(self.joint, self.size_rad * shapes[self.form], load.tau_nm)
+
+
+@dataclass(frozen=True)
+class WarmUp(HiddenEffect):
+    """First-order warm-up drift of a joint towards final_rad; the clock does not restart with a session."""
+
+    joint: int
+    final_rad: float
+    constant_s: float
+
+    def added_angles(self, load: JointLoad) -> Array:
+        warmth = 1.0 - np.exp2(-load.poses.time_s / (self.constant_s * np.log(2.0)))
+        return at_joint(self.joint, self.final_rad * warmth, load.tau_nm)
+
+
+@dataclass(frozen=True)
+class SessionStep(HiddenEffect):
+    """Zero offset of a joint that changes at power-on: one angle per session."""
+
+    joint: int
+    steps_rad: tuple[float, ...]
+
+    def added_angles(self, load: JointLoad) -> Array:
+        session = load.poses.session.astype(int) - 1
+        return at_joint(self.joint, np.array(self.steps_rad)[session], load.tau_nm)

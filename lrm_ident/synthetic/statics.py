@@ -1,4 +1,4 @@
-"""Elastic equilibrium: torques balanced in the world frame, body by body, and deflections found by Newton's method."""
+"""Elastostatic equilibrium: joint torques of gravity summed body by body, deflections by damped Newton iteration."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .chain import Chain, Posture, hangs_on, move, zero_configuration
-from .hidden import EndLoad, JointLoad, Situation
-from .rig import Rig
+from .arm_description import ArmDescription
+from .chain import Posture, TrueChain, forward_kinematics, is_carried_by, zero_configuration
+from .ground_truth import GroundTruth
+from .hidden_effect import CommandedPoses, EndLoad, JointLoad
 from .screws import Array
-from .truth import Truth
 
 TOLERANCE = 1e-13  # of the deflections, rad and m: far below the 1e-9 m to which models are compared
-ROUNDS = 120
-PATIENCE = 12
-SCATTER = 0.02
-PROBE = 1e-7
+MAX_ITERATIONS, RESTART_EVERY = 120, 12
+RESTART_SD = 0.02
+DIFFERENCE_STEP = 1e-7
 
 
 @dataclass(frozen=True)
@@ -40,48 +39,42 @@ class _Loads:
     ends: dict[int, EndLoad]
 
 
-def equilibrium(rig: Rig, truth: Truth, now: Situation) -> TrueState:
-    """The state in which every deflection is the one its own load causes."""
-    chain = _with_wrong_centres(zero_configuration(rig, truth), truth, now)
-    bent = tuple(sorted({link for effect in truth.effects for link in effect.bent_links()}))
-    weights = _weights(rig, truth, now)
+def equilibrium(arm: ArmDescription, truth: GroundTruth, poses: CommandedPoses) -> TrueState:
+    """The state in which every deflection is the one that its own load causes."""
+    chain = zero_configuration(arm, truth)
+    if np.any(shifts := sum(effect.added_com_shifts(poses) for effect in truth.effects)):
+        chain = chain.with_com_shifts(np.asarray(shifts))
+    flexible = tuple(sorted({link for effect in truth.effects for link in effect.flexible_links()}))
+    weights = _weights(arm, truth, poses)
 
-    def settle(u: Array) -> tuple[Posture, _Loads]:
-        base, joints, bends = _split(u, len(rig.links), bent)
-        posture = move(chain, base, now.q_rad + joints, bends)
-        return posture, _loads(chain, truth, now, weights, posture)
+    def at(u: Array) -> tuple[Posture, _Loads]:
+        base, joints, deflections = _split(u, len(arm.links), flexible)
+        posture = forward_kinematics(chain, base, poses.q_rad + joints, deflections)
+        return posture, _loads(chain, truth, poses, weights, posture)
 
-    def residual(u: Array) -> Array:
-        posture, loads = settle(u)
-        return u - _response(truth, now, posture, loads)
-
-    u = newton(residual, np.zeros((len(now.q_rad), 1 + len(rig.links) + 6 * len(bent))))
-    posture, loads = settle(u)
-    base, joints, _ = _split(u, len(rig.links), bent)
+    start = np.zeros((len(poses.q_rad), 1 + len(arm.links) + 6 * len(flexible)))
+    u = newton(lambda u: u - _deflections(truth, poses, at(u)[1]), start)
+    posture, loads = at(u)
+    base, joints, _ = _split(u, len(arm.links), flexible)
     return TrueState(posture.tcp, loads.tau, loads.base_moment, base, joints, posture)
 
 
-def _with_wrong_centres(chain: Chain, truth: Truth, now: Situation) -> Chain:
-    shifts = sum((effect.added_shifts(now) for effect in truth.effects), np.zeros((1, len(chain.bodies), 3)))
-    return chain.with_centres_off(np.asarray(shifts)) if np.any(shifts) else chain
+def _split(u: Array, joints: int, flexible: tuple[int, ...]) -> tuple[Array, Array, dict[int, Array]]:
+    deflections = {link: u[:, 1 + joints + 6 * k : 7 + joints + 6 * k] for k, link in enumerate(flexible)}
+    return u[:, 0], u[:, 1 : 1 + joints], deflections
 
 
-def _split(u: Array, joints: int, bent: tuple[int, ...]) -> tuple[Array, Array, dict[int, Array]]:
-    bends = {link: u[:, 1 + joints + 6 * k : 7 + joints + 6 * k] for k, link in enumerate(bent)}
-    return u[:, 0], u[:, 1 : 1 + joints], bends
-
-
-def _weights(rig: Rig, truth: Truth, now: Situation) -> Array:
+def _weights(arm: ArmDescription, truth: GroundTruth, poses: CommandedPoses) -> Array:
     """Weight vectors (P, B, 3) in N."""
-    masses = np.array([[body.mass_kg for body in rig.bodies]] * len(now.q_rad))
-    carries = np.array([body.carries_payload for body in rig.bodies])
-    masses[:, carries] += now.payload_kg[:, None]
+    masses = np.array([[body.mass_kg for body in arm.bodies]] * len(poses.q_rad))
+    carries = np.array([body.carries_payload for body in arm.bodies])
+    masses[:, carries] += poses.payload_kg[:, None]
     for effect in truth.effects:
-        masses = masses + effect.added_masses(now)
-    return np.asarray(masses[:, :, None] * np.array(rig.gravity_m_per_s2))
+        masses = masses + effect.added_masses(poses)
+    return np.asarray(masses[:, :, None] * np.array(arm.gravity_m_per_s2))
 
 
-def _loads(chain: Chain, truth: Truth, now: Situation, weights: Array, posture: Posture) -> _Loads:
+def _loads(chain: TrueChain, truth: GroundTruth, poses: CommandedPoses, weights: Array, posture: Posture) -> _Loads:
     base_moment = np.zeros(len(weights))
     tau = np.zeros(posture.joint_axes.shape[:2])
     for number, body in enumerate(chain.bodies):
@@ -91,47 +84,50 @@ def _loads(chain: Chain, truth: Truth, now: Situation, weights: Array, posture: 
         for joint in range(body.loads_joint):
             moment = np.cross(centre - posture.joint_points[:, joint], weight)
             tau[:, joint] += np.sum(posture.joint_axes[:, joint] * moment, axis=1)
-    gravity = JointLoad(now, posture, tau)
+    gravity = JointLoad(poses, tau)
     for effect in truth.effects:
         tau = tau + effect.added_torques(gravity)
-    ends = {link: _end_load(chain, now, weights, posture, link) for link in posture.end_axes}
+    ends = {link: _end_load(chain, poses, weights, posture, link) for link in posture.end_axes}
     return _Loads(base_moment, tau, ends)
 
 
-def _end_load(chain: Chain, now: Situation, weights: Array, posture: Posture, link: int) -> EndLoad:
+def _end_load(chain: TrueChain, poses: CommandedPoses, weights: Array, posture: Posture, link: int) -> EndLoad:
     force, moment = np.zeros((2, len(weights), 3))
     for number, body in enumerate(chain.bodies):
-        if hangs_on(body, link):
+        if is_carried_by(body, link):
             force = force + weights[:, number]
             moment = moment + np.cross(posture.centres[:, number] - posture.end_points[link], weights[:, number])
     axes = posture.end_axes[link]
-    return EndLoad(now, link, np.einsum("pji,pj->pi", axes, moment), np.einsum("pji,pj->pi", axes, force))
+    return EndLoad(poses, link, np.einsum("pji,pj->pi", axes, moment), np.einsum("pji,pj->pi", axes, force))
 
 
-def _response(truth: Truth, now: Situation, posture: Posture, loads: _Loads) -> Array:
+def _deflections(truth: GroundTruth, poses: CommandedPoses, loads: _Loads) -> Array:
     """The deflections (P, n) that the loads cause."""
-    joint_load = JointLoad(now, posture, loads.tau)
+    joint_load = JointLoad(poses, loads.tau)
     joints = loads.tau * np.array(truth.joint_compliance_rad_per_nm)
     for effect in truth.effects:
         joints = joints + effect.added_angles(joint_load)
-    bends = [sum((effect.link_bend(end) for effect in truth.effects), np.zeros(6)) for end in loads.ends.values()]
-    return np.hstack([truth.base_compliance_rad_per_nm * loads.base_moment[:, None], joints, *bends])
+    ends = [
+        sum((effect.link_deflection(end) for effect in truth.effects if link in effect.flexible_links()), np.zeros(6))
+        for link, end in loads.ends.items()
+    ]
+    return np.hstack([truth.base_compliance_rad_per_nm * loads.base_moment[:, None], joints, *ends])
 
 
 def newton(residual: Callable[[Array], Array], start: Array) -> Array:
-    """Root of P independent systems at once: residual maps (P, n) to (P, n); damped, Jacobian by differences.
+    """Roots (P, n) of P independent systems by damped Newton iteration with a finite-difference Jacobian.
 
-    Where gravity pushes a joint off a steep play the residual has a valley without a root; systems that are caught
-    there start again from elsewhere, always from the same places.
+    Next to a steep backlash curve |residual| has local minima that are no roots; systems caught in one restart from
+    points drawn with a fixed seed. Raises `RuntimeError` if some do not converge.
     """
     rng = np.random.default_rng(0)
     u, r = start, residual(start)
-    for number in range(1, ROUNDS + 1):
+    for number in range(1, MAX_ITERATIONS + 1):
         unsolved = np.max(np.abs(r), axis=1) >= TOLERANCE
         if not unsolved.any():
             return u
-        if number % PATIENCE == 0:
-            u = np.where(unsolved[:, None], start + SCATTER * rng.normal(size=u.shape), u)
+        if number % RESTART_EVERY == 0:
+            u = np.where(unsolved[:, None], start + RESTART_SD * rng.normal(size=u.shape), u)
             r = residual(u)
         step: Array = np.asarray(np.linalg.solve(_jacobian(residual, u, r), r[..., None])[..., 0], dtype=float)
         u, r = _descend(residual, u, r, step)
@@ -139,12 +135,12 @@ def newton(residual: Callable[[Array], Array], start: Array) -> Array:
 
 
 def _jacobian(residual: Callable[[Array], Array], u: Array, r: Array) -> Array:
-    probes = PROBE * np.eye(u.shape[1])
-    return np.stack([(residual(u + probe) - r) / PROBE for probe in probes], axis=-1)
+    steps = DIFFERENCE_STEP * np.eye(u.shape[1])
+    return np.stack([(residual(u + step) - r) / DIFFERENCE_STEP for step in steps], axis=-1)
 
 
 def _descend(residual: Callable[[Array], Array], u: Array, r: Array, step: Array) -> tuple[Array, Array]:
-    """Halve the step of those poses that would come out worse."""
+    """Step halving (backtracking) for the systems whose residual would grow."""
     share = np.ones((len(u), 1))
     size = np.linalg.norm(r, axis=1)
     for _ in range(20):

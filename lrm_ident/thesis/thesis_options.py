@@ -1,4 +1,4 @@
-"""The method of Conenna 2024, chapter 6, on any data: choose poses, identify on them, validate on all and the rest."""
+"""Identification options of Conenna 2024, chapter 6: optimal poses, fit to them, validation on all and on the rest."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.error_stats import ErrorFigures, figures
+from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.detmax import exchange
+from lrm_ident.design.fisher_information import Rows
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.fit.levenberg_marquardt import Fit, bounds_of, fit, no_bounds
-from lrm_ident.fit.parameter_sets import chosen
-from lrm_ident.progress import Tick, silent
+from lrm_ident.fit.parameter_sets import select_parameters
+from lrm_ident.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
@@ -22,17 +23,15 @@ from lrm_math.errors import UnknownName
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 
-Rows = NDArray[np.int64]
 POSES = 50
-PHYSICAL = "_2"
 
 
 @dataclass(frozen=True)
-class Option:
-    """A choice of parameters by its name in the thesis; `physical`: with the bounds that physics sets.
+class ThesisOption:
+    """A parameter set of the thesis; `physical`: fitted with physical bounds.
 
-    The thesis reached options 1₂ and 3₂ by throwing away pose sets until no compliance was negative (Figure 6.3). Here
-    the fit itself obeys the bounds, on the same poses.
+    For options 1₂ and 3₂ the thesis discarded pose sets until no compliance was negative (Figure 6.3); here the fit is
+    bounded, on the same poses.
     """
 
     name: str
@@ -41,109 +40,109 @@ class Option:
 
 
 OPTIONS = (
-    *(Option(f"option{number}", f"option{number}", physical=False) for number in range(1, 6)),
-    *(Option(f"option{number}{PHYSICAL}", f"option{number}", physical=True) for number in (1, 3)),
+    *(ThesisOption(f"option{number}", f"option{number}", physical=False) for number in range(1, 6)),
+    *(ThesisOption(f"option{number}_2", f"option{number}", physical=True) for number in (1, 3)),
 )
 
 
-def option_named(name: str) -> Option:
-    """One of the options. Raises `UnknownName`."""
-    for option in OPTIONS:
-        if option.name == name:
-            return option
-    raise UnknownName("option", name, [option.name for option in OPTIONS])
+def option_named(name: str) -> ThesisOption:
+    """The option of that name. Raises `UnknownName`."""
+    by_name = {option.name: option for option in OPTIONS}
+    if name not in by_name:
+        raise UnknownName("option", name, list(by_name))
+    return by_name[name]
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class OptionResult:
     """One option on one data set.
 
     Attributes:
-        rows: (n,), of the poses it was identified on.
+        rows: (n,), training poses.
         fit: to those.
-        residual: (N, 3) of all poses (m).
+        residual: (N, 3), of all poses (m).
     """
 
-    option: Option
+    option: ThesisOption
     rows: Rows
     fit: Fit
     residual: Array
 
     @property
     def rest(self) -> NDArray[np.bool_]:
-        """(N,), the poses that it never saw."""
+        """(N,), mask of the validation poses."""
         mask = np.ones(len(self.residual), dtype=np.bool_)
         mask[self.rows] = False
         return mask
 
     @property
-    def on_chosen(self) -> ErrorFigures:
-        """Error over the poses that it was identified on."""
-        return figures(self.residual[self.rows])
+    def on_chosen(self) -> ErrorStats:
+        """Error over the training poses."""
+        return error_stats(self.residual[self.rows])
 
     @property
-    def on_all(self) -> ErrorFigures:
+    def on_all(self) -> ErrorStats:
         """Error over all poses (thesis Tables 6.4 and 6.6)."""
-        return figures(self.residual)
+        return error_stats(self.residual)
 
     @property
-    def on_rest(self) -> ErrorFigures:
-        """Error over the poses that it never saw (thesis Tables 6.5 and 6.7)."""
-        return figures(self.residual[self.rest])
+    def on_rest(self) -> ErrorStats:
+        """Error over the validation poses (thesis Tables 6.5 and 6.7)."""
+        return error_stats(self.residual[self.rest])
 
 
 @dataclass(frozen=True, eq=False)
-class Method:
+class OptionStudy:
     """All options on one data set, with the nominal arm's residual (N, 3) in m."""
 
     data: Measurements
     nominal: Array
-    identified: tuple[Identified, ...]
+    identified: tuple[OptionResult, ...]
 
-    def of(self, option: str) -> Identified:
+    def of(self, option: str) -> OptionResult:
         """The result of one option. Raises `UnknownName`."""
-        for one in self.identified:
-            if one.option.name == option:
-                return one
-        raise UnknownName("option", option, [one.option.name for one in self.identified])
+        by_name = {result.option.name: result for result in self.identified}
+        if option not in by_name:
+            raise UnknownName("option", option, list(by_name))
+        return by_name[option]
 
 
-def run_method(
+def run_options(
     arm: Arm,
     data: Measurements,
     poses: int = POSES,
-    options: Sequence[Option] = OPTIONS,
+    options: Sequence[ThesisOption] = OPTIONS,
     seed: int = 0,
-    progress: Tick = silent,
-) -> Method:
-    """Every option identified on the poses that tell its parameters best (O1, DETMAX), validated on all and the rest.
+    progress: OnProgress = silent,
+) -> OptionStudy:
+    """Fits every option to its optimal poses (O1, DETMAX exchange) and validates on all poses.
 
     Raises:
         UnknownName: the arm lacks a parameter of an option.
-        LrmError: too few or too poor poses, or a fit that does not converge.
+        LrmError: too few or rank-deficient poses, or a fit that does not converge.
     """
-    empty = nominal_model(arm)
-    rest = equilibrium(empty, data.poses)
+    nominal = nominal_model(arm)
+    rest = equilibrium(nominal, data.poses)
     rows: dict[str, Rows] = {}
     found = []
     for number, option in enumerate(options, start=1):
-        keys = chosen(empty, option.parameters)
+        keys = select_parameters(nominal, option.parameters)
         if option.parameters not in rows:
             rows[option.parameters] = exchange(identification_jacobian(rest, keys), poses, seed=seed).rows
-        found.append(identify(replace(empty, free=keys), data, option, rows[option.parameters]))
+        found.append(identify(replace(nominal, free=keys), data, option, rows[option.parameters]))
         progress(number, len(options))
-    return Method(data, data.tcp - rest.tcp, tuple(found))
+    return OptionStudy(data, data.tcp - rest.tcp, tuple(found))
 
 
-def identify(model: Model, data: Measurements, option: Option, rows: Rows) -> Identified:
-    """One option fitted to some rows, from the model's values. Raises `LrmError`."""
+def identify(model: Model, data: Measurements, option: ThesisOption, rows: Rows) -> OptionResult:
+    """One option fitted to the given rows, starting from the model's values. Raises `LrmError`."""
     limits = bounds_of(model, model.free) if option.physical else no_bounds(model.free)
     fitted = fit(model, data.take(rows), limits)
-    return Identified(option, rows, fitted, residual_of(fitted.model, data))
+    return OptionResult(option, rows, fitted, residual_of(fitted.model, data))
 
 
 def nominal_model(arm: Arm) -> Model:
-    """An arm with all errors of levels 2 and 3 at zero."""
+    """The model with the effects `offsets` and `compliance` (levels 2 and 3), all parameters zero."""
     return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
 
 
@@ -153,24 +152,24 @@ def residual_of(model: Model, data: Measurements) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Crossed:
-    """One option identified on each of two data sets, and applied to both (thesis Table 6.8).
+class CrossLoadResult:
+    """One option identified on each of two data sets and validated on both (thesis Table 6.8).
 
-    `residual[i][j]`: (N_j, 3), m, of the parameters identified on data set i, on data set j.
+    `residual[i][j]`: (N_j, 3), m, on data set j with the parameters identified on data set i.
     """
 
-    option: Option
-    both: tuple[Identified, Identified]
+    option: ThesisOption
+    both: tuple[OptionResult, OptionResult]
     residual: tuple[tuple[Array, Array], tuple[Array, Array]]
 
-    def error(self, identified_on: int, measured_on: int) -> ErrorFigures:
-        """Over the poses of a data set that were not chosen there."""
-        return figures(self.residual[identified_on][measured_on][self.both[measured_on].rest])
+    def error(self, identified_on: int, measured_on: int) -> ErrorStats:
+        """Error over the validation poses of a data set."""
+        return error_stats(self.residual[identified_on][measured_on][self.both[measured_on].rest])
 
 
-def cross(first: Method, second: Method, option: str) -> Crossed:
-    """Applies the parameters of each data set to the other one. Raises `UnknownName`, `NotSettled`."""
+def cross_apply(first: OptionStudy, second: OptionStudy, option: str) -> CrossLoadResult:
+    """Validates the parameters of each data set on the other one. Raises `UnknownName`, `NoEquilibrium`."""
     a, b = first.of(option), second.of(option)
     to_second = residual_of(a.fit.model, second.data)
     to_first = residual_of(b.fit.model, first.data)
-    return Crossed(a.option, (a, b), ((a.residual, to_second), (to_first, b.residual)))
+    return CrossLoadResult(a.option, (a, b), ((a.residual, to_second), (to_first, b.residual)))

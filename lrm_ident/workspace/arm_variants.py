@@ -1,6 +1,6 @@
-"""Variants of an arm: the same arm with a placement, a length or an angle changed, its shapes stretched to match.
+"""Design variants of an arm: a placement, length or angle changed, and the collision shapes stretched accordingly.
 
-Masses stay as they are: a map of what can be reached does not weigh. A real link that is longer is heavier too.
+Masses do not change: the capability map is purely kinematic.
 """
 
 from __future__ import annotations
@@ -14,54 +14,52 @@ import numpy as np
 from lrm_ident.workspace.voxel_grid import NUMBER
 from lrm_math.arm.arm import BASE, TOOL, Arm
 from lrm_math.arm.arm_file import MM
-from lrm_math.arm.collision_shapes import Capsule, Triple
-from lrm_math.arrays import Array
+from lrm_math.arm.collision_shapes import Capsule
+from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
 SYNTAX = "say PLACE_NAME_UNIT=VALUE such as base_beta_deg=45, or linkN+20mm, linkN-10mm; several by commas"
 VALUE = re.compile(rf"(\w+?)_(\w+)_(mm|deg)=({NUMBER})")
-LONGER = re.compile(r"link(\d+)([+-](?:\d+\.?\d*|\.\d+))mm")
+LENGTHEN = re.compile(r"link(\d+)([+-](?:\d+\.?\d*|\.\d+))mm")
 PLACEMENT = {"mm": ("x", "y", "z"), "deg": ("alpha", "beta", "gamma")}
 JOINT = {"mm": ("d", "a", "extra_z"), "deg": ("theta", "alpha")}
 NANOMETRE = 1e-9
-MOST = {"mm": 10_000.0, "deg": 360.0}
-"""As in arm files."""
+MOST = {"mm": 10_000.0, "deg": 360.0}  # as in arm files
 
 
 @dataclass(frozen=True)
-class Variant:
-    """An arm and what was changed about it, in words."""
+class ArmVariant:
+    """An arm and its changes in the syntax of the command line."""
 
     name: str
     arm: Arm
 
 
-def variant(arm: Arm, words: str) -> Variant:
-    """The arm with changes such as `base_beta_deg=45,link2+20mm`, one after the other.
+def parse_variant(arm: Arm, words: str) -> ArmVariant:
+    """The arm with changes such as `base_beta_deg=45,link2+20mm`, applied in order.
 
     Raises:
-        UnknownName: a place, or a number of that place, that the arm does not have.
-        LrmError: words that say nothing, a value beyond what arm files may hold, a link without one length of its own.
+        UnknownName: a place or dimension that the arm does not have.
+        LrmError: a syntax error, a value outside the range of arm files, a link without a single length.
     """
     changed = arm
     parts = [part.strip() for part in words.split(",")]
     for part in parts:
-        if longer := LONGER.fullmatch(part):
+        if longer := LENGTHEN.fullmatch(part):
             changed = lengthened(changed, int(longer[1]), float(longer[2]) * MM)
         elif value := VALUE.fullmatch(part):
             changed = _with_value(changed, value[1], value[2], value[3], float(value[4]))
         else:
             raise LrmError(f"variant '{words}': cannot read '{part}'; {SYNTAX}")
-    return Variant(",".join(parts), changed)
+    return ArmVariant(",".join(parts), changed)
 
 
 def lengthened(arm: Arm, link: int, by: float) -> Arm:
-    """Link number `link` (1 to n; the last reaches to the TCP) longer by `by`, or shorter if below zero (m).
+    """The arm with link 1 to n (the last ends at the TCP) longer by `by` (m), which may be negative.
 
-    Raises:
-        UnknownName: no such link. LrmError: a link with no length, with several, or shorter than nothing.
+    Raises `UnknownName` for no such link; `LrmError` for a link without a single length, or a length not above zero.
     """
     if not 1 <= link <= arm.dof:
         raise UnknownName("link", f"link{link}", [f"link{i + 1}" for i in range(arm.dof)])
@@ -101,29 +99,29 @@ def _replaced(arm: Arm, place: str, name: str, value: float) -> Arm:
 
 
 def _with_length(arm: Arm, place: str, name: str, value: float) -> Arm:
-    """One translation of a link changed, and the capsules along it."""
+    """The arm with one translation of a link changed, and the capsules along it stretched."""
     changed = _replaced(arm, place, name, value)
-    far = arm.dof + 1 if place == TOOL else arm.joint_names.index(place) + 1
+    distal = arm.dof + 1 if place == TOOL else arm.joint_names.index(place) + 1
     before, after = _home(arm), _home(changed)
-    rigid = (far - 1, far) if place == TOOL else (far,)
+    rigid = (distal - 1, distal) if place == TOOL else (distal,)
     capsules = tuple(
-        _stretched(capsule, far, before, after) if capsule.frame in rigid else capsule
+        _stretched(capsule, distal, before, after) if capsule.frame in rigid else capsule
         for capsule in arm.shapes.capsules
     )
     return replace(changed, shapes=replace(arm.shapes, capsules=capsules))
 
 
-def _stretched(capsule: Capsule, far: int, before: Array, after: Array) -> Capsule:
-    """A capsule whose ends shift with the link's far end, as far along the link from its near end as they stand."""
-    shift, way = (b[far, :3, 3] - a for b, a in ((after, before[far, :3, 3]), (before, before[far - 1, :3, 3])))
-    along, beyond = float(way @ shift), float(capsule.frame == far)
+def _stretched(capsule: Capsule, distal: int, before: Array, after: Array) -> Capsule:
+    """A capsule whose ends shift with the link's distal end, in proportion to their distance from its proximal end."""
+    near = before[distal - 1, :3, 3]
+    shift = after[distal, :3, 3] - before[distal, :3, 3]
+    along, beyond = float((before[distal, :3, 3] - near) @ shift), float(capsule.frame == distal)
     old, new = before[capsule.frame], after[capsule.frame]
-
     has_length = abs(along) > NANOMETRE * float(np.linalg.norm(shift))
 
-    def moved(end: Triple) -> Triple:
+    def moved(end: Vector3) -> Vector3:
         point = old[:3, :3] @ end + old[:3, 3]
-        share = np.clip((point - before[far - 1, :3, 3]) @ shift / along, 0.0, 1.0) if has_length else beyond
+        share = np.clip((point - near) @ shift / along, 0.0, 1.0) if has_length else beyond
         x, y, z = (new[:3, :3].T @ (point + share * shift - new[:3, 3])).tolist()
         return (x, y, z)
 

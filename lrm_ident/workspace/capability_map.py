@@ -1,9 +1,8 @@
-"""The capability map: how many of all orientations the tool can take, place by place (thesis section 3.1).
+"""Capability map: the share of orientations that the tool can take, by voxel (thesis section 3.1).
 
-At the centre of every cell of a grid a set of orientations, spread evenly, goes through the inverse kinematics. The
-share that has a solution within the limits, and clear of every shape if asked, is the cell's index (Zacharias, Borst
-and Hirzinger 2007 count directions so). Unlike poses drawn in joint space it does not depend on how often an arm's
-joints happen to lead somewhere, only on whether they can.
+The inverse kinematics is solved for a uniform orientation grid at every voxel's centre. The share with a solution
+within the joint limits, and optionally free of collisions, is the voxel's reachability index (Zacharias, Borst &
+Hirzinger 2007, who count directions). Unlike sampling in joint space it does not depend on the density of joint angles.
 """
 
 from __future__ import annotations
@@ -12,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lrm_ident.progress import Tick, silent
-from lrm_ident.workspace.voxel_grid import Area, Grid
+from lrm_ident.progress import OnProgress, silent
+from lrm_ident.workspace.voxel_grid import Area, Mask, VoxelGrid
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance
@@ -23,20 +21,17 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.solver import NominalSolver
 
-Mask = NDArray[np.bool_]
-WHOLE_POSE = 6
-AT_ONCE = 8000
-"""Goals solved at once: as many as stay in the processor's cache."""
+BATCH = 8000  # goals solved at once: as many as fit into the processor's cache
 
 
 @dataclass(frozen=True)
-class Figures:
-    """What a map says of some cells, all between 0 and 1.
+class CapabilitySummary:
+    """Means over some voxels, all between 0 and 1.
 
     Attributes:
-        index: mean share of orientations that can be taken.
-        directions: mean share of directions that the tool can point along, with any turn about itself.
-        covered: share of the cells where at least one orientation can be taken.
+        index: mean reachability index.
+        directions: mean share of directions reachable with any roll.
+        covered: share of the voxels with a reachable orientation.
     """
 
     index: float
@@ -45,94 +40,94 @@ class Figures:
 
 
 @dataclass(frozen=True, eq=False)
-class Capability:
+class CapabilityMap:
     """The map of one arm.
 
     Attributes:
-        index: (N,), share of orientations that can be taken at every cell's centre.
-        directions: (N,), share of directions that the tool can point along there, with any turn about itself.
-        goals: how many poses were asked for.
+        index: (N,), reachability index: share of reachable orientations at every voxel's centre.
+        directions: (N,), share of directions reachable there with any roll.
+        goals: number of poses solved.
     """
 
-    grid: Grid
+    grid: VoxelGrid
     index: Array
     directions: Array
     goals: int
 
     @property
     def volume(self) -> float:
-        """m³ where at least one orientation can be taken."""
+        """Volume of the voxels with a reachable orientation (m³)."""
         return float(np.count_nonzero(self.index)) * self.grid.cell_volume
 
     @property
-    def everywhere(self) -> Figures:
-        """Figures of the cells that can be reached at all; zero if there are none."""
-        return self._figures(self.index > 0.0)
+    def everywhere(self) -> CapabilitySummary:
+        """Summary of the voxels with a reachable orientation; zero if there are none."""
+        return self._summary(self.index > 0.0)
 
-    def within(self, area: Area) -> Figures:
-        """Figures of all cells with their centre in an area.
-
-        Raises:
-            LrmError: no cell has its centre there.
-        """
-        return self._figures(self.grid.inside(area))
+    def within(self, area: Area) -> CapabilitySummary:
+        """Summary of all voxels with their centre in an area. Raises `LrmError` if there are none."""
+        return self._summary(self.grid.inside(area))
 
     def score(self, areas: Sequence[Area]) -> float:
-        """Mean index of all cells in any of the areas, 0 to 1: the thesis's total score over the number of goals.
+        """Mean index of all voxels in any of the areas, 0 to 1: the thesis's total score over the number of goals.
 
-        Raises:
-            LrmError: no area, or no cell has its centre in one of them.
+        Raises `LrmError`: no area, or an area without a voxel's centre.
         """
         if not areas:
             raise LrmError("a score is the mean over areas; give one at least")
-        return self._figures(np.any([self.grid.inside(area) for area in areas], axis=0)).index
+        return self._summary(np.any([self.grid.inside(area) for area in areas], axis=0)).index
 
-    def _figures(self, cells: Mask) -> Figures:
+    def _summary(self, cells: Mask) -> CapabilitySummary:
         if not cells.any():
-            return Figures(0.0, 0.0, 0.0)
-        index, ways = self.index[cells], self.directions[cells]
-        return Figures(float(index.mean()), float(ways.mean()), float((index > 0.0).mean()))
+            return CapabilitySummary(0.0, 0.0, 0.0)
+        index, directions = self.index[cells], self.directions[cells]
+        return CapabilitySummary(float(index.mean()), float(directions.mean()), float((index > 0.0).mean()))
 
 
 def pose_solver(arm: Arm) -> NominalSolver:
-    """The inverse kinematics that a map goes through. Raises `LrmError` for an arm of fewer than six joints."""
-    if arm.dof < WHOLE_POSE:
+    """The inverse kinematics of the map. Raises `LrmError` for an arm of fewer than six joints."""
+    if arm.dof < 6:
         raise LrmError(f"arm '{arm.name}' has {arm.dof} joints; a capability map asks for whole poses, which take six")
     return solver_of(arm)
 
 
-def capability(
-    arm: Arm, grid: Grid, tools: Array, scene: Scene | None = None, margin: float | None = None, progress: Tick = silent
-) -> Capability:
+def capability_map(
+    arm: Arm,
+    grid: VoxelGrid,
+    tools: Array,
+    scene: Scene | None = None,
+    margin: float | None = None,
+    progress: OnProgress = silent,
+) -> CapabilityMap:
     """The capability map of the nominal arm.
 
     Args:
-        tools: (D, R, 3, 3), orientations of the tool: D directions with R turns about each.
-        scene: the arm's shapes; poses in which two of them come closer than `margin` (m; None: the scene's own) do not
-            count. None: all count.
-        progress: told how many goals of all are done.
+        tools: (D, R, 3, 3), orientations of the tool: D directions with R rolls each.
+        scene: collision shapes; configurations with a clearance below `margin` (m; None: the scene's own) are
+            infeasible. None: no collision check.
+        progress: called with the numbers of goals done and in total.
 
-    Raises:
-        LrmError: an arm with fewer than six joints, for which nearly every pose is out of reach; a margin below zero.
+    Raises `LrmError`: an arm with fewer than six joints, or a margin below zero.
     """
-    ways, rolls = tools.shape[:2]
-    turns, centres, solver = tools.reshape(-1, 3, 3), grid.centres, pose_solver(arm)
-    apart = 0.0 if scene is None else scene.margin_or(margin)
+    directions_count, rolls = tools.shape[:2]
+    orientations, centres, solver = tools.reshape(-1, 3, 3), grid.centres, pose_solver(arm)
+    clear_by = 0.0 if scene is None else scene.margin_or_default(margin)
     index, directions = np.zeros((2, len(grid)))
-    cells = max(1, AT_ONCE // len(turns))
+    goals = len(grid) * len(orientations)
+    cells = max(1, BATCH // len(orientations))
     for start in range(0, len(grid), cells):
         here = centres[start : start + cells]
-        p, R = np.repeat(here, len(turns), axis=0), np.tile(turns, (len(here), 1, 1))
-        reached = _reached(solver, p, R, scene, apart).reshape(len(here), ways, rolls)
+        p, R = np.repeat(here, len(orientations), axis=0), np.tile(orientations, (len(here), 1, 1))
+        reached = _reached(solver, p, R, scene, clear_by).reshape(len(here), directions_count, rolls)
         index[start : start + cells] = reached.mean(axis=(1, 2))
         directions[start : start + cells] = reached.any(axis=2).mean(axis=1)
-        progress((start + len(here)) * len(turns), len(grid) * len(turns))
-    return Capability(grid, index, directions, len(grid) * len(turns))
+        progress((start + len(here)) * len(orientations), goals)
+    return CapabilityMap(grid, index, directions, goals)
 
 
-def _reached(solver: NominalSolver, positions: Array, turns: Array, scene: Scene | None, margin: float) -> Mask:
-    """(N,), whether a pose has a branch within the limits, and one that keeps clear."""
-    found = solver.solve_batch(positions, turns)
+def _reached(solver: NominalSolver, positions: Array, orientations: Array, scene: Scene | None, margin: float) -> Mask:
+    """(N,), whether a pose has a branch within the joint limits and free of collisions."""
+    found = solver.solve_batch(positions, orientations)
     if scene is None:
         return found.solved
     clear = np.zeros(len(positions), dtype=np.bool_)

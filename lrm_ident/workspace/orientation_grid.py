@@ -1,4 +1,4 @@
-"""Orientations spread evenly: directions all round the sphere, each with some turns of the tool about itself."""
+"""Uniform orientation grid: directions on a geodesic sphere, each with equally spaced roll angles of the tool."""
 
 from __future__ import annotations
 
@@ -11,25 +11,23 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
 GOLDEN = 0.5 * (1.0 + math.sqrt(5.0))
-ALONG_X = 0.9
-"""Cosine to the x axis beyond which turns are counted from the z axis instead."""
+NEAR_X = 0.9  # cosine to the x axis beyond which roll is measured from the z axis instead
 EXAMPLES = (12, 42, 92, 162, 252)
 
 
 def directions(count: int) -> Array:
-    """(count, 3), unit vectors: corners of an icosahedron whose faces are divided into f² triangles; 10 f² + 2 of them.
+    """(count, 3), unit vectors: vertices of a geodesic icosahedron with faces divided into f² triangles, 10 f² + 2.
 
-    Mirrored at a coordinate plane the set stays the same, so that the map of a symmetric arm is symmetric.
+    The set is symmetric about the coordinate planes, so that the map of a symmetric arm is symmetric.
 
-    Raises:
-        LrmError: a count that is not 12, 42, 92, 162, …
+    Raises `LrmError`: a count that is not 12, 42, 92, 162, …
     """
     f = math.isqrt(max(count - 2, 0) // 10)
     if f < 1 or count != 10 * f * f + 2:
         raise LrmError(f"{count} directions cannot be spread evenly; take one of {', '.join(map(str, EXAMPLES))}, …")
     signs = [(a, b * GOLDEN) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
     corners = np.array([np.roll((0.0, a, b), turn) for turn in range(3) for a, b in signs])
-    faces = [face for face in combinations(corners, 3) if all(_neighbours(p, q) for p, q in combinations(face, 2))]
+    faces = [face for face in combinations(corners, 3) if all(_adjacent(p, q) for p, q in combinations(face, 2))]
     weights = [(i, j, f - i - j) for i in range(f + 1) for j in range(f + 1 - i)]
     points = np.array([(i * a + j * b + k * c) / f for a, b, c in faces for i, j, k in weights])
     unit = points / np.linalg.norm(points, axis=1, keepdims=True)
@@ -37,19 +35,18 @@ def directions(count: int) -> Array:
     return np.asarray(unit[first])
 
 
-def _neighbours(one: Array, other: Array) -> bool:
-    return math.isclose(float(np.linalg.norm(one - other)), 2.0)
+def _adjacent(p: Array, q: Array) -> bool:
+    return math.isclose(math.dist(p, q), 2.0)
 
 
 def rotations(along: Array, rolls: int) -> Array:
-    """(D, rolls, 3, 3), tool frames whose z axes point along the unit vectors (D, 3), each turned evenly about z.
+    """(D, rolls, 3, 3), tool frames with z axes along the unit vectors (D, 3) and equally spaced rolls about z.
 
-    Raises:
-        LrmError: no roll.
+    Raises `LrmError`: `rolls` below one.
     """
     if rolls < 1:
         raise LrmError(f"{rolls} turns of the tool about its axis; there must be at least 1")
-    start = np.where(np.abs(along[:, :1]) < ALONG_X, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    start = np.where(np.abs(along[:, :1]) < NEAR_X, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
     x = start - along * (start * along).sum(axis=1, keepdims=True)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     y = np.cross(along, x)

@@ -1,12 +1,13 @@
-"""One serial arm of revolute joints: geometry, masses, limits. Frozen values in SI units."""
+"""The description of a serial arm with revolute joints: geometry, masses, limits. Frozen values in SI units."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
-from lrm_math.arm.collision_shapes import NO_SHAPES, Shapes
+from lrm_math.arm.collision_shapes import Shapes
 from lrm_math.arm.servo_table import ServoTable
+from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError
 
 BASE = "base"
@@ -44,16 +45,16 @@ class Joint:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body that weighs on the joints.
+    """A rigid body whose weight loads the joints.
 
-    `frame`: the number of the frame it stands in (0 base, i after joint i, n + 1 tool). `com`: its centre of mass
+    `frame`: the number of the frame it is fixed to (0 base, i after joint i, n + 1 tool). `com`: its centre of mass
     there (m); with `near_end` it is given before the last translation along z of that frame.
     `loads_joint`: the first joint whose torque counts it (1 to n).
     """
 
     name: str
     mass: float
-    com: tuple[float, float, float]
+    com: Vector3
     frame: int
     loads_joint: int
     near_end: bool = False
@@ -65,13 +66,13 @@ class Arm:
     """A serial arm. `gravity` (m/s²) is given in the frame that TCP positions are measured in."""
 
     name: str
-    gravity: tuple[float, float, float]
+    gravity: Vector3
     base: Placement
     joints: tuple[Joint, ...]
     tool: Placement
     bodies: tuple[Body, ...]
     auxiliary_servos: tuple[tuple[str, ServoTable], ...] = ()
-    shapes: Shapes = NO_SHAPES
+    shapes: Shapes = field(default_factory=Shapes)
 
     def __post_init__(self) -> None:
         for body in self.bodies:
@@ -79,8 +80,7 @@ class Arm:
         for capsule in self.shapes.capsules:
             if not 0 <= capsule.frame <= self.dof + 1:
                 raise LrmError(f"capsule '{capsule.name}' stands in frame {capsule.frame}, not in 0 to {self.dof + 1}")
-        ordered = sorted(self.bodies, key=lambda b: (b.frame, not b.near_end))
-        for before, after in pairwise(ordered):
+        for before, after in pairwise(self.bodies_outwards):
             if after.loads_joint < before.loads_joint:
                 raise LrmError(
                     f"body '{after.name}' stands beyond '{before.name}' but loads joint {after.loads_joint}, before "
@@ -104,6 +104,11 @@ class Arm:
     def dof(self) -> int:
         """Number of joints n."""
         return len(self.joints)
+
+    @property
+    def bodies_outwards(self) -> tuple[Body, ...]:
+        """The bodies, ordered from base to tool."""
+        return tuple(sorted(self.bodies, key=lambda body: (body.frame, not body.near_end)))
 
     @property
     def joint_names(self) -> tuple[str, ...]:

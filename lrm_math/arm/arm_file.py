@@ -1,4 +1,4 @@
-"""Arm files: `config/arms/NAME.toml` (mm, deg, g, us) -> `Arm` (SI)."""
+"""Reader of arm files: `config/arms/NAME.toml` (mm, deg, g, us) -> `Arm` (SI)."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from pydantic import Field
 from lrm_math.arm.arm import Arm, Body, Joint, Placement
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
 from lrm_math.arm.servo_table import ServoTable
-from lrm_math.errors import FileError, LrmError, nearest
+from lrm_math.arrays import Vector3
+from lrm_math.errors import FileError, LrmError, name_suggestion
 from lrm_math.toml_file import StrictSchema, read_toml
 
 MM, GRAM, MICROSECOND = 1e-3, 1e-3, 1e-6
 
-Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Components = Annotated[list[float], Field(min_length=3, max_length=3)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 Length = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
 Size = Annotated[float, Field(gt=0.0, le=10_000.0)]
@@ -36,7 +37,7 @@ class PlacementTable(StrictSchema):
     gamma_deg: Angle = 0.0
 
 
-class ServoTableTable(StrictSchema):
+class ServoCalibrationTable(StrictSchema):
     """A level-1 table: measured angles and the pulses that gave them."""
 
     angle_deg: Annotated[list[Angle], Field(min_length=2)]
@@ -52,7 +53,7 @@ class JointTable(StrictSchema):
     alpha_deg: Angle
     extra_z_mm: Length | None = None
     limits_deg: Annotated[list[Angle], Field(min_length=2, max_length=2)]
-    servo: ServoTableTable | None = None
+    servo: ServoCalibrationTable | None = None
 
 
 class BodyTable(StrictSchema):
@@ -60,7 +61,7 @@ class BodyTable(StrictSchema):
 
     name: Annotated[str, Field(min_length=1)]
     mass_g: Annotated[float, Field(ge=0.0, le=1e6)]
-    com_mm: Vector3
+    com_mm: Components
     com_from: Literal["frame", "near_end"] = "frame"
     frame: str
     loads_joint: int
@@ -68,7 +69,7 @@ class BodyTable(StrictSchema):
 
 
 class CapsuleTable(StrictSchema):
-    """One `[[capsule]]`: what a link, or something mounted on it, fills."""
+    """One `[[capsule]]`: collision geometry of a link, or of something mounted on it."""
 
     name: Name
     frame: str
@@ -78,7 +79,7 @@ class CapsuleTable(StrictSchema):
 
 
 class BoxTable(StrictSchema):
-    """One `[[box]]`: something around the arm that stands still. `world` is the frame of TCP positions."""
+    """One `[[box]]`: a fixed obstacle around the arm. `world` is the frame of TCP positions."""
 
     name: Name
     frame: Literal["world", "base"] = "world"
@@ -90,7 +91,7 @@ class BoxTable(StrictSchema):
 
 
 class CollisionTable(StrictSchema):
-    """Table `[collision]`: how far shapes must stay apart, and the pairs that need not."""
+    """Table `[collision]`: the margin between shapes, and the pairs exempt from it."""
 
     margin_mm: Annotated[float, Field(ge=0.0, le=1_000.0)] = 30.0
     ignore: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = []
@@ -102,12 +103,12 @@ class ArmFile(StrictSchema):
     schema_: Literal["lrm/arm/1"] = Field(alias="schema")
     name: Annotated[str, Field(min_length=1)]
     source: str = ""
-    gravity_m_per_s2: Vector3
+    gravity_m_per_s2: Components
     base: PlacementTable
     joint: Annotated[list[JointTable], Field(min_length=1, max_length=10)]
     tool: PlacementTable
     body: list[BodyTable]
-    auxiliary_servo: dict[str, ServoTableTable] = {}
+    auxiliary_servo: dict[str, ServoCalibrationTable] = {}
     capsule: list[CapsuleTable] = []
     box: list[BoxTable] = []
     collision: CollisionTable = CollisionTable()
@@ -124,7 +125,7 @@ def load_arm(name_or_path: str | Path) -> Arm:
     """Loads an arm by the name of a shipped one or by path.
 
     Raises:
-        FileError: no such arm, or anything in the file that is not exactly as it should be.
+        FileError: no such arm, or a file that does not fit the schema or contradicts itself.
     """
     shipped = shipped_arms()
     if isinstance(name_or_path, str) and name_or_path in shipped:
@@ -141,18 +142,15 @@ def read_arm(path: Path) -> Arm:
     tables = read_toml(path, ArmFile)
     try:
         return to_arm(tables)
-    except FileError:
-        raise
     except LrmError as error:
         raise FileError(path, "", str(error)) from None
 
 
 def to_arm(tables: ArmFile) -> Arm:
-    """Units to SI, names to numbers. Raises `LrmError` for values that contradict each other."""
-    x, y, z = tables.gravity_m_per_s2
+    """The arm of parsed tables, in SI. Raises `LrmError` for values that contradict each other."""
     arm = Arm(
         name=tables.name,
-        gravity=(x, y, z),
+        gravity=_vector(tables.gravity_m_per_s2, 1.0),
         base=_placement(tables.base),
         joints=tuple(_joint(number, joint) for number, joint in enumerate(tables.joint, start=1)),
         tool=_placement(tables.tool),
@@ -185,7 +183,7 @@ def _joint(number: int, t: JointTable) -> Joint:
     )
 
 
-def _servo(where: str, t: ServoTableTable) -> ServoTable:
+def _servo(where: str, t: ServoCalibrationTable) -> ServoTable:
     try:
         return ServoTable(tuple(math.radians(a) for a in t.angle_deg), tuple(p * MICROSECOND for p in t.pulse_us))
     except LrmError as error:
@@ -196,7 +194,7 @@ def _body(t: BodyTable, dof: int) -> Body:
     return Body(
         name=t.name,
         mass=t.mass_g * GRAM,
-        com=_triple(t.com_mm, MM),
+        com=_vector(t.com_mm, MM),
         frame=_frame(f"body '{t.name}'", t.frame, dof),
         loads_joint=t.loads_joint,
         near_end=t.com_from == "near_end",
@@ -215,21 +213,21 @@ def _shapes(tables: ArmFile, dof: int) -> Shapes:
 
 def _capsule(t: CapsuleTable, dof: int) -> Capsule:
     frame = _frame(f"capsule '{t.name}'", t.frame, dof)
-    return Capsule(t.name, frame, _triple(t.from_mm, MM), _triple(t.to_mm, MM), t.radius_mm * MM)
+    return Capsule(t.name, frame, _vector(t.from_mm, MM), _vector(t.to_mm, MM), t.radius_mm * MM)
 
 
 def _box(t: BoxTable) -> Box:
-    turn = _triple([t.alpha_deg, t.beta_deg, t.gamma_deg], math.radians(1.0))
-    return Box(t.name, _triple(t.center_mm, MM), _triple(t.size_mm, MM), turn, in_base=t.frame == "base")
+    rotation = _vector([t.alpha_deg, t.beta_deg, t.gamma_deg], math.radians(1.0))
+    return Box(t.name, _vector(t.center_mm, MM), _vector(t.size_mm, MM), rotation, in_base=t.frame == "base")
 
 
 def _frame(what: str, name: str, dof: int) -> int:
     frames = ["base", *(f"joint{i + 1}" for i in range(dof)), "tool"]
     if name not in frames:
-        raise LrmError(f"{what}: unknown frame '{name}'; {nearest(name, frames)}")
+        raise LrmError(f"{what}: unknown frame '{name}'; {name_suggestion(name, frames)}")
     return frames.index(name)
 
 
-def _triple(values: list[float], unit: float) -> tuple[float, float, float]:
+def _vector(values: list[float], unit: float) -> Vector3:
     x, y, z = values
     return x * unit, y * unit, z * unit

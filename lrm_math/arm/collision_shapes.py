@@ -1,26 +1,25 @@
-"""What may touch: capsules on the arm's links and boxes around it. Frozen values in SI units."""
+"""Collision geometry of an arm: capsules on its links and boxes around it. Frozen values in SI units."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import chain
 
+from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, UnknownName
-
-Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Capsule:
-    """All points within `radius` (m) of the line from `start` to `end` (m), a ball where the two are one.
+    """All points within `radius` (m) of the segment from `start` to `end` (m); a sphere where the two coincide.
 
-    `frame`: the number of the frame it stands in (0 base, i after joint i, n + 1 tool).
+    `frame`: the number of the frame it is fixed to (0 base, i after joint i, n + 1 tool).
     """
 
     name: str
     frame: int
-    start: Triple
-    end: Triple
+    start: Vector3
+    end: Vector3
     radius: float
 
     def __post_init__(self) -> None:
@@ -30,15 +29,15 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Box:
-    """A solid box that never moves, given by its centre and the lengths of its edges (m), turned by Rx Ry Rz (rad).
+    """A solid fixed box, given by its centre and the lengths of its edges (m), rotated by Rx Ry Rz (`rotation`, rad).
 
     `in_base`: whether it is given in the arm's base frame, tilted as that is, or in the frame of TCP positions.
     """
 
     name: str
-    centre: Triple
-    size: Triple
-    turn: Triple = (0.0, 0.0, 0.0)
+    centre: Vector3
+    size: Vector3
+    rotation: Vector3 = (0.0, 0.0, 0.0)
     in_base: bool = False
 
     def __post_init__(self) -> None:
@@ -48,9 +47,9 @@ class Box:
 
 @dataclass(frozen=True)
 class Shapes:
-    """Every capsule and box of an arm, how far they must stay apart (m), and the pairs that need not.
+    """Every capsule and box of an arm, the margin (m) that must stay between them, and the pairs exempt from it.
 
-    Bodies in the same frame or in neighbouring ones are never held against each other; `ignored` names further pairs.
+    Bodies in the same frame or in neighbouring ones are not checked against each other; `ignored` names further pairs.
     """
 
     capsules: tuple[Capsule, ...] = ()
@@ -74,5 +73,3 @@ class Shapes:
         """Capsules first, then boxes."""
         return (*(capsule.name for capsule in self.capsules), *(box.name for box in self.boxes))
 
-
-NO_SHAPES = Shapes()

@@ -1,4 +1,4 @@
-"""Level 1: joint angle <-> pulse <-> counts of the PCA9685, and what the rounding costs.
+"""Level 1: joint angle <-> pulse <-> counts of the PCA9685, and the quantisation error.
 
 Sources: piecewise linear table of Conenna 2024, section 3.4; registers and prescale of the NXP PCA9685 data sheet
 (rev. 4, section 7.3.5). Thesis Eqs 3.1 and 3.2 are corrected: the chip's real frequency follows from the *rounded*
@@ -22,9 +22,9 @@ PRESCALE_MIN, PRESCALE_MAX = 3, 255
 
 @dataclass(frozen=True)
 class ServoTable:
-    """Measured angles of one servo and the pulses that gave them, both strictly monotone.
+    """Calibration table of one servo: measured angles and the pulses that gave them, both strictly monotone.
 
-    `angle`: rad, rising. `pulse`: s, strictly rising or strictly falling (a servo mounted the other way round).
+    `angle`: rad, rising. `pulse`: s, strictly rising or strictly falling (a servo mounted in reverse).
     """
 
     angle: tuple[float, ...]
@@ -51,7 +51,7 @@ class ServoTable:
 
 
 def _piecewise(x: ArrayLike, knots: tuple[float, ...], values: tuple[float, ...]) -> Array:
-    """Linear between knots (rising), and beyond them; for one number Python is several times faster than numpy."""
+    """Piecewise linear interpolation and extrapolation, knots rising; plain Python is faster for one number."""
     if isinstance(x, float):
         k = min(max(bisect_right(knots, x) - 1, 0), len(knots) - 2)
         slope = (values[k + 1] - values[k]) / (knots[k + 1] - knots[k])
@@ -66,7 +66,7 @@ def _piecewise(x: ArrayLike, knots: tuple[float, ...], values: tuple[float, ...]
 class PwmClock:
     """The clock of one PCA9685: its prescale register and the time that one count lasts.
 
-    `frequency_hz` is the wanted PWM frequency, `oscillator_hz` the board's own oscillator as calibrated.
+    `frequency_hz` is the nominal PWM frequency, `oscillator_hz` the board's own oscillator as calibrated.
     Raises `LrmError` if the prescale does not fit the chip (3 to 255).
     """
 
@@ -94,25 +94,21 @@ class PwmClock:
         """Duration of one count in seconds, with the rounded prescale: (prescale + 1) / oscillator."""
         return (self.prescale + 1) / self.oscillator_hz
 
-    @property
-    def real_frequency_hz(self) -> float:
-        """The PWM frequency that the rounded prescale really gives."""
-        return 1.0 / (COUNTS_PER_PERIOD * self.count_s)
-
     def counts_of(self, pulse: ArrayLike) -> NDArray[np.int64]:
-        """OFF counts (0 to 4095) that come closest to a pulse (s). Raises `LrmError` if the pulse does not fit."""
+        """OFF counts (0 to 4095) nearest to a pulse (s). Raises `LrmError` if the pulse does not fit."""
         counts = np.floor(np.asarray(pulse, dtype=np.float64) / self.count_s + 0.5)
         if not np.all((counts >= 0) & (counts < COUNTS_PER_PERIOD)):
             longest = (COUNTS_PER_PERIOD - 1) * self.count_s * 1e6
-            raise LrmError(f"pulse outside 0 to {longest:.0f} us of a {self.real_frequency_hz:.1f} Hz period")
+            frequency = 1.0 / (COUNTS_PER_PERIOD * self.count_s)
+            raise LrmError(f"pulse outside 0 to {longest:.0f} us of a {frequency:.1f} Hz period")
         return counts.astype(np.int64)
 
     def pulse_of(self, counts: ArrayLike) -> Array:
-        """Pulse (s) that the chip puts out for a number of counts."""
+        """Pulse (s) of a number of counts."""
         return np.asarray(counts, dtype=np.float64) * self.count_s
 
 
 def rounding(table: ServoTable, clock: PwmClock, angle: ArrayLike) -> Array:
-    """Joint angle error (rad) that rounding to counts leaves: angle put out minus angle wanted, shape of `angle`."""
-    wanted = np.asarray(angle, dtype=np.float64)
-    return table.angle_of(clock.pulse_of(clock.counts_of(table.pulse_of(wanted)))) - wanted
+    """Joint angle error (rad) of rounding to counts: output minus commanded angle, shape of `angle`."""
+    commanded = np.asarray(angle, dtype=np.float64)
+    return table.angle_of(clock.pulse_of(clock.counts_of(table.pulse_of(commanded)))) - commanded

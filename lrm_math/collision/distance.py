@@ -1,6 +1,6 @@
-"""Distances between lines of finite length, and from them to boxes, many at once.
+"""Distances between line segments, and from segments to boxes, vectorised.
 
-Lengths in m; every array may have any leading shape that broadcasts with the others'.
+Lengths in m; leading shapes of all arrays broadcast.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ import numpy as np
 from lrm_math.arrays import Array
 
 PARALLEL = 1e-14
-"""sin² of the angle below which two lines count as parallel; the distance is then wrong by less than 1e-7 lengths."""
+"""sin² of the angle below which two segments count as parallel; the error is then below 1e-7 lengths."""
 
 
 def segment_to_segment(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Least distance between the line from a to b and the line from c to d, each (..., 3), -> (...).
+    """Least distance between the segments a-b and c-d, each (..., 3), -> (...) (Ericson 2005, section 5.1.9).
 
-    The point nearest on the one, clipped to it, then the nearest to that on the other, then back (Ericson 2005, 5.1.9).
-    Points (a = b) are lines of length zero.
+    The nearest point on the first, clipped to it, then the nearest to that on the second, then back. A segment may have
+    length zero.
     """
     u, v, r = b - a, d - c, a - c
     uu, vv, uv, ur, vr = dot(u, u), dot(v, v), dot(u, v), dot(u, r), dot(v, r)
@@ -30,32 +30,32 @@ def segment_to_segment(a: Array, b: Array, c: Array, d: Array) -> Array:
 
 
 def segment_to_box(a: Array, b: Array, half: Array) -> Array:
-    """Least distance between the line from a to b and a solid box about the origin, along the axes; 0 if they meet.
+    """Least distance between the segment a-b and a solid axis-aligned box about the origin; 0 if they intersect.
 
-    a, b (..., 3); half (..., 3), half the edges; -> (...). Along the line the squared distance is convex, and its
-    slope never falls and is straight between the places where the line crosses a plane of the box: from the last place
-    where it is below zero and the first where it is not, the place of the least distance follows exactly.
+    a, b (..., 3); half (..., 3), half the edges; -> (...). The squared distance is convex along the segment, and its
+    slope is piecewise linear with knots where the segment crosses a plane of the box: the minimum follows exactly from
+    the last knot with a negative slope and the first with another.
     """
     ends = [(a[..., i], b[..., i] - a[..., i], half[..., i]) for i in range(3)]
     shape = np.broadcast_shapes(a.shape[:-1], half.shape[:-1])
     at = np.empty((8, *shape))
     at[6], at[7] = 0.0, 1.0
-    for i, (x, way, h) in enumerate(ends):
-        along = np.where(way == 0.0, 1.0, way)
+    for i, (x, d, h) in enumerate(ends):
+        along = np.where(d == 0.0, 1.0, d)
         at[2 * i], at[2 * i + 1] = (-h - x) / along, (h - x) / along
     np.minimum(np.maximum(at, 0.0, out=at), 1.0, out=at)
-    slope = np.asarray(sum(way * _outside(x + at * way, h) for x, way, h in ends))
+    slope = np.asarray(sum(d * _outside(x + at * d, h) for x, d, h in ends))
     falls = slope < 0.0
     t0, t1 = np.where(falls, at, 0.0).max(axis=0), np.where(falls, 1.0, at).min(axis=0)
     g0, g1 = np.where(falls, slope, -np.inf).max(axis=0), np.where(falls, np.inf, slope).min(axis=0)
-    turns = np.isfinite(g0) & np.isfinite(g1)
-    share = np.divide(-g0, g1 - g0, out=np.where(np.isfinite(g1), 0.0, 1.0), where=turns)
+    inside = np.isfinite(g0) & np.isfinite(g1)
+    share = np.divide(-g0, g1 - g0, out=np.where(np.isfinite(g1), 0.0, 1.0), where=inside)
     nearest = t0 + share * (t1 - t0)
-    return np.asarray(np.sqrt(sum(_outside(x + nearest * way, h) ** 2 for x, way, h in ends)))
+    return np.asarray(np.sqrt(sum(_outside(x + nearest * d, h) ** 2 for x, d, h in ends)))
 
 
 def _outside(x: Array, h: Array) -> Array:
-    """From the nearest point of the span from -h to h to x."""
+    """x minus the nearest point of the interval [-h, h]."""
     return np.asarray(x - np.minimum(np.maximum(x, -h), h))
 
 

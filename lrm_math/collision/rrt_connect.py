@@ -1,7 +1,7 @@
-"""A way round: RRT-Connect in joint space (Kuffner & LaValle 2000), then shortcuts (Geraerts & Overmars 2007).
+"""Path planning: RRT-Connect in joint space (Kuffner & LaValle 2000), then shortcuts (Geraerts & Overmars 2007).
 
-All pieces of a path are straight moves that `check_move` proves free. It depends on nothing but the arguments: the same
-random generator in the same state gives the same path, and effort is counted in samples, not in seconds.
+All pieces of a path are straight moves that `check_move` proves free. The result depends only on the arguments: the
+same random generator in the same state gives the same path, and effort is counted in samples, not in seconds.
 """
 
 from __future__ import annotations
@@ -16,29 +16,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrm_math.arrays import Array
-from lrm_math.collision.scene import Closest, Scene
-from lrm_math.collision.straight_move import RESOLUTION, Move, check_move
+from lrm_math.collision.scene import ClosestPair, Scene
+from lrm_math.collision.straight_move import RESOLUTION, MotionClearance, check_move
 from lrm_math.errors import LrmError
 
 STEP = 0.4
-"""rad: a tree grows towards a sample by this much at once; all lengths of moves are Euclidean norms of joint angles."""
+"""rad: extension step of a tree; lengths of moves are Euclidean norms of joint angles."""
 BACK = 0.02
-"""rad: a branch ends this far before what stops it, so that the next can leave from there."""
+"""rad: a branch ends this far before the collision that stops it, so that others can start from there."""
 SHORTCUTS = 60
 LIMIT_ROUND_OFF = 1e-9
 
-Check: TypeAlias = Callable[[Array, Array, float], Move]
-"""What is known of the straight move between two poses (n,) in rad that shall keep a margin (m)."""
+Check: TypeAlias = Callable[[Array, Array, float], MotionClearance]
+"""Collision check of the straight move between two poses (n,) in rad, with a margin (m)."""
 Reason: TypeAlias = Literal[
     "start outside limits", "goal outside limits", "start in collision", "goal in collision", "not found"
 ]
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
-    """A free way: straight moves in joint space through the waypoints (M, n) in rad, start and goal included.
+class JointPath:
+    """A collision-free path: straight moves through the waypoints (M, n) in rad, start and goal included.
 
-    `samples`: random poses it took to find.
+    `samples`: random poses drawn to find it.
     """
 
     waypoints: Array
@@ -46,7 +46,7 @@ class Path:
 
     @property
     def length(self) -> float:
-        """rad."""
+        """Sum of the Euclidean norms of all moves (rad)."""
         return float(_lengths(self.waypoints).sum())
 
 
@@ -57,14 +57,14 @@ class NoPath:
     Attributes:
         joint: the first joint (from 1) beyond its limits, or None.
         closest: the two bodies that are too close: at the start, at the goal, or, if nothing was found, where the
-            straight way is first blocked. None where limits are the reason.
-        margin: m, that had to be kept.
+            straight move first collides. None where limits are the reason.
+        margin: m, required.
         samples: random poses tried.
     """
 
     why: Reason
     joint: int | None
-    closest: Closest | None
+    closest: ClosestPair | None
     margin: float
     samples: int
 
@@ -86,23 +86,23 @@ def plan(
     margin: float | None = None,
     samples: int = 2000,
     check: Check | None = None,
-) -> Path | NoPath:
-    """A free way from start to goal, each (n,) in rad, or why there is none.
+) -> JointPath | NoPath:
+    """A collision-free path from start to goal, each (n,) in rad, or why there is none.
 
-    The straight way is tried first. A way round keeps `move.RESOLUTION` more than the margin, so that every part of
-    it passes `check_move` again.
+    The straight move is tried first. Other paths keep `straight_move.RESOLUTION` more than the margin, so that every
+    part of them passes `check_move` again.
 
     Args:
         limits: (2, n), lower and upper joint limits (rad); the arm's if None.
         margin: m; the one of the arm's file if None.
         samples: random poses to try before giving up.
-        check: judges the pieces of the way, for instance of an arm that sags; `check_move` if None. It may refuse more
-            than that, and start and goal should pass it.
+        check: collision check of the straight pieces, for instance of the elastic arm; `check_move` if None. It may
+            be stricter than that; start and goal should pass it.
 
     Raises:
         LrmError: start, goal or limits of the wrong shape or not finite, a margin below zero.
     """
-    keep = scene.margin_or(margin)
+    keep = scene.margin_or_default(margin)
     a, b = scene.pose(start), scene.pose(goal)
     box = scene.limits if limits is None else scene.poses(limits)
     if len(box) != 2 or (box[0] > box[1]).any():
@@ -118,22 +118,22 @@ def plan(
     judge = check or partial(check_move, scene)
     straight = judge(a, b, keep)
     if straight.free:
-        return Path(np.array([a, b]), 0)
+        return JointPath(np.array([a, b]), 0)
     for q, _, close in ends:
         closest = scene.closest(q)
         if closest.distance < keep + RESOLUTION:
             return NoPath(close, None, closest, keep, 0)
     found = _connect(judge, a, b, box, keep + RESOLUTION, rng, samples)
     if found is None:
-        return NoPath("not found", None, Closest(straight.distance, straight.first, straight.second), keep, samples)
-    return Path(_shortened(judge, found.waypoints, keep + RESOLUTION, rng), found.samples)
+        return NoPath("not found", None, ClosestPair(straight.distance, straight.first, straight.second), keep, samples)
+    return JointPath(_shortened(judge, found.waypoints, keep + RESOLUTION, rng), found.samples)
 
 
-def stream(path: Path, step: float = np.radians(0.25)) -> Array:
+def interpolate_path(path: JointPath, step: float = np.radians(0.25)) -> Array:
     """Targets (K, n) in rad along a path for a ramp, no joint further than `step` (rad) from one to the next.
 
-    Where a ramp moves all joints at one speed, each by itself, those with a short way arrive early: it strays from the
-    straight line by up to a quarter of the step in each joint.
+    Where a ramp moves all joints at one speed, each by itself, those with less to travel arrive early: it deviates from
+    the straight line by up to a quarter of the step in each joint.
     """
     targets = [path.waypoints[:1]]
     for before, after in pairwise(path.waypoints):
@@ -143,15 +143,15 @@ def stream(path: Path, step: float = np.radians(0.25)) -> Array:
 
 
 class _Tree:
-    """Poses reached from a root by free moves; the parent of each."""
+    """A tree of poses reached from a root by free moves, with the parent of each."""
 
     def __init__(self, root: Array) -> None:
         self.poses, self.parents = root[None], [0]
 
     def grow(self, check: Check, margin: float, target: Array, furthest: float) -> tuple[int, bool]:
-        """Grows from the nearest pose straight towards a target; the pose it ends at, and whether that is the target.
+        """Extends from the nearest pose straight towards a target by at most `furthest` (rad), a pose at every `STEP`.
 
-        A long branch leaves a pose at every `STEP`.
+        Returns the last pose, and whether it is the target.
         """
         nearest = int(np.linalg.norm(self.poses - target, axis=1).argmin())
         root = self.poses[nearest]
@@ -168,57 +168,52 @@ class _Tree:
         self.poses = np.concatenate([self.poses, root + parts * (aim - root)])
         return len(self.poses) - 1, move.free and aim is target
 
-    def way_from(self, pose: int) -> list[Array]:
+    def branch(self, pose: int) -> list[Array]:
         """Poses from one to the root."""
-        way = [self.poses[pose]]
+        branch = [self.poses[pose]]
         while pose:
             pose = self.parents[pose]
-            way.append(self.poses[pose])
-        return way
+            branch.append(self.poses[pose])
+        return branch
 
 
 def _connect(
     check: Check, start: Array, goal: Array, limits: Array, margin: float, rng: np.random.Generator, samples: int
-) -> Path | None:
-    """Two trees that take turns: one grows towards a random pose, the other towards what the first has reached."""
+) -> JointPath | None:
+    """RRT-Connect: by turns, one tree extends towards a random pose, the other connects to the pose reached."""
     trees = _Tree(start), _Tree(goal)
     for sample in range(1, samples + 1):
         one, other = trees if sample % 2 else trees[::-1]
         tip, _ = one.grow(check, margin, rng.uniform(limits[0], limits[1]), STEP)
         end, met = other.grow(check, margin, one.poses[tip], np.inf)
         if met:
-            ways = [one.way_from(tip), other.way_from(end)]
-            first, last = ways if sample % 2 else ways[::-1]
-            return Path(_without_repeats(np.array([*first[::-1], *last])), sample)
+            branches = [one.branch(tip), other.branch(end)]
+            first, last = branches if sample % 2 else branches[::-1]
+            return JointPath(_without_repeats(np.array([*first[::-1], *last])), sample)
     return None
 
 
-def _shortened(check: Check, way: Array, margin: float, rng: np.random.Generator) -> Array:
-    """Cuts a way short between two points chosen at random along it, many times; then drops what corners it can."""
+def _shortened(check: Check, path: Array, margin: float, rng: np.random.Generator) -> Array:
+    """Random shortcuts between two points of a path, then removal of waypoints that are not needed."""
     for _ in range(SHORTCUTS):
-        at = np.concatenate([[0.0], np.cumsum(_lengths(way))])
+        at = np.concatenate([[0.0], np.cumsum(_lengths(path))])
         one, other = np.sort(rng.uniform(0.0, at[-1], 2))
         i, j = np.searchsorted(at, one, side="right"), np.searchsorted(at, other, side="left")
-        a, b = _point(way, at, one), _point(way, at, other)
+        a, b = (np.array([np.interp(length, at, column) for column in path.T]) for length in (one, other))
         if i < j and check(a, b, margin).free:
-            way = _without_repeats(np.concatenate([way[:i], [a, b], way[j:]]))
+            path = _without_repeats(np.concatenate([path[:i], [a, b], path[j:]]))
     corner = 1
-    while corner < len(way) - 1:
-        if check(way[corner - 1], way[corner + 1], margin).free:
-            way = np.delete(way, corner, axis=0)
+    while corner < len(path) - 1:
+        if check(path[corner - 1], path[corner + 1], margin).free:
+            path = np.delete(path, corner, axis=0)
         else:
             corner += 1
-    return way
+    return path
 
 
-def _point(way: Array, at: Array, length: float) -> Array:
-    """The point of a way at a length along it."""
-    return np.array([np.interp(length, at, column) for column in way.T])
+def _lengths(path: Array) -> Array:
+    return np.asarray(np.linalg.norm(np.diff(path, axis=0), axis=1))
 
 
-def _lengths(way: Array) -> Array:
-    return np.asarray(np.linalg.norm(np.diff(way, axis=0), axis=1))
-
-
-def _without_repeats(way: Array) -> Array:
-    return np.asarray(way[np.concatenate([[True], _lengths(way) > 0.0])])
+def _without_repeats(path: Array) -> Array:
+    return np.asarray(path[np.concatenate([[True], _lengths(path) > 0.0])])

@@ -1,11 +1,11 @@
-"""How close the arm's links come to each other and to what stands around them.
+"""Collision scene: distances between the arm's links, and from them to obstacles.
 
-Links are capsules and surroundings boxes (`lrm_math.arm.collision_shapes`, from the arm's file). The distance of two
+Links are capsules and obstacles boxes (`lrm_math.arm.collision_shapes`, from the arm's file). The distance of two
 capsules is the distance of their axes less both radii; it is below zero where they overlap. That of a capsule and a
 box likewise.
 
-Frames are those of the nominal rigid arm. The real one sags: on the rig its tool was found 27 mm off on average, 60 mm
-at most. The margin has to cover that, or `clearance_of` takes the frames of a model's elastic equilibrium.
+Frames are those of the nominal rigid arm. The real arm deflects: on the rig its tool was 27 mm off on average, 60 mm at
+most. The margin has to cover that, or `clearance_of` takes the frames of a model's elastic equilibrium.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from lrm_math.kinematics.chain import Chain, chain_of
 from lrm_math.kinematics.forward import frames
 
 Indices = NDArray[np.intp]
-AT_ONCE = 500
-"""Poses measured at once: as many as stay in the processor's cache."""
+BATCH = 500
+"""Poses computed at once: as many as stay in the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """How close the closest two bodies are, for N poses.
+    """The distance of the closest two bodies, for N poses.
 
     Attributes:
         distance: (N,), m, below zero where they overlap.
@@ -45,7 +45,7 @@ class Clearance:
 
 
 @dataclass(frozen=True)
-class Closest:
+class ClosestPair:
     """The closest two bodies of one pose: their names and their distance (m), below zero where they overlap."""
 
     distance: float
@@ -55,12 +55,12 @@ class Closest:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """An arm's shapes, ready to be measured.
+    """An arm's shapes as arrays, and the pairs of them that may collide.
 
-    `frame` (C,) and `ends` (C, 2, 3): frame and axis of every capsule. `box_turn` (B, 3, 3), `box_centre` (B, 3),
-    `box_half` (B, 3): the boxes in the frame of TCP positions. `links` (K, 2): pairs of capsules; `around` (M, 2):
-    pairs of a capsule and a box; `gaps` (K + M,): both radii of a pair, or the one. `names` (K + M, 2).
-    `sweep` (K + M, n): no angle of joint j that turns by 1 rad moves the one body against the other by more (m).
+    `frame` (C,) and `ends` (C, 2, 3): frame and axis of every capsule. `box_rotation` (B, 3, 3), `box_centre` (B, 3),
+    `box_half` (B, 3): the boxes in the frame of TCP positions. `capsule_pairs` (K, 2); `box_pairs` (M, 2): pairs of a
+    capsule and a box; `radii` (K + M,): sum of the radii of a pair. `names` (K + M, 2).
+    `motion_bound` (K + M, n): the most that 1 rad of joint j can move the one body against the other (m).
     """
 
     chain: Chain
@@ -68,25 +68,25 @@ class Scene:
     margin: float
     frame: Indices
     ends: Array
-    box_turn: Array
+    box_rotation: Array
     box_centre: Array
     box_half: Array
-    links: Indices
-    around: Indices
-    gaps: Array
+    capsule_pairs: Indices
+    box_pairs: Indices
+    radii: Array
     names: NDArray[np.str_]
-    sweep: Array
+    motion_bound: Array
 
     @classmethod
     def of(cls, arm: Arm, allow: Iterable[tuple[str, str]] = ()) -> Scene:
         """The shapes of an arm.
 
         Args:
-            allow: names of further pairs that may touch, for instance a gripper and the ground it picks from.
+            allow: names of further pairs that may collide, for instance a gripper and the ground it picks from.
 
         Raises:
             UnknownName: a name in `allow` that no shape has.
-            LrmError: an arm without any two shapes that could touch.
+            LrmError: an arm without any two shapes that could collide.
         """
         shapes, chain = arm.shapes, chain_of(arm)
         allowed = {frozenset(pair) for pair in (*shapes.ignored, *allow)}
@@ -95,42 +95,41 @@ class Scene:
                 raise UnknownName("shape", name, shapes.names)
         capsules, boxes = shapes.capsules, shapes.boxes
 
-        def may_touch(one: Capsule, other: Capsule | Box) -> bool:
-            apart = abs(one.frame - (other.frame if isinstance(other, Capsule) else 0))
-            return apart > 1 and frozenset((one.name, other.name)) not in allowed
+        def checked(one: Capsule, other: Capsule | Box) -> bool:
+            joints_between = abs(one.frame - (other.frame if isinstance(other, Capsule) else 0))
+            return joints_between > 1 and frozenset((one.name, other.name)) not in allowed
 
-        links = [(i, j) for i, j in combinations(range(len(capsules)), 2) if may_touch(capsules[i], capsules[j])]
-        around = [
-            (i, k) for i, k in product(range(len(capsules)), range(len(boxes))) if may_touch(capsules[i], boxes[k])
-        ]
-        if not links and not around:
+        numbers = range(len(capsules))
+        capsule_pairs = [(i, j) for i, j in combinations(numbers, 2) if checked(capsules[i], capsules[j])]
+        box_pairs = [(i, k) for i, k in product(numbers, range(len(boxes))) if checked(capsules[i], boxes[k])]
+        if not capsule_pairs and not box_pairs:
             raise LrmError(f"arm '{arm.name}': no [[capsule]] or [[box]] of its file could touch another")
         home = frames(chain, chain.values([0.0] * arm.dof), 1)[0]
-        turns, centres = zip(*(_stands(box, home[0]) for box in boxes), strict=True) if boxes else ((), ())
-        pairs = [sorted((capsules[i], capsules[j]), key=lambda c: c.frame) for i, j in links]
+        rotations, centres = zip(*(_box_pose(box, home[0]) for box in boxes), strict=True) if boxes else ((), ())
+        inner_first = [sorted((capsules[i], capsules[j]), key=lambda c: c.frame) for i, j in capsule_pairs]
+        with_box = [(capsules[i], boxes[k]) for i, k in box_pairs]
+        pairs = [
+            *((a.name, b.name, a.radius + b.radius, _motion_bound(chain, home, a.frame, b)) for a, b in inner_first),
+            *((c.name, box.name, c.radius, _motion_bound(chain, home, 0, c)) for c, box in with_box),
+        ]
         return cls(
             chain=chain,
             limits=np.array([(joint.lower, joint.upper) for joint in arm.joints]).T,
             margin=shapes.margin,
             frame=np.array([c.frame for c in capsules], dtype=np.intp),
             ends=np.array([(c.start, c.end) for c in capsules], dtype=np.float64).reshape(-1, 2, 3),
-            box_turn=np.array(turns, dtype=np.float64).reshape(-1, 3, 3),
+            box_rotation=np.array(rotations, dtype=np.float64).reshape(-1, 3, 3),
             box_centre=np.array(centres, dtype=np.float64).reshape(-1, 3),
             box_half=0.5 * np.array([b.size for b in boxes], dtype=np.float64).reshape(-1, 3),
-            links=np.array(links, dtype=np.intp).reshape(-1, 2),
-            around=np.array(around, dtype=np.intp).reshape(-1, 2),
-            gaps=np.array([a.radius + b.radius for a, b in pairs] + [capsules[i].radius for i, _ in around]),
-            names=np.array(
-                [(a.name, b.name) for a, b in pairs] + [(capsules[i].name, boxes[k].name) for i, k in around]
-            ),
-            sweep=np.array(
-                [_sweep(chain, home, a.frame, b) for a, b in pairs]
-                + [_sweep(chain, home, 0, capsules[i]) for i, _ in around]
-            ),
+            capsule_pairs=np.array(capsule_pairs, dtype=np.intp).reshape(-1, 2),
+            box_pairs=np.array(box_pairs, dtype=np.intp).reshape(-1, 2),
+            radii=np.array([radii for _, _, radii, _ in pairs]),
+            names=np.array([(first, second) for first, second, _, _ in pairs]),
+            motion_bound=np.array([bound for _, _, _, bound in pairs]),
         )
 
-    def margin_or(self, margin: float | None) -> float:
-        """A margin (m) that was asked for, or the arm's. Raises `LrmError` if it is below zero or not a number."""
+    def margin_or_default(self, margin: float | None) -> float:
+        """The margin (m) given, or the arm's. Raises `LrmError` if it is below zero or not a number."""
         if margin is None:
             return self.margin
         if not 0.0 <= margin < np.inf:
@@ -157,25 +156,25 @@ class Scene:
         """(N, n + 2, 4, 4), frames of the nominal rigid arm at angles q (N, n) in rad."""
         return frames(self.chain, self.chain.values(list(np.ascontiguousarray(q.T))), len(q))
 
-    def distances(self, stands: Array) -> Array:
+    def distances(self, arm_frames: Array) -> Array:
         """(N, K + M), distance of every pair (m) for frames (N, n + 2, 4, 4)."""
-        place = stands[:, self.frame]
+        place = arm_frames[:, self.frame]
         ends = np.einsum("ncij,cej->ncei", place[..., :3, :3], self.ends) + place[:, :, None, :3, 3]
-        (i, j), (c, k) = self.links.T, self.around.T
+        (i, j), (c, k) = self.capsule_pairs.T, self.box_pairs.T
         one, other = ends[:, i], ends[:, j]
-        seen = np.einsum("nmej,mji->nmei", ends[:, c] - self.box_centre[k, None], self.box_turn[k])
-        apart = segment_to_segment(one[:, :, 0], one[:, :, 1], other[:, :, 0], other[:, :, 1])
-        around = segment_to_box(seen[:, :, 0], seen[:, :, 1], self.box_half[k])
-        return np.concatenate([apart, around], axis=1) - self.gaps
+        in_box = np.einsum("nmej,mji->nmei", ends[:, c] - self.box_centre[k, None], self.box_rotation[k])
+        to_capsules = segment_to_segment(one[:, :, 0], one[:, :, 1], other[:, :, 0], other[:, :, 1])
+        to_boxes = segment_to_box(in_box[:, :, 0], in_box[:, :, 1], self.box_half[k])
+        return np.concatenate([to_capsules, to_boxes], axis=1) - self.radii
 
-    def closest(self, q: ArrayLike) -> Closest:
+    def closest(self, q: ArrayLike) -> ClosestPair:
         """The closest two bodies of one pose, angles q (n,) in rad. Raises `LrmError`."""
-        return self.pair_of(self.distances(self.frames(self.pose(q)[None]))[0])
+        return self.closest_pair(self.distances(self.frames(self.pose(q)[None]))[0])
 
-    def pair_of(self, distances: Array) -> Closest:
-        """The closest pair, from the distances (K + M,) of all."""
+    def closest_pair(self, distances: Array) -> ClosestPair:
+        """The closest pair, from the distances (K + M,) of all pairs."""
         pair = int(np.argmin(distances))
-        return Closest(float(distances[pair]), str(self.names[pair, 0]), str(self.names[pair, 1]))
+        return ClosestPair(float(distances[pair]), str(self.names[pair, 0]), str(self.names[pair, 1]))
 
 
 def clearance(scene: Scene, q: ArrayLike) -> Clearance:
@@ -183,30 +182,30 @@ def clearance(scene: Scene, q: ArrayLike) -> Clearance:
     return clearance_of(scene, scene.frames(scene.poses(q)))
 
 
-def clearance_of(scene: Scene, stands: Array) -> Clearance:
-    """The closest two bodies for frames (N, n + 2, 4, 4): base, after joint 1 … n, tool, of whatever model (m).
+def clearance_of(scene: Scene, arm_frames: Array) -> Clearance:
+    """The closest two bodies for frames (N, n + 2, 4, 4) of any model: base, after joint 1 … n, tool (m).
 
-    `walk.frames(model.chain, equilibrium(model, poses).slots, N)` are those of the arm that sags.
+    `frames(model.chain, equilibrium(model, poses).slots, N)` are those of the elastic arm.
 
     Raises:
         LrmError: frames of another shape, or not finite.
     """
-    if stands.shape[1:] != (scene.chain.dof + 2, 4, 4) or not np.isfinite(stands).all():
-        raise LrmError(f"frames of shape {stands.shape}; should be finite, (N, {scene.chain.dof + 2}, 4, 4)")
-    pair, distance = np.zeros(len(stands), dtype=np.intp), np.zeros(len(stands))
-    for start in range(0, len(stands), AT_ONCE):
-        block = slice(start, start + AT_ONCE)
-        distances = scene.distances(stands[block])
+    if arm_frames.shape[1:] != (scene.chain.dof + 2, 4, 4) or not np.isfinite(arm_frames).all():
+        raise LrmError(f"frames of shape {arm_frames.shape}; should be finite, (N, {scene.chain.dof + 2}, 4, 4)")
+    pair, distance = np.zeros(len(arm_frames), dtype=np.intp), np.zeros(len(arm_frames))
+    for start in range(0, len(arm_frames), BATCH):
+        block = slice(start, start + BATCH)
+        distances = scene.distances(arm_frames[block])
         pair[block], distance[block] = distances.argmin(axis=1), distances.min(axis=1)
     return Clearance(distance, scene.names[pair, 0], scene.names[pair, 1])
 
 
-def _stands(box: Box, base: Array) -> tuple[Array, Array]:
+def _box_pose(box: Box, base: Array) -> tuple[Array, Array]:
     """Rotation (3, 3) and centre (3,) of a box in the frame of TCP positions."""
-    turn, centre = np.eye(3), np.array(box.centre)
-    for axis, angle in enumerate(box.turn):
-        turn = turn @ _rotation(axis, angle)
-    return (base[:3, :3] @ turn, base[:3, :3] @ centre + base[:3, 3]) if box.in_base else (turn, centre)
+    R, centre = np.eye(3), np.array(box.centre)
+    for axis, angle in enumerate(box.rotation):
+        R = R @ _rotation(axis, angle)
+    return (base[:3, :3] @ R, base[:3, :3] @ centre + base[:3, 3]) if box.in_base else (R, centre)
 
 
 def _rotation(axis: int, angle: float) -> Array:
@@ -218,11 +217,11 @@ def _rotation(axis: int, angle: float) -> Array:
     return R
 
 
-def _sweep(chain: Chain, home: Array, still: int, capsule: Capsule) -> Array:
-    """(n,), m/rad: the furthest that the capsule's axis can be from each joint's axis, in any pose.
+def _motion_bound(chain: Chain, home: Array, still: int, capsule: Capsule) -> Array:
+    """(n,), m/rad: the largest distance of the capsule's axis from each joint's axis, over all poses.
 
-    Joints up to frame number `still` move both bodies alike and count nothing. From one joint's axis to the next the
-    link is as long in every pose; the way out to the capsule is never longer than those lengths together.
+    Joints up to frame number `still` move both bodies alike and have the bound zero. The distance from one joint to the
+    next is the same in every pose, and the capsule is never further out than those distances together.
     """
     last = min(capsule.frame, chain.dof)
     ends = home[capsule.frame, :3, :3] @ np.array([capsule.start, capsule.end]).T + home[capsule.frame, :3, 3:]

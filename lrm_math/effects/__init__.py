@@ -1,10 +1,10 @@
-"""The catalogue: every effect that the tool knows, one small class each."""
+"""The catalogue of effects: one class for each physical error source."""
 
 from __future__ import annotations
 
 from lrm_math.arm.arm import Arm
 from lrm_math.effects.backlash import Backlash, Hysteresis
-from lrm_math.effects.base import Effect, JointEffect, LoadedJointEffect, Parameter
+from lrm_math.effects.base import AngleDependentEffect, Effect, JointEffect, LoadedJointEffect, Parameter
 from lrm_math.effects.compliance import BaseCompliance, Compliance, LateralCompliance, NonlinearStiffness
 from lrm_math.effects.forces import CableSpring, Mass, Payload
 from lrm_math.effects.offsets import Offsets
@@ -49,4 +49,6 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
     return tuple(by_id[effect_id](arm, at) for at in ([place] if place else places))
 
 
-__all__ = ["CATALOGUE", "Effect", "JointEffect", "LoadedJointEffect", "Parameter", "effects_at"]
+__all__ = [
+    "CATALOGUE", "AngleDependentEffect", "Effect", "JointEffect", "LoadedJointEffect", "Parameter", "effects_at",
+]

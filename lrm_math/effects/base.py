@@ -1,9 +1,9 @@
-"""The contract of an effect: a named physical cause that, from parameters, makes small motions.
+"""The interface of an effect: a physical cause that, from parameters, adds small motions to slots of the chain.
 
 An effect acts at one place of one arm. It names the slots of the chain that it moves, the slots whose load it feels,
-and its parameters; `motion` is its physics. Everything else (prediction, derivatives through the equilibrium, the fit)
-follows from these. Derivatives are central differences of `motion` unless the effect gives them; `motion` is a local
-formula that costs nothing, so these are accurate to about 1e-9 of the amount.
+and its parameters; `motion` is its physics. Prediction, derivatives through the equilibrium and the fit follow from
+these. Derivatives are central differences of `motion` unless the effect gives them; their error is about 1e-9 of the
+amount, and `motion` is a local formula that costs little.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
-from lrm_math.kinematics.statics import Ballast
+from lrm_math.kinematics.statics import WeightChange
 
 UNIT_IN_SI = {
     "rad": 1.0,
@@ -45,11 +45,11 @@ STEP = 6e-6  # cube root of the machine epsilon: the best step of a central diff
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number that the data may tell: its name with unit, what it means, its size and bounds in SI.
+    """One parameter that can be identified: its name with unit, what it means, its size and bounds in SI.
 
-    `typical`: the size one expects before measuring, used to scale the fit. `fixed`: the value of a shape parameter,
+    `typical`: the size expected before measuring, used to scale the fit. `fixed`: the value of a shape parameter,
     which is not fitted unless it is named; None for all others, whose value is 0 when not given. `scan`: values of a
-    shape parameter worth trying when nothing is known of it.
+    shape parameter to try where none is known.
     """
 
     name: str
@@ -77,18 +77,18 @@ class Parameter:
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """What poses can show: the poses, and gravity's torque (N, n) on the joints at them (N·m)."""
+class Excitation:
+    """What excites effects: the poses, and gravity's torque (N, n) on the joints at them (N·m)."""
 
     poses: Poses
     torque: Array
 
     def levels(self, joint: int) -> int:
-        """At how many different angles (to 0.5°) a joint stood."""
+        """Number of different angles (to 0.5°) of a joint."""
         return len(np.unique(np.round(np.degrees(self.poses.q[:, joint]) / 0.5)))
 
     def reversals(self, joint: int) -> int:
-        """How often a joint turned round between poses; 0 if the order is not known."""
+        """How often a joint reversed its direction between poses; 0 if the order is not known."""
         if self.poses.direction is None:
             return 0
         moves = self.poses.direction[:, joint]
@@ -113,15 +113,15 @@ class Effect(ABC):
     source: ClassVar[str]
     needs: ClassVar[str] = ""
     claim: ClassVar[str] = ""
-    """What one says of it, with the parameters' names in braces: `{place} has {b_rad} of play`."""
+    """A sentence that reports it, with the parameters' names in braces: `{place} has {b_rad} of play`."""
     online: ClassVar[bool] = True
     """Whether the rover can compensate it: it depends on angles, load and direction only."""
     constant: ClassVar[bool] = False
     """Whether `motion` is the same whatever the pose, load and direction."""
     linear: ClassVar[bool] = False
-    """Whether `motion` is in proportion to the loads that it feels, and depends on nothing else."""
+    """Whether `motion` is proportional to the loads that it feels, and depends on nothing else."""
     geared: ClassVar[bool] = False
-    """Whether `motion` turns joints in proportion to commanded angles, and depends on nothing else."""
+    """Whether `motion` is proportional to commanded angles, and depends on nothing else."""
     follows_angles: ClassVar[bool] = True
     """Whether `motion` depends on the commanded angles themselves, not only on loads."""
 
@@ -133,7 +133,7 @@ class Effect(ABC):
     @property
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """What may be fitted, in the order of `p`."""
+        """What may be fitted, in the order of `p`; a class attribute where it is the same at all places."""
 
     @property
     def moves(self) -> tuple[str, ...]:
@@ -166,19 +166,19 @@ class Effect(ABC):
 
     @property
     def weighs(self) -> tuple[int, ...]:
-        """Numbers of the arm's bodies (in the order of `chain_of(arm).bodies`) whose weight it changes."""
+        """Indices into `arm.bodies_outwards` of the bodies whose weight it changes."""
         return ()
 
-    def weight(self, carried: Number, p: Sequence[float]) -> tuple[Ballast, ...]:
+    def weight(self, carried: Number, p: Sequence[float]) -> tuple[WeightChange, ...]:
         """What is added to each body of `weighs`, with a load of so many kg, float or (N,). Linear in p."""
         return ()
 
     def seen(self, tcp: Array, p: Sequence[float]) -> Array | None:
-        """(N, 3): how far off the tracker sees the TCP (N, 3), m; None if it sees right. Linear in both."""
+        """(N, 3): measurement error at the TCP positions (N, 3), m; None if there is none. Linear in both."""
         return None
 
-    def why_not(self, evidence: Evidence) -> str | None:
-        """Why these poses cannot show the effect, or None if they might."""
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """Why the effect is not identifiable from these poses, or None if it may be."""
         return None
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
@@ -202,10 +202,8 @@ class Effect(ABC):
         """∂amount/∂q at fixed loads: for each joint, one number or (N,) for each slot of `moves`."""
         if not self.follows_angles:
             return ((0.0,) * len(self.moves),) * self.arm.dof
-        return tuple(
-            _difference(self.motion(poses.nudged(i, STEP), tau, p), self.motion(poses.nudged(i, -STEP), tau, p), STEP)
-            for i in range(self.arm.dof)
-        )
+        sides = [(poses.perturbed(i, STEP), poses.perturbed(i, -STEP)) for i in range(self.arm.dof)]
+        return tuple(_difference(self.motion(plus, tau, p), self.motion(minus, tau, p), STEP) for plus, minus in sides)
 
 
 class JointEffect(Effect):
@@ -227,19 +225,22 @@ class JointEffect(Effect):
         return (f"{self.place}.theta",)
 
 
+class AngleDependentEffect(JointEffect):
+    """An effect on one joint that depends on the joint's commanded angle; three angles at least identify it."""
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """The joint must be measured at three or more angles."""
+        levels = excitation.levels(self.joint)
+        return None if levels >= 3 else f"{self.place} stands at {levels} levels only"
+
+
 class LoadedJointEffect(JointEffect):
-    """An effect on one joint's angle that follows the torque on it."""
+    """An effect on one joint's angle that depends on the torque on it."""
 
     @property
     def feels(self) -> tuple[str, ...]:
         """The joint's torque."""
         return self.moves
-
-
-def needs_levels(evidence: Evidence, place: str, least: int = 3) -> str | None:
-    """Why an error that follows a joint's angle cannot show: the joint stands at too few angles."""
-    levels = evidence.levels(joint_number(place))
-    return None if levels >= least else f"{place} stands at {levels} levels only"
 
 
 def _changed(values: Sequence[N], j: int, step: float) -> tuple[N, ...]:
@@ -254,18 +255,3 @@ def _difference(plus: Amounts, minus: Amounts, h: float) -> Amounts:
 def joint_number(place: str) -> int:
     """Number from 0 of `jointN`."""
     return int(place.removeprefix("joint")) - 1
-
-
-__all__ = [
-    "Amounts",
-    "Array",
-    "Ballast",
-    "Effect",
-    "Evidence",
-    "JointEffect",
-    "LoadedJointEffect",
-    "Number",
-    "Parameter",
-    "joint_number",
-    "needs_levels",
-]

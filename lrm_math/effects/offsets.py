@@ -1,9 +1,8 @@
-"""Level 2: what assembly and printing leave of the nominal geometry (thesis Table 4.3, 38 for six joints)."""
+"""Level 2: errors of the nominal geometry (thesis Table 4.3, 38 parameters for six joints)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from lrm_math.arm.arm import BASE, TOOL, Arm
@@ -14,7 +13,6 @@ from lrm_math.kinematics.poses import Poses
 ANGLE, LENGTH = 0.05, 0.005  # rad and m: sizes of assembly errors of a printed arm
 
 
-@dataclass(frozen=True)
 class Offsets(Effect):
     """Constant errors added to the nominal dimensions of one link, the base or the tool."""
 
@@ -32,28 +30,20 @@ class Offsets(Effect):
         return (*arm.joint_names, BASE, TOOL)
 
     @cached_property
-    def _slots(self) -> tuple[str, ...]:
-        return tuple(slot.key for slot in chain_of(self.arm).slots if slot.place == self.place)
-
-    @cached_property
-    def _parameters(self) -> tuple[Parameter, ...]:
-        chain = chain_of(self.arm)
+    def parameters(self) -> tuple[Parameter, ...]:
+        """One for each dimension at this place."""
         return tuple(
             Parameter(f"{slot.name}_rad", f"error of the angle {slot.key}", ANGLE)
             if slot.rotates
             else Parameter(f"{slot.name}_mm", f"error of the length {slot.key}", LENGTH)
-            for slot in (chain.slots[chain.index[key]] for key in self._slots)
+            for slot in chain_of(self.arm).slots
+            if slot.place == self.place
         )
 
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """One for each dimension at this place."""
-        return self._parameters
-
-    @property
+    @cached_property
     def moves(self) -> tuple[str, ...]:
         """Every slot at this place."""
-        return self._slots
+        return tuple(slot.key for slot in chain_of(self.arm).slots if slot.place == self.place)
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """The offsets themselves."""

@@ -1,28 +1,18 @@
-"""What servos do wrong with a command: gain, eccentricity, coupling, rounding."""
+"""Errors between commanded and real joint angle: servo gain, eccentricity, joint coupling, quantisation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.servo_table import PwmClock, rounding
-from lrm_math.effects.base import (
-    Amounts,
-    Effect,
-    Evidence,
-    JointEffect,
-    Parameter,
-    joint_number,
-    needs_levels,
-)
+from lrm_math.effects.base import Amounts, AngleDependentEffect, Effect, Excitation, Parameter, joint_number
 from lrm_math.kinematics.poses import Poses
-from lrm_math.kinematics.scalar_or_array import above_zero, below_zero, by_sign, cos, sin
+from lrm_math.kinematics.scalar_or_array import cos, negative_part, positive_part, select_by_sign, sin
 
 
-@dataclass(frozen=True)
-class ServoGain(JointEffect):
-    """A servo that turns a little more or less than asked, differently to each side."""
+class ServoGain(AngleDependentEffect):
+    """Gain error of a servo, one for each sign of the angle."""
 
     id = "servo_gain"
     cause = "The potentiometer in a servo is not exactly linear, and the servo's table was read from a protractor."
@@ -30,33 +20,24 @@ class ServoGain(JointEffect):
     source = "piecewise linear table of Conenna 2024, section 3.4"
     claim = "{place} turns {g_plus_rad_per_rad} too far above zero and {g_minus_rad_per_rad} below"
     needs = "five or more levels of the joint, to tell it from eccentricity"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The two gains."""
-        return (
-            Parameter("g_plus_rad_per_rad", f"gain error of {self.place} for q > 0", 0.02),
-            Parameter("g_minus_rad_per_rad", f"gain error of {self.place} for q < 0", 0.02),
-        )
+    parameters = (
+        Parameter("g_plus_rad_per_rad", "gain error for q > 0", 0.02),
+        Parameter("g_minus_rad_per_rad", "gain error for q < 0", 0.02),
+    )
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """g± q."""
         q = poses.angle(self.joint)
-        return (by_sign(q, p[0], p[1]) * q,)
+        return (select_by_sign(q, p[0], p[1]) * q,)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """q on the parameter's own side."""
         q = poses.angle(self.joint)
-        return ((above_zero(q),), (below_zero(q),))
-
-    def why_not(self, evidence: Evidence) -> str | None:
-        """It needs the joint to move."""
-        return needs_levels(evidence, self.place)
+        return ((positive_part(q),), (negative_part(q),))
 
 
-@dataclass(frozen=True)
-class Eccentricity(JointEffect):
-    """Gears and potentiometers that are not centred: the error comes once and twice a turn."""
+class Eccentricity(AngleDependentEffect):
+    """Eccentricity of gears or potentiometer: a periodic error with one and two periods a turn."""
 
     id = "eccentricity"
     cause = "A gear or potentiometer whose axis is off centre turns now too far, now too little, once or twice a turn."
@@ -64,15 +45,11 @@ class Eccentricity(JointEffect):
     source = "Fourier series of a periodic error of the joint"
     claim = "{place} turns unevenly: {a1_rad} and {b1_rad} once a turn, {a2_rad} and {b2_rad} twice"
     needs = "five or more levels of the joint, to tell it from gain"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Two amplitudes for each harmonic."""
-        return tuple(
-            Parameter(f"{letter}{n}_rad", f"{wave} {n}q of {self.place}", 0.02)
-            for n in (1, 2)
-            for letter, wave in (("a", "sin"), ("b", "cos"))
-        )
+    parameters = tuple(
+        Parameter(f"{letter}{n}_rad", f"amplitude of {wave} {n}q", 0.02)
+        for n in (1, 2)
+        for letter, wave in (("a", "sin"), ("b", "cos"))
+    )
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ a_n sin nq + b_n (cos nq − 1)."""
@@ -81,18 +58,13 @@ class Eccentricity(JointEffect):
         return (p[0] * s + p[1] * (c - 1.0) + 2.0 * s * (p[2] * c - p[3] * s),)
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """The waves."""
+        """sin nq and cos nq − 1."""
         q = poses.angle(self.joint)
         return tuple((wave,) for n in (1, 2) for wave in (sin(n * q), cos(n * q) - 1.0))
 
-    def why_not(self, evidence: Evidence) -> str | None:
-        """It needs the joint to move."""
-        return needs_levels(evidence, self.place)
 
-
-@dataclass(frozen=True)
 class Coupling(Effect):
-    """A joint that turns a little when another one does."""
+    """Linear coupling of one joint's angle to another one's command."""
 
     id = "coupling"
     cause = "A cable or a shared mount lets the command of one joint turn another one a little."
@@ -120,34 +92,29 @@ class Coupling(Effect):
         """c q_M."""
         return (p[0] * poses.angle(joint_number(self.place.split("<-")[1])),)
 
-    def why_not(self, evidence: Evidence) -> str | None:
-        """It needs the other joint to move."""
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """The other joint must move."""
         other = self.place.split("<-")[1]
-        return None if evidence.levels(joint_number(other)) >= 2 else f"{other} never moves"
+        return None if excitation.levels(joint_number(other)) >= 2 else f"{other} never moves"
 
 
-@dataclass(frozen=True)
 class Quantisation(Effect):
-    """Pulses are whole counts of the chip. Known, not fitted."""
+    """Quantisation of the servo pulses to whole counts of the chip. Known, not fitted."""
 
     id = "quantisation"
     cause = "The servo board can only make pulses of whole counts, about half a degree each at 50 Hz."
     formula = "δq = angle of the rounded pulse − q"
     source = "PCA9685 data sheet, section 7.3.5; lrm_math.arm.servo_table"
     needs = "the PWM frequency"
+    parameters = (
+        Parameter("pwm_Hz", "PWM frequency", 50.0, lower=24.0, fixed=50.0),
+        Parameter("oscillator_Hz", "oscillator of the board", 25e6, lower=20e6, fixed=25e6),
+    )
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """The arm, if every joint has a servo table."""
         return ("arm",) if all(joint.servo for joint in arm.joints) else ()
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """PWM frequency and oscillator of the board; neither is fitted."""
-        return (
-            Parameter("pwm_Hz", "PWM frequency", 50.0, lower=24.0, fixed=50.0),
-            Parameter("oscillator_Hz", "oscillator of the board", 25e6, lower=20e6, fixed=25e6),
-        )
 
     @property
     def moves(self) -> tuple[str, ...]:
@@ -163,7 +130,7 @@ class Quantisation(Effect):
         )
 
     def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """Zero: it is a staircase, and not fitted."""
+        """Zero: the error is a staircase function, and not fitted."""
         return ((0.0,) * self.arm.dof,) * 2
 
     def d_q(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:

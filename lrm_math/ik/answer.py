@@ -1,4 +1,4 @@
-"""What inverse kinematics answers: all branches, or why there are none, how far off, and what is nearest."""
+"""Answers of nominal inverse kinematics: all branches, or the reason why there are none and the nearest goal."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from lrm_math.ik.goal import Goal
 
 
 class Verdict(StrEnum):
-    """What became of a goal."""
+    """Outcome of a goal."""
 
     SOLVED = "solved"
     SINGULAR = "singular"
-    """Solved, but some branch is one of a continuous family, so that the list of branches is not all there is."""
+    """Solved, but some branch is one of a continuous family, so that the list of branches is incomplete."""
     OUTSIDE_LIMITS = "outside_limits"
-    """The arm's shape would reach the goal, its joint limits do not let it."""
+    """Solvable only outside the joint limits."""
     OUT_OF_REACH = "out_of_reach"
-    """No joint angles reach the goal, limits or not."""
+    """No joint angles solve the goal, limits or not."""
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class JointLimits:
     """Joint limits (rad), one number per joint."""
 
     lower: tuple[float, ...]
     upper: tuple[float, ...]
 
     @classmethod
-    def of(cls, arm: Arm) -> Limits:
+    def of(cls, arm: Arm) -> JointLimits:
         """Those of an arm."""
         return cls(tuple(j.lower for j in arm.joints), tuple(j.upper for j in arm.joints))
 
@@ -45,21 +45,27 @@ class Limits:
         """Distance of every joint to its nearer limit (rad); negative beyond it."""
         return tuple(min(x - a, b - x) for x, a, b in zip(q, self.lower, self.upper, strict=True))
 
+    def violation(self, q: Sequence[float]) -> Violation:
+        """The limit with the largest excess."""
+        margins = self.margins(q)
+        worst = min(range(len(margins)), key=margins.__getitem__)
+        return Violation(worst + 1, -margins[worst])
+
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """One way to take the goal.
+    """One solution of a goal.
 
     Attributes:
-        q: joint angles (rad), within the limits unless the answer says outside_limits.
-        number: which branch of the closed form, 0 to 7 (see `label`), or -1 where there are no fixed branches.
+        q: joint angles (rad), within the limits unless the verdict is outside_limits.
+        number: branch of the closed form, 0 to 7 (see `label`), or -1 where there are no fixed branches.
         limits: the arm's.
-        free: number from 1 of a joint that may turn while the tool stays, others following; None if there is none.
+        free: number from 1 of a joint that can turn while the tool stays, others following; None if there is none.
     """
 
     q: tuple[float, ...]
     number: int
-    limits: Limits
+    limits: JointLimits
     free: int | None = None
 
     @property
@@ -70,27 +76,27 @@ class Branch:
 
     @property
     def label(self) -> str:
-        """Signs of the three choices that the closed form makes, e.g. `+-+`; empty where there are none.
+        """Signs of the three roots of the closed form, e.g. `+-+`; empty where there are none.
 
-        They are the signs of the roots in the order in which they are taken: for an arm whose last three axes meet
-        elbow, shoulder, wrist; for one whose first three axes meet the same seen from the tool.
+        In the order in which they are taken: for an arm whose last three axes intersect elbow, shoulder, wrist; for one
+        whose first three do, the same seen from the tool.
         """
         return "" if self.number < 0 else "".join("-" if self.number & bit else "+" for bit in (4, 2, 1))
 
     def distance(self, q: tuple[float, ...]) -> float:
-        """Length of the way from here to q in joint space (rad)."""
+        """Euclidean distance to q in joint space (rad)."""
         return math.dist(self.q, q)
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """The reachable goal nearest to one that is not.
+    """The reachable goal nearest to an unreachable one.
 
     Attributes:
-        q: joint angles that take it, within the limits (rad).
-        goal: the same kind of goal as asked for, taken by q.
-        distance: from the position asked for (m).
-        angle: from the orientation or approach asked for (rad); 0 for a position alone.
+        q: its joint angles, within the limits (rad).
+        goal: of the same kind as the query, reached by q.
+        distance: from the queried position (m).
+        angle: from the queried orientation or approach (rad); 0 for a position alone.
     """
 
     q: tuple[float, ...]
@@ -101,23 +107,26 @@ class Nearest:
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """The joint limit in the way of the branch that comes closest to keeping them all: joint from 1, excess in rad."""
+    """The violated joint limit of the branch with the least excess: joint from 1, excess in rad."""
 
     joint: int
     excess: float
 
+    def __str__(self) -> str:
+        over = math.degrees(self.excess)
+        return f"outside limits: joint {self.joint} would have to go {over:.2f} deg beyond its limit"
+
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class NominalAnswer:
     """The answer to one goal.
 
     Attributes:
-        verdict: see `Verdict`.
-        branches: joint angles that take the goal within the limits, best first: nearest to the angles given as
-            `near`, else furthest from the limits. Empty unless solved or singular.
-        beyond: branches that break limits, the least first; only where there are no others.
-        singularity: which axes are in line, or empty.
-        nearest: for a goal that cannot be taken.
+        branches: solutions within the limits, best first: nearest to `near`, else furthest from the limits. Empty
+            unless solved or singular.
+        beyond: solutions that break limits, the least excess first; only where there are no others.
+        singularity: which axes are aligned, or empty.
+        nearest: for a goal that has no solution.
         violation: for a goal that the limits forbid.
     """
 
@@ -150,10 +159,7 @@ class Answer:
             return f"solved: {count}"
         if self.verdict is Verdict.SINGULAR:
             return f"singular: {self.singularity}; {count}, of families"
-        why = "out of reach"
-        if self.violation is not None:
-            joint, excess = self.violation.joint, math.degrees(self.violation.excess)
-            why = f"outside limits: joint {joint} would have to go {excess:.2f} deg beyond its limit"
+        why = "out of reach" if self.violation is None else str(self.violation)
         if self.nearest is None:
             return why
         turn = f" and {math.degrees(self.nearest.angle):.2f} deg" if self.nearest.goal.constraints > 3 else ""

@@ -1,4 +1,4 @@
-"""Equilibria of those poses of a batch that settle."""
+"""Equilibria of a batch of poses, those that do not settle left out."""
 
 from __future__ import annotations
 
@@ -6,31 +6,31 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrm_math.errors import NotSettled
+from lrm_math.errors import NoEquilibrium
 from lrm_math.ik.linkage import Indices
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import TOLERANCE, Equilibrium, settle
+from lrm_math.model.equilibrium import TOLERANCE, Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
 
-def settled(
+def batch_equilibrium(
     model: Model, poses: Poses, start: Sequence[Number] | None = None, tolerance: float = TOLERANCE
 ) -> tuple[Equilibrium, Indices]:
-    """Where the arm rests in the poses in which it does, and their rows; arguments as of `settle`."""
+    """Equilibria of the poses that settle, and their rows; arguments as of `solve_equilibrium`."""
     rows = np.arange(len(poses))
     while True:
         try:
             some = poses.take(rows)
             begin = None if start is None else [_of(a, rows) for a in start]
-            return settle(model, some, begin, tolerance), rows
-        except NotSettled as error:
+            return solve_equilibrium(model, some, begin, tolerance), rows
+        except NoEquilibrium as error:
             names = some.names(np.arange(len(rows)))
             rows = rows[~np.isin(names, error.poses)]
 
 
 def _of(amount: Number, rows: Indices) -> Number:
-    """An amount in some poses; of one pose a float, as all that is reckoned for one pose alone."""
+    """An amount in some poses; a float for a single pose, as `solve_equilibrium` expects."""
     if isinstance(amount, float):
         return amount
     return float(amount[rows[0]]) if len(rows) == 1 else amount[rows]

@@ -1,4 +1,4 @@
-"""The thesis's second method: search a cube of goals around the first correction (Conenna 2024, section 7.2)."""
+"""The thesis's second method: search a cube of goals centre_rest the first correction (Conenna 2024, section 7.2)."""
 
 from __future__ import annotations
 
@@ -12,27 +12,26 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.batch_equilibrium import settled
+from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.branches import every_branch
-from lrm_math.ik.initial_guess import Drawn, first_guesses, nominal, taken
-from lrm_math.ik.solver_context import Ask, Deployment, Found
+from lrm_math.ik.initial_guess import NominalPose, initial_guesses, nominal_pose, nominal_solutions
+from lrm_math.ik.solver_context import CommandBatch, IkQuery, SolverContext
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium, rigid_amounts
 from lrm_math.model.model import Model
 
 REGION = 0.05
-"""rad: to which known commands are rounded, so that the search has something to find."""
+"""rad: rounding of known commands, so that the search starts beside them."""
 COARSE = 1e-3
-"""m: equilibria in the cube are settled until the next step is below this; what is left then is a tenth of it. The best
-one is settled to the end."""
+"""m: equilibria in the cube are settled to this step; the remaining error is a tenth of it. The best settles fully."""
 SHRINK = 0.6
-"""Side of each further cube over that of the one before."""
+"""Ratio of the sides of successive cubes."""
 
 
 @dataclass(frozen=True, eq=False)
-class Hit:
-    """The best goal of a cube: amounts of the moving slots there (V,), and its distance from the one asked for (m)."""
+class CubeResult:
+    """The best goal of a cube: slot amounts there (V,), and its distance from the query (m)."""
 
     amounts: Array
     error: float
@@ -42,16 +41,15 @@ class Hit:
 class Cube:
     """Nominal inverse, one correction by the calibrated arm's error there, then the best of a cube of goals about it.
 
-    The thesis corrects the position alone. With the orientation left as it was, nearly half of what the calibrated
-    arm reaches has no nominal answer within the limits; so the orientation is corrected with it. While the best is
-    further off than the grid is wide, the correction is made anew from there, with a smaller cube, at most `moves`
-    times. Newton's method then takes the best to the goal.
+    The thesis corrects the position alone. With the orientation left as it was, nearly half of the calibrated arm's
+    workspace has no nominal solution within the limits; so the orientation is corrected too. While the best is further
+    off than the grid is wide, the correction is repeated from there with a smaller cube, at most `moves` times.
+    Newton's method then takes the best to the goal.
 
-    Where the first nominal answer leads nowhere, the next start is the neighbourhood of a command known from the direct
-    method, if that has one; it is a neighbourhood only, so that the error of the best still tells what a cube can do.
+    Where the first nominal solution leads nowhere, the next start is the neighbourhood of a command known from the
+    direct method; only its neighbourhood, so that the error of the best still shows what a cube can do.
 
-    `side`: m. `points`: goals along each edge. `guesses`: how many starts are tried, each with its cubes, until one
-    leads within the grid's width.
+    `side`: m. `points`: goals along each edge. `guesses`: maximum number of starts, each with its cubes.
     """
 
     side: float = 0.01
@@ -67,83 +65,77 @@ class Cube:
                 "should be a side above 0, 2 or more points, 0 or more moves and 1 or more guesses"
             )
 
-    def find(self, deployment: Deployment, ask: Ask) -> Found | None:
-        """The polished best of the cube, and all other branches that can be found quickly."""
-        others = every_branch(deployment, ask)
-        hit = self.search(deployment, ask, None if others is None else others.q[deployment.usable(others)])
-        if hit is None:
+    def find(self, context: SolverContext, query: IkQuery) -> CommandBatch | None:
+        """The best of the cube refined by Newton, and all other branches of the extended search."""
+        others = every_branch(context, query)
+        result = self.search(context, query, None if others is None else others.q[context.within_limits(others)])
+        if result is None:
             return others
-        polished, _ = deployment.solve_from(ask, hit.amounts[None])
-        return replace(polished if others is None else polished.joined(others), error=hit.error)
+        polished, _ = context.solve_from(query, result.amounts[None])
+        return replace(polished if others is None else polished.joined(others), error=result.error)
 
-    def search(self, deployment: Deployment, ask: Ask, commands: Array | None = None) -> Hit | None:
-        """The best of the cubes; None where the arm does not settle or the nominal inverse has no answer.
+    def search(self, context: SolverContext, query: IkQuery, commands: Array | None = None) -> CubeResult | None:
+        """The best of the cubes; None where the arm does not settle or the nominal inverse has no solution.
 
-        Starts are tried until one leads as close as the grid is wide.
-
-        Args:
-            commands: (K, n), rad, that are known to take the goal; see the class.
+        `commands`: (K, n), rad, that are known to reach the goal; see the class.
         """
-        best: Hit | None = None
-        guesses = itertools.islice(_promising(deployment, first_guesses(deployment, ask), commands), self.guesses)
-        for drawn in guesses:
-            hit = self._search_from(deployment, ask, drawn)
-            best = hit if best is None or (hit is not None and hit.error < best.error) else best
+        best: CubeResult | None = None
+        guesses = itertools.islice(_starts(context, initial_guesses(context, query), commands), self.guesses)
+        for nominal in guesses:
+            result = self._search_from(context, query, nominal)
+            best = result if best is None or (result is not None and result.error < best.error) else best
             if best is not None and best.error <= self.width:
                 break
         return best
 
     @property
     def width(self) -> float:
-        """Of the grid (m)."""
+        """Spacing of the grid (m)."""
         return self.side / (self.points - 1)
 
-    def _search_from(self, deployment: Deployment, ask: Ask, drawn: Drawn) -> Hit | None:
-        best: Hit | None = None
-        around, rows = settled(deployment.model, deployment.poses(ask, drawn.q[None]), tolerance=COARSE)
+    def _search_from(self, context: SolverContext, query: IkQuery, nominal: NominalPose) -> CubeResult | None:
+        best: CubeResult | None = None
+        centre_rest, rows = batch_equilibrium(context.model, context.poses(query, nominal.q[None]), tolerance=COARSE)
         if not len(rows):
             return None
         for move in range(self.moves + 1):
-            centre, rotation = _corrected(deployment, ask, drawn, around)
-            q, valid = nominal(
-                deployment,
-                centre + self.side * SHRINK**move * _grid(self.points),
-                rotation,
-                around.poses.q[0],
+            centre, rotation = _corrected(context, query, nominal, centre_rest)
+            q, valid = nominal_solutions(
+                context, centre + self.side * SHRINK**move * _grid(self.points), rotation, centre_rest.poses.q[0]
             )
-            poses = deployment.poses(ask, q[valid])
-            rest, rows = settled(deployment.model, poses, _like(deployment.model, around, poses), COARSE)
+            poses = context.poses(query, q[valid])
+            rest, rows = batch_equilibrium(context.model, poses, _like(context.model, centre_rest, poses), COARSE)
             if not len(rows):
                 break
-            roughly = rest.one(int(np.linalg.norm(rest.true_tcp - ask.goal.position, axis=1).argmin()))
-            around, rows = settled(deployment.model, roughly.poses, roughly.slots)
+            roughly = rest.one(int(np.linalg.norm(rest.true_tcp - query.goal.position, axis=1).argmin()))
+            centre_rest, rows = batch_equilibrium(context.model, roughly.poses, roughly.slots)
             if not len(rows):
                 break
-            error = math.dist(around.true_tcp[0], ask.goal.position)
+            error = math.dist(centre_rest.true_tcp[0], query.goal.position)
             if best is not None and error >= best.error:
                 break
-            best = Hit(_amounts(deployment, around), error)
+            best = CubeResult(context.slot_amounts(centre_rest)[0], error)
             if best.error <= self.width:
                 break
-            drawn = taken(deployment, around.poses.q[0])
+            nominal = nominal_pose(context, centre_rest.poses.q[0])
         return best
 
 
-def _promising(deployment: Deployment, guesses: Iterator[Drawn], commands: Array | None) -> Iterator[Drawn]:
-    """The first guess; then the neighbourhoods of commands (K, n) that take the goal, if any are known; the others."""
+def _starts(context: SolverContext, guesses: Iterator[NominalPose], commands: Array | None) -> Iterator[NominalPose]:
+    """The first guess; then neighbourhoods of commands (K, n) known to reach the goal; then the other guesses."""
     yield from itertools.islice(guesses, 1)
     for q in () if commands is None else np.round(commands / REGION) * REGION:
-        yield taken(deployment, q)
+        yield nominal_pose(context, q)
     yield from guesses
 
 
-def _corrected(deployment: Deployment, ask: Ask, drawn: Drawn, rest: Equilibrium) -> tuple[Array, Array]:
-    """Position (3,) and orientation (3, 3) to ask of the nominal arm, by what the calibrated one was off."""
-    position = drawn.position + ask.goal.position - rest.true_tcp[0]
-    if ask.goal.rotation is None:
-        return position, drawn.rotation
-    seen = deployment.compensation.linkage.place(_amounts(deployment, rest)[None]).tcp[0, :3, :3]
-    return position, np.array(ask.goal.rotation) @ seen.T @ drawn.rotation
+def _corrected(context: SolverContext, query: IkQuery, nominal: NominalPose, rest: Equilibrium) -> tuple[Array, Array]:
+    """Position (3,) and orientation (3, 3) for the nominal arm, corrected by the calibrated arm's error."""
+    position = nominal.position + query.goal.position - rest.true_tcp[0]
+    if query.goal.rotation is None:
+        return position, nominal.rotation
+    tcp_rotation = context.linkage.forward(context.slot_amounts(rest)).tcp[0, :3, :3]
+    return position, np.array(query.goal.rotation) @ tcp_rotation.T @ nominal.rotation
 
 
 @lru_cache(maxsize=8)
@@ -153,11 +145,6 @@ def _grid(points: int) -> Array:
 
 
 def _like(model: Model, rest: Equilibrium, poses: Poses) -> list[Number]:
-    """Amounts of all slots at poses near one at rest, which give way as much as that one."""
+    """Amounts of all slots at poses near one at rest, with the same deflections."""
     given = zip(rigid_amounts(model, poses), rest.slots, rigid_amounts(model, rest.poses), strict=True)
     return [rigid + (there - before) for rigid, there, before in given]
-
-
-def _amounts(deployment: Deployment, rest: Equilibrium) -> Array:
-    """(V,), the moving slots of a single pose."""
-    return np.array([float(rest.slots[k]) for k in deployment.compensation.linkage.slots])

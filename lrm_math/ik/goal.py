@@ -1,4 +1,4 @@
-"""Where the tool shall be: a position, alone, with an orientation, or with the direction that the tool points in."""
+"""Goals of inverse kinematics: a position, alone, with an orientation, or with an approach direction."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
 Triple: TypeAlias = tuple[float, float, float]
 Rotation: TypeAlias = tuple[Triple, Triple, Triple]
 
 ROUNDED, ORTHONORMAL = 1e-4, 1e-9
-"""Largest deviation of RᵀR from the identity: `pose` mends rounded numbers, a goal itself holds exact ones."""
+"""Largest deviation of RᵀR from the identity: in input to `pose`, which orthonormalises, and in a goal."""
 UNIT = 1e-6
 """Largest deviation of an approach direction's length from 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where the tool frame (TCP) shall be, in the frame that the arm's base placement is given in.
+    """Target of the tool frame (TCP), in the frame that the arm's base placement is given in.
 
     Attributes:
         position: m.
         rotation: rows of the tool frame's rotation matrix, or None.
         approach: unit vector that the tool's z axis shall point along, or None. At most one of the two is given.
 
-    Raises:
-        LrmError: a number that is not finite, a matrix that is no rotation, an approach that is no unit vector.
+    Raises `LrmError`: a number that is not finite, a matrix that is no rotation, an approach that is no unit vector.
     """
 
     position: Triple
@@ -59,12 +59,17 @@ class Goal:
 
     @property
     def freedom(self) -> str:
-        """What the goal leaves free, in words."""
-        return {
-            6: "nothing is free",
-            5: "the turn about the approach direction is free",
-            3: "the orientation is free",
-        }[self.constraints]
+        """Unconstrained degrees of freedom, in words."""
+        return {6: "nothing is free", 5: "the turn about the approach direction is free", 3: "the orientation is free"}[
+            self.constraints
+        ]
+
+    def same_kind_at(self, tcp: Array) -> Goal:
+        """A goal of the same kind that a tool frame (4, 4) takes."""
+        x, y, z = tcp[:3, 3].tolist()
+        if self.rotation is not None:
+            return Goal((x, y, z), rotation_rows(tcp[:3, :3]))
+        return Goal((x, y, z), None, None if self.approach is None else _triple("approach", tcp[:3, 2]))
 
     def __str__(self) -> str:
         x, y, z = (1e3 * v for v in self.position)
@@ -83,14 +88,14 @@ def pose(position: ArrayLike, rotation: ArrayLike) -> Goal:
     return Goal(_triple("position", position), rotation_rows(matrix))
 
 
-def rotation_rows(matrix: np.ndarray) -> Rotation:
-    """A rotation matrix (3, 3) as rows of floats."""
+def rotation_rows(matrix: Array) -> Rotation:
+    """Rotation matrix (3, 3) as rows of floats."""
     (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
     return (a, b, c), (d, e, f), (g, h, i)
 
 
 def pose_rpy(position: ArrayLike, roll: float, pitch: float, yaw: float) -> Goal:
-    """A full pose, the orientation as turns (rad) about the fixed x, then y, then z axis: Rz(yaw) Ry(pitch) Rx(roll).
+    """A full pose, orientation as Rz(yaw) Ry(pitch) Rx(roll): rad, about the fixed x, then y, then z axis.
 
     Raises `LrmError`.
     """
@@ -130,7 +135,7 @@ def _triple(name: str, value: ArrayLike) -> Triple:
     return x, y, z
 
 
-def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -151,10 +156,7 @@ def _check_rotation(rotation: Rotation) -> None:
     for row in rotation:
         _check_numbers("a row of rotation", row)
     a, b, c = rotation
-    off = max(
-        *(abs(_dot(row, row) - 1.0) for row in rotation),
-        *(abs(_dot(u, v)) for u, v in ((a, b), (b, c), (c, a))),
-    )
+    off = max(*(abs(_dot(row, row) - 1.0) for row in rotation), *(abs(_dot(u, v)) for u, v in ((a, b), (b, c), (c, a))))
     if off > ORTHONORMAL:
         raise _no_rotation(off, ORTHONORMAL)
     cross = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

@@ -1,4 +1,4 @@
-"""The nominal inverse of a goal, from which the thesis's methods start."""
+"""Nominal solutions of a goal, from which the methods of the thesis start."""
 
 from __future__ import annotations
 
@@ -9,60 +9,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
-from lrm_math.ik.solver_context import Ask, Deployment
+from lrm_math.ik.solver_context import IkQuery, SolverContext
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
-PULLED = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
-"""Shares of the way to the arm's middle by which goals beyond the nominal arm's reach are pulled in."""
+RETRACTIONS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+"""Shares of the distance to the arm's middle by which goals beyond the nominal arm's reach are retracted."""
 FROM_LIBRARY = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
-    """Angles `q` (n,), rad, and the position (3,), m, and orientation (3, 3) that the nominal arm takes with them."""
+class NominalPose:
+    """Angles `q` (n,), rad, and the nominal tool position (3,), m, and orientation (3, 3)."""
 
     q: Array
     position: Array
     rotation: Array
 
 
-def first_guesses(deployment: Deployment, ask: Ask) -> Iterator[Drawn]:
-    """Nominal answers, nearest to `near` first, or else furthest from the limits; they may break them by a little.
+def initial_guesses(context: SolverContext, query: IkQuery) -> Iterator[NominalPose]:
+    """Nominal solutions, nearest to `near` first, or else furthest from the limits; they may break them by a little.
 
-    Goals that the nominal arm cannot take so are pulled inwards. After those come answers of the arm's look-alike, and
-    the closest poses of the library. What the goal leaves free of the orientation is as the guess has it.
+    Goals beyond the nominal arm's reach are retracted. Then solutions of the equivalent arm, and the closest poses of
+    the library. What the goal leaves free of the orientation is as the guess has it.
     """
-    if ask.goal.rotation is None:
-        for branch in deployment.drawing.lesser(ask.goal, ask.near):
-            yield taken(deployment, np.array(branch.q))
+    if query.goal.rotation is None:
+        for branch in context.nominal_solver.partial_branches(query.goal, query.near):
+            yield nominal_pose(context, np.array(branch.q))
     else:
-        rotation, middle = np.array(ask.goal.rotation), deployment.likeness.middle
-        shares = np.array(PULLED)[:, None]
-        positions = (1.0 - shares) * ask.goal.position + shares * middle
+        rotation, middle = np.array(query.goal.rotation), context.equivalent_arm.middle
+        shares = np.array(RETRACTIONS)[:, None]
+        positions = (1.0 - shares) * query.goal.position + shares * middle
         for some in (positions[:1], positions[1:]):
-            batch = deployment.drawing.solve_batch(some, np.broadcast_to(rotation, (len(some), 3, 3)))
+            batch = context.nominal_solver.solve_batch(some, np.broadcast_to(rotation, (len(some), 3, 3)))
             row = int(batch.solved.argmax())
             if batch.solved[row]:
-                for q in _in_order(deployment, ask, batch.q[row][batch.valid[row]]):
-                    yield Drawn(q, some[row], rotation)
+                for q in _in_order(context, query, batch.q[row][batch.valid[row]]):
+                    yield NominalPose(q, some[row], rotation)
                 break
-        for q in deployment.likeness.seeds(ask.goal, ask.near).q:
-            yield taken(deployment, q)
-    for row in deployment.library.closest(ask.goal, FROM_LIBRARY):
-        yield taken(deployment, deployment.library.q[row])
+        for q in context.equivalent_arm.seeds(query.goal, query.near).q:
+            yield nominal_pose(context, q)
+    for row in context.library.closest(query.goal, FROM_LIBRARY):
+        yield nominal_pose(context, context.library.q[row])
 
 
-def nominal(
-    deployment: Deployment, positions: Array, rotation: Array, near: Array, slack: float = 0.0
+def nominal_solutions(
+    context: SolverContext, positions: Array, rotation: Array, near: Array, slack: float = 0.0
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Nominal answers (N, n) for positions (N, 3) with one orientation, nearest to angles `near`; where there are any.
+    """Nominal solutions (N, n) for positions (N, 3) with one orientation, nearest to `near`; and which exist (N,).
 
-    They keep the limits but for `slack` (rad, at most `SLACK`).
+    They keep the limits with a tolerance `slack` (rad, at most `SLACK`).
     """
-    batch = deployment.drawing.solve_batch(positions, np.broadcast_to(rotation, (len(positions), 3, 3)))
+    batch = context.nominal_solver.solve_batch(positions, np.broadcast_to(rotation, (len(positions), 3, 3)))
     row, number = np.nonzero(batch.valid)
-    q, lower, upper = batch.q[row, number].T, deployment.band.lower - slack, deployment.band.upper + slack
+    q, lower, upper = batch.q[row, number].T, context.bounds.lower - slack, context.bounds.upper + slack
     inside = ((q >= lower[:, None]) & (q <= upper[:, None])).all(axis=0)
     away = np.full(batch.valid.shape, np.inf)
     away[row, number] = np.where(inside, np.abs(q - near[:, None]).max(axis=0), np.inf)
@@ -70,16 +70,16 @@ def nominal(
     return batch.q[every, best], away[every, best] < np.inf
 
 
-def taken(deployment: Deployment, q: Array) -> Drawn:
-    """What the nominal arm takes with angles q (n,)."""
-    chain = chain_of(deployment.model.arm)
+def nominal_pose(context: SolverContext, q: Array) -> NominalPose:
+    """The nominal tool frame at angles q (n,)."""
+    chain = chain_of(context.model.arm)
     tcp = frames(chain, chain.values(q.tolist()), 1)[0, -1]
-    return Drawn(q, tcp[:3, 3], tcp[:3, :3])
+    return NominalPose(q, tcp[:3, 3], tcp[:3, :3])
 
 
-def _in_order(deployment: Deployment, ask: Ask, q: Array) -> Array:
-    if ask.near is not None:
-        return np.asarray(q[np.abs(q - ask.near).max(axis=1).argsort()])
-    limits = deployment.limits
+def _in_order(context: SolverContext, query: IkQuery, q: Array) -> Array:
+    if query.near is not None:
+        return np.asarray(q[np.abs(q - query.near).max(axis=1).argsort()])
+    limits = context.limits
     margin = np.minimum(q - limits.lower, np.array(limits.upper) - q).min(axis=1)
     return np.asarray(q[(-margin).argsort()])

@@ -1,8 +1,8 @@
-"""A calibrated arm at a few candidates at once: everything that never moves welded together, the rest vectorised.
+"""Forward kinematics, Jacobian and gravity loads of a batch of arm states, all that never moves welded together.
 
-The chain keeps only the slots that change from goal to goal: the joints, and whatever else an effect moves (a base that
-tilts, a link that bends). A pose is then a product of a handful of 4x4 matrices, and screws, loads and their
-derivatives are array expressions over slots: about as cheap for eight branches as for one.
+Only the slots that change from goal to goal remain: the joints, and virtual joints that effects move (a tilting base, a
+bending link). A state is then a product of a handful of 4x4 matrices; screws, loads and their derivatives are array
+expressions over slots, about as cheap for eight branches as for one.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ IDENTITY = np.eye(4)
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """Where K candidates stand, in the base's frame.
+class LinkageState:
+    """Forward kinematics of K candidates, in the base frame.
 
     `tcp`: (K, 4, 4), the tool frame (m). `frames`: (V + 1, K, 4, 4), the base and the frame after each moving slot.
     `axis`, `origin`: (V, 3, K), of every moving slot (unit vectors; m).
@@ -38,42 +38,44 @@ class Placed:
 
 
 @dataclass(frozen=True, eq=False)
-class Burden:
-    """What the linkage carries: `moment` (B, 1, 4, 1), mass times centre and mass of every body (kg m, kg), in its
-    moving slot's frame; `beyond` (B + 1,), mass of it and all bodies further out (kg)."""
+class MassMoments:
+    """Masses that the linkage carries.
+
+    `moment`: (B, 1, 4, 1), first mass moment and mass of every body (kg m, kg), in the frame of its moving slot.
+    `outboard`: (B + 1,), mass of each body and all further outboard (kg).
+    """
 
     moment: Array
-    beyond: Array
+    outboard: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """Gravity's loads at K candidates.
+    """Gravity loads of K candidates.
 
     `tau`: (V, K), on every moving slot (N·m). `lever`: (V, 3, K), gravity x axis, zero for translations.
-    `beyond`: (B + 1, 3, K), first mass moment of each body and all further out (kg m).
+    `outboard`: (B + 1, 3, K), first mass moment of each body and all further outboard (kg m).
     """
 
     tau: Array
     lever: Array
-    beyond: Array
+    outboard: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Linkage:
-    """The moving slots of a chain and the rigid pieces between them.
+    """The moving slots of a chain and the rigid transforms between them.
 
     Attributes:
         slots: (V,), numbers of the moving slots in the chain, ascending.
-        joints: (n,), where the joints stand among them.
-        others: (W,), where the others stand among them; `slides`: where translations stand.
-        axes: (V,), along or about which axis each moves.
+        joints, others, slides: (n,), (W,), (S,), positions among them of joints, other slots, translating slots.
+        axes: (V,), index (0 to 2) of the axis along or about which each moves.
         pieces: (3, V, 1, 4, 4); the step to the frame after slot v is pieces[0] + c pieces[1] + s pieces[2], with c, s
             the cosine and sine of the slot's amount, or the amount and zero for a translation.
         end: (4, 4), from the last moving slot to the TCP.
-        stands: (B,), how many moving slots each body stands behind; `seats`: (B, 4, 4), its frame seen from there.
+        inboard_slots: (B,), number of moving slots inboard of each body; `body_frames`: (B, 4, 4), its frame there.
         counted, moved: (V,), the first body that a slot's load counts, and that the slot moves.
-        gravity_cross: (3, 3), the matrix of gravity x (m/s²).
+        gravity_cross: (3, 3), matrix of the cross product with gravity (m/s²).
     """
 
     slots: Indices
@@ -83,8 +85,8 @@ class Linkage:
     axes: Indices
     pieces: Array
     end: Array
-    stands: Indices
-    seats: Array
+    inboard_slots: Indices
+    body_frames: Array
     counted: Indices
     moved: Indices
     gravity_cross: Array
@@ -96,11 +98,11 @@ class Linkage:
 
     @cached_property
     def inner(self) -> NDArray[np.bool_]:
-        """(V, V, 1), whether slot k stands before slot j, or is it."""
+        """(V, V, 1), whether slot k is inboard of slot j, or is it."""
         return (self.after[:, None] <= self.after)[:, :, None]
 
-    def place(self, amounts: Array) -> Placed:
-        """Frames and screws at amounts (K, V) of the moving slots (rad, m)."""
+    def forward(self, amounts: Array) -> LinkageState:
+        """Forward kinematics at slot amounts (K, V), rad or m."""
         c, s = np.cos(amounts.T), np.sin(amounts.T)
         for v in self.slides:
             c[v], s[v] = amounts[:, v], 0.0
@@ -111,63 +113,63 @@ class Linkage:
         for v, step in enumerate(steps):
             np.matmul(frames[v], step, out=frames[v + 1])
         axis = frames[self.after, :, :3, self.axes].transpose(0, 2, 1)
-        return Placed(frames[-1] @ self.end, frames, axis, frames[1:, :, :3, 3].transpose(0, 2, 1))
+        return LinkageState(frames[-1] @ self.end, frames, axis, frames[1:, :, :3, 3].transpose(0, 2, 1))
 
-    def jacobian(self, placed: Placed) -> Array:
-        """(K, 6, V): the TCP's velocity (m/rad or 1) above the tool's rate of turn (base's frame), slot by slot."""
-        out = np.empty((len(placed.axis), 6, len(placed.tcp)))
-        out[:, 3:] = placed.axis
-        out[:, :3] = cross(placed.axis, placed.tcp[:, :3, 3].T - placed.origin)
+    def jacobian(self, state: LinkageState) -> Array:
+        """(K, 6, V): TCP velocity (m/rad or 1) above angular velocity, base frame, slot by slot."""
+        out = np.empty((len(state.axis), 6, len(state.tcp)))
+        out[:, 3:] = state.axis
+        out[:, :3] = cross(state.axis, state.tcp[:, :3, 3].T - state.origin)
         for v in self.slides:
-            out[v, :3], out[v, 3:] = placed.axis[v], 0.0
+            out[v, :3], out[v, 3:] = state.axis[v], 0.0
         return out.transpose(2, 1, 0)
 
-    def loads(self, placed: Placed, burden: Burden) -> Loads:
-        """Gravity's loads on the moving slots."""
-        centres = (placed.frames[self.stands] @ burden.moment).transpose(0, 2, 1, 3)[:, :3, :, 0]
-        beyond = np.zeros((len(centres) + 1, 3, len(placed.tcp)))
-        np.cumsum(centres[::-1], axis=0, out=beyond[-2::-1])
-        lever = self.gravity_cross @ placed.axis
+    def loads(self, state: LinkageState, masses: MassMoments) -> Loads:
+        """Gravity loads on the moving slots."""
+        centres = (state.frames[self.inboard_slots] @ masses.moment).transpose(0, 2, 1, 3)[:, :3, :, 0]
+        outboard = np.zeros((len(centres) + 1, 3, len(state.tcp)))
+        np.cumsum(centres[::-1], axis=0, out=outboard[-2::-1])
+        lever = self.gravity_cross @ state.axis
         for v in self.slides:
             lever[v] = 0.0
-        counted = beyond[self.counted] - burden.beyond[self.counted, None, None] * placed.origin
-        return Loads(np.einsum("vck,vck->vk", lever, counted), lever, beyond)
+        counted = outboard[self.counted] - masses.outboard[self.counted, None, None] * state.origin
+        return Loads(np.einsum("vck,vck->vk", lever, counted), lever, outboard)
 
     @cached_property
     def behind(self) -> tuple[Indices, Indices]:
-        """Slots k and j, k outside of j, where the load of k counts bodies that stand behind j too."""
+        """Slots k outboard of j where the load of k also counts bodies inboard of j."""
         k, j = np.nonzero(self.counted[:, None] < self.moved)
         return k[j < k], j[j < k]
 
-    def slopes(self, placed: Placed, burden: Burden, loads: Loads) -> Array:
-        """(V, V, K): ∂tau_k/∂s_j, as `statics.load_derivatives`: the Hessian of gravity's energy.
+    def load_derivatives(self, state: LinkageState, masses: MassMoments, loads: Loads) -> Array:
+        """(V, V, K): ∂tau_k/∂s_j, as `statics.load_derivatives`: the Hessian of gravity's potential energy.
 
-        Where loads count bodies that their slots do not move there is no such energy, and the matrix is not symmetric.
+        Not symmetric where loads count bodies that their slots do not move.
         """
         every = np.arange(len(self.slots))
-        by_outer = self._swept(placed, burden, loads, every, self.moved)
-        by_inner = self._swept(placed, burden, loads, every, self.counted)
+        by_outer = self._swept(state, masses, loads, every, self.moved)
+        by_inner = self._swept(state, masses, loads, every, self.counted)
         outer, inner = (np.einsum("ack,bck->abk", loads.lever, swept) for swept in (by_outer, by_inner))
         out = np.asarray(np.where(self.inner, outer, inner.transpose(1, 0, 2)))
         k, j = self.behind
-        unmoved = self._swept(placed, burden, loads, j, self.counted[k]) - by_outer[j]
+        unmoved = self._swept(state, masses, loads, j, self.counted[k]) - by_outer[j]
         out[k, j] -= np.einsum("pck,pck->pk", loads.lever[k], unmoved)
         return out
 
-    def _swept(self, placed: Placed, burden: Burden, loads: Loads, slots: Indices, first: Indices) -> Array:
-        """(len(slots), 3, K): what unit motions of slots do to the mass moment of bodies from `first` outwards."""
-        mass, axis = burden.beyond[first, None, None], placed.axis[slots]
-        swept = cross(axis, loads.beyond[first] - mass * placed.origin[slots])
+    def _swept(self, state: LinkageState, masses: MassMoments, loads: Loads, slots: Indices, first: Indices) -> Array:
+        """(len(slots), 3, K): derivative by slot motion of the mass moment of bodies from `first` outwards."""
+        mass, axis = masses.outboard[first, None, None], state.axis[slots]
+        swept = cross(axis, loads.outboard[first] - mass * state.origin[slots])
         slides = np.isin(slots, self.slides)
         swept[slides] = (mass * axis)[slides]
         return swept
 
-    def burden(self, weights: Sequence[Weight]) -> Burden:
-        """Bodies as they are carried, from their weights in chain order (each the same for all candidates)."""
+    def mass_moments(self, weights: Sequence[Weight]) -> MassMoments:
+        """From the weights of the bodies in chain order (each the same for all candidates)."""
         mass = np.array([float(w.mass) for w in weights])
         com = np.array([[*w.com, 1.0] for w in weights], dtype=np.float64).reshape(-1, 4, 1)
-        moment = mass[:, None, None] * (self.seats @ com)
-        return Burden(moment[:, None], np.concatenate([np.cumsum(mass[::-1])[::-1], [0.0]]))
+        moment = mass[:, None, None] * (self.body_frames @ com)
+        return MassMoments(moment[:, None], np.concatenate([np.cumsum(mass[::-1])[::-1], [0.0]]))
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -178,15 +180,15 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
-def linkage_of(chain: Chain, steady: Sequence[float], also: Sequence[int]) -> Linkage:
-    """The linkage of a chain whose slots keep the amounts `steady` (rad, m), but for the joints and those in `also`."""
+def linkage_of(chain: Chain, constants: Sequence[float], also: Sequence[int]) -> Linkage:
+    """A chain whose slots keep the amounts `steady` (rad, m), except the joints and those in `also`."""
     slots = sorted({*chain.joint_slots, *also})
     edges = [-1, *slots, len(chain.slots)]
-    welds = [_weld(chain, steady, a + 1, b) for a, b in pairwise(edges)]
+    welds = [_weld(chain, constants, a + 1, b) for a, b in pairwise(edges)]
     x, y, z = chain.gravity
     motions = np.array([_motion(chain.slots[k]) for k in slots])
-    stands = [sum(k < body.before for k in slots) for body in chain.bodies]
-    seats = [_weld(chain, steady, edges[n] + 1, b.before) for n, b in zip(stands, chain.bodies, strict=True)]
+    inboard = [sum(k < body.before for k in slots) for body in chain.bodies]
+    body_frames = [_weld(chain, constants, edges[n] + 1, b.before) for n, b in zip(inboard, chain.bodies, strict=True)]
     return Linkage(
         slots=np.array(slots),
         joints=np.array([slots.index(k) for k in chain.joint_slots]),
@@ -195,26 +197,26 @@ def linkage_of(chain: Chain, steady: Sequence[float], also: Sequence[int]) -> Li
         axes=np.array([chain.slots[k].axis for k in slots]),
         pieces=(np.array(welds[:-1]) @ motions.transpose(1, 0, 2, 3))[:, :, None],
         end=welds[-1],
-        stands=np.array(stands, dtype=np.int64),
-        seats=np.array(seats).reshape(-1, 4, 4),
+        inboard_slots=np.array(inboard, dtype=np.int64),
+        body_frames=np.array(body_frames).reshape(-1, 4, 4),
         counted=np.array([chain.counted[k] for k in slots]),
         moved=np.array([chain.moved[k] for k in slots]),
         gravity_cross=np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]),
     )
 
 
-def _weld(chain: Chain, steady: Sequence[float], start: int, stop: int) -> Array:
-    """The product of the slots start … stop − 1 at their steady amounts: (4, 4)."""
+def _weld(chain: Chain, constants: Sequence[float], start: int, stop: int) -> Array:
+    """(4, 4), product of the slots start … stop − 1 at their steady amounts."""
     out = np.eye(4)
     for k in range(start, stop):
         fixed, by_c, by_s = _motion(chain.slots[k])
-        c, s = (np.cos(steady[k]), np.sin(steady[k])) if chain.slots[k].rotates else (steady[k], 0.0)
+        c, s = (np.cos(constants[k]), np.sin(constants[k])) if chain.slots[k].rotates else (constants[k], 0.0)
         out = out @ (fixed + c * by_c + s * by_s)
     return out
 
 
 def _motion(slot: Slot) -> Array:
-    """(3, 4, 4): the constant part of a slot's motion, and its parts times cosine and sine (or times the length)."""
+    """(3, 4, 4): constant part of a slot's transform, and its parts times cosine and sine (or times the length)."""
     out = np.zeros((3, 4, 4))
     if not slot.rotates:
         out[0], out[1, slot.axis, 3] = np.eye(4), 1.0

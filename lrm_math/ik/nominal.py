@@ -1,4 +1,4 @@
-"""Inverse kinematics of the nominal arm: the closed form where three axes meet, damped least squares elsewhere."""
+"""Inverse of the nominal arm: closed form where three axes intersect, damped least squares elsewhere."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ from lrm_math.ik.solver import NominalSolver
 
 @lru_cache(maxsize=64)
 def solver_of(arm: Arm) -> NominalSolver:
-    """The solver of an arm: the closed form if its first or last three axes meet, else the numerical one."""
+    """The solver of an arm: the closed form if its first or last three axes intersect, else the numerical one."""
     return ClosedForm.of(arm) or Numerical.of(arm)

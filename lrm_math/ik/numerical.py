@@ -1,4 +1,4 @@
-"""Arms without a closed form: every branch that a search from many starts meets."""
+"""Inverse of arms without a closed form: every branch that a multi-start search finds."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrm_math.arm.arm import Arm
-from lrm_math.ik.answer import Answer, Branch
+from lrm_math.ik.answer import Branch, NominalAnswer
 from lrm_math.ik.goal import Goal, pose
-from lrm_math.ik.multi_start import Search
+from lrm_math.ik.multi_start import MultiStart
 from lrm_math.ik.solver import BRANCHES, BatchAnswer, NominalSolver, angles_near, poses_checked
 
 
@@ -19,21 +19,21 @@ from lrm_math.ik.solver import BRANCHES, BatchAnswer, NominalSolver, angles_near
 class Numerical(NominalSolver):
     """Damped least squares from many starts. Branches may be missed; those given are exact.
 
-    That a goal is out of reach is then no proof, but what all starts agree on.
+    That a goal is out of reach is not proven, but found from all starts.
     """
 
     arm: Arm
-    search: Search
+    search: MultiStart
 
     @classmethod
     def of(cls, arm: Arm) -> Numerical:
         """For any arm."""
-        return cls(arm, Search.of(arm))
+        return cls(arm, MultiStart.of(arm))
 
-    def solve(self, goal: Goal, near: Sequence[float] | None = None) -> Answer:
+    def solve(self, goal: Goal, near: Sequence[float] | None = None) -> NominalAnswer:
         return self.search.answer(goal, angles_near(near, self.arm.dof))
 
-    def lesser(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
+    def partial_branches(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
         return self.search.branches(goal, angles_near(near, self.arm.dof), 0)
 
     def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:

@@ -1,14 +1,14 @@
-"""The normal form of an arm whose last (or, held by its tool, first) three axes meet in one point (Pieper 1968).
+"""Normal form of an arm whose last (or, held by its tool, first) three axes intersect in one point (Pieper 1968).
 
-Held by the end that leaves the three meeting axes 4, 5, 6 outermost, the first three joints alone place the meeting
-point S, the last three alone turn the tool. Positions split further with u = Rz(q2) v, the way from axis 2 to S in
-the frame of the first link, and v = V0 + Vc cos q3 + Vs sin q3 in that of the second:
+Held by the end that leaves the three intersecting axes 4, 5, 6 outermost, the first three joints alone place the wrist
+centre S, the last three alone orient the tool. Positions split further with u = Rz(q2) v, the vector from axis 2 to S
+in the frame of the first link, and v = V0 + Vc cos q3 + Vs sin q3 in that of the second:
 
     height above the first axis' normal    sin α1 u_y + cos α1 v_z = C_z              (1)
     distance from the first normal's foot  |v|² + 2 a1 u_x + a1² = |C|²               (2)
 
-Where the axes 1 and 2 meet (a1 = 0), (2) gives q3; where they are parallel (sin α1 = 0), (1) does; each then leaves
-the other equation for q2. For all others they are two circles whose meeting is a polynomial of degree four.
+Where the axes 1 and 2 intersect (a1 = 0), (2) gives q3; where they are parallel (sin α1 = 0), (1) does; the other one
+then gives q2. For skew axes both together are a polynomial of degree four.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from typing import TypeAlias
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.ik.screw_axes import Lines, angle_about, links_of
+from lrm_math.ik.goal import Triple
+from lrm_math.ik.screw_axes import ScrewAxes, angle_about, common_normals
 
-Vector3: TypeAlias = tuple[float, float, float]
-Turn: TypeAlias = tuple[float, float]
+CosSin: TypeAlias = tuple[float, float]
 
 FLAT = 1e-9
 """m, or m²: below it an equation no longer depends on its angle."""
 
 
-class Shape(Enum):
-    """How the first two axes stand."""
+class AxisPair(Enum):
+    """Relation of the first two axes."""
 
     MEETING = "the first two axes meet"
     PARALLEL = "the first two axes are parallel"
@@ -39,74 +39,74 @@ class Shape(Enum):
 
 
 @dataclass(frozen=True)
-class Pieper:
+class PieperForm:
     """Constants of the closed form; SI, angles counted from the common normals.
 
     Attributes:
         backwards: the arm is held by its tool: q1 below is the last joint's, and the goal is inverted.
         frame: rows x, y, z of the first axis' frame in the goal's (or, backwards, the tool's) frame.
         foot: origin of that frame, in its own axes (m).
-        centre: S in the tool's (backwards: the goal's) frame (m).
+        centre: wrist centre S in the tool's (backwards: the goal's) frame (m).
         tip_x, tip_z: last common normal and last axis there.
         a: length of the first common normal (m).
         links: (cos, sin) of the angles between consecutive axes, five; the last sine is positive.
-        offsets: what the angles of the joints 2 to 5 have at q = 0, counted between common normals (rad).
+        offsets: angles of the joints 2 to 5 at q = 0, counted between common normals (rad).
         v0, vc, vs: S beyond axis 2, see above (m).
         elbow: (constant, amplitude, phase) of the equation that gives q3; amplitude 0 for SKEW.
         length: size of the arm (m).
     """
 
     backwards: bool
-    shape: Shape
-    frame: tuple[Vector3, Vector3, Vector3]
-    foot: Vector3
-    centre: Vector3
-    tip_x: Vector3
-    tip_z: Vector3
+    shape: AxisPair
+    frame: tuple[Triple, Triple, Triple]
+    foot: Triple
+    centre: Triple
+    tip_x: Triple
+    tip_z: Triple
     a: float
-    links: tuple[Turn, Turn, Turn, Turn, Turn]
+    links: tuple[CosSin, CosSin, CosSin, CosSin, CosSin]
     offsets: tuple[float, float, float, float]
-    v0: Vector3
-    vc: Vector3
-    vs: Vector3
+    v0: Triple
+    vc: Triple
+    vs: Triple
     elbow: tuple[float, float, float]
     length: float
 
 
-def pieper_form(lines: Lines) -> Pieper | None:
-    """The normal form of six lines held by either end; None where no three axes meet or two axes do the same."""
-    if len(lines.axis) != 6:
+def pieper_form(axes: ScrewAxes) -> PieperForm | None:
+    """The normal form of six axes held by either end; None where no three axes intersect or it degenerates."""
+    if len(axes.axis) != 6:
         return None
-    return _outward(lines, False) or _outward(lines.reversed(), True)
+    return _outward(axes, False) or _outward(axes.reversed(), True)
 
 
-def _outward(lines: Lines, backwards: bool) -> Pieper | None:
-    S = lines.meeting_point(3)
+def _outward(axes: ScrewAxes, backwards: bool) -> PieperForm | None:
+    S = axes.meeting_point(3)
     if S is None:
         return None
-    links = links_of(lines)
-    if links[3].sin == 0.0 or links[4].sin == 0.0 or (links[0].sin == 0.0 and links[0].a == 0.0):
+    normals = common_normals(axes)
+    if normals[3].sin == 0.0 or normals[4].sin == 0.0 or (normals[0].sin == 0.0 and normals[0].a == 0.0):
         return None
-    h, first = lines.axis, links[0]
+    h, first = axes.axis, normals[0]
     frame = np.array([first.normal, np.cross(h[0], first.normal), h[0]])
-    second = np.array([links[1].normal, np.cross(h[1], links[1].normal), h[1]])
-    delta = [angle_about(h[i], links[i - 1].normal, links[i].normal) for i in range(1, 5)]
-    v0, vc, vs = _swing(lines, S, first.next_foot, second, delta[1])
-    shape = Shape.MEETING if first.a == 0.0 else Shape.PARALLEL if first.sin == 0.0 else Shape.SKEW
+    second = np.array([normals[1].normal, np.cross(h[1], normals[1].normal), h[1]])
+    delta = [angle_about(h[i], normals[i - 1].normal, normals[i].normal) for i in range(1, 5)]
+    v0, vc, vs = _swing(axes, S, first.next_foot, second, delta[1])
+    shape = AxisPair.MEETING if first.a == 0.0 else AxisPair.PARALLEL if first.sin == 0.0 else AxisPair.SKEW
     elbow = _elbow(shape, first.cos, v0, vc, vs)
     if elbow is None or np.linalg.norm(vc) < FLAT:
         return None
-    R = lines.rotation
-    return Pieper(
+    R = axes.rotation
+    return PieperForm(
         backwards=backwards,
         shape=shape,
         frame=(_three(frame[0]), _three(frame[1]), _three(frame[2])),
         foot=_three(frame @ first.foot),
-        centre=_three(R.T @ (S - lines.position)),
-        tip_x=_three(R.T @ links[4].normal),
+        centre=_three(R.T @ (S - axes.position)),
+        tip_x=_three(R.T @ normals[4].normal),
         tip_z=_three(R.T @ h[5]),
         a=first.a,
-        links=tuple((k.cos, k.sin) for k in links),  # type: ignore[arg-type]
+        links=tuple((k.cos, k.sin) for k in normals),  # type: ignore[arg-type]
         offsets=tuple(delta),  # type: ignore[arg-type]
         v0=_three(v0),
         vc=_three(vc),
@@ -116,9 +116,9 @@ def _outward(lines: Lines, backwards: bool) -> Pieper | None:
     )
 
 
-def _swing(lines: Lines, S: Array, origin: Array, basis: Array, delta: float) -> tuple[Array, Array, Array]:
-    """v as a function of q3 + delta: the circle that S runs on about axis 3, from `origin`, along rows of `basis`."""
-    h, o = lines.axis[2], lines.point[2]
+def _swing(axes: ScrewAxes, S: Array, origin: Array, basis: Array, delta: float) -> tuple[Array, Array, Array]:
+    """v as a function of q3 + delta: the circle of S about axis 3, from `origin`, along rows of `basis`."""
+    h, o = axes.axis[2], axes.point[2]
     along = o + ((S - o) @ h) * h
     out = S - along
     side = np.cross(h, out)
@@ -126,11 +126,11 @@ def _swing(lines: Lines, S: Array, origin: Array, basis: Array, delta: float) ->
     return basis @ (along - origin), basis @ (c * out - s * side), basis @ (s * out + c * side)
 
 
-def _elbow(shape: Shape, cos: float, v0: Array, vc: Array, vs: Array) -> tuple[float, float, float] | None:
+def _elbow(shape: AxisPair, cos: float, v0: Array, vc: Array, vs: Array) -> tuple[float, float, float] | None:
     """Constant, amplitude and phase of |v|² (MEETING) or cos α1 v_z (PARALLEL) as functions of q3."""
-    if shape is Shape.SKEW:
+    if shape is AxisPair.SKEW:
         return 0.0, 0.0, 0.0
-    if shape is Shape.MEETING:
+    if shape is AxisPair.MEETING:
         constant, c, s = v0 @ v0 + vc @ vc, 2 * v0 @ vc, 2 * v0 @ vs
     else:
         constant, c, s = cos * v0[2], cos * vc[2], cos * vs[2]
@@ -138,7 +138,7 @@ def _elbow(shape: Shape, cos: float, v0: Array, vc: Array, vs: Array) -> tuple[f
     return None if amplitude < FLAT else (float(constant), amplitude, math.atan2(s, c))
 
 
-def _three(v: Array) -> Vector3:
-    """Three floats; what is zero but for round-off is zero."""
+def _three(v: Array) -> Triple:
+    """Three floats, round-off about zero removed."""
     x, y, z = (0.0 if abs(c) < 1e-15 else c for c in v.tolist())
     return x, y, z

@@ -1,4 +1,4 @@
-"""How far tools are from a goal, with the exact slopes and curvatures by which a descent gets there quickly."""
+"""Pose error of tool frames from a goal, with its exact gradient and Hessian."""
 
 from __future__ import annotations
 
@@ -8,22 +8,21 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal
-from lrm_math.ik.newton import LEVER
+from lrm_math.ik.newton import CHAR_LENGTH
 
 TINY = 1e-12
-"""rad: keeps turns by nothing out of divisions."""
+"""rad: avoids division by a zero rotation."""
 
 
 @dataclass(frozen=True, eq=False)
-class Farness:
-    """K tools and a goal. Half of `square` is what descends.
+class PoseError:
+    """Errors of K tool frames from a goal.
 
-    Attributes:
-        pull: (K, 6), the way to the goal (m), and `LEVER`² times the least turn to it, a vector (m²), both in the
-            base's frame: minus the gradient of square / 2 by the tool's motion (m) and turn (rad).
-        angle: (K,), rad, that turn's size; of an approach, the angle between directions; else zero.
-        square: (K,), m², of the distance and of `LEVER` times the angle, together.
-        toward: (K, 3), the tool's z. axis: (K, 3), the unit vector that the turn is about, zero where there is none.
+    `pull`: (K, 6), displacement to the goal (m), and `CHAR_LENGTH`² times the rotation vector to it (m²), base frame:
+    minus the gradient of square / 2 by the tool's displacement (m) and rotation (rad). `angle`: (K,), rad, of that
+    rotation; for an approach the angle between directions; else zero. `square`: (K,), m², sum of squares of the
+    distance and of `CHAR_LENGTH` times the angle. `toward`: (K, 3), the tool's z. `axis`: (K, 3), unit vector of the
+    rotation, zero where there is none.
     """
 
     pull: Array
@@ -36,7 +35,7 @@ class Farness:
     def curvature(self, J: Array) -> Array:
         """(K, n, n), the Hessian of square / 2 by joints, base first, with the Jacobian (K, 6, n) (m/rad above 1).
 
-        A motion of an inner joint turns the screw of an outer one: ∂²p = a × (b × (p − o)), and ∂b = a × b.
+        A motion of an inboard joint turns the screw of an outboard one: ∂²p = a × (b × (p − o)), and ∂b = a × b.
         """
         v, w = J[:, :3].transpose(0, 2, 1), J[:, 3:].transpose(0, 2, 1)
         turned = v @ v.transpose(0, 2, 1)
@@ -45,7 +44,9 @@ class Farness:
             along = w @ self.axis[:, :, None]
             side = 0.5 * self.angle / np.tan(np.maximum(0.5 * self.angle, TINY))
             side = side[:, None, None]
-            turned += LEVER**2 * (side * (w @ w.transpose(0, 2, 1)) + (1.0 - side) * (along @ along.transpose(0, 2, 1)))
+            turned += CHAR_LENGTH**2 * (
+                side * (w @ w.transpose(0, 2, 1)) + (1.0 - side) * (along @ along.transpose(0, 2, 1))
+            )
             bent += 0.5 * (_cross(self.pull[:, None, 3:], w) @ w.transpose(0, 2, 1))
         elif self.goal.approach is not None:
             z, n = self.toward[:, None], self.axis[:, None]
@@ -53,14 +54,14 @@ class Farness:
             ahead = moved @ _cross(n, z).transpose(0, 2, 1)
             aside = moved @ n.transpose(0, 2, 1)
             flat = (self.angle / np.tan(np.maximum(self.angle, TINY)))[:, None, None]
-            turned += LEVER**2 * (ahead @ ahead.transpose(0, 2, 1) + flat * (aside @ aside.transpose(0, 2, 1)))
-            pull = LEVER**2 * self.angle[:, None, None] * _cross(n, z)
+            turned += CHAR_LENGTH**2 * (ahead @ ahead.transpose(0, 2, 1) + flat * (aside @ aside.transpose(0, 2, 1)))
+            pull = CHAR_LENGTH**2 * self.angle[:, None, None] * _cross(n, z)
             bent += _cross(pull, w) @ moved.transpose(0, 2, 1)
         upper = np.triu(bent)
         return np.asarray(turned - upper - np.triu(bent, 1).transpose(0, 2, 1))
 
 
-def farness(tcp: Array, goal: Goal) -> Farness:
+def pose_error(tcp: Array, goal: Goal) -> PoseError:
     """Of tool frames (K, 4, 4) from a goal."""
     count = len(tcp)
     pull = np.zeros((count, 6))
@@ -77,12 +78,12 @@ def farness(tcp: Array, goal: Goal) -> Farness:
         axis = _cross(toward, np.array(goal.approach)[None])
         cosine = toward @ np.array(goal.approach)
     else:
-        return Farness(pull, angle, square, toward, axis, goal)
+        return PoseError(pull, angle, square, toward, axis, goal)
     sine = np.sqrt((axis**2).sum(axis=1))
     angle = np.arctan2(sine, cosine)
     axis = axis / np.maximum(sine, TINY)[:, None]
-    pull[:, 3:] = LEVER**2 * angle[:, None] * axis
-    return Farness(pull, angle, square + (LEVER * angle) ** 2, toward, axis, goal)
+    pull[:, 3:] = CHAR_LENGTH**2 * angle[:, None] * axis
+    return PoseError(pull, angle, square + (CHAR_LENGTH * angle) ** 2, toward, axis, goal)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -1,7 +1,7 @@
-"""Pulses are whole counts: what that leaves of an answer, and which of the neighbouring counts leave least.
+"""Rounding of commands to the whole pulse counts of the servo board.
 
-At 50 Hz a count is half a degree, so rounding each joint by itself leaves millimetres. Joints can make up for each
-other: of the 2ⁿ choices of the count below or above, one is mostly several times nearer.
+At 50 Hz a count is half a degree, so rounding each joint by itself leaves millimetres. Of the 2ⁿ combinations of
+the counts below and above, one is mostly several times nearer, since joints compensate each other.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.servo_table import PwmClock, ServoTable
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Limits
+from lrm_math.ik.answer import JointLimits
 
 CHECKED = 4
-"""How many of the linearly best combinations are reckoned exactly, at most."""
+"""Number of the linearly best combinations that are evaluated exactly, at most."""
 CURVED = 1.1
-"""Those are not that are linearly this much worse than the best one is exactly: half degrees hardly bend the way."""
+"""Combinations whose linear error exceeds the best exact one by this factor are not evaluated."""
 
 
 class Rounding(StrEnum):
-    """How commands become counts."""
+    """Rounding rule."""
 
     EACH = "each"
     """Every joint to its nearest count."""
@@ -36,8 +36,8 @@ class Rounding(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Rounded:
-    """What a servo board makes of a command: counts, the angles (rad) that these are, and how far off the goal (m)."""
+class RoundedCommand:
+    """A command in counts, their angles (rad), and the resulting distance from the goal (m)."""
 
     counts: tuple[int, ...]
     q: tuple[float, ...]
@@ -46,22 +46,22 @@ class Rounded:
 
 
 @dataclass(frozen=True)
-class Servos:
-    """The servos of an arm on a board with a clock."""
+class ServoCounts:
+    """Conversion between joint angles and counts: the servo tables of an arm and the clock of the board."""
 
     tables: tuple[ServoTable, ...]
     clock: PwmClock
-    limits: Limits
+    limits: JointLimits
 
     @classmethod
-    def of(cls, arm: Arm, clock: PwmClock) -> Servos:
+    def of(cls, arm: Arm, clock: PwmClock) -> ServoCounts:
         """Raises `LrmError` if a joint has no servo table."""
         tables = []
         for number, joint in enumerate(arm.joints, 1):
             if joint.servo is None:
                 raise LrmError(f"joint {number} of arm {arm.name} has no servo table; counts need one for each joint")
             tables.append(joint.servo)
-        return cls(tuple(tables), clock, Limits.of(arm))
+        return cls(tuple(tables), clock, JointLimits.of(arm))
 
     def neighbours(self, q: Sequence[float]) -> list[list[tuple[int, float]]]:
         """For each joint the counts below and above its command and their angles (rad), the nearer count first.
@@ -78,31 +78,30 @@ class Servos:
         return out
 
 
-def rounded(
-    servos: Servos,
+def round_to_counts(
+    servos: ServoCounts,
     q: Sequence[float],
     rounding: Rounding,
-    miss: Callable[[tuple[float, ...]], float],
+    position_error: Callable[[tuple[float, ...]], float],
     jacobian: Callable[[], Array],
-) -> Rounded:
+) -> RoundedCommand:
     """The counts of a command.
 
-    Args:
-        miss: distance of the TCP from the goal (m) for angles that the board puts out.
-        jacobian: (3, n), how the TCP answers commands (m/rad); asked for only where combinations are compared.
+    `position_error`: distance of the TCP from the goal (m) for commanded angles. `jacobian`: (3, n), of the TCP by
+    commands (m/rad); called only where combinations are compared.
     """
     neighbours = servos.neighbours(q)
 
-    def reckoned(choice: tuple[tuple[int, float], ...]) -> tuple[float, tuple[tuple[int, float], ...]]:
-        return miss(tuple(angle for _, angle in choice)), choice
+    def evaluated(choice: tuple[tuple[int, float], ...]) -> tuple[float, tuple[tuple[int, float], ...]]:
+        return position_error(tuple(angle for _, angle in choice)), choice
 
-    best = reckoned(tuple(pairs[0] for pairs in neighbours))
+    best = evaluated(tuple(pairs[0] for pairs in neighbours))
     if rounding is Rounding.BEST:
         every = list(itertools.product(*neighbours))
         off = np.array([[angle for _, angle in choice] for choice in every]) - np.asarray(q)
         distance = np.sqrt(((off @ jacobian().T) ** 2).sum(axis=1))
         for i in np.argsort(distance, kind="stable")[:CHECKED].tolist():
             if i > 0 and distance[i] < CURVED * best[0]:
-                best = min(best, reckoned(every[i]), key=lambda pair: pair[0])
+                best = min(best, evaluated(every[i]), key=lambda pair: pair[0])
     error, choice = best
-    return Rounded(tuple(count for count, _ in choice), tuple(angle for _, angle in choice), error, rounding)
+    return RoundedCommand(tuple(count for count, _ in choice), tuple(angle for _, angle in choice), error, rounding)

@@ -1,7 +1,7 @@
 """Elbow angles of arms whose first two axes are skew: zeros of a trigonometric polynomial of degree two (Pieper 1968).
 
 With e^{i t3} as the unknown, ux² + uy² = vx² + vy² is a self-reciprocal polynomial of degree four; its roots on the
-unit circle are the angles.
+unit circle, eigenvalues of the companion matrix, are the angles.
 """
 
 from __future__ import annotations
@@ -10,23 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
-from lrm_math.ik.pieper import Pieper
+from lrm_math.ik.pieper import PieperForm
 
 Complex = NDArray[np.complex128]
 
 OFF_CIRCLE = 1e-2
-"""A double root parts by the square root of the round-off; a root further off the circle is no angle."""
+"""A double root splits by the square root of the round-off; a root further off the circle is no angle."""
 POLISH = 4
 LARGEST_STEP = 1e-3
 EXACT = 1e-12
 """Share of the arm's length squared by which the polynomial may miss zero."""
 
 
-def skew_elbow(form: Pieper, height: Array, square: Array) -> tuple[Array, NDArray[np.bool_]]:
+def skew_elbow(form: PieperForm, height: Array, square: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Angles t3 (4, N) in rad, and which of them exist (4, N).
 
-    Args:
-        height, square: (N,), C_z (m) and |C|² (m²) of the meeting point asked for.
+    `height`, `square`: (N,), C_z (m) and |C|² (m²) of the wrist centre.
     """
     F = _polynomial(form, height, square)
     scale = np.abs(F).max(axis=0) + np.finfo(float).tiny
@@ -46,13 +45,13 @@ def skew_elbow(form: Pieper, height: Array, square: Array) -> tuple[Array, NDArr
     return t, near & (np.abs(_value(F, t)) < EXACT * form.length**2)
 
 
-def _polynomial(form: Pieper, height: Array, square: Array) -> Complex:
+def _polynomial(form: PieperForm, height: Array, square: Array) -> Complex:
     """(5, N), coefficients of e^{-2it} … e^{2it} of ux² + uy² - vx² - vy² (m²)."""
     v0, vc, vs = (np.array(v) for v in (form.v0, form.vc, form.vs))
     cos, sin = form.links[0]
-    norm = _wave(np.full(len(height), v0 @ v0 + vc @ vc), 2 * v0 @ vc, 2 * v0 @ vs)
-    vz = _wave(np.full(len(height), v0[2]), vc[2], vs[2])
-    constant = _wave(np.ones(len(height)), 0.0, 0.0)
+    norm = _harmonic(np.full(len(height), v0 @ v0 + vc @ vc), 2 * v0 @ vc, 2 * v0 @ vs)
+    vz = _harmonic(np.full(len(height), v0[2]), vc[2], vs[2])
+    constant = _harmonic(np.ones(len(height)), 0.0, 0.0)
     ux = ((square - form.a**2) * constant - norm) / (2.0 * form.a)
     uy = (height * constant - cos * vz) / sin
     F = _times(ux, ux) + _times(uy, uy) + _times(vz, vz)
@@ -60,14 +59,14 @@ def _polynomial(form: Pieper, height: Array, square: Array) -> Complex:
     return F
 
 
-def _wave(mean: Array, cosine: float, sine: float) -> Complex:
+def _harmonic(mean: Array, cosine: float, sine: float) -> Complex:
     """(3, N), coefficients of e^{-it}, 1, e^{it} of mean + cosine cos t + sine sin t."""
     half = complex(cosine, -sine) / 2.0
     return np.stack([np.full(len(mean), half.conjugate()), mean.astype(np.complex128), np.full(len(mean), half)])
 
 
 def _times(f: Complex, g: Complex) -> Complex:
-    """(5, N), the product of two waves."""
+    """(5, N), product of two trigonometric polynomials of degree one."""
     out = np.zeros((5, f.shape[1]), dtype=np.complex128)
     for i in range(3):
         out[i : i + 3] += f[i] * g

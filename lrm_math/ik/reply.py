@@ -1,4 +1,4 @@
-"""What the calibrated inverse answers."""
+"""Answers of calibrated inverse kinematics."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import TypeAlias
 
 from lrm_math.ik.answer import Branch, Nearest, Verdict, Violation
 from lrm_math.ik.goal import Goal, Rotation, Triple
-from lrm_math.ik.pulse_rounding import Rounded
+from lrm_math.ik.pulse_rounding import RoundedCommand
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
-    """How surely a position is known.
+class PositionUncertainty:
+    """Uncertainty of a position.
 
-    `covariance`: 3x3, m². `sd`: m, the root of its trace: the RMS distance that it stands for.
+    `covariance`: 3x3, m². `sd`: m, root of its trace: the RMS distance.
     """
 
     covariance: Rotation
@@ -24,21 +24,21 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """Commands that take the goal, as far as the model knows.
+    """Commands that reach the goal, according to the model.
 
     Attributes:
-        goal: what was asked for.
         q: the commanded angles (rad): the first branch.
         branches: all that were found within the limits, best first: nearest to `near`, else furthest from the limits.
-        tcp, rotation: where the model says that the tool then is (m).
+        tcp, rotation: predicted tool frame (m).
         predicted_error: distance from the goal's position (m).
-        predicted_turn: turn from the goal's orientation or approach (rad).
-        spread: of the prediction, from the parameters' covariance and the joints' repeatability; None if not known.
-        direction: side that each joint has to arrive from, -1, 0 (unknown or no matter), +1, for this to hold.
+        predicted_turn: rotation from the goal's orientation or approach (rad).
+        uncertainty: of the prediction, from the parameters' covariance and the joints' repeatability; None if not
+            known.
+        direction: side that each joint has to arrive from for this to hold: -1, 0 (unknown or irrelevant), +1.
         detours: joints, from 1, that would arrive from the other side if they moved straight from `near`.
-        rounded: what the servo board's whole counts make of it; None without a clock.
-        method: by which method. `steps`: how many it took. `cube_error`: m, the error before the polish, for the cube.
-        left_out: effects of the model that are not in this answer.
+        rounded: after rounding to the servo board's counts; None without a clock.
+        steps: of the method. `cube_error`: m, error before the final Newton's method, for the cube.
+        left_out: effects of the model that are not compensated.
         elapsed: s.
     """
 
@@ -49,10 +49,10 @@ class Solved:
     rotation: Rotation
     predicted_error: float
     predicted_turn: float
-    spread: Spread | None
+    uncertainty: PositionUncertainty | None
     direction: tuple[int, ...]
     detours: tuple[int, ...]
-    rounded: Rounded | None
+    rounded: RoundedCommand | None
     method: str
     steps: int
     cube_error: float | None
@@ -67,7 +67,7 @@ class Solved:
     @property
     def sd(self) -> float | None:
         """Standard deviation of the predicted position (m), three-dimensional; None if not known."""
-        return None if self.spread is None else self.spread.sd
+        return None if self.uncertainty is None else self.uncertainty.sd
 
     def __str__(self) -> str:
         angles = " ".join(f"{math.degrees(x):.2f}" for x in self.q)
@@ -86,8 +86,8 @@ class Unsolved:
 
     Attributes:
         verdict: out_of_reach or outside_limits.
-        nearest: the command within the limits that comes nearest, and where the model says that the tool then is.
-        beyond: commands that would take the goal but break limits, the least first.
+        nearest: the command within the limits that comes nearest, and the goal that it reaches.
+        beyond: commands that would reach the goal but break limits, the least excess first.
         violation: of the first of them.
     """
 
@@ -101,17 +101,14 @@ class Unsolved:
     elapsed: float
 
     def __str__(self) -> str:
-        why = "out of reach"
-        if self.violation is not None:
-            over = math.degrees(self.violation.excess)
-            why = f"outside limits: joint {self.violation.joint} would have to go {over:.2f} deg beyond its limit"
+        why = "out of reach" if self.violation is None else str(self.violation)
         turn = f" and {math.degrees(self.nearest.angle):.2f} deg" if self.nearest.angle else ""
         return f"{why}; the nearest that can be commanded is {1e3 * self.nearest.distance:.2f} mm{turn} away"
 
 
 @dataclass(frozen=True, slots=True)
 class NotConverged:
-    """A method that ended away from the goal, though another one may take it.
+    """A method that ended away from the goal, though another one may reach it.
 
     `last`: its last command (rad), not to be sent. `errors`: m, distance from the goal after each of its steps.
     """
@@ -125,7 +122,7 @@ class NotConverged:
 
     @property
     def verdict(self) -> str:
-        """Not one of the goal, but of the method."""
+        """Of the method, not of the goal."""
         return "not_converged"
 
     def __str__(self) -> str:
@@ -133,8 +130,8 @@ class NotConverged:
 
 
 @dataclass(frozen=True, slots=True)
-class Barred:
-    """Commands that take the goal within the limits, none of which the caller allows: best first."""
+class NoAllowedBranch:
+    """Commands that reach the goal within the limits, none of which the caller allows: best first."""
 
     goal: Goal
     branches: tuple[Branch, ...]
@@ -147,4 +144,4 @@ class Barred:
         return f"{count} branch{'' if count == 1 else 'es'} would take the goal, and none is allowed"
 
 
-Reply: TypeAlias = Solved | Unsolved | NotConverged | Barred
+CalibratedReply: TypeAlias = Solved | Unsolved | NotConverged | NoAllowedBranch

@@ -1,6 +1,6 @@
-"""The closed form for one goal, in scalar Python: branches within the limits, and nothing else, at full speed.
+"""The closed form of one pose in scalar Python: the branches within the limits.
 
-`many_goals` has the same equations for arrays, with what is left out here: goals at the edge of what the arm reaches,
+`batch_closed_form` has the same equations for arrays, with what is left out here: goals at the edge of the workspace,
 singular ones, and branches outside the limits. numpy is twenty times slower for one goal, and as much faster for many.
 """
 
@@ -10,41 +10,41 @@ from collections.abc import Callable
 from math import acos, atan2, cos, inf, pi, sin, sqrt
 from typing import TypeAlias
 
-from lrm_math.ik.answer import Limits
+from lrm_math.ik.answer import JointLimits
 from lrm_math.ik.goal import Rotation, Triple
-from lrm_math.ik.pieper import Pieper, Shape
+from lrm_math.ik.pieper import AxisPair, PieperForm
 
-Found: TypeAlias = "list[tuple[int, tuple[float, ...]]]"
-OneGoal: TypeAlias = Callable[[Rotation, Triple], "Found | None"]
+NumberedBranches: TypeAlias = list[tuple[int, tuple[float, ...]]]
+ScalarClosedForm: TypeAlias = Callable[[Rotation, Triple], "NumberedBranches | None"]
 
 TURN = 2.0 * pi
 EDGE = 1e-10
-"""Share of its largest value below which a root or a radius is left to the careful solver."""
+"""Relative size below which a root or a radius is degenerate and left to `batch_closed_form`."""
 JUST_BEFORE = 0.98
-"""Share of its largest value that stands in for a root that is missed."""
+"""Share of its largest value that replaces a missed root."""
 ROUND_OFF = 1e-10
 """rad: an angle this far beyond a limit is at the limit."""
 
 
 def into_limits(q: float, lower: float, upper: float) -> float:
-    """The angle within the limits that is q but for whole turns, infinite if there is none (rad)."""
+    """The angle within the limits equal to q modulo 2π (rad), infinite if there is none."""
     if upper + ROUND_OFF < q < lower - ROUND_OFF + TURN or upper + ROUND_OFF - TURN < q < lower - ROUND_OFF:
         return inf
     q -= TURN * ((q - lower + ROUND_OFF) // TURN)
     return max(lower, min(q, upper)) if q <= upper + ROUND_OFF else inf
 
 
-def one_goal_solver(form: Pieper, limits: Limits, missed: float = 0.0) -> OneGoal | None:
-    """Branches `(number, q)` of a pose (rotation, position in m), or None where the careful solver must look.
+def scalar_closed_form(form: PieperForm, limits: JointLimits, missed: float = 0.0) -> ScalarClosedForm | None:
+    """The solver of a form: from rotation and position (m) to branches `(number, q)`, or None for degenerate goals.
 
     Itself None for skew axes, which need a polynomial of degree four.
 
-    `missed`: where an equation has no root, but misses one by no more than this share of its largest value, both
-    branches are answered as they are shortly before they meet: starts for an arm that may still have them.
+    `missed`: where an equation misses a root by no more than this share of its largest value, both branches are given
+    as they are shortly before they merge: seeds for an arm that may still have them.
     """
-    if form.shape is Shape.SKEW:
+    if form.shape is AxisPair.SKEW:
         return None
-    meeting, backwards = form.shape is Shape.MEETING, form.backwards
+    meeting, backwards = form.shape is AxisPair.MEETING, form.backwards
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = form.frame
     fx, fy, fz = form.foot
     ex, ey, ez = form.centre
@@ -60,7 +60,7 @@ def one_goal_solver(form: Pieper, limits: Limits, missed: float = 0.0) -> OneGoa
     order = slice(None, None, -1) if backwards else slice(None)
     (l1, l2, l3, l4, l5, l6), (u1, u2, u3, u4, u5, u6) = limits.lower[order], limits.upper[order]
 
-    def branches(rotation: Rotation, position: Triple) -> Found | None:
+    def branches(rotation: Rotation, position: Triple) -> NumberedBranches | None:
         (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rotation
         px, py, pz = position
         if backwards:
@@ -70,11 +70,7 @@ def one_goal_solver(form: Pieper, limits: Limits, missed: float = 0.0) -> OneGoa
         else:
             x, y, z = ex, ey, ez
         # centre S, last normal i and last axis k of the goal, along the first axis' frame
-        x, y, z = (
-            r00 * x + r01 * y + r02 * z + px,
-            r10 * x + r11 * y + r12 * z + py,
-            r20 * x + r21 * y + r22 * z + pz,
-        )
+        x, y, z = (r00 * x + r01 * y + r02 * z + px, r10 * x + r11 * y + r12 * z + py, r20 * x + r21 * y + r22 * z + pz)
         Cx, Cy, Cz = ax * x + ay * y + az * z - fx, bx * x + by * y + bz * z - fy, cx * x + cy * y + cz * z - fz
         x, y, z = r00 * ix + r01 * iy + r02 * iz, r10 * ix + r11 * iy + r12 * iz, r20 * ix + r21 * iy + r22 * iz
         Ix, Iy, Iz = ax * x + ay * y + az * z, bx * x + by * y + bz * z, cx * x + cy * y + cz * z
@@ -90,7 +86,7 @@ def one_goal_solver(form: Pieper, limits: Limits, missed: float = 0.0) -> OneGoa
                 return None
             x3 = max(-JUST_BEFORE, min(x3, JUST_BEFORE))
         theta = acos(x3)
-        found: Found = []
+        found: NumberedBranches = []
         for elbow, t3 in ((0, phase + theta), (4, phase - theta)):
             q3 = t3 - d3
             if not l3 <= q3 <= u3 and (q3 := into_limits(q3, l3, u3)) > u3:

@@ -1,4 +1,4 @@
-"""One commanded pose with its numbers taken out of the arrays once: effects ask for them many times."""
+"""A single commanded pose, its numbers extracted from the arrays once for effects that read them many times."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from lrm_math.kinematics.poses import Poses
 
 
 @dataclass(frozen=True, eq=False)
-class OnePose(Poses):
+class SinglePose(Poses):
     """`Poses` of length one.
 
-    Raises:
-        LrmError: not one pose.
+    Raises `LrmError`: not one pose.
     """
 
     def __post_init__(self) -> None:
@@ -28,8 +27,8 @@ class OnePose(Poses):
             )
 
     @classmethod
-    def of(cls, poses: Poses, row: int, q: Array) -> OnePose:
-        """One of some poses, with the angles q (n,) instead of its own (rad)."""
+    def of(cls, poses: Poses, row: int, q: Array) -> SinglePose:
+        """One row of some poses, with the angles q (n,) instead of its own (rad)."""
         kept = poses.one(row)
         return cls(q[None], kept.payload, kept.direction, kept.t, kept.session, kept.temperature, kept.number)
 
@@ -59,11 +58,10 @@ class OnePose(Poses):
         return self._load
 
     def take(self, rows: ArrayLike) -> Poses:
-        """The pose as often as rows say, perhaps never."""
-        return Poses(self.q, self.payload, self.direction, self.t, self.session, self.temperature, self.number).take(
-            rows
-        )
+        """The pose repeated once per row, perhaps never."""
+        every = Poses(self.q, self.payload, self.direction, self.t, self.session, self.temperature, self.number)
+        return every.take(rows)
 
-    def turned_to(self, q: Array) -> OnePose:
-        """The same with other angles (n,), rad."""
-        return OnePose(q[None], self.payload, self.direction, self.t, self.session, self.temperature, self.number)
+    def turned_to(self, q: Array) -> SinglePose:
+        """The same pose with other angles (n,), rad."""
+        return SinglePose(q[None], self.payload, self.direction, self.t, self.session, self.temperature, self.number)

@@ -1,4 +1,4 @@
-"""What every solver of the nominal arm offers."""
+"""Interface of the inverse of the nominal arm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Answer, Branch
+from lrm_math.ik.answer import Branch, NominalAnswer
 from lrm_math.ik.goal import Goal
 
 Mask = NDArray[np.bool_]
@@ -24,7 +24,7 @@ class BatchAnswer:
     """The branches of N poses. No NaN anywhere.
 
     Attributes:
-        q: (N, 8, n), rad; means nothing where not valid.
+        q: (N, 8, n), rad; meaningless where not valid.
         valid: (N, 8), whether the branch exists and keeps the limits.
         singular: (N, 8), whether it is one of a family; `solve` looks for others within the limits, this does not.
     """
@@ -40,37 +40,32 @@ class BatchAnswer:
 
 
 class NominalSolver(ABC):
-    """Joint angles of one arm for goals of any kind. Frozen; all that depends on the arm alone is there beforehand."""
+    """Joint angles of one arm for goals of any kind."""
 
     arm: Arm
 
     @abstractmethod
-    def solve(self, goal: Goal, near: Sequence[float] | None = None) -> Answer:
-        """All branches of a pose, or representatives of what a lesser goal leaves free.
+    def solve(self, goal: Goal, near: Sequence[float] | None = None) -> NominalAnswer:
+        """All branches of a pose, or representatives of each family where the goal leaves motion free.
 
-        Args:
-            near: (n,), joint angles (rad): branches come nearest first, and what is free stays near; without it, what
-                is free and the order keep away from the limits.
-
-        Raises:
-            LrmError: `near` is not n finite angles.
+        `near`: (n,), joint angles (rad): branches come nearest first, free motion stays near; without it, both keep
+        away from the limits. Raises `LrmError` if they are not n finite angles.
         """
 
     @abstractmethod
-    def lesser(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
-        """The branches of a goal without a whole orientation as `solve` has them, not why there are none."""
+    def partial_branches(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
+        """The branches of a goal without orientation, as of `solve`, without a diagnosis where there are none."""
 
     @abstractmethod
     def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
         """All branches of N poses: positions (N, 3) in m, rotations (N, 3, 3).
 
-        Raises:
-            LrmError: wrong shapes, numbers that are not finite, or matrices that are no rotations.
+        Raises `LrmError`: wrong shapes, numbers that are not finite, or matrices that are no rotations.
         """
 
 
 def angles_near(near: Sequence[float] | None, dof: int) -> Array | None:
-    """(n,), the angles to stay near, checked. Raises `LrmError`."""
+    """(n,), checked reference angles. Raises `LrmError`."""
     if near is None:
         return None
     q = np.asarray(near, dtype=np.float64)
@@ -80,7 +75,7 @@ def angles_near(near: Sequence[float] | None, dof: int) -> Array | None:
 
 
 def poses_checked(positions: ArrayLike, rotations: ArrayLike) -> tuple[Array, Array]:
-    """(N, 3) and (N, 3, 3), checked. Raises `LrmError`."""
+    """Checked positions (N, 3) and rotations (N, 3, 3). Raises `LrmError`."""
     p, R = np.asarray(positions, dtype=np.float64), np.asarray(rotations, dtype=np.float64)
     if p.ndim != 2 or p.shape[1] != 3 or R.shape != (len(p), 3, 3):
         raise LrmError(f"positions have shape {p.shape} and rotations {R.shape}; should be (N, 3) and (N, 3, 3)")

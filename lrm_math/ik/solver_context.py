@@ -1,4 +1,4 @@
-"""What every method of the calibrated inverse needs of one deployed model, reckoned once."""
+"""Everything that the methods of the calibrated inverse precompute from one deployed model."""
 
 from __future__ import annotations
 
@@ -10,29 +10,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
-from lrm_math.ik.answer import Limits
-from lrm_math.ik.equivalent_arm import SLACK, Likeness, Seeds
+from lrm_math.ik.answer import JointLimits
+from lrm_math.ik.equivalent_arm import SLACK, EquivalentArm, SeedBatch
 from lrm_math.ik.goal import Goal
-from lrm_math.ik.joint_laws import Compensation
-from lrm_math.ik.library import Library
-from lrm_math.ik.library_seeds import Leaps
-from lrm_math.ik.newton import EVERY_BRANCH, Aim, Band, Effort, Reached, reach
+from lrm_math.ik.joint_laws import JointLaws
+from lrm_math.ik.library import PoseLibrary
+from lrm_math.ik.library_seeds import LibrarySeeds
+from lrm_math.ik.linkage import Linkage
+from lrm_math.ik.newton import EVERY_BRANCH, JointBounds, NewtonBatch, StoppingRule, Target, newton_solve
 from lrm_math.ik.nominal import solver_of
-from lrm_math.ik.scalar_newton import OneStart
-from lrm_math.ik.scalar_pose import OnePose
+from lrm_math.ik.scalar_newton import ScalarNewton
+from lrm_math.ik.scalar_pose import SinglePose
 from lrm_math.ik.solver import NominalSolver
+from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import settle
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
 AT_LIMIT = 1e-9
 """rad: a command this far beyond a limit is at the limit."""
-MOST_TURNS = 2
+MOST_SIDE_CHANGES = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
-    """One question: the goal, the load (kg), and the angles (rad) that the arm stands at, if known."""
+class IkQuery:
+    """The goal, the payload (kg), and the present joint angles (rad), if known."""
 
     goal: Goal
     payload: float = 0.0
@@ -40,29 +42,27 @@ class Ask:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """Commands that a method proposes, the ways they were found included.
+class CommandBatch:
+    """Commands that a method found.
 
-    Attributes:
-        q: (K, n), rad, whatever the limits. `reached`: where the arm then is, at the goal.
-        direction: (K, n), the side that each joint arrives from (see `Poses`); zeros where it is not known.
-        detour: (K, n), where a move straight from `near` would arrive from the other side.
-        steps: how many steps the method took.
-        error: m, what was left of the goal before the polish, if the method has one.
+    `q`: (K, n), rad, whatever the limits. `reached`: states of the arm at the goal. `direction`: (K, n), the side that
+    each joint arrives from (see `Poses`); zeros where it is not known. `detour`: (K, n), where a move straight from
+    `near` would arrive from the other side. `steps`: of the method. `error`: m, before the final Newton's method, if
+    the method has one.
     """
 
     q: Array
-    reached: Reached
+    reached: NewtonBatch
     direction: Array
     detour: NDArray[np.bool_]
     steps: int
     error: float | None = None
 
-    def joined(self, others: Found) -> Found:
-        """These and others, in this order."""
+    def joined(self, others: CommandBatch) -> CommandBatch:
+        """Concatenation, in this order."""
         q, direction = (np.concatenate(pair) for pair in ((self.q, others.q), (self.direction, others.direction)))
-        detour = np.concatenate([self.detour, others.detour])
-        return Found(q, self.reached.joined(others.reached), direction, detour, self.steps + others.steps, self.error)
+        detour, steps = np.concatenate([self.detour, others.detour]), self.steps + others.steps
+        return CommandBatch(q, self.reached.joined(others.reached), direction, detour, steps, self.error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,141 +77,155 @@ class Stalled:
 
 
 class Method(Protocol):
-    """A way to solve the calibrated inverse."""
+    """A method of the calibrated inverse."""
 
     @property
     def name(self) -> str:
-        """What replies call it."""
+        """Name in replies."""
 
-    def find(self, deployment: Deployment, ask: Ask) -> Found | Stalled | None:
-        """Commands for one goal; None where the method finds no way to it."""
+    def find(self, context: SolverContext, query: IkQuery) -> CommandBatch | Stalled | None:
+        """Commands for one goal; None where the method finds none."""
 
 
 @dataclass(frozen=True, eq=False)
-class Deployment:
-    """A model as the rover uses it: effects that can be compensated only, and no rounding."""
+class SolverContext:
+    """A deployed model (see `joint_laws.deployed`) and what follows from it alone."""
 
     model: Model
 
     @cached_property
-    def compensation(self) -> Compensation:
-        """From real angles to commands."""
-        return Compensation(self.model)
+    def joint_laws(self) -> JointLaws:
+        """From true joint angles to commands."""
+        return JointLaws(self.model)
+
+    @property
+    def linkage(self) -> Linkage:
+        """The calibrated arm, reduced to its moving slots."""
+        return self.joint_laws.linkage
 
     @cached_property
-    def limits(self) -> Limits:
+    def limits(self) -> JointLimits:
         """Of the commands."""
-        return Limits.of(self.model.arm)
+        return JointLimits.of(self.model.arm)
 
     @cached_property
-    def drawing(self) -> NominalSolver:
-        """The inverse of the arm as drawn, limits widened by `SLACK`."""
+    def nominal_solver(self) -> NominalSolver:
+        """Inverse of the nominal arm, limits widened by `SLACK`."""
         joints = (replace(j, lower=j.lower - SLACK, upper=j.upper + SLACK) for j in self.model.arm.joints)
         return solver_of(replace(self.model.arm, joints=tuple(joints)))
 
     @cached_property
-    def likeness(self) -> Likeness:
-        """An arm like the calibrated one, with a closed form."""
-        return Likeness.of(self.model)
+    def equivalent_arm(self) -> EquivalentArm:
+        """An arm close to the calibrated one, with a closed form."""
+        return EquivalentArm.of(self.model)
 
     @cached_property
-    def library(self) -> Library:
-        """Commands all over the range, and where the arm is then."""
-        return Library.of(self.model, self.compensation.linkage.slots.tolist())
+    def library(self) -> PoseLibrary:
+        """Settled poses all over the range."""
+        return PoseLibrary.of(self.model, self.linkage.slots.tolist())
 
     @cached_property
-    def leaps(self) -> Leaps:
-        """Starts of last resort for whole poses."""
-        return Leaps.of(self.library, self.compensation.linkage, self.band)
+    def library_seeds(self) -> LibrarySeeds:
+        """Ranked library seeds for full poses."""
+        return LibrarySeeds.of(self.library, self.linkage, self.bounds)
 
-    def poses(self, ask: Ask, q: Array, direction: Array | None = None) -> Poses:
-        """Commands q (K, n) with the load of a question."""
-        return (OnePose if len(q) == 1 else Poses)(q, np.full(len(q), ask.payload), direction)
+    def poses(self, query: IkQuery, q: Array, direction: Array | None = None) -> Poses:
+        """Commands q (K, n) with the payload of a query."""
+        return (SinglePose if len(q) == 1 else Poses)(q, np.full(len(q), query.payload), direction)
 
-    def start_at(self, ask: Ask, seeds: Seeds) -> Array:
-        """Amounts (K, V) of the moving slots at the look-alike's branches, and where the arm stands, if known."""
-        return self.at(seeds.q if ask.near is None else np.vstack([seeds.q, ask.near]))
+    def start_amounts(self, query: IkQuery, seeds: SeedBatch) -> Array:
+        """Slot amounts (K, V) at the equivalent arm's branches, and at the present angles, if known."""
+        return self.amounts_at(seeds.q if query.near is None else np.vstack([seeds.q, query.near]))
 
-    def at(self, q: Array) -> Array:
-        """Amounts (K, V) of the moving slots at angles of the look-alike's joints (K, n), the others as on average."""
-        start = np.repeat(self._resting[None], len(q), axis=0)
-        start[:, self.compensation.linkage.joints] = self.zero + q
+    def amounts_at(self, q: Array) -> Array:
+        """Slot amounts (K, V) at true joint angles (K, n), other slots at their library means."""
+        start = np.repeat(self._mean_amounts[None], len(q), axis=0)
+        start[:, self.linkage.joints] = self.zero + q
         return start
 
+    def slot_amounts(self, rest: Equilibrium) -> Array:
+        """(K, V), amounts of the moving slots at rest (rad, m)."""
+        return np.array([np.broadcast_to(rest.slots[k], len(rest.poses)) for k in self.linkage.slots]).T
+
+    def chain_amounts(self, amounts: Array) -> list[Number]:
+        """Amounts of all slots of the chain, from those of the moving ones (K, V); floats for a single pose."""
+        out: list[Number] = list(self.model.binding.constants)
+        for k, amount in zip(self.linkage.slots.tolist(), amounts.T, strict=True):
+            out[k] = float(amount[0]) if len(amounts) == 1 else amount
+        return out
+
     @cached_property
-    def _resting(self) -> Array:
-        """(V,), what the moving slots have on average over the library (rad, m)."""
+    def _mean_amounts(self) -> Array:
+        """(V,), mean slot amounts of the library (rad, m)."""
         return np.asarray(self.library.amounts.mean(axis=0))
 
     @cached_property
-    def _bent(self) -> float:
-        """What effects that are not linear make of a command at most, going by twice what the library shows (rad)."""
-        c, amounts = self.compensation, self.library.amounts
-        tau = c.linkage.loads(c.linkage.place(amounts), c.burden(0.0)).tau
-        return 2.0 * float(np.abs(c.roughly(tau, amounts[:, c.linkage.joints]) - self.library.q).max())
+    def _nonlinear_bound(self) -> float:
+        """rad, bound on the share of nonlinear effects in a command: twice the largest of the library."""
+        laws, amounts = self.joint_laws, self.library.amounts
+        tau = laws.linkage.loads(laws.linkage.forward(amounts), laws.mass_moments(0.0)).tau
+        return 2.0 * float(np.abs(laws.linear_command(tau, amounts[:, laws.linkage.joints]) - self.library.q).max())
 
     @cached_property
-    def one_start(self) -> OneStart | None:
-        """What one start at a time is solved with; None for models that are only solved in batches."""
-        return OneStart.of(self.compensation, self.band, self._bent)
+    def scalar_newton(self) -> ScalarNewton | None:
+        """Newton from one start at a time; None for models that are only solved in batches."""
+        return ScalarNewton.of(self.joint_laws, self.bounds, self._nonlinear_bound)
 
-    def solve_from(self, ask: Ask, start: Array, effort: Effort = EVERY_BRANCH) -> tuple[Found, Reached]:
-        """Newton's method from amounts (K, V) of the moving slots: commands for those that met the goal, and all."""
-        compensation, joints = self.compensation, self.compensation.linkage.joints
-        burden = compensation.burden(ask.payload)
-        goal, one = ask.goal, self.one_start
-        if one is not None and goal.rotation is not None and effort.singly:
-            reached = one.reach_all(goal.rotation, goal.position, burden, start.tolist(), effort)
+    def solve_from(
+        self, query: IkQuery, start: Array, stopping: StoppingRule = EVERY_BRANCH
+    ) -> tuple[CommandBatch, NewtonBatch]:
+        """Newton's method from slot amounts (K, V): commands of the converged candidates, and all candidates."""
+        laws, joints = self.joint_laws, self.linkage.joints
+        goal, scalar, masses = query.goal, self.scalar_newton, laws.mass_moments(query.payload)
+        if scalar is not None and goal.rotation is not None and stopping.singly:
+            reached = scalar.solve_each(goal.rotation, goal.position, masses, start.tolist(), stopping)
         else:
-            poses = self.poses(ask, start[:, joints] - self.zero)
-            reached = reach(compensation, Aim.of(ask.goal), burden, poses, start, self.band, effort)
-        roughly = compensation.roughly(reached.tau, reached.amounts[:, joints])
-        plausible = reached.met & self.band.holds(roughly, SLACK)
-        return self.commands(ask, reached.take(plausible)), reached
+            poses = self.poses(query, start[:, joints] - self.zero)
+            reached = newton_solve(laws, Target.of(goal), masses, poses, start, self.bounds, stopping)
+        linear = laws.linear_command(reached.tau, reached.amounts[:, joints])
+        near_limits = reached.converged & self.bounds.contains(linear, SLACK)
+        return self.commands(query, reached.take(near_limits)), reached
 
-    def commands(self, ask: Ask, reached: Reached) -> Found:
-        """What to command so that the arm is where it was wanted; whence it arrives follows from where it is now."""
-        arrived = reached.amounts[:, self.compensation.linkage.joints]
+    def commands(self, query: IkQuery, reached: NewtonBatch) -> CommandBatch:
+        """Commands that bring the arm to the states reached; sides of arrival follow from the present angles."""
+        arrived = reached.amounts[:, self.linkage.joints]
 
         def command(q: Array, side: Array | None) -> Array:
-            return self.compensation.command(self.poses(ask, q, side), reached.tau, arrived)
+            return self.joint_laws.command(self.poses(query, q, side), reached.tau, arrived)
 
         q = command(arrived - self.zero, None)
-        if ask.near is None:
-            return Found(q, reached, np.zeros_like(q), np.zeros(q.shape, dtype=bool), reached.steps)
-        side = np.sign(q - ask.near)
-        for _ in range(MOST_TURNS):
+        if query.near is None:
+            return CommandBatch(q, reached, np.zeros_like(q), np.zeros(q.shape, dtype=bool), reached.steps)
+        side = np.sign(q - query.near)
+        for _ in range(MOST_SIDE_CHANGES):
             q = command(q, side)
-            wrong = np.sign(q - ask.near) != side
+            wrong = np.sign(q - query.near) != side
             if not wrong.any():
-                return Found(q, reached, side, wrong, reached.steps)
+                return CommandBatch(q, reached, side, wrong, reached.steps)
             side = np.where(wrong, -side, side)
         q = command(q, side)
-        return Found(q, reached, side, np.sign(q - ask.near) != side, reached.steps)
+        return CommandBatch(q, reached, side, np.sign(q - query.near) != side, reached.steps)
 
     @cached_property
-    def band(self) -> Band:
+    def bounds(self) -> JointBounds:
         """The limits as arrays."""
-        return Band(np.array(self.limits.lower), np.array(self.limits.upper))
+        return JointBounds(np.array(self.limits.lower), np.array(self.limits.upper))
 
-    def standing(self, ask: Ask, q: Array, steps: int) -> Found:
-        """Commands (K, n) as they are, and where the arm then rests. Raises `NotSettled`."""
-        poses, goal = self.poses(ask, q), np.array(ask.goal.position)
-        rest = settle(self.model, poses)
-        slots = self.compensation.linkage.slots
-        amounts = np.array([np.broadcast_to(rest.slots[k], len(q)) for k in slots]).T
-        placed = self.compensation.linkage.place(amounts)
-        tau = self.compensation.linkage.loads(placed, self.compensation.burden(ask.payload)).tau
-        miss = np.linalg.norm(placed.tcp[:, :3, 3] - goal, axis=1)
-        reached = Reached(amounts, tau, miss, placed.tcp, np.zeros(len(q), dtype=bool), steps)
+    def at_rest(self, query: IkQuery, q: Array, steps: int) -> CommandBatch:
+        """Commands (K, n) as they are, and the equilibria there. Raises `NoEquilibrium`."""
+        amounts = self.slot_amounts(solve_equilibrium(self.model, self.poses(query, q)))
+        state = self.linkage.forward(amounts)
+        tau = self.linkage.loads(state, self.joint_laws.mass_moments(query.payload)).tau
+        residual = np.linalg.norm(state.tcp[:, :3, 3] - np.array(query.goal.position), axis=1)
+        reached = NewtonBatch(amounts, tau, residual, state.tcp, np.zeros(len(q), dtype=bool), steps)
         unknown = np.zeros_like(q)
-        return Found(q, reached, unknown, unknown > 0.0, steps)
+        return CommandBatch(q, reached, unknown, unknown > 0.0, steps)
 
     @cached_property
     def zero(self) -> Array:
-        """(n,), the angle that each joint really has at command zero without load, constant effects included (rad)."""
-        return np.asarray(self.compensation.steady[self.compensation.linkage.joints])
+        """(n,), true joint angles at command zero without load, constant effects included (rad)."""
+        return np.asarray(self.joint_laws.constants[self.linkage.joints])
 
-    def usable(self, found: Found) -> NDArray[np.bool_]:
+    def within_limits(self, found: CommandBatch) -> NDArray[np.bool_]:
         """(K,), which commands keep the limits."""
-        return self.band.holds(found.q, AT_LIMIT)
+        return self.bounds.contains(found.q, AT_LIMIT)

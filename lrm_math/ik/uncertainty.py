@@ -1,4 +1,4 @@
-"""How surely the model knows where the TCP is: parameters and joints that are not known exactly."""
+"""Uncertainty of the predicted TCP position, from uncertain parameters and joints."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ def position_covariance(
 ) -> Array | None:
     """(N, 3, 3), m²: J C Jᵀ with the total derivatives through the equilibrium; None if neither cause is known.
 
-    Args:
-        covariance: of parameters of the model.
-        joint_sd: (n,), rad, how well each servo repeats a command, each by itself.
+    `covariance`: of parameters of the model. `joint_sd`: (n,), rad, repeatability of each servo, independent.
     """
     parts = []
     if covariance is not None:

@@ -1,9 +1,9 @@
-"""A linkage written out as Python: every slot's frame, axis and load in straight lines, without loops over slots.
+"""Generates straight-line Python source for the forward kinematics and gravity loads of a given linkage.
 
-One candidate costs two thirds of what the same recursion costs in a loop: nothing is packed, unpacked or asked, and
-products with what is zero in this arm are left out (models customised to an arm: Khalil & Kleinfinger 1987).
+Models customised to an arm (Khalil & Kleinfinger 1987): without loops over slots and without products with structural
+zeros, one state costs two thirds of the looped recursion.
 
-In the text, a, b, c and p are the columns and the origin of the frame reached so far, each with rows x, y and z.
+In the generated code a, b, c and p are columns and origin of the current frame, each with rows x, y and z.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from lrm_math.arrays import Array
+from lrm_math.ik.goal import Triple
 
 ROWS = "xyz"
 COLUMNS = "abc"
@@ -22,52 +23,46 @@ FRAME = ", ".join(f"{column}{row}" for column in "abcp" for row in ROWS)
 START = f"{FRAME} = {', '.join(map(str, np.eye(4)[:, :3].ravel().tolist()))}"
 
 
-def tool_text(welds: Sequence[Array], axes: Sequence[int]) -> str:
-    """`tool(amounts)`: the tool's frame at the amounts (V,) of the slots (rad).
+def tool_source(welds: Sequence[Array], axes: Sequence[int]) -> str:
+    """Source of `tool_frame(amounts)`: the tool frame at slot amounts (V,), rad.
 
-    Args:
-        welds: (4, 4), from each slot to the next, and from the last to the tool's frame.
-        axes: number from 0 of the axis that each slot turns about.
+    `welds`: (4, 4) each, from each slot to the next, and from the last to the tool frame. `axes`: index (0 to 2) of the
+    axis that each slot turns about.
     """
-    lines = [_taken("q", len(axes), "amounts"), START]
+    lines = [_unpack("q", len(axes), "amounts"), START]
     for v, axis in enumerate(axes):
-        lines += [*_moved(welds[v]), *_turned(v, axis)]
-    return _function("tool(amounts)", [*lines, *_moved(welds[-1])], f"({FRAME})")
+        lines += [*_weld(welds[v]), *_rotation(v, axis)]
+    return _function("tool_frame(amounts)", [*lines, *_weld(welds[-1])], f"({FRAME})")
 
 
-def stand_text(
-    welds: Sequence[Array],
-    axes: Sequence[int],
-    stands: Sequence[int],
-    counted: Sequence[int],
-    gravity: Sequence[float],
+def state_source(
+    welds: Sequence[Array], axes: Sequence[int], inboard_slots: Sequence[int], counted: Sequence[int], gravity: Triple
 ) -> str:
-    """`stand(amounts, cargo)`: the tool's frame, axes and origins of the slots, and gravity's load on them.
+    """Source of `state(amounts, bodies)`: tool frame, axes and origins of the slots, and the gravity load on each.
 
-    Args:
-        stands: how many slots each body stands behind, ascending.
-        counted: the first body that each slot's load counts. gravity: m/s².
+    `inboard_slots`: number of moving slots inboard of each body, ascending. `counted`: first body that each slot's load
+    counts. `gravity`: m/s².
     """
-    slots, bodies = range(len(axes)), range(len(stands))
-    lines = [_taken("q", len(axes), "amounts"), *(f"u{b}, v{b}, w{b}, m{b} = cargo[{b}]" for b in bodies), START]
-    lines += [_moment(b) for b in bodies if stands[b] == 0]
+    slots, bodies = range(len(axes)), range(len(inboard_slots))
+    lines = [_unpack("q", len(axes), "amounts"), *(f"u{b}, v{b}, w{b}, m{b} = bodies[{b}]" for b in bodies), START]
+    lines += [_moment(b) for b in bodies if inboard_slots[b] == 0]
     for v, axis in enumerate(axes):
-        lines += _moved(welds[v])
+        lines += _weld(welds[v])
         lines += [f"i{v}, j{v}, k{v}, o{v}, r{v}, s{v} = {', '.join(COLUMNS[axis] + row for row in ROWS)}, px, py, pz"]
-        lines += _turned(v, axis)
-        lines += [_moment(b) for b in bodies if stands[b] == v + 1]
-    lines += _moved(welds[-1])
-    lines += ["x = y = z = m = 0.0", *_loads(counted, len(stands), [float(g) for g in gravity])]
+        lines += _rotation(v, axis)
+        lines += [_moment(b) for b in bodies if inboard_slots[b] == v + 1]
+    lines += _weld(welds[-1])
+    lines += ["x = y = z = m = 0.0", *_loads(counted, len(inboard_slots), gravity)]
     axis_list = ", ".join(f"(i{v}, j{v}, k{v})" for v in slots)
     origin_list = ", ".join(f"(o{v}, r{v}, s{v})" for v in slots)
     tau_list = ", ".join(f"t{v}" for v in slots)
-    return _function("stand(amounts, cargo)", lines, f"({FRAME}), [{axis_list}], [{origin_list}], [{tau_list}]")
+    return _function("state(amounts, bodies)", lines, f"({FRAME}), [{axis_list}], [{origin_list}], [{tau_list}]")
 
 
-def function(text: str, name: str) -> Any:
-    """The function of that name in a text, which holds nothing but what is written here and numbers of the model."""
+def compile_function(text: str, name: str) -> Any:
+    """Compiles generated source, which holds only text from this module and numbers of the model."""
     names: dict[str, Any] = {"cos": cos, "sin": sin}
-    exec(compile(text, f"<{name}, written out>", "exec"), names)
+    exec(compile(text, f"<{name}, unrolled>", "exec"), names)
     return names[name]
 
 
@@ -75,12 +70,12 @@ def _function(head: str, lines: Sequence[str], answer: str) -> str:
     return "\n    ".join([f"def {head}:", *lines, f"return {answer}\n"])
 
 
-def _taken(letter: str, count: int, source: str) -> str:
+def _unpack(letter: str, count: int, source: str) -> str:
     return f"[{', '.join(f'{letter}{v}' for v in range(count))}] = {source}"
 
 
-def _moved(weld: Array) -> Iterator[str]:
-    """Along a rigid piece: the shift, then the turn."""
+def _weld(weld: Array) -> Iterator[str]:
+    """A rigid transform: translation, then rotation."""
     for row in ROWS:
         if shift := _sum(row, weld[:3, 3].tolist()):
             yield f"p{row} += {shift}"
@@ -91,12 +86,12 @@ def _moved(weld: Array) -> Iterator[str]:
 
 
 def _sum(row: str, shares: Sequence[float]) -> str:
-    """One row of the columns' sum by shares, empty where all are zero."""
+    """One row of a linear combination of the columns, empty where all coefficients are zero."""
     return " + ".join(f"{share!r} * {column}{row}" for column, share in zip(COLUMNS, shares, strict=True) if share)
 
 
-def _turned(v: int, axis: int) -> Iterator[str]:
-    """About an axis of the frame, by the amount of slot v."""
+def _rotation(v: int, axis: int) -> Iterator[str]:
+    """Rotation about an axis of the frame by the amount of slot v."""
     one, other = COLUMNS[(axis + 1) % 3], COLUMNS[(axis + 2) % 3]
     yield f"cq, sq = cos(q{v}), sin(q{v})"
     for row in ROWS:
@@ -104,13 +99,13 @@ def _turned(v: int, axis: int) -> Iterator[str]:
 
 
 def _moment(b: int) -> str:
-    """First mass moment of body b about the base's origin (kg m)."""
+    """First mass moment of body b about the base origin (kg m)."""
     parts = (f"a{row} * u{b} + b{row} * v{b} + c{row} * w{b} + p{row} * m{b}" for row in ROWS)
     return f"x{b}, y{b}, z{b} = {', '.join(parts)}"
 
 
-def _loads(counted: Sequence[int], bodies: int, gravity: Sequence[float]) -> Iterator[str]:
-    """Gravity's load on every slot, from the last to the first: axis · (moment of what it carries × gravity)."""
+def _loads(counted: Sequence[int], bodies: int, gravity: Triple) -> Iterator[str]:
+    """Gravity load on every slot, outermost first: axis · (first mass moment of the outboard bodies × gravity)."""
     gx, gy, gz = map(repr, gravity)
     added = bodies
     for v in reversed(range(len(counted))):

@@ -1,10 +1,10 @@
-"""The arm as a product of one-parameter motions ("slots"), and its frames and screws.
+"""The kinematic chain as a product of one-parameter motions ("slots").
 
 Base: T(x, y, z) Rx(alpha) Ry(beta) Rz(gamma). Link i: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Tz(extra z) (modified DH,
 thesis section 4.1), then the bending of link i about x and y at its middle. Tool: Rx Ry Rz T(x, y, z).
 
-Whatever an effect does to the arm, it adds an amount (rad or m) to slots. A slot's amount is a float where it is the
-same for all poses, or an array `(N,)`; the same code serves both, so one pose costs scalar Python and a batch numpy.
+Effects add amounts (rad or m) to slots. A slot's amount is a float where it is the same for all poses, or an array
+`(N,)`; the same code serves both, so one pose costs scalar Python and a batch numpy.
 """
 
 from __future__ import annotations
@@ -18,10 +18,12 @@ from typing import TypeAlias
 import numpy as np
 
 from lrm_math.arm.arm import BASE, TOOL, Arm, Placement
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 
 Number: TypeAlias = "float | Array"
 Vector: TypeAlias = "list[Number]"
+Angle: TypeAlias = "tuple[Number, Number] | None"
+"""(cos, sin) of a rotation; None for a translation or a rotation by zero."""
 
 X, Y, Z = 0, 1, 2
 ROUND_OFF = 1e-15
@@ -49,17 +51,17 @@ class Slot:
 
     @property
     def to_hinge(self) -> bool:
-        """Whether it only carries the bending of a link to its middle, or back."""
+        """Whether it is a translation to the hinge at the middle of a link, or back."""
         return self.place.startswith("link") and not self.rotates
 
 
 @dataclass(frozen=True)
-class Attachment:
-    """A body as the chain sees it: it stands before slot number `before`, its centre of mass `com` (m) there."""
+class AttachedBody:
+    """A body fixed to the frame before slot number `before`; `mass` in kg, centre of mass `com` (m) in that frame."""
 
     before: int
     mass: float
-    com: tuple[float, float, float]
+    com: Vector3
     carries_payload: bool
 
 
@@ -67,15 +69,16 @@ class Attachment:
 class Chain:
     """All slots from base to TCP and the bodies between them, ordered outwards.
 
-    `moved[k]`: the first body that slot k moves. `counted[k]`: the first body that the load of slot k counts; the two
-    differ only for arms whose file says that a body loads a joint that does not carry it.
+    `moved[k]`: the first body that slot k moves. `counted[k]`: the first body that the load of slot k includes; the two
+    differ only for arms whose file says that a body loads a joint that does not carry it. `index`: number of a slot by
+    its key. `frame_ends`: number of slots before the frames base, after joint 1 … n, tool.
     """
 
     dof: int
-    gravity: tuple[float, float, float]
+    gravity: Vector3
     slots: tuple[Slot, ...]
     index: dict[str, int]
-    bodies: tuple[Attachment, ...]
+    bodies: tuple[AttachedBody, ...]
     moved: tuple[int, ...]
     counted: tuple[int, ...]
     frame_ends: tuple[int, ...]
@@ -84,35 +87,36 @@ class Chain:
     def values(self, q: Sequence[Number]) -> list[Number]:
         """Amount of every slot of the nominal arm at joint angles q, one float or `(N,)` per joint (rad).
 
-        The ways to and from the middle of a link (`back`, `on`) cancel as long as it does not bend, and are left out;
-        `hinges` tells them.
+        The translations to the middle of a link and from it (`back`, `on`) cancel as long as it does not bend, and are
+        left out; `hinges` gives them.
         """
-        rigid = [0.0 if slot.to_hinge else slot.nominal for slot in self.slots]
         return [
-            amount if slot.joint is None else amount + q[slot.joint]
-            for amount, slot in zip(rigid, self.slots, strict=True)
+            (0.0 if slot.to_hinge else slot.nominal) + (0.0 if slot.joint is None else q[slot.joint])
+            for slot in self.slots
         ]
 
     def hinges(self, place: str) -> Iterator[tuple[int, float]]:
-        """The slots that carry a link's bending to its middle and back, and their amounts (m)."""
+        """The slots that translate to a link's hinge and back, and their amounts (m)."""
         return ((k, slot.nominal) for k, slot in enumerate(self.slots) if slot.to_hinge and slot.place == place)
 
 
 @lru_cache(maxsize=64)
 def chain_of(arm: Arm) -> Chain:
     """The chain of an arm."""
-    slots = [*_base_slots(arm.base)]
+    shifts, turns = _placement_slots(BASE, arm.base)
+    slots = [*shifts, *turns]
     frame_ends = [len(slots)]
     for i in range(arm.dof):
         slots += _link_slots(arm, i)
         frame_ends.append(len(slots))
         if i + 1 < arm.dof:
             slots += _bending_slots(arm, i)
-    slots += _tool_slots(arm.tool)
+    shifts, turns = _placement_slots(TOOL, arm.tool)
+    slots += [*turns, *shifts]
     frame_ends.append(len(slots))
-    bodies = sorted(arm.bodies, key=lambda b: (b.frame, not b.near_end))
+    bodies = arm.bodies_outwards
     attachments = [
-        Attachment(frame_ends[b.frame] - (1 if b.near_end else 0), b.mass, b.com, b.carries_payload) for b in bodies
+        AttachedBody(frame_ends[b.frame] - (1 if b.near_end else 0), b.mass, b.com, b.carries_payload) for b in bodies
     ]
     moved = [sum(b.before <= k for b in attachments) for k in range(len(slots))]
     loads = [_first_joint_loaded(k, slots, arm.dof) for k in range(len(slots))]
@@ -134,7 +138,7 @@ def chain_of(arm: Arm) -> Chain:
 
 
 def _first_joint_loaded(k: int, slots: list[Slot], dof: int) -> int | None:
-    """Joint whose bodies slot k counts: its own for theta, the next one for a bending link; else what it moves."""
+    """First joint whose bodies load slot k: the slot's own joint, the next one for a bending link; else None."""
     slot = slots[k]
     if slot.joint is not None:
         return slot.joint + 1
@@ -143,11 +147,11 @@ def _first_joint_loaded(k: int, slots: list[Slot], dof: int) -> int | None:
     return None
 
 
-def _base_slots(p: Placement) -> Iterable[Slot]:
-    for name, axis in (("x", X), ("y", Y), ("z", Z)):
-        yield Slot(BASE, name, False, axis, getattr(p, name))
-    for name, axis in (("alpha", X), ("beta", Y), ("gamma", Z)):
-        yield Slot(BASE, name, True, axis, getattr(p, name))
+def _placement_slots(place: str, p: Placement) -> tuple[list[Slot], list[Slot]]:
+    """Its translations, and its rotations."""
+    shifts = [Slot(place, name, False, axis, getattr(p, name)) for axis, name in enumerate(("x", "y", "z"))]
+    turns = [Slot(place, name, True, axis, getattr(p, name)) for axis, name in enumerate(("alpha", "beta", "gamma"))]
+    return shifts, turns
 
 
 def _link_slots(arm: Arm, i: int) -> Iterable[Slot]:
@@ -161,43 +165,36 @@ def _link_slots(arm: Arm, i: int) -> Iterable[Slot]:
 
 
 def _bending_slots(arm: Arm, i: int) -> Iterable[Slot]:
-    """Turns about x and y of the link's far frame, about the link's middle: where a beam seems to bend.
+    """Rotations about x and y of the link's far frame, at the link's middle: the pseudo-rigid-body hinge of a beam.
 
     A cantilever under a moment at its end turns by M L/EI and shifts by M L²/2EI: a hinge at half its length.
     """
     place = f"link{i + 1}"
-    half = [(axis, way) for axis, way in enumerate(_half_length(arm, i)) if way]
-    yield from (Slot(place, f"back_{'xyz'[axis]}", False, axis, -way) for axis, way in half)
+    half = [(axis, length) for axis, length in enumerate(_half_length(arm, i)) if length]
+    yield from (Slot(place, f"back_{'xyz'[axis]}", False, axis, -length) for axis, length in half)
     yield from (Slot(place, name, True, axis, 0.0) for name, axis in (("x", X), ("y", Y)))
-    yield from (Slot(place, f"on_{'xyz'[axis]}", False, axis, way) for axis, way in half)
+    yield from (Slot(place, f"on_{'xyz'[axis]}", False, axis, length) for axis, length in half)
 
 
 def _half_length(arm: Arm, i: int) -> list[float]:
-    """Half the way from joint i to the link's far frame, in that frame (m); lengths below a nanometre are zero."""
+    """Half the translation from joint i to the link's far frame, in that frame (m); below a nanometre it is zero."""
     joint = arm.joints[i]
     c, s = math.cos(joint.alpha), math.sin(joint.alpha)
-    way = (joint.a, s * joint.d, c * joint.d + (joint.extra_z or 0.0))
-    return [0.5 * component if abs(component) > 1e-9 else 0.0 for component in way]
-
-
-def _tool_slots(p: Placement) -> Iterable[Slot]:
-    for name, axis in (("alpha", X), ("beta", Y), ("gamma", Z)):
-        yield Slot(TOOL, name, True, axis, getattr(p, name))
-    for name, axis in (("x", X), ("y", Y), ("z", Z)):
-        yield Slot(TOOL, name, False, axis, getattr(p, name))
+    translation = (joint.a, s * joint.d, c * joint.d + (joint.extra_z or 0.0))
+    return [0.5 * component if abs(component) > 1e-9 else 0.0 for component in translation]
 
 
 def is_zero(value: Number) -> bool:
-    """True for the amount of a slot that does nothing, the same for all poses."""
+    """Whether an amount is zero for all poses."""
     return isinstance(value, float) and value == 0.0
 
 
-def trig(chain: Chain, values: Sequence[Number]) -> list[tuple[Number, Number] | None]:
+def trig(chain: Chain, values: Sequence[Number]) -> list[Angle]:
     """(cos, sin) of every rotating slot's amount; None for translations and for rotations by zero."""
     return [trig_of(value) if slot.rotates else None for slot, value in zip(chain.slots, values, strict=True)]
 
 
-def trig_of(value: Number) -> tuple[Number, Number] | None:
+def trig_of(value: Number) -> Angle:
     """(cos, sin) of one angle, None for zero; a right angle for all poses has cosine zero exactly, which saves work."""
     if isinstance(value, float):
         if value == 0.0:
@@ -207,10 +204,8 @@ def trig_of(value: Number) -> tuple[Number, Number] | None:
     return np.cos(value), np.sin(value)
 
 
-def pull_back(
-    chain: Chain, values: Sequence[Number], angles: Sequence[tuple[Number, Number] | None], start: int = 0
-) -> Vector:
-    """TCP position in the frame before slot `start`: the tip's origin carried inwards, three numbers (m)."""
+def pull_back(chain: Chain, values: Sequence[Number], angles: Sequence[Angle], start: int = 0) -> Vector:
+    """TCP position in the frame before slot `start`: the tip's origin transformed inwards, three numbers (m)."""
     p: Vector = [0.0, 0.0, 0.0]
     for k in range(len(chain.slots) - 1, start - 1, -1):
         slot = chain.slots[k]
@@ -221,7 +216,7 @@ def pull_back(
     return p
 
 
-def rotate(v: Vector, axis: int, angle: tuple[Number, Number] | None) -> None:
+def rotate(v: Vector, axis: int, angle: Angle) -> None:
     """Rotates three components in place about one axis: v <- R(axis, angle) v."""
     if angle is not None:
         c, s = angle
@@ -232,8 +227,8 @@ def rotate(v: Vector, axis: int, angle: tuple[Number, Number] | None) -> None:
             v[i], v[j] = c * v[i] - s * v[j], s * v[i] + c * v[j]
 
 
-def rotate_inverse(v: Vector, axis: int, angle: tuple[Number, Number] | None) -> None:
-    """Rotates three components in place the other way: v <- R(axis, angle)ᵀ v."""
+def rotate_inverse(v: Vector, axis: int, angle: Angle) -> None:
+    """Rotates three components in place by the inverse: v <- R(axis, angle)ᵀ v."""
     if angle is not None:
         c, s = angle
         i, j = PLANE[axis]

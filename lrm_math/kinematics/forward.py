@@ -1,4 +1,4 @@
-"""World-frame geometry of a chain: frames, screws and bodies met on the way from base to TCP."""
+"""Forward kinematics of a chain: frames, screw axes and centres of mass in the world frame."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from lrm_math.kinematics.chain import Chain, Number, X, Y, Z, is_zero, rotate_in
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
-    """World-frame geometry met on the way from base to TCP, for N poses, components first for speed.
+class ChainGeometry:
+    """Screw axes, bodies and frames of a chain in the world frame, for N poses, components first for speed.
 
     `axis`, `origin`: (S, 3, N), of every slot (unit vectors; m). `body`: (B, 3, N), centres of mass (m).
-    `stands`: (B, 3, 3, N), unit vectors x, y, z of the frame that each body stands in.
+    `body_axes`: (B, 3, 3, N), unit vectors x, y, z of the frame that each body is fixed to.
     `frames`: (n + 2, 4, 3, N): columns x, y, z and origin of the frames base, after joint 1 … n, tool.
     """
 
     axis: Array
     origin: Array
     body: Array
-    stands: Array
+    body_axes: Array
     frames: Array
 
     @property
@@ -32,22 +32,22 @@ class Walk:
         return np.asarray(self.frames[-1, 3])
 
 
-def walk(
-    chain: Chain, values: Sequence[Number], count: int, coms: Sequence[tuple[Number, Number, Number]] | None = None
-) -> Walk:
-    """Carries the frame outwards through all slots for `count` poses and keeps every screw, body and frame.
+def chain_geometry(
+    chain: Chain, values: Sequence[Number], count: int, coms: Sequence[Sequence[Number]] | None = None
+) -> ChainGeometry:
+    """Forward kinematics from base to TCP for `count` poses, slots' amounts `values` (rad, m).
 
-    `coms`: centres of mass of the bodies in the frames they stand in (m); the chain's own if None.
+    `coms`: centres of mass of the bodies in their own frames (m); the chain's own if None.
     """
     coms = [body.com for body in chain.bodies] if coms is None else coms
     axes, origins = np.empty((2, len(chain.slots), 3, count))
-    bodies, stands = np.empty((len(chain.bodies), 3, count)), np.empty((len(chain.bodies), 3, 3, count))
+    bodies, body_axes = np.empty((len(chain.bodies), 3, count)), np.empty((len(chain.bodies), 3, 3, count))
     ends = np.empty((chain.dof + 2, 4, 3, count))
     body = end = 0
     for k, columns, p in _outwards(chain, values):
         while body < len(chain.bodies) and chain.bodies[body].before == k:
             x, y, z = coms[body]
-            stands[body, X], stands[body, Y], stands[body, Z] = columns
+            body_axes[body, X], body_axes[body, Y], body_axes[body, Z] = columns
             bodies[body] = p + x * columns[X] + y * columns[Y] + z * columns[Z]
             body += 1
         while end < len(ends) and chain.frame_ends[end] == k:
@@ -55,11 +55,11 @@ def walk(
             end += 1
         if k < len(chain.slots):
             axes[k], origins[k] = columns[chain.slots[k].axis], p
-    return Walk(axes, origins, bodies, stands, ends)
+    return ChainGeometry(axes, origins, bodies, body_axes, ends)
 
 
 def frames(chain: Chain, values: Sequence[Number], count: int) -> Array:
-    """Homogeneous frames (N, n + 2, 4, 4): base, after joint 1 … n, tool; m."""
+    """Homogeneous frames (N, n + 2, 4, 4) for slots' amounts (rad, m): base, after joint 1 … n, tool; m."""
     out = np.zeros((chain.dof + 2, 4, 4, count))
     out[:, 3, 3] = 1.0
     end = 0

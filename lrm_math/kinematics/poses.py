@@ -1,4 +1,4 @@
-"""What was commanded, pose by pose: the input of every model."""
+"""Commanded poses: the input of every model."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Poses:
         t: (N,), time since the start (s), or None.
         session: (N,), number of the power-on session, or None.
         temperature: (N,), °C, or None.
-        number: (N,), what errors call each pose, or None: 1 … N.
+        number: (N,), number of each pose in error messages, or None: 1 … N.
     """
 
     q: Array
@@ -73,7 +73,7 @@ class Poses:
         rest = (None if column is None else column[row : row + 1] for column in given)
         return Poses(self.q[row : row + 1], self.payload[row : row + 1], *rest)  # type: ignore[arg-type]
 
-    def nudged(self, joint: int, step: float) -> Poses:
+    def perturbed(self, joint: int, step: float) -> Poses:
         """The same poses with one joint angle changed by `step` (rad)."""
         q = self.q.copy()
         q[:, joint] += step

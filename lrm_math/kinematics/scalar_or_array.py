@@ -1,4 +1,4 @@
-"""Functions of one number: a float costs what Python takes for it, an array what numpy takes."""
+"""Elementwise functions of a float, by `math`, which is faster for one number, or of an array, by numpy."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ def tanh(x: Number) -> Number:
     return math.tanh(x) if isinstance(x, float) else np.tanh(x)
 
 
-def size(x: Number) -> Number:
+def magnitude(x: Number) -> Number:
     """Magnitude."""
     return abs(x) if isinstance(x, float) else np.abs(x)
 
 
-def above_zero(x: Number) -> Number:
-    """x where it is positive, else zero."""
+def positive_part(x: Number) -> Number:
+    """max(x, 0)."""
     return max(x, 0.0) if isinstance(x, float) else np.maximum(x, 0.0)
 
 
-def below_zero(x: Number) -> Number:
-    """x where it is negative, else zero."""
+def negative_part(x: Number) -> Number:
+    """min(x, 0)."""
     return min(x, 0.0) if isinstance(x, float) else np.minimum(x, 0.0)
 
 
-def by_sign(x: Number, above: float, below: float) -> Number:
+def select_by_sign(x: Number, above: float, below: float) -> Number:
     """One value where x is positive, another one elsewhere."""
     return (above if x > 0.0 else below) if isinstance(x, float) else np.where(x > 0.0, above, below)
 
 
-def largest(x: Number) -> float:
+def maximum(x: Number) -> float:
     """The largest of all poses; zero where there are none."""
     return x if isinstance(x, float) else float(x.max(initial=0.0))

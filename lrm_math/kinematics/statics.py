@@ -1,4 +1,4 @@
-"""Gravity's load on every slot of the chain, and how that load changes when slots move.
+"""Statics: gravity's generalised force on every slot of the chain, and its derivatives.
 
 The load of a slot is the generalised force tau = −∂V/∂s of gravity: for a rotation the moment about its axis (N·m),
 for a translation the force along it (N). Thesis Eqs 2.44 to 2.48 are the case of the joint axes.
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.kinematics.chain import PLANE, Chain, Number, Vector, is_zero, rotate, rotate_inverse
-from lrm_math.kinematics.forward import Walk
+from lrm_math.kinematics.chain import PLANE, Angle, Chain, Number, Vector, is_zero, rotate, rotate_inverse
+from lrm_math.kinematics.forward import ChainGeometry
 
 
 @dataclass(frozen=True)
-class Ballast:
-    """Added to one body: mass (kg) and shift of its centre of mass in the frame it stands in (m), floats or (N,)."""
+class WeightChange:
+    """Change of one body: mass (kg) and shift of its centre of mass in its own frame (m), floats or (N,)."""
 
     mass: Number = 0.0
     shift: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
@@ -26,14 +26,14 @@ class Ballast:
 
 @dataclass(frozen=True)
 class Weight:
-    """A body's mass (kg) and centre of mass in the frame it stands in (m), floats or (N,)."""
+    """A body's mass (kg) and centre of mass in its own frame (m), floats or (N,)."""
 
     mass: Number
     com: tuple[Number, Number, Number]
 
 
-def weights(chain: Chain, payload: Number, added: Iterable[tuple[int, Ballast]] = ()) -> tuple[Weight, ...]:
-    """Every body in chain order; the payload (kg, float or `(N,)`) and `added` (number of a body, what) included."""
+def weights(chain: Chain, payload: Number, added: Iterable[tuple[int, WeightChange]] = ()) -> tuple[Weight, ...]:
+    """Every body in chain order, the payload (kg, float or `(N,)`) and the changes `added` (by number) included."""
     out = [Weight(body.mass + payload if body.carries_payload else body.mass, body.com) for body in chain.bodies]
     for number, ballast in added:
         x, y, z = (c + s for c, s in zip(out[number].com, ballast.shift, strict=True))
@@ -44,20 +44,20 @@ def weights(chain: Chain, payload: Number, added: Iterable[tuple[int, Ballast]] 
 def loads(
     chain: Chain,
     values: Sequence[Number],
-    angles: Sequence[tuple[Number, Number] | None],
+    angles: Sequence[Angle],
     weights: Sequence[Weight],
-    felt: Sequence[int],
+    load_slots: Sequence[int],
 ) -> list[Number]:
-    """Gravity's load on the rotating slots `felt` (ascending), N·m each.
+    """Gravity's load on the rotating slots `load_slots` (ascending), N·m each.
 
     Two recursions in the slots' own frames: gravity's direction outwards, the first mass moment Σ m c inwards.
     """
-    gravity = _gravity_outwards(chain, angles, felt)
-    out: list[Number] = [0.0] * len(felt)
+    gravity = _gravity_outwards(chain, angles, load_slots)
+    out: list[Number] = [0.0] * len(load_slots)
     moment: Vector = [0.0, 0.0, 0.0]
     carried: Number = 0.0
-    body, wanted = len(chain.bodies) - 1, len(felt) - 1
-    for k in range(len(chain.slots) - 1, (felt[0] if felt else 0) - 1, -1):
+    body, row = len(chain.bodies) - 1, len(load_slots) - 1
+    for k in range(len(chain.slots) - 1, (load_slots[0] if load_slots else 0) - 1, -1):
         while body >= 0 and chain.bodies[body].before > k:
             mass = weights[body].mass
             moment = [m if is_zero(c) else m + mass * c for m, c in zip(moment, weights[body].com, strict=True)]
@@ -68,38 +68,32 @@ def loads(
             rotate(moment, slot.axis, angles[k])
         elif not is_zero(values[k]):
             moment[slot.axis] = moment[slot.axis] + carried * values[k]
-        if wanted >= 0 and felt[wanted] == k:
+        if row >= 0 and load_slots[row] == k:
             counted = _with_bodies_behind(chain, values, angles, weights, k, moment)
             i, j = PLANE[slot.axis]
-            g = gravity[wanted]
-            out[wanted] = counted[i] * g[j] - counted[j] * g[i]
-            wanted -= 1
+            g = gravity[row]
+            out[row] = counted[i] * g[j] - counted[j] * g[i]
+            row -= 1
     return out
 
 
-def _gravity_outwards(
-    chain: Chain, angles: Sequence[tuple[Number, Number] | None], felt: Sequence[int]
-) -> list[Vector]:
+def _gravity_outwards(chain: Chain, angles: Sequence[Angle], load_slots: Sequence[int]) -> list[Vector]:
+    """Gravity (m/s²) in the frame before each of `load_slots`."""
     g: Vector = list(chain.gravity)
-    seen: list[Vector] = []
-    for k in range((felt[-1] if felt else -1) + 1):
+    out: list[Vector] = []
+    for k in range((load_slots[-1] if load_slots else -1) + 1):
         slot = chain.slots[k]
-        if len(seen) < len(felt) and felt[len(seen)] == k:
-            seen.append(list(g))
+        if load_slots[len(out)] == k:
+            out.append(list(g))
         if slot.rotates:
             rotate_inverse(g, slot.axis, angles[k])
-    return seen
+    return out
 
 
 def _with_bodies_behind(
-    chain: Chain,
-    values: Sequence[Number],
-    angles: Sequence[tuple[Number, Number] | None],
-    weights: Sequence[Weight],
-    k: int,
-    moment: Vector,
+    chain: Chain, values: Sequence[Number], angles: Sequence[Angle], weights: Sequence[Weight], k: int, moment: Vector
 ) -> Vector:
-    """Adds the bodies that slot k counts although they stand behind it (the rig's bookkeeping of links 1, 3, 5)."""
+    """Adds the bodies behind slot k that the arm file lets it carry (`loads_joint`; links 1, 3, 5 of the rig)."""
     for number in range(chain.counted[k], chain.moved[k]):
         body = chain.bodies[number]
         com: Vector = list(weights[number].com)
@@ -113,14 +107,16 @@ def _with_bodies_behind(
     return moment
 
 
-def load_derivatives(chain: Chain, geometry: Walk, weights: Sequence[Weight], felt: Sequence[int]) -> Array:
-    """∂tau_k/∂s_j for the rotating slots k in `felt` and every slot j: (K, S, N).
+def load_derivatives(
+    chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], load_slots: Sequence[int]
+) -> Array:
+    """∂tau_k/∂s_j for the rotating slots k in `load_slots` and every slot j: (K, S, N).
 
     With a the axis of a slot, S the first mass moment that it carries about its origin, g gravity:
     h = g × a (zero for a translation) and u = a × S (m a for a translation) give ∂tau_k/∂s_j = h_inner · u_outer,
-    the Hessian of −V. Bodies that a slot counts without moving them are corrected for.
+    the Hessian of −V. Bodies that load a slot that does not move them are corrected for.
     """
-    K, J = len(felt), len(chain.slots)
+    K, J = len(load_slots), len(chain.slots)
     rotates = np.array([slot.rotates for slot in chain.slots])
     m, mc = _suffix_moments(geometry, weights)
     moved = list(chain.moved)
@@ -128,7 +124,7 @@ def load_derivatives(chain: Chain, geometry: Walk, weights: Sequence[Weight], fe
     u[~rotates] = (m[moved] * geometry.axis)[~rotates]
     h = _levers_of_gravity(chain, geometry)
     out = np.empty((K, J, geometry.axis.shape[2]))
-    for row, k in enumerate(felt):
+    for row, k in enumerate(load_slots):
         u_k = u[k]
         if chain.counted[k] < chain.moved[k]:
             u_k = _lever(geometry, k, m[chain.counted[k]], mc[chain.counted[k]], True)
@@ -142,18 +138,18 @@ def load_derivatives(chain: Chain, geometry: Walk, weights: Sequence[Weight], fe
 
 
 def weight_derivatives(
-    chain: Chain, geometry: Walk, weights: Sequence[Weight], felt: Sequence[int], body: int
+    chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], load_slots: Sequence[int], body: int
 ) -> tuple[Array, Array]:
-    """∂tau/∂mass (K, N) and ∂tau/∂com (K, 3, N) of the slots `felt`, for one body's mass and centre of mass."""
+    """∂tau/∂mass (K, N) and ∂tau/∂com (K, 3, N) of the slots `load_slots`, for one body's mass and centre of mass."""
     h = _levers_of_gravity(chain, geometry)
-    counts = np.array([chain.counted[k] <= body for k in felt], dtype=np.float64)[:, None]
-    felt = list(felt)
-    by_mass = np.einsum("kcn,kcn->kn", h[felt], geometry.body[body] - geometry.origin[felt])
-    by_com = np.einsum("kcn,acn->kan", h[felt], geometry.stands[body]) * weights[body].mass
+    counts = np.array([chain.counted[k] <= body for k in load_slots], dtype=np.float64)[:, None]
+    load_slots = list(load_slots)
+    by_mass = np.einsum("kcn,kcn->kn", h[load_slots], geometry.body[body] - geometry.origin[load_slots])
+    by_com = np.einsum("kcn,acn->kan", h[load_slots], geometry.body_axes[body]) * weights[body].mass
     return counts * by_mass, counts[:, :, None] * by_com
 
 
-def _levers_of_gravity(chain: Chain, geometry: Walk) -> Array:
+def _levers_of_gravity(chain: Chain, geometry: ChainGeometry) -> Array:
     """(S, 3, N): h = g × a of every rotating slot, zero for translations; tau = h · (first mass moment)."""
     g = np.array(chain.gravity)[:, None]
     h = cross(np.broadcast_to(g, geometry.axis[0].shape), geometry.axis)
@@ -161,7 +157,7 @@ def _levers_of_gravity(chain: Chain, geometry: Walk) -> Array:
     return h
 
 
-def _suffix_moments(geometry: Walk, weights: Sequence[Weight]) -> tuple[Array, Array]:
+def _suffix_moments(geometry: ChainGeometry, weights: Sequence[Weight]) -> tuple[Array, Array]:
     """Mass (B + 1, 1, N) in kg and world first moment (B + 1, 3, N) of all bodies from number b = 0 … B outwards."""
     B, N = geometry.body.shape[::2]
     m, mc = np.zeros((B + 1, 1, N)), np.zeros((B + 1, 3, N))
@@ -171,8 +167,8 @@ def _suffix_moments(geometry: Walk, weights: Sequence[Weight]) -> tuple[Array, A
     return m, mc
 
 
-def _lever(geometry: Walk, j: int, m: Array, mc: Array, rotates: bool) -> Array:
-    """∂(Σ m c)/∂s_j, (3, N): what a unit motion of slot j does to the first moment of the bodies given."""
+def _lever(geometry: ChainGeometry, j: int, m: Array, mc: Array, rotates: bool) -> Array:
+    """∂(Σ m c)/∂s_j, (3, N), of the bodies with total mass m and first moment mc."""
     axis = geometry.axis[j]
     return cross(axis, mc - m * geometry.origin[j]) if rotates else np.asarray(m * axis)
 

@@ -1,4 +1,4 @@
-"""How surely a model's parameters are known, together: the table `[covariance]` of a model file."""
+"""Covariance of a model's parameters: the table `[covariance]` of a model file."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from lrm_math.model.model import Model
 from lrm_math.toml_file import StrictSchema
 
 DIGITS = 9  # of a correlation in the file
-ROUNDING = 1e-6  # how far below zero rounding may push an eigenvalue of the correlation
+ROUNDING = 1e-6  # negative eigenvalues of the correlation matrix above −1e-6 are due to rounding
 
 
 class CovarianceTable(StrictSchema):
-    """Table `[covariance]`; standard errors stand in `[sigma]`.
+    """Table `[covariance]`; the standard errors are in `[sigma]`.
 
-    `keys`: the parameters that it speaks of, in the order of the model. `correlation`: the upper triangle of their
+    `keys`: its parameters, in the order of the model. `correlation`: the upper triangle of their
     correlation matrix without its diagonal, row by row: 1-2, 1-3, … 1-P, 2-3, …
     """
 
@@ -28,14 +28,14 @@ class CovarianceTable(StrictSchema):
 
 
 class Covariance(NamedTuple):
-    """Covariance `matrix` (P, P) of the parameters named by `keys` (P,), SI. Parameters not in it are held exactly."""
+    """Covariance `matrix` (P, P) of the parameters `keys` (P,), SI. Parameters not in it are taken as exact."""
 
     keys: tuple[str, ...]
     matrix: Array
 
 
 def covariance_table(keys: Sequence[str], matrix: Array) -> CovarianceTable:
-    """The table of a covariance (P, P) whose diagonal is above zero; any units."""
+    """The table of a covariance matrix (P, P) with positive diagonal; any units."""
     error = np.sqrt(np.diag(matrix))
     correlation = matrix / np.outer(error, error)
     upper = np.clip(correlation[np.triu_indices(len(keys), 1)], -1.0, 1.0)
@@ -43,12 +43,12 @@ def covariance_table(keys: Sequence[str], matrix: Array) -> CovarianceTable:
 
 
 def to_covariance(table: CovarianceTable, sigma: Mapping[str, float], model: Model) -> Covariance:
-    """The covariance (SI) that a table and its standard errors (file units) speak of.
+    """The covariance (SI) of a table and its standard errors (file units).
 
     Raises:
         UnknownName: a key that the model does not have.
-        LrmError: keys given twice or without standard error, too few or too many correlations, or correlations that
-            no covariance has.
+        LrmError: keys given twice or without standard error, a wrong number of correlations, or a correlation matrix
+            that is not positive semidefinite.
     """
     size = len(table.keys)
     if len(set(table.keys)) < size:

@@ -20,11 +20,11 @@ from lrm_math.effects import Effect
 from lrm_math.effects.base import STEP
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number
-from lrm_math.kinematics.forward import Walk, walk
+from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
 from lrm_math.model.equilibrium import Equilibrium
 
 
-def slot_jacobian(chain: Chain, geometry: Walk) -> Array:
+def slot_jacobian(chain: Chain, geometry: ChainGeometry) -> Array:
     """Geometric Jacobian of the TCP for every slot, rigid arm: (S, 3, N), m/rad or 1."""
     rotates = np.array([slot.rotates for slot in chain.slots])
     out = geometry.axis.copy()
@@ -35,17 +35,17 @@ def slot_jacobian(chain: Chain, geometry: Walk) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """How the TCP, as the tracker sees it, answers small changes, the arm coming to rest again each time.
+    """Sensitivity of the measured TCP to small changes, through the equilibrium.
 
     Attributes:
-        rest: the equilibrium that is left a little.
-        geometry: its screws and bodies.
-        slots: (S, 3, N), TCP's motion for a unit motion added at each slot (m/rad or 1).
-        loads: (K, 3, N), TCP's motion for a unit load added on each slot of `model.felt` (m/N·m).
+        rest: the equilibrium at which it is linearised.
+        geometry: screw axes and bodies there.
+        slots: (S, 3, N), ∂TCP/∂(motion added at each slot) (m/rad or 1).
+        loads: (K, 3, N), ∂TCP/∂(load added on each slot of `model.load_slots`) (m/N·m).
     """
 
     rest: Equilibrium
-    geometry: Walk
+    geometry: ChainGeometry
     slots: Array
     loads: Array
 
@@ -53,25 +53,26 @@ class Response:
 def respond(rest: Equilibrium) -> Response:
     """The response at an equilibrium."""
     model, chain = rest.model, rest.model.chain
-    geometry = walk(chain, rest.slots, len(rest.poses), [weight.com for weight in rest.weights])
+    geometry = chain_geometry(chain, rest.slots, len(rest.poses), [weight.com for weight in rest.weights])
     rigid = slot_jacobian(chain, geometry)
-    if not model.felt:
-        return _through_the_tracker(Response(rest, geometry, rigid, np.empty((0, 3, len(rest.poses)))))
-    H = statics.load_derivatives(chain, geometry, rest.weights, model.felt)
-    D, moved = _effect_stiffness(rest)
-    system = np.eye(len(model.felt)) - np.einsum("ksn,sjn->nkj", H[:, moved], D)
-    push = np.einsum("scn,sjn->njc", rigid[moved], D)
-    answer = np.linalg.solve(system.transpose(0, 2, 1), push)
-    total = rigid + np.einsum("nkc,ksn->scn", answer, H)
-    return _through_the_tracker(Response(rest, geometry, total, answer.transpose(1, 2, 0)))
+    if not model.load_slots:
+        return _as_measured(Response(rest, geometry, rigid, np.empty((0, 3, len(rest.poses)))))
+    H = statics.load_derivatives(chain, geometry, rest.weights, model.load_slots)
+    moving = list(model.binding.moving)
+    D = _elastic_compliance(rest)
+    system = np.eye(len(model.load_slots)) - np.einsum("ksn,sjn->nkj", H[:, moving], D)
+    deflected = np.einsum("scn,sjn->njc", rigid[moving], D)
+    by_load = np.linalg.solve(system.transpose(0, 2, 1), deflected)
+    total = rigid + np.einsum("nkc,ksn->scn", by_load, H)
+    return _as_measured(Response(rest, geometry, total, by_load.transpose(1, 2, 0)))
 
 
-def _through_the_tracker(response: Response) -> Response:
-    """The same response as a distorted frame of measurement shows it."""
-    rest = response.rest
-    for effect, p in rest.model.parts():
-        if effect.seen(rest.true_tcp[:1], p) is not None:
-            distort = np.eye(3) + np.stack([effect.seen(axis[None, :], p)[0] for axis in np.eye(3)], axis=1)  # type: ignore[index]
+def _as_measured(response: Response) -> Response:
+    """The response in the tracker's distorted frame."""
+    for bound in response.rest.model.binding.distorting:
+        errors = [bound.effect.seen(axis[None, :], bound.p) for axis in np.eye(3)]
+        if errors[0] is not None:
+            distort = np.eye(3) + np.stack([error[0] for error in errors], axis=1)  # type: ignore[index]
             slots, loads = (np.einsum("dc,scn->sdn", distort, moves) for moves in (response.slots, response.loads))
             response = replace(response, slots=slots, loads=loads)
     return response
@@ -80,9 +81,8 @@ def _through_the_tracker(response: Response) -> Response:
 def parameter_jacobian(rest: Equilibrium, keys: Sequence[str] | None = None) -> Array:
     """∂TCP/∂parameters through the equilibrium: (N, 3, P), SI, for `keys` (every parameter if None)."""
     model, response = rest.model, respond(rest)
-    wanted = model.keys if keys is None else tuple(keys)
-    position = {key: column for column, key in enumerate(wanted)}
-    out = np.zeros((len(wanted), 3, len(rest.poses)))
+    position = {key: column for column, key in enumerate(model.keys if keys is None else keys)}
+    out = np.zeros((len(position), 3, len(rest.poses)))
     for effect, span in zip(model.effects, model.spans, strict=True):
         columns = [position.get(key) for key in model.keys[span]]
         if any(column is not None for column in columns):
@@ -94,21 +94,21 @@ def parameter_jacobian(rest: Equilibrium, keys: Sequence[str] | None = None) -> 
 
 
 def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Array:
-    """∂TCP/∂p of one effect at parameter values p: (P, 3, N), SI. Its slots must be felt by the response's model."""
+    """∂TCP/∂p of one effect at parameter values p: (P, 3, N), SI. The model's `load_slots` must hold what it feels."""
     rest, index = response.rest, response.rest.model.chain.index
     out = np.zeros((len(p), 3, len(rest.poses)))
     if effect.moves:
-        for j, amounts in enumerate(effect.d_parameters(rest.poses, _felt_by(effect, rest), p)):
-            _add_moved(out[j], effect, amounts, index, response.slots)
+        for j, amounts in enumerate(effect.d_parameters(rest.poses, _loads_felt(effect, rest), p)):
+            _add_motion(out[j], effect, amounts, index, response.slots)
     units = np.eye(len(p)).tolist()
-    felt = {k: row for row, k in enumerate(rest.model.felt)}
+    load_row = {k: row for row, k in enumerate(rest.model.load_slots)}
     for key, *loads in zip(effect.pushes, *(effect.push(rest.poses, unit) for unit in units), strict=True):
-        if index[key] in felt:
+        if index[key] in load_row:
             for j, load in enumerate(loads):
-                out[j] += response.loads[felt[index[key]]] * load
+                out[j] += response.loads[load_row[index[key]]] * load
     for body, *added in zip(effect.weighs, *(effect.weight(rest.poses.carried, unit) for unit in units), strict=True):
-        if felt:
-            args = (rest.model.chain, response.geometry, rest.weights, rest.model.felt, body)
+        if load_row:
+            args = (rest.model.chain, response.geometry, rest.weights, rest.model.load_slots, body)
             by_mass, by_com = statics.weight_derivatives(*args)
             for j, ballast in enumerate(added):
                 load = by_mass * ballast.mass + sum(by_com[:, axis] * ballast.shift[axis] for axis in range(3))
@@ -123,41 +123,38 @@ def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Ar
 def joint_jacobian(rest: Equilibrium) -> Array:
     """∂TCP/∂q of the commanded joint angles through the equilibrium: (N, 3, n), m/rad."""
     model, response = rest.model, respond(rest)
-    index, felt = model.chain.index, {k: row for row, k in enumerate(model.felt)}
+    index, load_row = model.chain.index, {k: row for row, k in enumerate(model.load_slots)}
     out = response.slots[list(model.chain.joint_slots)]
     for effect, p in model.parts():
         if effect.follows_angles and effect.moves:
-            rows = effect.d_q(rest.poses, _felt_by(effect, rest), p)
-            for joint, amounts in enumerate(rows):
-                _add_moved(out[joint], effect, amounts, index, response.slots)
+            for joint, amounts in enumerate(effect.d_q(rest.poses, _loads_felt(effect, rest), p)):
+                _add_motion(out[joint], effect, amounts, index, response.slots)
         for i, key in enumerate(effect.pushes):
-            for joint in range(model.arm.dof if index[key] in felt else 0):
-                plus, minus = (effect.push(rest.poses.nudged(joint, h), p)[i] for h in (STEP, -STEP))
-                out[joint] += response.loads[felt[index[key]]] * ((plus - minus) / (2.0 * STEP))
+            for joint in range(model.arm.dof if index[key] in load_row else 0):
+                plus, minus = (effect.push(rest.poses.perturbed(joint, h), p)[i] for h in (STEP, -STEP))
+                out[joint] += response.loads[load_row[index[key]]] * ((plus - minus) / (2.0 * STEP))
     return out.transpose(2, 1, 0)
 
 
-def _add_moved(out: Array, effect: Effect, amounts: Sequence[Number], index: dict[str, int], slots: Array) -> None:
+def _add_motion(out: Array, effect: Effect, amounts: Sequence[Number], index: dict[str, int], slots: Array) -> None:
     """Adds to out (3, N) the TCP's motion for these amounts at the slots that the effect moves."""
     for key, amount in zip(effect.moves, amounts, strict=True):
         if not (isinstance(amount, float) and amount == 0.0):
             out += slots[index[key]] * amount
 
 
-def _felt_by(effect: Effect, rest: Equilibrium) -> tuple[Number, ...]:
-    load = dict(zip(rest.model.felt, rest.tau, strict=True))
+def _loads_felt(effect: Effect, rest: Equilibrium) -> tuple[Number, ...]:
+    load = dict(zip(rest.model.load_slots, rest.tau, strict=True))
     return tuple(load[rest.model.chain.index[key]] for key in effect.feels)
 
 
-def _effect_stiffness(rest: Equilibrium) -> tuple[Array, list[int]]:
-    """D = ∂E/∂tau (M, K, N) for the slots that elastic effects move, and those slots' numbers."""
-    model, index = rest.model, rest.model.chain.index
-    elastic = [(e, span) for e, span in zip(model.effects, model.spans, strict=True) if e.feels]
-    moved = sorted({index[key] for e, _ in elastic for key in e.moves})
-    D = np.zeros((len(moved), len(model.felt), len(rest.poses)))
-    for effect, span in elastic:
-        rows = effect.d_tau(rest.poses, _felt_by(effect, rest), model.values[span].tolist())
-        for felt, amounts in zip(effect.feels, rows, strict=True):
-            for key, amount in zip(effect.moves, amounts, strict=True):
-                D[moved.index(index[key]), model.felt.index(index[felt])] += amount
-    return D, moved
+def _elastic_compliance(rest: Equilibrium) -> Array:
+    """D = ∂E/∂tau: (M, K, N) for the M slots `binding.moving` and the K slots `load_slots` (rad/N·m or m/N·m)."""
+    model, moving = rest.model, rest.model.binding.moving
+    D = np.zeros((len(moving), len(model.load_slots), len(rest.poses)))
+    for bound in model.binding.elastic:
+        rows = bound.effect.d_tau(rest.poses, tuple(rest.tau[i] for i in bound.feels), bound.p)
+        for i, amounts in zip(bound.feels, rows, strict=True):
+            for k, amount in zip(bound.moves, amounts, strict=True):
+                D[moving.index(k), i] += amount
+    return D

@@ -1,4 +1,4 @@
-"""An arm, the effects that act on it, and their parameters."""
+"""The calibrated model: an arm, the effects that act on it, and their parameters."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, chain_of
 from lrm_math.kinematics.statics import Weight
-from lrm_math.model.effect_binding import Wiring, wire
+from lrm_math.model.effect_binding import EffectBinding, bind_effects
 
-LOADS_KEPT = 16
+CACHED_PAYLOADS = 16
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """An arm and what is wrong with it.
+    """An arm with the effects that act on it.
 
     Attributes:
         values: (P,), parameters of all effects in the order of `keys`, SI.
-        free: keys of the parameters that a fit may change; all others are held.
+        free: keys of the parameters that a fit may change; all others are fixed.
     """
 
     arm: Arm
@@ -38,7 +38,7 @@ class Model:
 
     @cached_property
     def chain(self) -> Chain:
-        """The arm's slots."""
+        """The arm's kinematic chain."""
         return chain_of(self.arm)
 
     @cached_property
@@ -53,19 +53,19 @@ class Model:
 
     @cached_property
     def spans(self) -> tuple[slice, ...]:
-        """Where each effect's parameters stand in `values`."""
+        """The slice of `values` that holds each effect's parameters."""
         ends = np.cumsum([0, *(len(e.parameters) for e in self.effects)]).tolist()
         return tuple(slice(a, b) for a, b in pairwise(ends))
 
     @cached_property
-    def felt(self) -> tuple[int, ...]:
+    def load_slots(self) -> tuple[int, ...]:
         """Slots whose load some effect feels, ascending."""
         return tuple(sorted({self.chain.index[key] for e in self.effects for key in e.feels}))
 
     @cached_property
-    def wiring(self) -> Wiring:
-        """The effects as they are connected to the chain's slots."""
-        return wire(self.chain, self.parts(), self.felt)
+    def binding(self) -> EffectBinding:
+        """The effects, bound to the chain's slots."""
+        return bind_effects(self.chain, self.parts(), self.load_slots)
 
     def parts(self) -> Iterator[tuple[Effect, list[float]]]:
         """Every effect with its parameters' values (SI)."""
@@ -73,18 +73,18 @@ class Model:
             yield effect, self.values[span].tolist()
 
     def weights(self, carried: Number) -> tuple[Weight, ...]:
-        """Every body's mass and centre of mass with a load of so many kg, effects included; kept for the last loads."""
-        return self._weights_kept(carried) if isinstance(carried, float) else self._weigh(carried)
+        """Every body's mass and centre of mass with a payload (kg), effects included; cached for the last payloads."""
+        return self._cached_weights(carried) if isinstance(carried, float) else self._weights(carried)
 
     @cached_property
-    def _weights_kept(self) -> Callable[[float], tuple[Weight, ...]]:
-        return lru_cache(maxsize=LOADS_KEPT)(self._weigh)
+    def _cached_weights(self) -> Callable[[float], tuple[Weight, ...]]:
+        return lru_cache(maxsize=CACHED_PAYLOADS)(self._weights)
 
-    def _weigh(self, carried: Number) -> tuple[Weight, ...]:
+    def _weights(self, carried: Number) -> tuple[Weight, ...]:
         added = (
-            (body, ballast)
-            for wired in self.wiring.weighing
-            for body, ballast in zip(wired.weighs, wired.effect.weight(carried, wired.p), strict=True)
+            (body, change)
+            for bound in self.binding.weighing
+            for body, change in zip(bound.weighs, bound.effect.weight(carried, bound.p), strict=True)
         )
         return statics.weights(self.chain, carried, added)
 
@@ -97,7 +97,7 @@ class Model:
         return float(self.values[self.position(key)])
 
     def position(self, key: str) -> int:
-        """Where one parameter stands in `values`. Raises `UnknownName`."""
+        """Index of one parameter in `values`. Raises `UnknownName`."""
         try:
             return self.keys.index(key)
         except ValueError:

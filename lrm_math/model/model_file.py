@@ -1,4 +1,4 @@
-"""Model files: which effects an arm has and how large they are. The daemon and the offline tool read the same file."""
+"""Model files: the effects of an arm and their parameters, read by the daemon and the offline tool."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lrm_math.toml_file import StrictSchema, read_toml
 
 
 class ProvenanceTable(StrictSchema):
-    """Table `[provenance]`: where the numbers come from."""
+    """Table `[provenance]`: data, tool and date of the fit."""
 
     data: str
     data_sha256: str
@@ -31,7 +31,7 @@ class ProvenanceTable(StrictSchema):
 
 
 class HistoryTable(StrictSchema):
-    """One `[[history]]` entry: what a step did, what it left, and the whole model after it."""
+    """One `[[history]]` entry: a step, its errors, and the whole model after it."""
 
     step: str
     fit_rms_mm: float
@@ -44,7 +44,7 @@ class HistoryTable(StrictSchema):
 
 
 class ModelFile(StrictSchema):
-    """The whole file, schema `lrm/model/1`. `[parameters]` holds the fitted ones; those not in it are zero."""
+    """The whole file, schema `lrm/model/1`. `[parameters]` holds the fitted ones; others are zero."""
 
     schema_: Literal["lrm/model/1"] = Field(alias="schema")
     arm: str
@@ -60,24 +60,20 @@ def load_model(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> M
     """The model of one file, its parameters free.
 
     Raises:
-        FileError: the file, its arm, an effect or a parameter is not as it should be.
+        FileError: the file, its arm, an effect or a parameter is not valid.
     """
     tables = read_toml(path, ModelFile)
     return to_model(path, tables, arm_of(path, tables.arm), catalogue)
 
 
 def load_covariance(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Covariance | None:
-    """How surely the parameters of a file's model are known (SI), or None if the file does not say.
+    """Covariance of the parameters of a file's model (SI), or None if the file has none.
 
     Raises:
         FileError: as `load_model`, or a `[covariance]` that contradicts itself.
     """
     tables = read_toml(path, ModelFile)
-    return covariance_of(path, tables, to_model(path, tables, arm_of(path, tables.arm), catalogue))
-
-
-def covariance_of(path: Path, tables: ModelFile, model: Model) -> Covariance | None:
-    """The same for a file that was read already; `model` is its `to_model`. Raises `FileError`."""
+    model = to_model(path, tables, arm_of(path, tables.arm), catalogue)
     if tables.covariance is None:
         return None
     try:
@@ -87,7 +83,7 @@ def covariance_of(path: Path, tables: ModelFile, model: Model) -> Covariance | N
 
 
 def arm_of(path: Path, arm: str) -> Arm:
-    """The arm that a file names: a shipped one, or a path seen from the file's folder or from here."""
+    """The arm named in a file: a shipped one, or a path relative to the file's folder or the working directory."""
     if arm in shipped_arms():
         return load_arm(arm)
     beside = path.parent / arm
@@ -98,7 +94,7 @@ def arm_of(path: Path, arm: str) -> Arm:
 
 
 def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:
-    """Names to effects, units to SI. Raises `FileError`."""
+    """The model of parsed tables, in SI. Raises `FileError`."""
     where = "effects"
     try:
         effects = [effect for name in tables.effects for effect in effects_at(arm, name, catalogue)]
@@ -125,5 +121,5 @@ def parameter_tables(model: Model) -> dict[str, float]:
 
 
 def as_tables(file: ModelFile) -> dict[str, Any]:
-    """A model file as plain tables, ready for a TOML writer."""
+    """A model file as plain tables for a TOML writer."""
     return file.model_dump(by_alias=True, exclude_none=True)

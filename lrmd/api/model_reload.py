@@ -1,4 +1,4 @@
-"""The model that the daemon accepted: checked before anybody works with it, and the same one in every process."""
+"""Loading and reloading of the model: checked in the api process, then adopted by the ik process."""
 
 from __future__ import annotations
 
@@ -6,31 +6,30 @@ import threading
 import time
 
 from lrmd.config import Config
-from lrmd.errors import Refused
+from lrmd.errors import RequestError
+from lrmd.ik.deployed_model import DeployedModel, deploy
 from lrmd.ik.service import solver_of
-from lrmd.ramp.shared_memory import Shared
+from lrmd.ramp.shared_memory import SharedRecords
 from lrmd.safety.collision_guard import Guard, guard_of
-from lrmd.safety.deployed_model import Deployed, deploy
 
-PATIENCE = 5.0
-"""s: how long the ik process may take over its last query and the new model."""
-LOOK_EVERY = 0.005
+IK_TIMEOUT, POLL_INTERVAL = 5.0, 0.005
+"""s: time of the ik process for its present query and the new model, and how often its digest is read."""
 
 
-class ModelInUse:
-    """The api process's side. `guard`: of the arm as this model has it sag; None for an arm without shapes."""
+class ActiveModel:
+    """The model in use, in the api process. `guard`: with the sag of this model; None for an arm without shapes."""
 
-    def __init__(self, config: Config, shared: Shared) -> None:
+    def __init__(self, config: Config, shared: SharedRecords) -> None:
         """Raises `LrmError` for a file that cannot be used."""
         self._config, self._shared = config, shared
         self._lock = threading.Lock()
         self.guard: Guard | None = None
         self.load()
 
-    def load(self) -> Deployed:
-        """Takes the file as it is now; raises `LrmError` and keeps what it has if that cannot be used.
+    def load(self) -> DeployedModel:
+        """Reads the file; raises `LrmError` and keeps the present model if it cannot be used.
 
-        The ik process sees the digest and follows by itself, when it has answered what it is at.
+        The ik process sees the new digest after its present query, and loads the file itself.
         """
         with self._lock:
             deployed = deploy(self._config)
@@ -39,11 +38,11 @@ class ModelInUse:
             self._shared.model = deployed.digest
             return deployed
 
-    def wait_for_ik(self, deployed: Deployed) -> None:
-        """Waits until queries are answered with this model. Raises `Refused`."""
-        end = time.monotonic() + PATIENCE
+    def wait_for_ik(self, deployed: DeployedModel) -> None:
+        """Waits until the ik process answers with this model. Raises `RequestError`."""
+        deadline = time.monotonic() + IK_TIMEOUT
         while self._shared.ik_model != deployed.digest:
-            if time.monotonic() > end:
-                text = f"loaded and checked, but after {PATIENCE:g} s the ik process does not answer with it yet"
-                raise Refused("ik_silent", text, retryable=True)
-            time.sleep(LOOK_EVERY)
+            if time.monotonic() > deadline:
+                text = f"loaded and checked, but after {IK_TIMEOUT:g} s the ik process does not answer with it yet"
+                raise RequestError("ik_silent", text, retryable=True)
+            time.sleep(POLL_INTERVAL)

@@ -1,4 +1,4 @@
-"""The api process: the loop that joins zenoh, the core, the ramp's orders and reports, the disk and systemd."""
+"""The api process: the 50 Hz loop between zenoh, the controller, the ramp, the state file and systemd."""
 
 from __future__ import annotations
 
@@ -14,294 +14,270 @@ import structlog
 import zenoh
 
 from lrm_math.errors import FileError, LrmError
-from lrmd.api.model_reload import ModelInUse
-from lrmd.api.publisher import Telling
-from lrmd.api.supervisor import Child, GivenUp
+from lrmd.api.model_reload import ActiveModel
+from lrmd.api.publisher import StatePublisher
+from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded
 from lrmd.api.systemd_notify import notify, watchdog_s
-from lrmd.api.zenoh_server import Face, error_reply
-from lrmd.config import Config
-from lrmd.control.core import Core
-from lrmd.control.events import Done, Happening, Level
-from lrmd.errors import Refused
+from lrmd.api.zenoh_server import ZenohServer
+from lrmd.config import SECOND, Config
+from lrmd.control.controller import Controller
+from lrmd.control.events import ControllerEvent, Level, RequestResult
+from lrmd.errors import RequestError
 from lrmd.ik import process as ik_process
+from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.process import IkSetup
-from lrmd.messages.control import EstopCommand, Message, ReloadRequest, pack, unpack
+from lrmd.messages.control import EstopCommand, Message, ReloadRequest, error_reply, pack, unpack
 from lrmd.messages.zenoh_session import router
 from lrmd.persistence import state_file
-from lrmd.persistence.background_writer import Writer
+from lrmd.persistence.background_writer import BackgroundWriter
 from lrmd.ramp import process as ramp_process
-from lrmd.ramp.core import Board
+from lrmd.ramp.core import BoardSettings
 from lrmd.ramp.process import RampSetup
 from lrmd.ramp.shared_fd import SharedFd
-from lrmd.ramp.shared_memory import Shared
-from lrmd.safety.deployed_model import Deployed
-from lrmd.thermal.joint_torques import torques_of
+from lrmd.ramp.shared_memory import SharedRecords
+from lrmd.safety.thermal_model import gravity_torques
 
-SECOND = 1_000_000_000
 PERIOD = SECOND // 50
-STUCK = SECOND // 2
-"""ns without a tick after which the ramp process is taken for stuck and started anew: the board waits twice as long."""
-START_TIME = 5 * SECOND
-IK_STUCK = 5 * SECOND
-SAVE_AT_LEAST = 60 * SECOND
+RAMP_TIMEOUT = SECOND // 2
+"""ns without a tick after which the ramp process is restarted: half of the board's own timeout."""
+START_TIMEOUT = 5 * SECOND
+IK_TIMEOUT = 5 * SECOND
+SAVE_INTERVAL = 60 * SECOND
 KEPT_EVENTS = 500
-ENDING = (signal.SIGTERM, signal.SIGINT)
+STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 
-class Api:
-    """One daemon. `speed`: how much faster than time a simulated board lives."""
+class ApiProcess:
+    """The daemon's main process. `speed`: ratio of a simulated board's clock to real time."""
 
     def __init__(self, config: Config, speed: float = 1.0) -> None:
         self._config = config
         self._log = structlog.get_logger().bind(robot=config.robot)
         self._lock = threading.RLock()
-        self._pending: deque[Happening] = deque()
+        self._pending: deque[ControllerEvent] = deque()
         self._events: deque[bytes] = deque(maxlen=KEPT_EVENTS)
-        self._shared = Shared.create()
+        self._shared = SharedRecords.create()
         self._estop = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         memory = SharedFd(self._shared.descriptor)
         setup = RampSetup(
-            Board.of(config, speed), config.link.port, config.link.baud, config.tick, config.realtime_priority, speed,
-            memory, SharedFd(self._estop),
+            BoardSettings.of(config, speed), config.link.port, config.link.baud, config.tick, config.realtime_priority,
+            speed, memory, SharedFd(self._estop),
         )  # fmt: skip
-        self._ramp = Child("ramp", ramp_process.run, setup)
-        self._ik = Child("ik", ik_process.run, IkSetup(config, memory))
+        self._ramp = ChildProcess("ramp", ramp_process.run, setup)
+        self._ik = ChildProcess("ik", ik_process.run, IkSetup(config, memory))
         now = time.monotonic_ns()
-        self._model = ModelInUse(config, self._shared)
-        guard = self._model.guard
-        if guard is None:
-            self._happened("no_shapes", "warning", f"{config.arm.name} has no collision shapes; no move is checked")
-        stored, wall = self._load(), time.time_ns()
-        self._core = Core(config, torques_of(config.arm), stored, guard or (lambda *_: None), now, wall)
-        self._telling = Telling(config, self._core, self._shared, self._ramp, self._ik)
-        self._writer = Writer(config.state, self._writing)
+        self._model = ActiveModel(config, self._shared)
+        if self._model.guard is None:
+            self._emit("no_shapes", "warning", f"{config.arm.name} has no collision shapes; no move is checked")
+        guard = self._model.guard or (lambda *_: None)
+        self._controller = Controller(config, gravity_torques(config.arm), self._load(), guard, now, time.time_ns())
+        self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik)
+        self._writer = BackgroundWriter(config.state, self._on_write)
         self._stopping = self._reloading = False
-        self._face: Face | None = None
+        self._server: ZenohServer | None = None
         self._tick_seen, self._ticked_at = 0, now
         self._saved_at = 0
         self._saved: tuple[Any, ...] = ()
-        self._told_at = 0
-        self._told: tuple[Any, ...] = ()
-
-    # ---- its life
 
     def run(self) -> int:
-        """Runs until it is told to stop. Returns the exit code: 0, or 1 if a process cannot be kept alive."""
-        # Handlers run in the middle of anything, also of a held lock: they may set a flag and nothing else.
-        for number in ENDING:
+        """Runs until SIGTERM or SIGINT. Returns the exit code: 0, or 1 if a process cannot be kept alive."""
+        # Signal handlers may interrupt a section that holds the lock: they only set a flag.
+        for number in STOP_SIGNALS:
             signal.signal(number, lambda *_: setattr(self, "_stopping", True))
         signal.signal(signal.SIGHUP, lambda *_: setattr(self, "_reloading", True))
         now = time.monotonic_ns()
-        self._shared.post(self._core.order)
+        self._shared.write_order(self._controller.order)
         self._ramp.start(now)
         try:
             with zenoh.open(router(self._config.zenoh)) as session:
                 self._ik.start(now)
                 self._wait_for_ramp()
-                self._face = Face(session, self._config.robot, self, tuple(self._telling.states))
+                self._server = ZenohServer(session, self._config.robot, self, tuple(self._publisher.states))
                 notify("READY=1\nSTATUS=disarmed")
-                self._log.info("ready", boot_id=self._telling.boot_id, port=self._config.link.port)
+                self._log.info("ready", boot_id=self._publisher.boot_id, port=self._config.link.port)
                 self._loop()
                 notify("STOPPING=1")
-                self._face = None
-        except (GivenUp, zenoh.ZError) as error:
+                self._server = None
+        except (RestartLimitExceeded, zenoh.ZError) as error:
             self._log.error("given_up", text=str(error).split(" at /")[0])
             return 1
         finally:
             self._ramp.stop()
             self._ik.stop()
             with self._lock:
-                self._look(time.monotonic_ns())
+                self._observe(time.monotonic_ns())
                 self._save(time.monotonic_ns(), at_once=True)
             self._writer.close()
             # Python puts the default handlers back while it ends, but leaves alone what is ignored.
-            for number in ENDING:
+            for number in STOP_SIGNALS:
                 signal.signal(number, signal.SIG_IGN)
         self._log.info("stopped")
         return 0
 
     def _wait_for_ramp(self) -> None:
-        deadline = time.monotonic() + START_TIME / SECOND
-        while self._shared.report() is None and time.monotonic() < deadline and not self._ramp.ended():
+        deadline = time.monotonic() + START_TIMEOUT / SECOND
+        while self._shared.read_report() is None and time.monotonic() < deadline and not self._ramp.ended():
             time.sleep(0.002)
 
     def _loop(self) -> None:
-        sign_of_life = int((watchdog_s() or 2.0) / 4 * SECOND)
-        due, alive_at = time.monotonic_ns(), 0
+        notify_every = int((watchdog_s() or 2.0) / 4 * SECOND)
+        due, notified_at = time.monotonic_ns(), 0
         while not self._stopping:
             now = time.monotonic_ns()
             if self._reloading:
                 self._reloading = False
-                with suppress(Refused):
+                with suppress(RequestError):
                     self.reload()
             with self._lock:
                 self._cycle(now)
-            if now - alive_at >= sign_of_life and now - self._ticked_at < STUCK:
-                alive_at = now
-                notify(f"WATCHDOG=1\nSTATUS={self._core.mode}")
+            if now - notified_at >= notify_every and now - self._ticked_at < RAMP_TIMEOUT:
+                notified_at = now
+                notify(f"WATCHDOG=1\nSTATUS={self._controller.mode}")
             due = max(due + PERIOD, now)
             time.sleep(max(0, due - time.monotonic_ns()) / SECOND)
 
-    def reload(self) -> Deployed:
-        """Takes the model's file as it is now. Raises `Refused` if it cannot be used: the model in use stays."""
+    def reload(self) -> DeployedModel:
+        """Reads the model file again. Raises `RequestError` if it cannot be used: the model in use stays."""
         try:
             deployed = self._model.load()
         except LrmError as error:
             text = f"{error}; the model in use stays"
             with self._lock:
-                self._happened("model_refused", "error", text)
+                self._emit("model_refused", "error", text)
                 self._flush()
-            raise Refused("model", text) from None
+            raise RequestError("model", text) from None
         with self._lock:
-            self._core.way.guard = self._model.guard or self._core.way.guard
-            self._happened("model_loaded", "info", f"model {deployed.path}", model_sha256=deployed.sha256)
+            self._controller.motion_check.guard = self._model.guard or self._controller.motion_check.guard
+            self._emit("model_loaded", "info", f"model {deployed.path}", model_sha256=deployed.sha256)
             self._flush()
         return deployed
 
     def _cycle(self, now: int) -> None:
-        self._look(now)
-        self._core.tick(now)
-        self._shared.post(self._core.order)
-        self._watch_processes(now)
-        self._publish(now)
+        self._observe(now)
+        self._controller.tick(now)
+        self._shared.write_order(self._controller.order)
+        self._supervise(now)
+        if self._server is not None:
+            for tail, message in self._publisher.due(now):
+                self._server.publish(tail, message)
         self._flush()
         self._save(now)
 
-    def _look(self, now: int) -> None:
-        report = self._shared.report()
+    def _observe(self, now: int) -> None:
+        report = self._shared.read_report()
         if report is not None:
-            self._core.observe(report, now)
+            self._controller.observe(report, now)
             if report.tick != self._tick_seen:
                 self._tick_seen, self._ticked_at = report.tick, now
 
-    def _watch_processes(self, now: int) -> None:
+    def _supervise(self, now: int) -> None:
         silent = now - max(self._ticked_at, self._ramp.started_at)
-        stuck = silent > (STUCK if self._ticked_at > self._ramp.started_at else START_TIME)
+        stuck = silent > (RAMP_TIMEOUT if self._ticked_at > self._ramp.started_at else START_TIMEOUT)
         self._keep_alive(self._ramp, f"no tick for {silent / SECOND:.1f} s" if stuck else None, "error", now)
-        alive = self._shared.ik[0]
-        stuck = 0 < alive < now - IK_STUCK
-        if self._keep_alive(self._ik, f"no sign of life for {IK_STUCK // SECOND} s" if stuck else None, "warning", now):
+        stuck = 0 < self._shared.ik[0] < now - IK_TIMEOUT
+        reason = f"no sign of life for {IK_TIMEOUT // SECOND} s" if stuck else None
+        if self._keep_alive(self._ik, reason, "warning", now):
             self._shared.ik[0] = 0
 
-    def _keep_alive(self, child: Child, stuck: str | None, level: Level, now: int) -> bool:
+    def _keep_alive(self, child: ChildProcess, stuck: str | None, level: Level, now: int) -> bool:
         ended = child.ended() or stuck
         if ended is None:
             return False
         child.kill()
-        self._happened(f"{child.name}_died", level, f"the {child.name} process ended ({ended}); starting it anew")
+        self._emit(f"{child.name}_died", level, f"the {child.name} process ended ({ended}); starting it anew")
         child.start(now)
         return True
 
-    # ---- what survives
-
-    def _load(self) -> state_file.Saved | None:
+    def _load(self) -> state_file.StoredState | None:
         folder = self._config.state
         try:
             folder.mkdir(parents=True, exist_ok=True)
             return state_file.load(folder)
         except FileError as error:
-            self._happened("state_damaged", "error", f"{error}; it is set aside, and the pose is unknown")
+            self._emit("state_damaged", "error", f"{error}; it is set aside, and the pose is unknown")
             try:
                 state_file.set_aside(folder)
             except OSError as fault:
-                self._happened("state_damaged", "error", f"it cannot be set aside either ({fault.strerror})")
+                self._emit("state_damaged", "error", f"it cannot be set aside either ({fault.strerror})")
         except OSError as error:
-            self._happened("state_not_saved", "error", f"{folder}: {error.strerror}")
+            self._emit("state_not_saved", "error", f"{folder}: {error.strerror}")
         return None
 
     def _save(self, now: int, at_once: bool = False) -> None:
-        """Saves when something changed; while the arm moves, only so often."""
-        core = self._core
-        state = (core.mode, core.position, core.report.moving)
-        still_moving = core.report.moving and bool(self._saved) and self._saved[2]
+        """Saves on change, at least once a minute; during a motion only at the configured interval."""
+        c = self._controller
+        state = (c.mode, c.position, c.report.moving)
+        still_moving = c.report.moving and bool(self._saved) and self._saved[2]
         wait = self._config.save if still_moving else 0
         changed = state != self._saved and now - self._saved_at >= wait
-        if at_once or changed or now - self._saved_at > SAVE_AT_LEAST:
+        if at_once or changed or now - self._saved_at > SAVE_INTERVAL:
             self._saved_at, self._saved = now, state
-            core.stored = core.saved(time.time_ns())
-            self._writer.put(core.stored)
+            c.stored = c.saved(time.time_ns())
+            self._writer.put(c.stored)
 
-    def _writing(self, error: FileError | None) -> None:
+    def _on_write(self, error: FileError | None) -> None:
         with self._lock:
             if error is None:
-                self._happened("state_saved", "info", "the state can be saved again")
+                self._emit("state_saved", "info", "the state can be saved again")
             else:
-                self._happened("state_not_saved", "error", f"{error}; after a crash the pose will be an older one")
+                self._emit("state_not_saved", "error", f"{error}; after a crash the pose will be an older one")
 
-    # ---- what zenoh asks for, from its threads (see `face.Owner`)
+    # ---- requests, from zenoh's threads (see `zenoh_server.RequestHandler`)
 
-    def carry_out(self, tail: str, request: Message) -> Message:
+    def handle(self, tail: str, request: Message) -> Message:
         """Carries out a request. Raises `LrmError` if it cannot."""
         if isinstance(request, ReloadRequest):
             deployed = self.reload()
             self._model.wait_for_ik(deployed)
-            return self._telling.reloaded(deployed)
+            return self._publisher.reloaded(deployed)
         with self._lock:
             now = time.monotonic_ns()
-            self._look(now)
-            done = self._core.handle(request, now)
-            self._shared.post(self._core.order)
+            self._observe(now)
+            result = self._controller.handle(request, now)
+            self._shared.write_order(self._controller.order)
             self._flush()
-            return self._telling.reply(tail, done)
+            return self._publisher.reply(tail, result)
 
-    def refused(self, tail: str, error: LrmError) -> None:
-        """A command that has nobody to reply to: an event tells why it was not carried out."""
+    def report_refusal(self, tail: str, error: LrmError) -> None:
+        """Emits an event for a refused command, which has no reply."""
         reply = error_reply(error)
         with self._lock:
-            self._happened("refused", "warning", f"{tail}: {reply.msg}", why=reply.code)
+            self._emit("refused", "warning", f"{tail}: {reply.msg}", why=reply.code)
             self._flush()
 
-    def stop_everything(self, data: bytes) -> Message:
-        """Rings the ramp first; reading who asked comes after, and nothing in the message can stop the stop."""
+    def emergency_stop(self, data: bytes) -> Message:
+        """Signals the ramp first, then reads the message: an invalid one stops the arm, too."""
         os.eventfd_write(self._estop, 1)
         try:
             why = unpack(EstopCommand, data).why
         except LrmError:
             why = "a message that cannot be read"
         with self._lock:
-            self._core.estop(time.monotonic_ns(), why)
-            self._shared.post(self._core.order)
+            self._controller.estop(time.monotonic_ns(), why)
+            self._shared.write_order(self._controller.order)
             self._flush()
-            return self._telling.reply("rpc/estop", Done())
+            return self._publisher.reply("rpc/estop", RequestResult())
 
     def state(self, tail: str) -> Message:
-        """A state message, as of now."""
+        """The present state message of a key."""
         with self._lock:
-            return self._telling.states[tail]()
+            return self._publisher.states[tail]()
 
     def events(self) -> list[bytes]:
         """The last events, oldest first."""
         with self._lock:
             return list(self._events)
 
-    # ---- what it says
-
-    def _publish(self, now: int) -> None:
-        if self._face is None:
-            return
-        core = self._core
-        tails = ["state/joints"]
-        told = (core.mode, core.why, tuple(core.faults), core.lease and core.lease.holder, core.report.link)
-        due = now - self._told_at >= SECOND
-        if due or told != self._told:
-            self._told = told
-            tails += ["state/mode", "state/faults"]
-        if due:
-            self._told_at = now
-            tails += ["state/thermal", "state/metrics", "info"]
-        for tail in tails:
-            self._face.publish(tail, self._telling.states[tail]())
-
-    def _happened(self, code: str, level: Level, text: str, **detail: Any) -> None:
-        self._pending.append(Happening(code, level, text, detail))
+    def _emit(self, code: str, level: Level, text: str, **detail: Any) -> None:
+        self._pending.append(ControllerEvent(code, level, text, detail))
 
     def _flush(self) -> None:
-        """Logs what happened, keeps it, and publishes it."""
-        self._pending.extend(self._core.happenings)
-        self._core.happenings.clear()
-        while self._face is not None and self._pending:
-            happening = self._pending.popleft()
-            getattr(self._log, happening.level)(happening.code, text=happening.text, detail=happening.detail)
-            data = pack(self._telling.event(happening))
+        """Logs, keeps and publishes the pending events."""
+        self._pending.extend(self._controller.events)
+        self._controller.events.clear()
+        while self._server is not None and self._pending:
+            event = self._pending.popleft()
+            getattr(self._log, event.level)(event.code, text=event.text, detail=event.detail)
+            data = pack(self._publisher.event(event))
             self._events.append(data)
-            self._face.tell(happening.code, data)
+            self._server.publish_event(event.code, data)

@@ -1,24 +1,24 @@
-"""What the daemon says of itself: the state messages, each made from the core and the shared memory."""
+"""State publisher: builds the daemon's messages from the controller and the shared memory, and schedules them."""
 
 from __future__ import annotations
 
 import math
-import secrets
-import time
 from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any
 
-from lrmd.api.supervisor import Child
-from lrmd.config import Config
+from lrmd.api.supervisor import ChildProcess
+from lrmd.config import SECOND, Config
 from lrmd.control.arming_pose import stored_angles
-from lrmd.control.core import Core
-from lrmd.control.events import Done, Happening
+from lrmd.control.controller import Controller
+from lrmd.control.events import ControllerEvent, RequestResult
+from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.control import (
     Event,
     FaultEntry,
     FaultsState,
     Header,
+    HeaderSource,
     InfoState,
     JointsState,
     MetricsState,
@@ -28,20 +28,21 @@ from lrmd.messages.control import (
     ThermalState,
 )
 from lrmd.ramp.lateness import Lateness
-from lrmd.ramp.shared_memory import BUCKET_NS, Shared
-from lrmd.safety.deployed_model import Deployed
-
-SECOND = 1_000_000_000
+from lrmd.ramp.shared_memory import BUCKET_NS, SharedRecords
 
 
-class Telling:
-    """Makes messages; `states` by key. Counts the messages of every key, and carries this start's `boot_id`."""
+class StatePublisher:
+    """`states`: builders of the state messages, by key; `boot_id`: identifier of this start."""
 
-    def __init__(self, config: Config, core: Core, shared: Shared, ramp: Child, ik: Child) -> None:
-        self._config, self._core, self._shared = config, core, shared
+    def __init__(
+        self, config: Config, controller: Controller, shared: SharedRecords, ramp: ChildProcess, ik: ChildProcess
+    ) -> None:
+        self._config, self._controller, self._shared = config, controller, shared
         self._ramp, self._ik = ramp, ik
-        self._seq: dict[str, int] = {}
-        self.boot_id = secrets.token_hex(8)
+        headers = HeaderSource()
+        self.boot_id, self._header = headers.boot_id, headers.next
+        self._published_at = 0
+        self._published: tuple[Any, ...] = ()
         self.states: dict[str, Callable[[], Header]] = {
             "state/joints": self._joints,
             "state/mode": self._mode,
@@ -51,59 +52,68 @@ class Telling:
             "info": self._info,
         }
 
-    def _header(self, tail: str) -> dict[str, Any]:
-        seq = self._seq[tail] = self._seq.get(tail, 0) + 1
-        return {"boot_id": self.boot_id, "seq": seq, "t_mono_ns": time.monotonic_ns(), "t_wall_ns": time.time_ns()}
+    def due(self, now: int) -> list[tuple[str, Header]]:
+        """Keys and messages to publish at `now` (ns): joints always, others on change or every second."""
+        c = self._controller
+        keys = ["state/joints"]
+        published = (c.mode, c.why, tuple(c.faults), c.lease and c.lease.holder, c.report.link)
+        due = now - self._published_at >= SECOND
+        if due or published != self._published:
+            self._published = published
+            keys += ["state/mode", "state/faults"]
+        if due:
+            self._published_at = now
+            keys += ["state/thermal", "state/metrics", "info"]
+        return [(key, self.states[key]()) for key in keys]
 
-    def reply(self, tail: str, done: Done) -> Reply:
-        """The answer to a request that was carried out."""
-        lease = done.lease
+    def reply(self, tail: str, result: RequestResult) -> Reply:
+        """The reply to a request that was carried out."""
+        lease = result.lease
         return Reply(
-            **self._header(tail), mode=self._core.mode.value, seconds=done.seconds,
-            lease=None if lease is None else lease.token,
-            lease_ms=None if lease is None else self._config.lease / 1e6,
+            **self._header(tail), mode=self._controller.mode.value, seconds=result.seconds,
+            lease=None if lease is None else lease.token, lease_ms=None if lease is None else self._config.lease / 1e6,
         )  # fmt: skip
 
-    def reloaded(self, deployed: Deployed) -> ReloadReply:
-        """The answer to a reload."""
+    def reloaded(self, deployed: DeployedModel) -> ReloadReply:
+        """The reply to a reload."""
         return ReloadReply(**self._header("rpc/reload"), model=deployed.path, model_sha256=deployed.sha256)
 
-    def event(self, h: Happening) -> Event:
-        """Something that happened."""
-        return Event(**self._header("event"), code=h.code, level=h.level, text=h.text, detail=h.detail)
+    def event(self, e: ControllerEvent) -> Event:
+        """The message of an event."""
+        return Event(**self._header("event"), code=e.code, level=e.level, text=e.text, detail=e.detail)
 
     def _joints(self) -> JointsState:
-        core, names = self._core, list(self._config.names)
-        report, position = core.report, core.position
+        c, names = self._controller, list(self._config.names)
+        report, position = c.report, c.position
         return JointsState(
-            **self._header("state/joints"), names=names, q_rad=core.angles(position),
-            target_rad=core.angles(core.targets), pulse_us=[p / 1000 for p in position],
+            **self._header("state/joints"), names=names, q_rad=c.angles(position),
+            target_rad=c.angles(c.targets), pulse_us=[p / 1000 for p in position],
             on=[bool(report.outputs >> i & 1) for i in range(len(names))], moving=report.moving,
             remaining_s=report.remaining * self._config.tick / SECOND,
         )  # fmt: skip
 
     def _mode(self) -> ModeState:
-        core = self._core
+        c = self._controller
         return ModeState(
-            **self._header("state/mode"), mode=core.mode.value, why=core.why, since_mono_ns=core.since,
-            holder=core.lease.holder if core.lease else None, link=core.report.link.name.lower(),
-            payload_kg=core.payload,
+            **self._header("state/mode"), mode=c.mode.value, why=c.why, since_mono_ns=c.since,
+            holder=c.lease.holder if c.lease else None, link=c.report.link.name.lower(), payload_kg=c.payload,
         )  # fmt: skip
 
     def _faults(self) -> FaultsState:
-        faults = [FaultEntry(code=f.code, text=f.text, since_mono_ns=f.since) for f in self._core.faults.values()]
+        faults = [FaultEntry(code=f.code, text=f.text, since_mono_ns=f.since) for f in self._controller.faults.values()]
         return FaultsState(**self._header("state/faults"), faults=faults)
 
     def _thermal(self) -> ThermalState:
-        heat = self._core.heat
+        thermal = self._controller.thermal
         return ThermalState(
-            **self._header("state/thermal"), names=list(self._config.names), temperature_c=list(heat.temperature),
-            tau_nm=list(heat.tau), level=[heat.model.heat(T).name.lower() for T in heat.temperature],
-            hot_in_s=[None if math.isinf(s) else s for s in heat.hot_in],
+            **self._header("state/thermal"), names=list(self._config.names), temperature_c=list(thermal.temperature),
+            tau_nm=list(thermal.tau), level=[thermal.model.level(T).name.lower() for T in thermal.temperature],
+            hot_in_s=[None if math.isinf(s) else s for s in thermal.time_to_hot],
         )  # fmt: skip
 
     def _metrics(self) -> MetricsState:
-        report, late = self._core.report, self._lateness()
+        report = self._controller.report
+        late = Lateness(tuple(self._shared.lateness), BUCKET_NS / 1000, report.max_late_ns / 1000)
         p50, p99, p999 = (late.percentile_us(share) for share in (0.5, 0.99, 0.999))
         return MetricsState(
             **self._header("state/metrics"), ticks=late.ticks, skipped=report.skipped, late_upper_us=late.upper_us(),
@@ -113,11 +123,8 @@ class Telling:
             reconnects=report.reconnects, ramp_starts=self._ramp.starts, ik_starts=self._ik.starts,
         )  # fmt: skip
 
-    def _lateness(self) -> Lateness:
-        return Lateness(tuple(self._shared.lateness), BUCKET_NS / 1000, self._core.report.latest / 1000)
-
     def _info(self) -> InfoState:
-        config, stored = self._config, self._core.stored
+        config, stored = self._config, self._controller.stored
         limits = [sorted((s.angle(s.lowest), s.angle(s.highest))) for s in config.servos]
         rates = [
             (high - low) / (s.highest - s.lowest) * config.step / config.tick * SECOND

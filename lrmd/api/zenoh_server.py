@@ -1,4 +1,4 @@
-"""The daemon's face on zenoh: which keys it has, and how what arrives there becomes a call, and an error a reply."""
+"""The daemon's zenoh server: its keys, and the calls and replies of the messages that arrive on them."""
 
 from __future__ import annotations
 
@@ -9,19 +9,14 @@ from typing import Any, Protocol
 import structlog
 import zenoh
 
-from lrm_math.errors import LrmError, UnknownName
-from lrmd.control.lease import LeaseError
-from lrmd.control.state_machine import NotAllowed
-from lrmd.errors import Refused
+from lrm_math.errors import LrmError
 from lrmd.messages.control import (
     ArmRequest,
     DisarmRequest,
-    ErrorReply,
     HoldRequest,
     JogRequest,
     LeaseRequest,
     Message,
-    MessageError,
     MoveRequest,
     RelaxRequest,
     ReloadRequest,
@@ -29,7 +24,7 @@ from lrmd.messages.control import (
     pack,
     unpack,
 )
-from lrmd.messages.zenoh_session import key
+from lrmd.messages.zenoh_session import key, reply_error, serve
 
 REQUESTS: dict[str, type[Message]] = {
     "rpc/lease": LeaseRequest,
@@ -44,102 +39,68 @@ REQUESTS: dict[str, type[Message]] = {
 COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest}
 
 
-class Owner(Protocol):
-    """Who carries out what arrives. Called from zenoh's threads."""
+class RequestHandler(Protocol):
+    """Handler of the messages that arrive; called from zenoh's threads."""
 
-    def carry_out(self, tail: str, request: Message) -> Message: ...
-    def refused(self, tail: str, error: LrmError) -> None: ...
-    def stop_everything(self, data: bytes) -> Message: ...
+    def handle(self, tail: str, request: Message) -> Message: ...
+    def report_refusal(self, tail: str, error: LrmError) -> None: ...
+    def emergency_stop(self, data: bytes) -> Message: ...
     def state(self, tail: str) -> Message: ...
     def events(self) -> list[bytes]: ...
 
 
-def error_reply(error: LrmError) -> ErrorReply:
-    """What a client is told of an error."""
-    match error:
-        case Refused():
-            return ErrorReply(code=error.code, msg=str(error), retryable=error.retryable, detail=error.detail)
-        case NotAllowed():
-            return ErrorReply(code="wrong_mode", msg=str(error), detail={"mode": error.mode.value})
-        case LeaseError():
-            return ErrorReply(code="lease", msg=str(error), retryable=True)
-        case MessageError():
-            return ErrorReply(code="bad_message", msg=str(error))
-        case UnknownName():
-            return ErrorReply(code="unknown_servo", msg=str(error), detail={"valid": list(error.valid)})
-        case _:
-            return ErrorReply(code="error", msg=str(error))
+class ZenohServer:
+    """Publishers, queryables and subscribers of one robot on a session; `states`: keys of its state messages."""
 
-
-class Face:
-    """Everything that is declared on a session, for one robot."""
-
-    def __init__(self, session: zenoh.Session, robot: str, owner: Owner, states: tuple[str, ...]) -> None:
-        self._session, self._robot, self._owner = session, robot, owner
+    def __init__(self, session: zenoh.Session, robot: str, handler: RequestHandler, states: tuple[str, ...]) -> None:
+        self._session, self._robot, self._handler = session, robot, handler
         self._log = structlog.get_logger().bind(robot=robot)
         drop: dict[str, Any] = {"congestion_control": zenoh.CongestionControl.DROP}
         self._publishers = {t: session.declare_publisher(key(robot, t), express=True, **drop) for t in states}
         for tail in states:
-            self._queryable(tail, partial(self._state, tail))
+            self._serve(tail, partial(self._state, tail), wildcards=True)
         for tail in REQUESTS:
-            self._queryable(tail, partial(self._request, tail))
-        self._queryable("rpc/estop", lambda data: [pack(owner.stop_everything(data))])
-        self._queryable("rpc/events", lambda _: owner.events())
-        for tail in COMMANDS:
-            session.declare_subscriber(key(robot, tail), self._commanded(tail))
-        session.declare_subscriber(key(robot, "cmd/estop"), lambda s: self._stop(s.payload.to_bytes()))
+            self._serve(tail, partial(self._request, tail))
+        self._serve("rpc/estop", lambda data: [pack(handler.emergency_stop(data))])
+        self._serve("rpc/events", lambda _: handler.events())
+        for tail in (*COMMANDS, "cmd/estop"):
+            session.declare_subscriber(key(robot, tail), partial(self._command, tail))
         self._alive = session.liveliness().declare_token(key(robot, "alive/lrmd"))
 
     def publish(self, tail: str, message: Message) -> None:
-        """Sends a state to whoever listens; a listener that does not read loses it."""
+        """Publishes a state; a slow subscriber loses messages."""
         self._publishers[tail].put(pack(message))
 
-    def tell(self, code: str, data: bytes) -> None:
-        """Sends an event."""
+    def publish_event(self, code: str, data: bytes) -> None:
+        """Publishes a packed event."""
         self._session.put(
             key(self._robot, f"event/{code}"), data, congestion_control=zenoh.CongestionControl.DROP, express=True
         )
 
-    def _request(self, tail: str, data: bytes) -> list[bytes]:
-        return [pack(self._owner.carry_out(tail, unpack(REQUESTS[tail], data)))]
-
-    def _state(self, tail: str, _: bytes) -> list[bytes]:
-        return [pack(self._owner.state(tail))]
-
-    def _queryable(self, tail: str, answer: Callable[[bytes], list[bytes]]) -> None:
-        """A queryable that always answers: an exception in zenoh's callback would look like nobody being there."""
+    def _serve(self, tail: str, answer: Callable[[bytes], list[bytes]], wildcards: bool = False) -> None:
         own = key(self._robot, tail)
 
-        def reply(query: zenoh.Query) -> None:
+        def handle(query: zenoh.Query, data: bytes) -> None:
+            replies = answer(data)
             with query:
-                if str(query.key_expr) != own and not tail.startswith(("state/", "info")):
-                    text = f"ask {own} itself; requests to several at once are not carried out"
-                    query.reply_err(pack(ErrorReply(code="wildcard", msg=text)))
-                    return
-                try:
-                    for data in answer(query.payload.to_bytes() if query.payload else b""):
-                        query.reply(own, data)
-                except LrmError as error:
-                    query.reply_err(pack(error_reply(error)))
-                except Exception as error:
-                    self._log.exception("internal_error", key=own)
-                    query.reply_err(pack(ErrorReply(code="internal", msg=f"{type(error).__name__}: {error}")))
+                for reply in replies:
+                    query.reply(own, reply)
 
-        self._session.declare_queryable(own, reply)
+        serve(self._session, own, handle, partial(reply_error, log=self._log), wildcards)
 
-    def _commanded(self, tail: str) -> Callable[[zenoh.Sample], None]:
-        def obey(sample: zenoh.Sample) -> None:
-            try:
-                self._owner.carry_out(tail, unpack(COMMANDS[tail], sample.payload.to_bytes()))
-            except LrmError as error:
-                self._owner.refused(tail, error)
-            except Exception:
-                self._log.exception("internal_error", key=tail)
+    def _state(self, tail: str, _: bytes) -> list[bytes]:
+        return [pack(self._handler.state(tail))]
 
-        return obey
+    def _request(self, tail: str, data: bytes) -> list[bytes]:
+        return [pack(self._handler.handle(tail, unpack(REQUESTS[tail], data)))]
 
-    def _stop(self, data: bytes) -> None:
+    def _command(self, tail: str, sample: zenoh.Sample) -> None:
         try:
-            self._owner.stop_everything(data)
+            if tail == "cmd/estop":
+                self._handler.emergency_stop(sample.payload.to_bytes())
+            else:
+                self._handler.handle(tail, unpack(COMMANDS[tail], sample.payload.to_bytes()))
+        except LrmError as error:
+            self._handler.report_refusal(tail, error)
         except Exception:
-            self._log.exception("internal_error", key="cmd/estop")
+            self._log.exception("internal_error", key=tail)

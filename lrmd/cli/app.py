@@ -1,4 +1,4 @@
-"""`lrm`: the operator's command line. Which words there are, and which command they run."""
+"""`lrm`, the operator's command line: its arguments and the handler of each command."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeAlias
 
 from lrm_math.errors import LrmError
 from lrmd.cli import cartesian, motion, status
-from lrmd.client.rover import Interrupted
+from lrmd.client import MotionInterrupted
 from lrmd.messages.control import field_named
 
-TEXT = """\
+Handler: TypeAlias = Callable[[argparse.Namespace], int]
+OptionGroup: TypeAlias = Callable[[argparse.ArgumentParser], None]
+DESCRIPTION = """\
 Speaks to lrmd, the daemon that owns a robot arm. The usual course:
 
   lrm state --watch                            look (anybody may, at any time)
@@ -31,46 +33,44 @@ pulsing. Angles: 30, 30deg or 0.5rad.
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs one command. Exit code 0, 1 if a motion did not reach its goal, 2 for anything refused."""
+    """Runs one command. Exit code 0; 1 if a motion did not reach its goal; 2 on any other error."""
     options = parser().parse_args(argv)
     try:
-        run: Callable[[argparse.Namespace], int] = options.run
         with field_named():
-            return run(options)
-    except Interrupted as error:
-        print(f"lrm: {error}", file=sys.stderr)
-        return 1
+            return int(options.run(options))
     except LrmError as error:
         print(f"lrm: {error}", file=sys.stderr)
-        return 2
+        return 1 if isinstance(error, MotionInterrupted) else 2
     except KeyboardInterrupt:
         return 1
 
 
-class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, and takes `-10deg` and `-10,0,20` for angles, not for options."""
+class LrmArgumentParser(argparse.ArgumentParser):
+    """Reports errors in one line, and parses `-10deg` and `-10,0,20` as angles, not as options."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
-        """Ends the program."""
+        """Exits with code 2."""
         self.exit(2, f"lrm: {message}; see {self.prog} --help\n")
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    p = Parser("lrm", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p = LrmArgumentParser("lrm", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--robot", default="rover", help="whose daemon (default: %(default)s)")
     p.add_argument("--connect", metavar="ENDPOINT", help="default: LRM_CONNECT, or tcp/127.0.0.1:7447")
     p.add_argument("--zenoh-config", metavar="FILE", help="password or certificates (default: LRM_ZENOH_CONFIG)")
     p.add_argument("--take", action="store_true", help="take the lease over if somebody else has it")
     commands = p.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    def command(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+    def command(name: str, run: Handler, text: str, *groups: OptionGroup) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text, description=text)
         sub.set_defaults(run=run)
+        for add_options in groups:
+            add_options(sub)
         return sub
 
     c = command("state", status.state, "mode, servos, temperatures and faults")
@@ -85,25 +85,18 @@ def parser() -> argparse.ArgumentParser:
     where.add_argument("--board", action="store_true", help="take over what the board is still putting out (default)")
     c.add_argument("--servo", action="append", metavar="NAME", help="with --stored: only these")
     c = command("move", motion.move, "move servos and wait until they are there")
-    c.add_argument(
-        "--joint", action="append", nargs=2, metavar=("N", "ANGLE"), default=[], help="joint number and angle"
-    )
-    c.add_argument("--servo", action="append", nargs=2, metavar=("NAME", "ANGLE"), default=[], help="any servo")
+    pair: dict[str, Any] = {"action": "append", "nargs": 2, "default": []}
+    c.add_argument("--joint", **pair, metavar=("N", "ANGLE"), help="joint number and angle")
+    c.add_argument("--servo", **pair, metavar=("NAME", "ANGLE"), help="any servo")
     c.add_argument("--q", metavar="Q1,Q2,...", help="all joints")
     _motion(c)
     c.add_argument("--payload-g", type=float, metavar="G", help="what the gripper carries from now on")
-    c = command("gripper", motion.gripper, "turn the gripper's servo")
-    c.add_argument("angle", metavar="ANGLE")
-    _motion(c)
-    c = command("pan-tilt", motion.pan_tilt, "turn the camera")
+    command("gripper", motion.gripper, "turn the gripper's servo", _motion).add_argument("angle", metavar="ANGLE")
+    c = command("pan-tilt", motion.pan_tilt, "turn the camera", _motion)
     c.add_argument("pan", metavar="PAN")
     c.add_argument("tilt", metavar="TILT")
-    _motion(c)
-    c = command("ik", cartesian.ik, "commands that bring the bent arm's tool to a place (mm)")
-    _goal(c)
-    c = command("goto", cartesian.goto, "bring the tool to a place (mm): plan a way, and go")
-    _goal(c)
-    _motion(c)
+    command("ik", cartesian.ik, "commands that bring the bent arm's tool to a place (mm)", _goal)
+    command("goto", cartesian.goto, "bring the tool to a place (mm): plan a way, and go", _goal, _motion)
     c = command("plan", cartesian.plan, "a way to joint angles, round what is between; with --go, take it")
     c.add_argument("--q", required=True, metavar="Q1,Q2,...", help="where to")
     c.add_argument("--seed", type=int, default=0, help="another seed finds another way")
@@ -126,9 +119,8 @@ def parser() -> argparse.ArgumentParser:
     c.add_argument("servo", metavar="SERVO", help="joint1 ... or another servo")
     c.add_argument("--arm", required=True, metavar="ARM", help="the arm file to start from, or a shipped arm")
     c.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the new arm file")
-    c.add_argument(
-        "--angles", default="-100,0,100", metavar="A1,A2,...", help="where to measure (default: %(default)s)"
-    )
+    text = "where to measure (default: %(default)s)"
+    c.add_argument("--angles", default="-100,0,100", metavar="A1,A2,...", help=text)
     return p
 
 

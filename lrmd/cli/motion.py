@@ -1,4 +1,4 @@
-"""The commands of `lrm` that switch servos on and off and move them by angles."""
+"""The commands of `lrm` that switch servos on and off and move them to angles."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ import sys
 from collections.abc import Mapping, Sequence
 
 from lrm_math.errors import LrmError
-from lrmd.cli.angles import angles_of
-from lrmd.cli.parsing import holder, joints, named, rover_of
-from lrmd.client.rover import RequestRefused, Rover
+from lrmd.cli.parsing import joint_angles, lease_holder, open_rover, parse_angles, servo_angles
+from lrmd.client import RequestRefused, Rover
 
 
 def arm(o: argparse.Namespace) -> int:
-    """`lrm arm`."""
-    with rover_of(o) as rover, rover.control(holder(), o.take):
+    """`lrm arm`: switches servos on."""
+    with open_rover(o) as rover, rover.control(lease_holder(), o.take):
         try:
             if o.q or o.at:
-                rover.arm("given", joints(rover, o.q) if o.q else named(rover, o.at), o.servo)
+                rover.arm("given", joint_angles(rover, o.q) if o.q else servo_angles(rover, o.at), o.servo)
             else:
                 rover.arm("stored" if o.stored else "board", servos=o.servo)
         except RequestRefused as error:
@@ -40,34 +39,34 @@ def _stored_hint(detail: Mapping[str, object]) -> str:
 
 
 def move(o: argparse.Namespace) -> int:
-    """`lrm move`."""
-    with rover_of(o) as rover:
-        targets = joints(rover, o.q) if o.q else {}
-        targets |= named(rover, [(f"joint{n.removeprefix('joint')}", a) for n, a in o.joint] + o.servo)
+    """`lrm move`: moves servos by name or number."""
+    with open_rover(o) as rover:
+        targets = joint_angles(rover, o.q) if o.q else {}
+        targets |= servo_angles(rover, [(f"joint{n.removeprefix('joint')}", a) for n, a in o.joint] + o.servo)
         if not targets:
             raise LrmError("move: nothing to move; give --joint N ANGLE, --servo NAME ANGLE or --q")
-        return through(o, rover, [targets], None if o.payload_g is None else o.payload_g / 1000)
+        return run_motion(o, rover, [targets], None if o.payload_g is None else o.payload_g / 1000)
 
 
 def gripper(o: argparse.Namespace) -> int:
-    """`lrm gripper`."""
-    with rover_of(o) as rover:
-        return through(o, rover, [named(rover, [("gripper", o.angle)])])
+    """`lrm gripper`: moves the gripper."""
+    with open_rover(o) as rover:
+        return run_motion(o, rover, [servo_angles(rover, [("gripper", o.angle)])])
 
 
 def pan_tilt(o: argparse.Namespace) -> int:
-    """`lrm pan-tilt`."""
-    with rover_of(o) as rover:
-        return through(o, rover, [named(rover, [("pan", o.pan), ("tilt", o.tilt)])])
+    """`lrm pan-tilt`: moves the camera."""
+    with open_rover(o) as rover:
+        return run_motion(o, rover, [servo_angles(rover, [("pan", o.pan), ("tilt", o.tilt)])])
 
 
-def through(
+def run_motion(
     o: argparse.Namespace, rover: Rover, waypoints: Sequence[Mapping[str, float]], payload: float | None = None
 ) -> int:
-    """Moves through waypoints (rad) with the options of a motion, and waits. Returns the exit code; Ctrl-C holds."""
+    """Moves through `waypoints` (rad) with the motion options and waits; Ctrl-C holds. Returns the exit code."""
     if not 0 < o.speed <= 1:
         raise LrmError(f"--speed {o.speed:g}: should be more than 0, at most 1")
-    with rover.control(holder(), o.take):
+    with rover.control(lease_holder(), o.take):
         try:
             seconds = rover.move(*waypoints, pace="each" if o.each else "together", speed=o.speed, payload_kg=payload)
         except KeyboardInterrupt:
@@ -79,49 +78,49 @@ def through(
 
 
 def hold(o: argparse.Namespace) -> int:
-    """`lrm hold`."""
-    with rover_of(o) as rover:
+    """`lrm hold`: stops the motion, pulses on."""
+    with open_rover(o) as rover:
         rover.hold()
     print("holding")
     return 0
 
 
 def relax(o: argparse.Namespace) -> int:
-    """`lrm relax`."""
-    with rover_of(o) as rover, rover.control(holder(), o.take):
+    """`lrm relax`: switches servos off."""
+    with open_rover(o) as rover, rover.control(lease_holder(), o.take):
         rover.relax(o.servo or None)
     print("relaxed")
     return 0
 
 
 def disarm(o: argparse.Namespace) -> int:
-    """`lrm disarm`."""
-    with rover_of(o) as rover, rover.control(holder(), o.take):
+    """`lrm disarm`: switches all servos off."""
+    with open_rover(o) as rover, rover.control(lease_holder(), o.take):
         rover.disarm()
     print("disarmed")
     return 0
 
 
 def reset(o: argparse.Namespace) -> int:
-    """`lrm reset`."""
-    with rover_of(o) as rover, rover.control(holder(), o.take):
+    """`lrm reset`: leaves fault or estop."""
+    with open_rover(o) as rover, rover.control(lease_holder(), o.take):
         rover.reset_fault()
         print(rover.mode().mode)
     return 0
 
 
 def estop(o: argparse.Namespace) -> int:
-    """`lrm estop`."""
-    with rover_of(o) as rover:
+    """`lrm estop`: emergency stop."""
+    with open_rover(o) as rover:
         rover.estop(o.why or f"lrm estop ({getpass.getuser()})")
     print("stopped: the pulses are off")
     return 0
 
 
 def level1(o: argparse.Namespace) -> int:
-    """`lrm level1`."""
-    from lrmd.cli.servo_calibration import walk_through
+    """`lrm level1`: servo calibration with a protractor."""
+    from lrmd.cli.servo_calibration import calibrate_servo
 
-    with rover_of(o) as rover, rover.control(holder(), o.take):
-        walk_through(rover, o.servo, o.arm, o.output, angles_of(o.angles))
+    with open_rover(o) as rover, rover.control(lease_holder(), o.take):
+        calibrate_servo(rover, o.servo, o.arm, o.output, parse_angles(o.angles))
     return 0

@@ -1,52 +1,69 @@
-"""What the words of a command line stand for."""
+"""Parsing of command-line words: the daemon's session, angles, vectors, names of servos."""
 
 from __future__ import annotations
 
 import argparse
 import getpass
+import math
+import re
 
-from lrm_math.errors import LrmError, nearest
-from lrmd.cli.angles import angle_of, angles_of
-from lrmd.client.rover import Rover
+from lrm_math.errors import LrmError, name_suggestion
+from lrmd.client import Rover
+
+_ANGLE = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(deg|°|rad)?\s*", re.IGNORECASE)
 
 
-def rover_of(o: argparse.Namespace) -> Rover:
-    """The session that the options ask for."""
+def parse_angle(text: str) -> float:
+    """Radians from a number with `deg`, `rad` or no unit (degrees). Raises `LrmError`."""
+    match = _ANGLE.fullmatch(text)
+    value = math.nan if match is None else float(match[1])
+    if match is None or not math.isfinite(value):
+        raise LrmError(f"angle '{text}': should be like 30deg, 30 (degrees) or 0.5rad")
+    return value if (match[2] or "").lower() == "rad" else math.radians(value)
+
+
+def parse_angles(text: str) -> list[float]:
+    """Radians from comma-separated angles. Raises `LrmError`."""
+    return [parse_angle(word) for word in text.split(",")]
+
+
+def open_rover(o: argparse.Namespace) -> Rover:
+    """The session chosen by the options `--robot`, `--connect` and `--zenoh-config`."""
     return Rover(o.robot, o.connect.split(",") if o.connect else None, o.zenoh_config)
 
 
-def holder() -> str:
-    """What the lease says of who commands."""
+def lease_holder() -> str:
+    """Name under which the lease is requested."""
     return f"lrm ({getpass.getuser()})"
 
 
-def joints(rover: Rover, text: str) -> dict[str, float]:
-    """An angle (rad) for each joint of the arm, by name. Raises `LrmError`."""
-    angles, who = angles_of(text), rover.info()
-    if len(angles) != who.joints:
-        raise LrmError(f"--q has {len(angles)} angles; {who.arm} has {who.joints} joints")
-    return dict(zip(who.names, angles, strict=False))
+def joint_angles(rover: Rover, text: str) -> dict[str, float]:
+    """Angle (rad) of each joint, by name, from comma-separated angles. Raises `LrmError`."""
+    angles, info = parse_angles(text), rover.info()
+    if len(angles) != info.joints:
+        raise LrmError(f"--q has {len(angles)} angles; {info.arm} has {info.joints} joints")
+    return dict(zip(info.names, angles, strict=False))
 
 
-def named(rover: Rover, pairs: list[tuple[str, str]]) -> dict[str, float]:
-    """Angles (rad) by the names of servos. Raises `LrmError`."""
+def servo_angles(rover: Rover, pairs: list[tuple[str, str]]) -> dict[str, float]:
+    """Angles (rad) by name, from pairs of name and angle. Raises `LrmError`."""
     names = rover.info().names
     for name, _ in pairs:
         if name not in names:
-            raise LrmError(f"unknown servo '{name}'; {nearest(name, names)}")
-    return {name: angle_of(text) for name, text in pairs}
+            raise LrmError(f"unknown servo '{name}'; {name_suggestion(name, names)}")
+    return {name: parse_angle(text) for name, text in pairs}
 
 
-def numbers(name: str, text: str) -> list[float]:
-    """The numbers of the option `name`. Raises `LrmError`."""
+def parse_numbers(name: str, text: str) -> list[float]:
+    """Comma-separated numbers of option `name`. Raises `LrmError`."""
     try:
         return [float(word) for word in text.split(",")]
     except ValueError:
         raise LrmError(f"{name} {text}: should be numbers with commas between them") from None
 
 
-def three(name: str, values: list[float]) -> list[float]:
-    """The values of the option `name`, if they are three. Raises `LrmError`."""
+def vector3(name: str, values: list[float]) -> list[float]:
+    """`values` of option `name` if there are three. Raises `LrmError`."""
     if len(values) != 3:
         raise LrmError(f"{name} has {len(values)} numbers; should be three with commas between them")
     return values

@@ -1,7 +1,7 @@
-"""Level 1, the protractor: which pulse brings a servo to which angle (Conenna 2024, section 3.4; Table 3.1).
+"""Level-1 servo calibration with a protractor: table of pulse against angle (Conenna 2024, section 3.4; Table 3.1).
 
-A printed protractor is put on the servo. For each angle the person nudges the pulse until the pointer is there, or
-types the angle that it shows. Any number of angles from two on: the table is linear between them.
+For each angle the operator adjusts the pulse until the pointer of a printed protractor is there, or types the angle
+that it shows. Two or more angles; the table is interpolated linearly.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Protocol
 from lrm_math.arm.arm_file import load_arm, read_arm, shipped_arms
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.errors import FileError, LrmError
-from lrmd.cli.angles import angle_of
+from lrmd.cli.parsing import parse_angle
 from lrmd.messages.control import InfoState, JointsState
 
 HELP = """\
@@ -27,42 +27,42 @@ HELP = """\
   q                stop; nothing is written"""
 
 
-class Mover(Protocol):
-    """What is needed of a daemon: see `lrmd.client.rover.Rover`."""
+class ServoMover(Protocol):
+    """The part of `lrmd.client.Rover` that the calibration uses."""
 
     def move(self, *waypoints: dict[str, float]) -> float: ...
     def joints(self) -> JointsState: ...
     def info(self) -> InfoState: ...
 
 
-class Stopped(LrmError):
-    """The person ended it."""
+class CalibrationAborted(LrmError):
+    """The operator aborted the calibration."""
 
 
-def walk_through(
-    rover: Mover,
+def calibrate_servo(
+    rover: ServoMover,
     servo: str,
     arm: str,
     output: Path,
     angles: Sequence[float],
     ask: Callable[[str], str] = input,
-    say: Callable[[str], None] = print,
+    show: Callable[[str], None] = print,
 ) -> None:
-    """Walks a person through one servo, and writes the arm file with its new table. Raises `LrmError`."""
+    """Guides the operator through one servo and writes `arm` with its new table to `output`. Raises `LrmError`."""
     _check(rover, servo, angles)
     load_arm(arm)
     text = shipped_arms().get(arm, Path(arm)).read_text(encoding="utf-8")
-    _section(text.splitlines(), servo)
+    _table_lines(text.splitlines(), servo)
     if not output.parent.is_dir():
         raise FileError(output, "", "cannot be written (no such folder)")
-    say(f"{servo}: put the protractor on. The arm will turn this servo to {len(angles)} places.\n{HELP}")
-    pairs = sorted(_place(rover, servo, angle, ask, say) for angle in sorted(angles))
+    show(f"{servo}: put the protractor on. The arm will turn this servo to {len(angles)} places.\n{HELP}")
+    pairs = sorted(_measure(rover, servo, angle, ask, show) for angle in sorted(angles))
     table = ServoTable(tuple(a for a, _ in pairs), tuple(p * 1e-6 for _, p in pairs))
-    write_whole(output, with_table(text, servo, table))
-    say(f"{output}: {servo} now has {len(pairs)} measured angles. Name this file as `arm` in lrmd.toml.")
+    write_arm_file(output, replace_table(text, servo, table))
+    show(f"{output}: {servo} now has {len(pairs)} measured angles. Name this file as `arm` in lrmd.toml.")
 
 
-def _check(rover: Mover, servo: str, angles: Sequence[float]) -> None:
+def _check(rover: ServoMover, servo: str, angles: Sequence[float]) -> None:
     info, joints = rover.info(), rover.joints()
     if servo not in info.names:
         raise LrmError(f"unknown servo '{servo}'; valid: {', '.join(info.names)}")
@@ -72,10 +72,10 @@ def _check(rover: Mover, servo: str, angles: Sequence[float]) -> None:
         raise LrmError(f"{servo} has no pulses; arm it first (lrm arm --at {servo} ANGLE)")
 
 
-def _place(
-    rover: Mover, servo: str, wanted: float, ask: Callable[[str], str], say: Callable[[str], None]
+def _measure(
+    rover: ServoMover, servo: str, wanted: float, ask: Callable[[str], str], show: Callable[[str], None]
 ) -> tuple[float, float]:
-    """One measured angle (rad) and its pulse (us)."""
+    """One pair of measured angle (rad) and pulse (us)."""
     rover.move({servo: wanted})
     while True:
         pulse = _pulse(rover, servo)
@@ -83,22 +83,22 @@ def _place(
         if word == "":
             return wanted, pulse
         if word == "q":
-            raise Stopped("stopped; nothing was written")
+            raise CalibrationAborted("stopped; nothing was written")
         try:
             if word[0] in "+-" and not word.endswith(("deg", "rad", "°")):
                 _nudge(rover, servo, float(word))
             else:
-                return angle_of(word), pulse
+                return parse_angle(word), pulse
         except (ValueError, LrmError) as error:
-            say(f"{error}\n{HELP}")
+            show(f"{error}\n{HELP}")
 
 
-def _pulse(rover: Mover, servo: str) -> float:
+def _pulse(rover: ServoMover, servo: str) -> float:
     joints = rover.joints()
     return joints.pulse_us[joints.names.index(servo)]
 
 
-def _nudge(rover: Mover, servo: str, us: float) -> None:
+def _nudge(rover: ServoMover, servo: str, us: float) -> None:
     info, joints = rover.info(), rover.joints()
     i = info.names.index(servo)
     table = ServoTable(tuple(info.tables_rad[i]), tuple(p * 1e-6 for p in info.tables_us[i]))
@@ -108,23 +108,22 @@ def _nudge(rover: Mover, servo: str, us: float) -> None:
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
 
 
-def with_table(text: str, servo: str, table: ServoTable) -> str:
-    """The text of an arm file with another table for one servo; nothing else changes. Raises `LrmError`."""
+def replace_table(text: str, servo: str, table: ServoTable) -> str:
+    """The text of an arm file with one servo's table replaced and everything else kept. Raises `LrmError`."""
     angles = ", ".join(repr(round(math.degrees(a), 4)) for a in table.angle)
     pulses = ", ".join(repr(round(p * 1e6, 3)) for p in table.pulse)
     lines = text.splitlines()
-    first, last = _section(lines, servo)
+    first, last = _table_lines(lines, servo)
     if servo.startswith("joint"):
-        kept = [line for line in lines[first:last] if not re.match(r"\s*servo\s*=", line)]
-        new = [f"servo = {{ angle_deg = [{angles}], pulse_us = [{pulses}] }}"]
+        keys, new = "servo", [f"servo = {{ angle_deg = [{angles}], pulse_us = [{pulses}] }}"]
     else:
-        kept = [line for line in lines[first:last] if not re.match(r"\s*(angle_deg|pulse_us)\s*=", line)]
-        new = [f"angle_deg = [{angles}]", f"pulse_us = [{pulses}]"]
+        keys, new = "angle_deg|pulse_us", [f"angle_deg = [{angles}]", f"pulse_us = [{pulses}]"]
+    kept = [line for line in lines[first:last] if not re.match(rf"\s*({keys})\s*=", line)]
     return "\n".join([*lines[:first], *kept, *new, *lines[last:]]) + "\n"
 
 
-def _section(lines: Sequence[str], servo: str) -> tuple[int, int]:
-    """The lines after the heading of a servo's table, up to the next heading or the comment above it."""
+def _table_lines(lines: Sequence[str], servo: str) -> tuple[int, int]:
+    """Half-open line range of a servo's table, from below its heading to the next heading or the comment above it."""
     headings = [(i, m[2].replace(" ", "")) for i, line in enumerate(lines) if (m := _HEADER.match(line))]
     joints = [i for i, name in headings if name == "joint"]
     number = servo.removeprefix("joint")
@@ -141,8 +140,8 @@ def _section(lines: Sequence[str], servo: str) -> tuple[int, int]:
     return start + 1, end
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Writes an arm file after reading it back, whole or not at all. Raises `FileError`."""
+def write_arm_file(path: Path, text: str) -> None:
+    """Writes and validates an arm file atomically. Raises `FileError`."""
     temporary = ""
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".arm.", suffix=".toml")

@@ -1,4 +1,4 @@
-"""The commands of `lrm` that look at the daemon, or have it take a new model: none of them moves anything."""
+"""The commands of `lrm` that read the daemon's state or reload its model; none of them moves the arm."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import sys
 import threading
 
 from lrmd.cli import text
-from lrmd.cli.parsing import rover_of
+from lrmd.cli.parsing import open_rover
 from lrmd.messages.control import Event
 
 
 def state(o: argparse.Namespace) -> int:
-    """`lrm state`."""
-    with rover_of(o) as rover:
+    """`lrm state`: prints the state once, or repeatedly."""
+    with open_rover(o) as rover:
         pause = threading.Event()
         while True:
             joints, mode = rover.joints(), rover.mode()
@@ -31,15 +31,15 @@ def state(o: argparse.Namespace) -> int:
 
 
 def info(o: argparse.Namespace) -> int:
-    """`lrm info`."""
-    with rover_of(o) as rover:
+    """`lrm info`: prints names, limits and rates."""
+    with open_rover(o) as rover:
         print(text.info_text(rover.info()))
     return 0
 
 
 def logs(o: argparse.Namespace) -> int:
-    """`lrm logs`."""
-    with rover_of(o) as rover:
+    """`lrm logs`: prints the last events, and follows."""
+    with open_rover(o) as rover:
         for event in rover.events():
             print(text.event_line(event))
         if o.follow:
@@ -49,7 +49,8 @@ def logs(o: argparse.Namespace) -> int:
 
 
 def reload(o: argparse.Namespace) -> int:
-    """`lrm reload`."""
-    with rover_of(o) as rover:
-        print(text.model_text((reply := rover.reload()).model, reply.model_sha256))
+    """`lrm reload`: reloads the model file."""
+    with open_rover(o) as rover:
+        reply = rover.reload()
+        print(text.model_text(reply.model, reply.model_sha256))
     return 0

@@ -1,4 +1,4 @@
-"""State as text for a terminal. Colour only underlines what the words say."""
+"""Formatting of the daemon's messages for a terminal; colour adds no information."""
 
 from __future__ import annotations
 
@@ -10,29 +10,23 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from lrmd.messages.control import Event, FaultsState, InfoState, JointsState, MetricsState, ModeState, ThermalState
-from lrmd.messages.kinematics import IkAnswer, Place
+from lrmd.messages.kinematics import FkAnswer, IkAnswer
 
 _COLOURS = {"red": "31", "green": "32", "yellow": "33", "bold": "1", "dim": "2"}
-_OF_MODE = {
-    "fault": "red",
-    "estop": "red",
-    "moving": "yellow",
-    "arming": "yellow",
-    "armed": "green",
-    "holding": "green",
-}
-_OF_LEVEL = {"error": "red", "warning": "yellow", "hot": "red", "too_hot": "red", "warm": "yellow"}
+_MODE_COLOURS = dict.fromkeys(("fault", "estop"), "red") | dict.fromkeys(("moving", "arming"), "yellow")
+_MODE_COLOURS |= dict.fromkeys(("armed", "holding"), "green")
+_LEVEL_COLOURS = {"error": "red", "warning": "yellow", "hot": "red", "too_hot": "red", "warm": "yellow"}
 
 
 def paint(text: str, colour: str | None) -> str:
-    """Text in a colour, if it goes to a terminal and NO_COLOR is not set."""
+    """ANSI-coloured text, plain if stdout is no terminal or NO_COLOR is set."""
     if colour is None or not sys.stdout.isatty() or os.environ.get("NO_COLOR"):
         return text
     return f"\033[{_COLOURS[colour]}m{text}\033[0m"
 
 
 def joints_table(joints: JointsState, heat: ThermalState) -> str:
-    """One line per servo."""
+    """Table of the servos, one line each."""
     head = f"{'servo':<10}{'angle':>9}{'target':>9}{'pulse':>10}{'pulses':>8}{'torque':>10}{'winding':>10}"
     unit = f"{'':<10}{'deg':>9}{'deg':>9}{'us':>10}{'':>8}{'Nm':>10}{'degC':>10}"
     lines = [paint(head, "bold"), paint(unit, "dim")]
@@ -42,32 +36,30 @@ def joints_table(joints: JointsState, heat: ThermalState) -> str:
         target = f"{math.degrees(joints.target_rad[i]):9.2f}" if known else f"{'':>9}"
         pulse = f"{joints.pulse_us[i]:10.1f}" if known else f"{'':>10}"
         on = "on" if joints.on[i] else "off"
-        level = heat.level[i]
-        soon = heat.hot_in_s[i]
-        warmth = f"{heat.temperature_c[i]:10.1f}" + ("" if level == "cool" else f" {level}")
-        warmth += f", hot in {soon / 60:.0f} min" if soon else ""
-        warmth = paint(warmth, _OF_LEVEL.get(level))
-        lines.append(f"{name:<10}{angle}{target}{pulse}{on:>8}{heat.tau_nm[i]:10.3f}{warmth}")
+        level, soon = heat.level[i], heat.hot_in_s[i]
+        winding = f"{heat.temperature_c[i]:10.1f}" + ("" if level == "cool" else f" {level}")
+        winding = paint(winding + (f", hot in {soon / 60:.0f} min" if soon else ""), _LEVEL_COLOURS.get(level))
+        lines.append(f"{name:<10}{angle}{target}{pulse}{on:>8}{heat.tau_nm[i]:10.3f}{winding}")
     return "\n".join(lines)
 
 
 def mode_line(mode: ModeState, joints: JointsState) -> str:
-    """What the daemon is at, in one line."""
+    """Mode, reason, remaining time, lease and link, in one line."""
     rest = f", {joints.remaining_s:.1f} s to go" if joints.moving else ""
     holder = f", lease: {mode.holder}" if mode.holder else ""
     link = "" if mode.link == "ready" else f", link {mode.link}"
-    return f"{paint(mode.mode, _OF_MODE.get(mode.mode))} ({mode.why}{rest}){holder}{link}"
+    return f"{paint(mode.mode, _MODE_COLOURS.get(mode.mode))} ({mode.why}{rest}){holder}{link}"
 
 
 def faults_text(faults: FaultsState) -> str:
-    """One line per fault that was not reset."""
+    """One line per active fault."""
     now = time.monotonic_ns()
     ages = [(fault, max(0.0, (now - fault.since_mono_ns) / 1e9)) for fault in faults.faults]
     return "\n".join(paint(f"fault {f.code}: {f.text} ({age:.0f} s ago)", "red") for f, age in ages)
 
 
 def metrics_line(m: MetricsState) -> str:
-    """How well the ramp keeps its time."""
+    """Timing and link statistics of the ramp, in one line."""
     scheduling = "SCHED_FIFO" if m.realtime else "ordinary scheduling"
     return (
         f"ramp: {m.ticks} ticks, {m.skipped} skipped, late p50 {m.late_p50_us:.0f}, p99 {m.late_p99_us:.0f}, "
@@ -78,7 +70,7 @@ def metrics_line(m: MetricsState) -> str:
 
 
 def lateness_chart(m: MetricsState) -> str:
-    """The histogram of the ramp's lateness, from its first bucket with a tick to its last, one line each."""
+    """Histogram of the ramp's lateness from its first to its last non-empty bucket, one line each."""
     lows = (0.0, *m.late_upper_us)
     names = [f"{low:.0f} .. {high:.0f}" for low, high in pairwise(lows)] + [f"{lows[-1]:.0f} or more"]
     seen = [i for i, count in enumerate(m.late_counts) if count]
@@ -90,7 +82,7 @@ def lateness_chart(m: MetricsState) -> str:
 
 
 def info_text(info: InfoState) -> str:
-    """Who this is."""
+    """Names, limits and rates of the servos, and the stored pose."""
     model = model_text(info.model or "nominal", info.model_sha256)
     lines = [
         f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, {model}",
@@ -106,15 +98,15 @@ def info_text(info: InfoState) -> str:
 
 
 def model_text(model: str, sha256: str) -> str:
-    """Which model it is."""
+    """Name and digest of the model."""
     return f"model {model}" + (f", sha256 {sha256[:12]}" if sha256 else "")
 
 
-def answer_text(answer: IkAnswer, names: Sequence[str]) -> str:
-    """Commands for a goal that can be taken, and how far the tool will be from it."""
+def ik_text(answer: IkAnswer, names: Sequence[str]) -> str:
+    """Commanded angles of a solved goal, and its predicted error."""
     lines = [_angles("commands (deg)", answer.q_rad or [], names)]
-    sure = "not known (the model file has no covariance)" if answer.sd_m is None else f"{answer.sd_m * 1e3:.2f} mm"
-    lines.append(f"predicted error {(answer.predicted_error_m or 0.0) * 1e3:.2g} mm, standard deviation {sure}")
+    sd = "not known (the model file has no covariance)" if answer.sd_m is None else f"{answer.sd_m * 1e3:.2f} mm"
+    lines.append(f"predicted error {(answer.predicted_error_m or 0.0) * 1e3:.2g} mm, standard deviation {sd}")
     if answer.rounded_error_m is not None:
         lines.append(f"after rounding to the board's counts {answer.rounded_error_m * 1e3:.2f} mm")
     if answer.detours:
@@ -128,27 +120,26 @@ def _angles(what: str, q: Sequence[float], names: Sequence[str]) -> str:
     return f"{what}: " + ", ".join(f"{n} {math.degrees(a):.2f}" for n, a in zip(names, q, strict=False))
 
 
-def way_text(waypoints: Sequence[Sequence[float]]) -> str:
-    """The waypoints of a way, in degrees."""
+def path_text(waypoints: Sequence[Sequence[float]]) -> str:
+    """The waypoints of a path, in degrees."""
     rows = [" ".join(f"{math.degrees(a):8.1f}" for a in q) for q in waypoints]
     return "\n".join([f"{len(waypoints) - 1} straight moves through (deg):", *rows])
 
 
-def place_text(place: Place) -> str:
-    """Where the tool is."""
-    x, y, z = (v * 1e3 for v in place.tcp_m)
-    sure = "" if place.sd_m is None else f", standard deviation {place.sd_m * 1e3:.2f} mm"
-    (r11, _, _), (r21, _, _), (r31, r32, r33) = place.rotation
-    turns = math.atan2(r32, r33), -math.asin(max(-1.0, min(1.0, r31))), math.atan2(r21, r11)
-    rpy = ", ".join(f"{math.degrees(a):.1f}" for a in turns)
-    torques = ", ".join(f"{t:.3f}" for t in place.tau_nm)
-    return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm{sure}\nroll, pitch, yaw ({rpy}) deg\ntorques ({torques}) Nm"
+def tcp_text(answer: FkAnswer) -> str:
+    """TCP position, orientation and joint torques."""
+    x, y, z = (v * 1e3 for v in answer.tcp_m)
+    sd = "" if answer.sd_m is None else f", standard deviation {answer.sd_m * 1e3:.2f} mm"
+    (r11, _, _), (r21, _, _), (r31, r32, r33) = answer.rotation
+    angles = math.atan2(r32, r33), -math.asin(max(-1.0, min(1.0, r31))), math.atan2(r21, r11)
+    rpy = ", ".join(f"{math.degrees(a):.1f}" for a in angles)
+    torques = ", ".join(f"{t:.3f}" for t in answer.tau_nm)
+    return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm{sd}\nroll, pitch, yaw ({rpy}) deg\ntorques ({torques}) Nm"
 
 
 def event_line(event: Event) -> str:
     """One event with its local time."""
     seconds, rest = divmod(event.t_wall_ns, 10**9)
     clock = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))
-    return paint(
-        f"{clock}.{rest // 10**6:03d} {event.level:<8}{event.code:<18}{event.text}", _OF_LEVEL.get(event.level)
-    )
+    line = f"{clock}.{rest // 10**6:03d} {event.level:<8}{event.code:<18}{event.text}"
+    return paint(line, _LEVEL_COLOURS.get(event.level))

@@ -1,0 +1,13 @@
+"""Client of the daemon `lrmd`, for rover software and scripts.
+
+from lrmd.client import Rover
+
+with Rover("rover") as rover, rover.control("my program"):
+    rover.arm(where="stored")
+    rover.move({"joint2": 0.5, "joint3": -0.2})  # rad
+    print(rover.joints().q_rad)
+"""
+
+from lrmd.client.rover import MotionInterrupted, NoReply, RequestRefused, Rover
+
+__all__ = ["MotionInterrupted", "NoReply", "RequestRefused", "Rover"]

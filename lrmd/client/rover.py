@@ -1,10 +1,4 @@
-"""What rover software imports: one class that speaks to one daemon.
-
-with Rover("rover") as rover, rover.control("my program"):
-    rover.arm(where="stored")
-    rover.move({"joint2": 0.5, "joint3": -0.2})
-    print(rover.joints().q_rad)
-"""
+"""Synchronous zenoh client of one daemon."""
 
 from __future__ import annotations
 
@@ -13,8 +7,7 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from types import TracebackType
+from contextlib import contextmanager, suppress
 from typing import Literal, Self, TypeVar
 
 import zenoh
@@ -52,25 +45,24 @@ from lrmd.messages.zenoh_session import client, key
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 ROBOT_NAME = r"[A-Za-z0-9_-]+"
-STANDING = ("armed", "holding")
-RELOAD_MS = 10_000.0
+RELOAD_S = 10.0
 S = TypeVar("S", bound=Header)
 
 
-class NoAnswer(LrmError):
-    """Nobody answers: no daemon of that name, or no permission to ask it."""
+class NoReply(LrmError):
+    """No reply: no daemon of that name, or no permission."""
 
 
 class RequestRefused(LrmError):
-    """The daemon said no; carries `code`, `retryable` and `detail`."""
+    """The daemon's error reply; carries `code`, `retryable` and `detail`."""
 
     def __init__(self, reply: ErrorReply) -> None:
         self.code, self.retryable, self.detail = reply.code, reply.retryable, reply.detail
         super().__init__(reply.msg)
 
 
-class Interrupted(LrmError):
-    """A motion that ended before its goal; carries the `mode` it ended in."""
+class MotionInterrupted(LrmError):
+    """A motion that ended before its goal; carries the final `mode`."""
 
     def __init__(self, mode: str, why: str) -> None:
         self.mode = mode
@@ -80,8 +72,9 @@ class Interrupted(LrmError):
 class Rover:
     """A session with one daemon.
 
-    `connect`: zenoh endpoints, by default those of the environment variable LRM_CONNECT (comma between them), or this
-    machine. `config`: a zenoh file with a password or certificates, by default LRM_ZENOH_CONFIG.
+    `connect`: zenoh endpoints; default: the environment variable LRM_CONNECT (comma-separated), or this machine.
+    `config`: a zenoh file with a password or certificates; default: LRM_ZENOH_CONFIG. `timeout`: s per query.
+    Methods raise `NoReply` without a reply and `RequestRefused` on an error reply.
     """
 
     def __init__(
@@ -108,25 +101,23 @@ class Rover:
             self._session = zenoh.open(self._config)
         except zenoh.ZError as error:
             reason = str(error).split(" at /")[0]
-            raise NoAnswer(f"no connection to {self._where} ({reason}); is lrmd running, and allowed?") from None
+            raise NoReply(f"no connection to {self._where} ({reason}); is lrmd running, and allowed?") from None
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._session.close()  # type: ignore[no-untyped-call]
 
     # ---- the lease
 
     @contextmanager
     def control(self, holder: str, take: bool = False) -> Iterator[Self]:
-        """The right to command, kept alive in a thread as long as the block lasts, and given back after it.
+        """Holds the command lease during the block, renewed by a thread.
 
-        Raises `RequestRefused` if somebody else has it (unless `take`). Losing it ends a motion in hold.
+        Raises `RequestRefused` if another client has it (unless `take`). Losing it ends a motion in hold.
         """
         with field_named():
             request = LeaseRequest(action="acquire", holder=holder, take=take)
-        reply = self._ask("rpc/lease", request)
+        reply = self._query(Reply, "rpc/lease", request)
         self._lease = reply.lease
         ended = threading.Event()
         beat = threading.Thread(target=self._keep_alive, args=(ended, (reply.lease_ms or 400.0) / 4000), daemon=True)
@@ -138,19 +129,16 @@ class Rover:
             beat.join()
             lease, self._lease = self._lease, None
             if lease is not None:
-                self._ask_quietly(LeaseRequest(action="release", lease=lease))
+                self._update_lease(LeaseRequest(action="release", lease=lease))
 
     def _keep_alive(self, ended: threading.Event, period: float) -> None:
         while not ended.wait(period):
-            lease = self._lease
-            if lease is not None:
-                self._ask_quietly(LeaseRequest(action="renew", lease=lease))
+            if (lease := self._lease) is not None:
+                self._update_lease(LeaseRequest(action="renew", lease=lease))
 
-    def _ask_quietly(self, request: LeaseRequest) -> None:
-        try:
-            self._ask("rpc/lease", request, timeout=0.3)
-        except (RequestRefused, NoAnswer):
-            return
+    def _update_lease(self, request: LeaseRequest) -> None:
+        with suppress(RequestRefused, NoReply):
+            self._query(Reply, "rpc/lease", request, timeout=0.3)
 
     def _token(self) -> str:
         if self._lease is None:
@@ -165,11 +153,11 @@ class Rover:
         q: Mapping[str, float] | None = None,
         servos: Sequence[str] | None = None,
     ) -> None:
-        """Switches servos on where they stand (`q`, rad), and waits until they are. Raises `RequestRefused`."""
+        """Switches servos on at their present angles (`q`, rad by name, for `given`) and waits until they are on."""
         chosen = None if servos is None else list(servos)
         with field_named():
             request = ArmRequest(lease=self._token(), where=where, q_rad=dict(q or {}), servos=chosen)
-        reply = self._ask("rpc/arm", request)
+        reply = self._query(Reply, "rpc/arm", request)
         self._wait(("armed",), ("arming",), (reply.seconds or 0.0) + 2.0)
 
     def move(
@@ -180,134 +168,129 @@ class Rover:
         payload_kg: float | None = None,
         wait: bool = True,
     ) -> float:
-        """Moves servos (rad by name) through the waypoints. Returns the seconds it takes.
+        """Moves servos (rad by name) through the waypoints; returns the duration (s).
 
-        Raises `RequestRefused`; while waiting `Interrupted` if the motion ends before its goal.
+        Raises `RequestRefused`; while waiting `MotionInterrupted` if the motion ends before its goal.
         """
-        way = [dict(w) for w in waypoints]
+        path = [dict(w) for w in waypoints]
         with field_named():
-            request = MoveRequest(lease=self._token(), waypoints=way, pace=pace, speed=speed, payload_kg=payload_kg)
-        seconds = self._ask("rpc/move", request).seconds or 0.0
+            request = MoveRequest(lease=self._token(), waypoints=path, pace=pace, speed=speed, payload_kg=payload_kg)
+        seconds = self._query(Reply, "rpc/move", request).seconds or 0.0
         if wait:
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
         return seconds
 
     def jog(self, rates: Mapping[str, float]) -> None:
-        """Turns servos at rates (rad/s) for at most half a second: call it again to go on. Never waits."""
+        """Turns servos at rates (rad/s) until the command timeout (0.5 s): call it again to continue. Does not wait."""
         with field_named():
             request = JogRequest(lease=self._token(), rate_rad_per_s=dict(rates))
         self._session.put(key(self.robot, "cmd/jog"), pack(request), express=True)
 
     def hold(self) -> None:
-        """Stops where it is, with pulses on. Needs no lease."""
-        self._ask("rpc/hold", HoldRequest())
+        """Stops the motion with pulses on. Needs no lease."""
+        self._query(Reply, "rpc/hold", HoldRequest())
 
     def relax(self, servos: Sequence[str] | None = None) -> None:
-        """Stops the pulses of some servos, or of all: what they carried falls."""
+        """Stops the pulses of some servos, or of all: their load falls."""
         with field_named():
             request = RelaxRequest(lease=self._token(), servos=None if servos is None else list(servos))
-        self._ask("rpc/relax", request)
+        self._query(Reply, "rpc/relax", request)
 
     def disarm(self) -> None:
-        """Stops all pulses of an arm that stands still."""
-        self._ask("rpc/disarm", DisarmRequest(lease=self._token()))
+        """Stops all pulses of a stationary arm."""
+        self._query(Reply, "rpc/disarm", DisarmRequest(lease=self._token()))
 
     def reset_fault(self) -> None:
         """Leaves fault or estop. Nothing moves."""
-        self._ask("rpc/reset_fault", ResetRequest(lease=self._token()))
+        self._query(Reply, "rpc/reset_fault", ResetRequest(lease=self._token()))
 
     def reload(self) -> ReloadReply:
-        """Has the daemon take the model's file as it is now. Needs no lease; nothing moves. Raises `RequestRefused`."""
-        return self._question("rpc/reload", ReloadRequest(), ReloadReply, RELOAD_MS)
+        """Reloads the model file in the daemon. Needs no lease; nothing moves."""
+        return self._query(ReloadReply, "rpc/reload", ReloadRequest(), self._timeout + RELOAD_S)
 
     def estop(self, why: str = "") -> None:
         """Stops all pulses at the next tick. Needs no lease."""
         command = EstopCommand(why="".join(c for c in why if c.isprintable())[:64])
         self._session.put(key(self.robot, "cmd/estop"), pack(command), express=True)
-        self._ask("rpc/estop", command)
+        self._query(Reply, "rpc/estop", command)
 
     # ---- kinematics
 
     def ik(self, request: IkRequest) -> IkReply:
-        """Commands for goals. Raises `RequestRefused`."""
-        return self._question("rpc/ik", request, IkReply, request.deadline_ms)
+        """Calibrated inverse kinematics: commanded angles for goals of the TCP."""
+        return self._query(IkReply, "rpc/ik", request, self._timeout + request.deadline_ms / 1000)
 
     def fk(self, request: FkRequest) -> FkReply:
-        """Where the bent arm's tool is. Raises `RequestRefused`."""
-        return self._question("rpc/fk", request, FkReply, 1000.0)
+        """Calibrated forward kinematics: TCP poses of commanded angles."""
+        return self._query(FkReply, "rpc/fk", request, self._timeout + 1.0)
 
     def plan(self, request: PlanRequest) -> PlanReply:
-        """A way round what is between. Raises `RequestRefused`."""
-        return self._question("rpc/plan", request, PlanReply, request.deadline_ms)
+        """A collision-free joint path."""
+        return self._query(PlanReply, "rpc/plan", request, self._timeout + request.deadline_ms / 1000)
 
     def cancel(self, name: str) -> None:
-        """Gives up a query or plan that was asked with this `id`; whoever waits for it gets `cancelled`."""
+        """Cancels the query or plan with this `id`; its caller gets the verdict `cancelled`."""
         with field_named():
             request = CancelRequest(id=name)
         self._replies("rpc/cancel", pack(request), self._timeout)
 
-    def standing(self) -> list[float]:
-        """Angles (rad) that the arm's joints were last told."""
+    def commanded_q(self) -> list[float]:
+        """Commanded joint angles of the arm, rad."""
         return self.joints().q_rad[: self.info().joints]
 
     # ---- state
 
     def joints(self) -> JointsState:
-        """Where every servo was told to be."""
-        return self._state("state/joints", JointsState)
+        """Commanded angles and pulses of every servo."""
+        return self._query(JointsState, "state/joints")
 
     def mode(self) -> ModeState:
-        """What the daemon is at."""
-        return self._state("state/mode", ModeState)
+        """Mode of the daemon."""
+        return self._query(ModeState, "state/mode")
 
     def faults(self) -> FaultsState:
-        """Faults that were not reset yet."""
-        return self._state("state/faults", FaultsState)
+        """Faults that are not reset yet."""
+        return self._query(FaultsState, "state/faults")
 
     def thermal(self) -> ThermalState:
-        """How hot the servos are, by the model."""
-        return self._state("state/thermal", ThermalState)
+        """Modelled servo temperatures."""
+        return self._query(ThermalState, "state/thermal")
 
     def metrics(self) -> MetricsState:
-        """How well the ramp keeps its time."""
-        return self._state("state/metrics", MetricsState)
+        """Timing and link statistics of the ramp."""
+        return self._query(MetricsState, "state/metrics")
 
     def info(self) -> InfoState:
         """Names, limits and rates of the servos."""
-        return self._state("info", InfoState)
+        return self._query(InfoState, "info")
 
     def events(self) -> list[Event]:
         """The last events, oldest first."""
         return [unpack(Event, data) for data in self._replies("rpc/events", b"", self._timeout)]
 
     def watch(self, kind: type[S], tail: str, callback: Callable[[S], None]) -> zenoh.Subscriber[None]:
-        """Calls back with every message of a key, for instance `watch(JointsState, "state/joints", print)`."""
+        """Subscribes `callback` to a key, for instance `watch(JointsState, "state/joints", print)`."""
         return self._session.declare_subscriber(
             key(self.robot, tail), lambda sample: callback(unpack(kind, sample.payload.to_bytes()))
         )
 
-    # ---- how it asks
+    # ---- queries
 
     def _wait(self, wanted: Sequence[str], meanwhile: Sequence[str], limit: float) -> None:
         end = time.monotonic() + limit
         while (state := self.mode()).mode not in wanted:
             if state.mode not in meanwhile:
-                raise Interrupted(state.mode, state.why)
+                raise MotionInterrupted(state.mode, state.why)
             if time.monotonic() > end:
-                raise Interrupted(state.mode, f"not there after {limit:.0f} s")
+                raise MotionInterrupted(state.mode, f"not there after {limit:.0f} s")
             time.sleep(0.02)
 
-    def _state(self, tail: str, kind: type[S]) -> S:
-        return unpack(kind, self._replies(tail, b"", self._timeout)[0])
-
-    def _question(self, tail: str, request: Message, kind: type[S], deadline_ms: float) -> S:
-        return unpack(kind, self._replies(tail, pack(request), self._timeout + deadline_ms / 1000)[0])
-
-    def _ask(self, tail: str, request: Message, timeout: float | None = None) -> Reply:
-        return unpack(Reply, self._replies(tail, pack(request), timeout or self._timeout)[0])
+    def _query(self, kind: type[S], tail: str, request: Message | None = None, timeout: float | None = None) -> S:
+        payload = b"" if request is None else pack(request)
+        return unpack(kind, self._replies(tail, payload, timeout or self._timeout)[0])
 
     def _replies(self, tail: str, payload: bytes, timeout: float) -> list[bytes]:
-        """Payloads of all replies. Raises `RequestRefused` on an error reply, `NoAnswer` without any."""
+        """Payloads of all replies. Raises `RequestRefused` on an error reply, `NoReply` without any."""
         whole = key(self.robot, tail)
         found: list[bytes] = []
         for reply in self._session.get(
@@ -316,13 +299,13 @@ class Rover:
             if reply.ok is not None:
                 found.append(reply.ok.payload.to_bytes())
             elif reply.err is not None and not found:
-                raise self._refusal(reply.err.payload.to_bytes())
+                raise self._error(reply.err.payload.to_bytes())
         if not found and tail != "rpc/events":
-            raise NoAnswer(f"no answer from {whole} at {self._where}: no daemon of that name, or no permission")
+            raise NoReply(f"no answer from {whole} at {self._where}: no daemon of that name, or no permission")
         return found
 
-    def _refusal(self, data: bytes) -> LrmError:
+    def _error(self, data: bytes) -> LrmError:
         try:
             return RequestRefused(unpack(ErrorReply, data))
         except LrmError:
-            return NoAnswer(f"no answer from {self.robot} in time ({data.decode(errors='replace')})")
+            return NoReply(f"no answer from {self.robot} in time ({data.decode(errors='replace')})")

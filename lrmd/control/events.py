@@ -1,4 +1,4 @@
-"""What the daemon's core gives out beside its orders: what happened, what is wrong, what a request led to."""
+"""Outputs of the controller beside its orders: events, latched faults and results of requests."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ Level = Literal["info", "warning", "error"]
 
 
 @dataclass(frozen=True)
-class Happening:
-    """Something worth telling: an event on zenoh and a line in the log."""
+class ControllerEvent:
+    """An event: published on zenoh and logged."""
 
     code: str
     level: Level
@@ -21,8 +21,8 @@ class Happening:
 
 
 @dataclass(frozen=True)
-class Fault:
-    """A fault that was not reset yet; `since`, monotonic ns."""
+class LatchedFault:
+    """A fault that stays until it is reset; `since`, monotonic ns."""
 
     code: str
     text: str
@@ -30,8 +30,8 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Done:
-    """What a request led to: seconds until it is done, where that is known; the lease it gave."""
+class RequestResult:
+    """Result of a request: expected duration (s) where it is known, and the lease it granted."""
 
     seconds: float | None = None
     lease: Lease | None = None

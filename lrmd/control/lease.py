@@ -1,20 +1,23 @@
-"""One writer at a time: a lease that its holder keeps alive, and loses half a second after its last sign of life."""
+"""Lease on the arm: one client at a time may command; the lease expires unless its holder renews it."""
 
 from __future__ import annotations
 
 import secrets
 from dataclasses import dataclass, replace
 
-from lrm_math.errors import LrmError
+from lrmd.errors import RequestError
 
 
-class LeaseError(LrmError):
-    """No lease, another's lease, or one that has run out."""
+class LeaseError(RequestError):
+    """No lease, another client's lease, or an expired one."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__("lease", text, retryable=True)
 
 
 @dataclass(frozen=True)
 class Lease:
-    """Who may command, until when (monotonic ns)."""
+    """`holder` may command with `token` until `until` (monotonic ns)."""
 
     holder: str
     token: str
@@ -22,19 +25,19 @@ class Lease:
 
 
 def acquire(present: Lease | None, holder: str, now: int, lifetime: int, take: bool) -> Lease:
-    """A new lease for `holder`. Raises `LeaseError` if somebody else has one, unless it is to be taken over."""
+    """A new lease for `holder`. Raises `LeaseError` if another client has one, unless `take` is set."""
     if present is not None and now < present.until and not take:
         raise LeaseError(f"{present.holder} holds the lease; wait for its release, or take it over (take = true)")
     return Lease(holder, secrets.token_hex(8), now + lifetime)
 
 
 def renew(present: Lease | None, token: str | None, now: int, lifetime: int) -> Lease:
-    """The lease, alive for another lifetime. Raises `LeaseError` if it is not `token`'s, or has run out."""
+    """The lease, extended by `lifetime` (ns). Raises `LeaseError` if it is not `token`'s, or has expired."""
     return replace(checked(present, token, now), until=now + lifetime)
 
 
 def checked(present: Lease | None, token: str | None, now: int) -> Lease:
-    """The lease, if `token` is its token and it is alive. Raises `LeaseError` that says which of it is wrong."""
+    """The lease, if `token` is its token and it has not expired. Raises `LeaseError`."""
     if token is None:
         raise LeaseError("this needs a lease; ask for one with rpc/lease")
     if present is None or (present.token == token and now >= present.until):

@@ -1,62 +1,60 @@
-"""Whether a way may be taken: nothing in it, and no hot servo worse off at its stops."""
+"""Check of a commanded motion: no collision on the path, and no more load on a hot servo at its waypoints."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from lrmd.config import Config
 from lrmd.control.pulses import Pulses, angles, corners, overlaid
-from lrmd.errors import Refused
+from lrmd.errors import RequestError
 from lrmd.ramp.stepping import Pace, move
-from lrmd.safety.collision_guard import Guard, TooClose
-from lrmd.thermal.monitor import HeatWatch
-
-Torques = Callable[[Sequence[float], float], Sequence[float]]
-"""Gravity's torque (N m) on every joint for a pose (rad) and a payload (kg)."""
+from lrmd.safety.collision_guard import ClearanceViolation, Guard
+from lrmd.safety.thermal_model import Torques
+from lrmd.safety.thermal_monitor import ThermalMonitor
 
 
-class WayCheck:
-    """`guard` knows what is in the way, `torques` what a pose loads, `heat` which servo may not be loaded more."""
+class MotionCheck:
+    """`guard` checks clearances, `torques` gives the joint torques of a pose, `thermal` the temperatures."""
 
-    def __init__(self, config: Config, torques: Torques, guard: Guard, heat: HeatWatch) -> None:
-        self._config, self._heat = config, heat
+    def __init__(self, config: Config, torques: Torques, guard: Guard, thermal: ThermalMonitor) -> None:
+        self._config, self._thermal = config, thermal
         self.torques, self.guard = torques, guard
 
     def check(
         self, here: Pulses, targets: Pulses, waypoints: Sequence[Pulses], stride: int, pace: Pace, payload: float
     ) -> None:
-        """Raises `Refused` for a way that collides, or that stops where a hot servo is loaded more than it is now.
+        """Raises `RequestError` for a path that collides, or a waypoint that loads a hot servo more than now.
 
-        `here`: pulses (ns) now; `targets`: where the servos are on their way to, which a waypoint overrides.
-        Each stretch between two corners is straight in joint space, as the guard wants it.
+        `here`: pulses (ns) now; `targets`: pulses (ns) of the motion under way, which a waypoint overrides.
+        Each segment between two corners is straight in joint space, as the guard requires.
         """
-        loads_now, goal = self.loads(here, payload), targets
+        torques_now, goal = self.servo_torques(here, payload), targets
         for number, waypoint in enumerate(waypoints, start=1):
             goal = overlaid(goal, waypoint)
-            going = move(here, goal, (stride,) * len(here), pace)
-            for stop in (going.at(k) for k in corners(self._config, going)):
-                self.stretch(here, stop, number)
-                here = stop
-            self._heat.check(loads_now, self.loads(goal, payload))
+            ramp = move(here, goal, (stride,) * len(here), pace)
+            for corner in (ramp.at(k) for k in corners(self._config, ramp)):
+                self.check_segment(here, corner, number)
+                here = corner
+            self._thermal.check_load(torques_now, self.servo_torques(goal, payload))
 
-    def stretch(self, here: Pulses, there: Pulses, number: int = 1) -> None:
-        """Raises `Refused` for a straight stretch between pulses (ns) that collides, on the way to a waypoint."""
+    def check_segment(self, here: Pulses, there: Pulses, number: int = 1) -> None:
+        """Raises `RequestError` if a straight segment between pulses (ns), before waypoint `number`, collides."""
         if self._joints(here) == self._joints(there):
             return
         try:
-            self.look(here, there)
-        except TooClose as error:
-            raise Refused(
+            self.check_clearance(here, there)
+        except ClearanceViolation as error:
+            raise RequestError(
                 "collision", f"waypoint {number}: {error}", waypoint=number, bodies=[error.first, error.second],
                 distance_m=error.distance, fraction=error.fraction,
             ) from None  # fmt: skip
 
-    def look(self, here: Pulses, there: Pulses) -> None:
-        """Asks the guard about a straight stretch between pulses (ns). Raises its `LrmError`."""
+    def check_clearance(self, here: Pulses, there: Pulses) -> None:
+        """Passes a straight segment between pulses (ns) to the guard. Raises its `LrmError`."""
         self.guard(self._joints(here), self._joints(there))
 
-    def loads(self, pulses: Pulses, payload: float) -> tuple[float, ...]:
-        """Gravity's torque (N m) on every servo for pulses (ns) and a payload (kg); 0 for what is no joint."""
+    def servo_torques(self, pulses: Pulses, payload: float) -> tuple[float, ...]:
+        """Gravity torque (N m) on every servo for pulses (ns) and a payload (kg); 0 for servos that are no joint."""
         tau = tuple(float(t) for t in self.torques(self._joints(pulses), payload))
         return tau + (0.0,) * (len(self._config.servos) - len(tau))
 

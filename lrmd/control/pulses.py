@@ -1,25 +1,24 @@
-"""From the angles that clients speak of to the pulses that the ramp moves and back, and whether these may be sent."""
+"""Conversion between the clients' angles (rad) and the ramp's pulses (ns), with the servo limits."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 
-from lrmd.config import Config, Servo
-from lrmd.errors import Refused
-from lrmd.ramp.shared_memory import HERE
+from lrmd.config import SECOND, Config, ServoConfig
+from lrmd.errors import RequestError
+from lrmd.ramp.shared_memory import HOLD_PULSE
 from lrmd.ramp.stepping import Move
 
-SECOND = 1_000_000_000
 Pulses = tuple[int, ...]
 
 
-def within_limits(servo: Servo, pulse: int) -> int:
-    """The pulse (ns). Raises `Refused` if the servo may not be sent it."""
+def within_limits(servo: ServoConfig, pulse: int) -> int:
+    """The pulse (ns). Raises `RequestError` if it is outside the servo's limits."""
     if not servo.lowest <= pulse <= servo.highest:
         low, high = sorted(servo.angle(p) for p in (servo.lowest, servo.highest))
         angle = servo.angle(pulse)
-        raise Refused(
+        raise RequestError(
             "limit",
             f"{servo.name}: {math.degrees(angle):.1f} deg is outside its limits "
             f"{math.degrees(low):g} to {math.degrees(high):g} deg",
@@ -29,15 +28,15 @@ def within_limits(servo: Servo, pulse: int) -> int:
 
 
 def pulses_of(config: Config, angles: Mapping[str, float], outputs: int) -> Pulses:
-    """Pulse (ns) of every servo that is named (rad), `HERE` for the others.
+    """Pulse (ns) of every servo named in `angles` (rad), `HOLD_PULSE` for the others.
 
-    Raises `Refused` for no angles, a servo without pulses or an angle outside the limits; `UnknownName`.
+    Raises `RequestError` for no angles, a servo without pulses or an angle outside the limits; `UnknownName`.
     """
     if not angles:
-        raise Refused("no_angles", f"no angles; name servos: {', '.join(config.names)}")
-    pulses = [HERE] * len(config.servos)
+        raise RequestError("no_angles", f"no angles; name servos: {', '.join(config.names)}")
+    pulses = [HOLD_PULSE] * len(config.servos)
     for name, angle in angles.items():
-        i = armed(config, name, outputs)
+        i = armed_index(config, name, outputs)
         pulses[i] = within_limits(config.servos[i], config.servos[i].pulse_ns(angle))
     return tuple(pulses)
 
@@ -47,17 +46,17 @@ def angles(config: Config, pulses: Sequence[int]) -> list[float]:
     return [s.angle(p) if p else 0.0 for s, p in zip(config.servos, pulses, strict=False)]
 
 
-def armed(config: Config, name: str, outputs: int) -> int:
-    """The number of a servo that has pulses. Raises `Refused` if it has none, `UnknownName`."""
+def armed_index(config: Config, name: str, outputs: int) -> int:
+    """The number of a servo that has pulses. Raises `RequestError` if it has none, `UnknownName`."""
     i = config.index(name)
     if not outputs >> i & 1:
-        raise Refused("not_armed", f"{name} has no pulses; arm it first", servo=name)
+        raise RequestError("not_armed", f"{name} has no pulses; arm it first", servo=name)
     return i
 
 
 def overlaid(under: Sequence[int], over: Sequence[int]) -> Pulses:
-    """Pulses (ns) of `over`, and those of `under` where it says `HERE`."""
-    return tuple(old if new == HERE else new for old, new in zip(under, over, strict=True))
+    """Pulses (ns) of `over`, those of `under` where `over` is `HOLD_PULSE`."""
+    return tuple(old if new == HOLD_PULSE else new for old, new in zip(under, over, strict=True))
 
 
 def duration(config: Config, start: Sequence[int], waypoints: Sequence[Pulses], stride: int) -> float:
@@ -70,14 +69,14 @@ def duration(config: Config, start: Sequence[int], waypoints: Sequence[Pulses], 
     return ticks * config.tick / SECOND
 
 
-def corners(config: Config, going: Move) -> list[int]:
-    """Ticks at which the way through joint space bends: a joint stops, or passes a point of its level-1 table.
+def corners(config: Config, ramp: Move) -> list[int]:
+    """Ticks at which the path through joint space bends: a joint stops, or passes a point of its level-1 table.
 
-    Between them all joints turn in proportion, so each stretch is straight in angles, too.
+    Between them all joints turn in proportion, so each segment is straight in angles, too.
     """
     found = set()
     for servo, start, distance, ticks in zip(
-        config.servos[: config.dof], going.start, going.distance, going.ticks, strict=False
+        config.servos[: config.dof], ramp.start, ramp.distance, ramp.ticks, strict=False
     ):
         if distance:
             passed = [(round(p * 1e9) - start) * ticks / distance for p in servo.table.pulse]
@@ -85,15 +84,16 @@ def corners(config: Config, going: Move) -> list[int]:
     return sorted(found)
 
 
-def turning(config: Config, i: int, here: int, rate: float) -> tuple[int, int]:
-    """Target (ns) and stride (ns per tick) of servo `i` at pulse `here` that turns at `rate` (rad/s, not 0).
+def jog_order(config: Config, i: int, here: int, rate: float) -> tuple[int, int]:
+    """Target (ns) and stride (ns per tick) of servo `i` at pulse `here` (ns) for a `rate` (rad/s, not 0).
 
-    The target is its limit on that side. Raises `Refused` if the ramp is slower than that.
+    The target is its limit on that side. Raises `RequestError` for a rate above the ramp's.
     """
     servo, ahead = config.servos[i], math.copysign(0.01, rate)
     change = servo.pulse_ns(servo.angle(here) + ahead) - here
     stride = abs(change / ahead * rate) * config.tick / SECOND
     if stride > config.step:
         fastest = math.degrees(abs(rate) * config.step / stride)
-        raise Refused("too_fast", f"{servo.name}: {math.degrees(abs(rate)):.1f} deg/s; at most {fastest:.1f} deg/s")
+        text = f"{servo.name}: {math.degrees(abs(rate)):.1f} deg/s; at most {fastest:.1f} deg/s"
+        raise RequestError("too_fast", text)
     return (servo.highest if change > 0 else servo.lowest), max(1, round(stride))

@@ -1,20 +1,20 @@
-"""The daemon's state machine, as a table.
+"""The daemon's finite state machine, as a transition table.
 
-Theory of operation: the outputs are off in DISARMED and ESTOP. ARMING switches one servo on after the other where it
-stands. ARMED and HOLDING both stand still with pulses; HOLDING says that something else than arrival ended the motion.
-FAULT is entered by what the daemon did not ask for; whatever still has pulses stands still. Nothing leaves FAULT or
-ESTOP but a reset, and a reset moves nothing. What is not in the table is refused.
+Theory of operation: the outputs are off in DISARMED and ESTOP. ARMING switches the servos on one after the other at
+their present positions. ARMED and HOLDING are stationary with pulses; HOLDING means that the motion ended before its
+target. FAULT follows an error; servos that still have pulses are stationary. Only a reset leaves FAULT or ESTOP, and a
+reset moves nothing. A transition that is not in the table is refused.
 """
 
 from __future__ import annotations
 
 from enum import StrEnum
 
-from lrm_math.errors import LrmError
+from lrmd.errors import RequestError
 
 
 class Mode(StrEnum):
-    """Where the daemon is."""
+    """State of the state machine."""
 
     DISARMED = "disarmed"
     ARMING = "arming"
@@ -26,7 +26,7 @@ class Mode(StrEnum):
 
 
 class Trigger(StrEnum):
-    """What may happen to it: first what clients ask for, then what comes by itself."""
+    """Input of the state machine: first the requests of clients, then internal events."""
 
     ARM = "arm"
     MOVE = "move"
@@ -34,25 +34,26 @@ class Trigger(StrEnum):
     RELAX = "relax"
     DISARM = "disarm"
     ESTOP = "estop"
-    RESET_STANDING = "reset_fault with pulses on"
-    RESET_LIMP = "reset_fault with pulses off"
+    RESET_OUTPUTS_ON = "reset_fault with pulses on"
+    RESET_OUTPUTS_OFF = "reset_fault with pulses off"
     ALL_ON = "all servos are on"
     ARRIVED = "arrived"
-    STOPPED = "stopped by itself"
+    STOPPED = "ramp stopped"
     OUTPUTS_LOST = "pulses stopped"
     FAILED = "failed"
 
 
-class NotAllowed(LrmError):
-    """A request that the present mode does not take; carries `mode` and `trigger`."""
+class InvalidTransition(RequestError):
+    """A trigger that the present mode does not allow; carries `mode` and `trigger`."""
 
     def __init__(self, mode: Mode, trigger: Trigger) -> None:
         self.mode, self.trigger = mode, trigger
         allowed = ", ".join(sorted(m for m, t in TABLE if t is trigger)) or "no mode"
-        super().__init__(f"{trigger} is not allowed while {mode}; it is while {allowed}")
+        text = f"{trigger} is not allowed while {mode}; it is while {allowed}"
+        super().__init__("wrong_mode", text, mode=mode.value)
 
 
-STANDING = (Mode.ARMED, Mode.HOLDING)
+STATIONARY = (Mode.ARMED, Mode.HOLDING)
 LIVE = (Mode.ARMING, Mode.ARMED, Mode.MOVING, Mode.HOLDING)
 
 TABLE: dict[tuple[Mode, Trigger], Mode] = {
@@ -77,16 +78,16 @@ TABLE: dict[tuple[Mode, Trigger], Mode] = {
     (Mode.FAULT, Trigger.RELAX): Mode.FAULT,
     (Mode.FAULT, Trigger.OUTPUTS_LOST): Mode.FAULT,
     (Mode.FAULT, Trigger.STOPPED): Mode.FAULT,
-    (Mode.FAULT, Trigger.RESET_STANDING): Mode.HOLDING,
-    (Mode.FAULT, Trigger.RESET_LIMP): Mode.DISARMED,
-    (Mode.ESTOP, Trigger.RESET_LIMP): Mode.DISARMED,
+    (Mode.FAULT, Trigger.RESET_OUTPUTS_ON): Mode.HOLDING,
+    (Mode.FAULT, Trigger.RESET_OUTPUTS_OFF): Mode.DISARMED,
+    (Mode.ESTOP, Trigger.RESET_OUTPUTS_OFF): Mode.DISARMED,
     **{(mode, Trigger.ESTOP): Mode.ESTOP for mode in Mode},
 }
 
 
-def follow(mode: Mode, trigger: Trigger) -> Mode:
-    """The mode after a trigger. Raises `NotAllowed` for what is not in the table."""
+def next_mode(mode: Mode, trigger: Trigger) -> Mode:
+    """The mode after a trigger. Raises `InvalidTransition` for what is not in the table."""
     try:
         return TABLE[mode, trigger]
     except KeyError:
-        raise NotAllowed(mode, trigger) from None
+        raise InvalidTransition(mode, trigger) from None

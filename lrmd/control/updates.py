@@ -1,123 +1,154 @@
-"""What comes by itself: because of what the ramp says, or because time passes."""
+"""Periodic updates of the controller: reports of the ramp, expired leases and jogs, thermal protection."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 from lrm_math.errors import LrmError
+from lrmd.config import SECOND
 from lrmd.control import thermal_protection
 from lrmd.control.events import Level
-from lrmd.control.ramp_faults import consequence
-from lrmd.control.state import Situation
+from lrmd.control.state import ControllerState
 from lrmd.control.state_machine import LIVE, Mode, Trigger
-from lrmd.errors import Refused
-from lrmd.ramp.shared_memory import LinkState, Report, Trip
+from lrmd.errors import RequestError
+from lrmd.ramp.shared_memory import LinkState, RampFault, RampReport
 
-SECOND = 1_000_000_000
 LOOK_AHEAD = SECOND // 4
-"""ns: how far ahead of a jog nothing may be in the way."""
+"""ns: horizon of the collision check of a jog."""
 
 
-# ---- what the ramp says
+@dataclass(frozen=True)
+class FaultResponse:
+    """The state machine's trigger, and the code and text of the event."""
+
+    trigger: Trigger
+    code: str
+    text: str
 
 
-def observe(s: Situation, report: Report, now: int) -> None:
-    """Takes in what the ramp says."""
+FAULT_RESPONSES = {
+    RampFault.STARTED: FaultResponse(
+        Trigger.STOPPED, "ramp_restarted", "the ramp process was started anew; the arm stands still"
+    ),
+    RampFault.LINK_LOST: FaultResponse(Trigger.FAILED, "link_lost", "the board does not answer"),
+    RampFault.BOARD_RESTARTED: FaultResponse(
+        Trigger.OUTPUTS_LOST, "board_restarted", "the board lost its power; the arm is limp"
+    ),
+    RampFault.BOARD_SILENCED: FaultResponse(
+        Trigger.OUTPUTS_LOST, "board_silenced", "the board stopped its pulses; the arm is limp"
+    ),
+    RampFault.API_SILENT: FaultResponse(
+        Trigger.STOPPED, "api_silent", "the ramp had no sign of life of the daemon and stopped"
+    ),
+    RampFault.REFUSED: FaultResponse(
+        Trigger.FAILED, "order_refused", "the ramp refused an order outside the limits: a software fault"
+    ),
+}
+"""For every fault of the ramp but the emergency stop, which a client requested."""
+
+
+def fault_response(report: RampReport, ordered: int) -> FaultResponse:
+    """Response to the report's fault, where `ordered` outputs (bits) should be on: a stop may have lost them."""
+    response = FAULT_RESPONSES[report.fault]
+    outputs_lost = response.trigger is Trigger.STOPPED and ordered and not report.outputs
+    return replace(response, trigger=Trigger.OUTPUTS_LOST) if outputs_lost else response
+
+
+def observe(s: ControllerState, report: RampReport, now: int) -> None:
+    """Processes a report of the ramp."""
     before, s.report = s.report, report
     if report.link is not before.link:
         _link_changed(s, before.link, report.link)
     if report.port_error not in (0, before.port_error):
-        s.happened("port_refused", "warning", s.port_trouble)
-    if report.trips != s.order.trips:
-        _tripped(s, report, now)
+        s.emit("port_refused", "warning", s.port_trouble)
+    if report.fault_count != s.order.fault_count:
+        _ramp_froze(s, report, now)
     elif report.order == s.order.number:
-        _followed(s, report, now)
+        _order_read(s, report, now)
 
 
-def _link_changed(s: Situation, before: LinkState, after: LinkState) -> None:
+def _link_changed(s: ControllerState, before: LinkState, after: LinkState) -> None:
     if after is LinkState.READY:
-        s.happened("link_up", "info", "the board answers")
+        s.emit("link_up", "info", "the board answers")
     elif before is LinkState.READY:
-        s.happened("link_down", "warning", "the board does not answer, or its port is gone")
+        s.emit("link_down", "warning", "the board does not answer, or its port is gone")
 
 
-def _tripped(s: Situation, report: Report, now: int) -> None:
-    """The ramp froze."""
-    s.orders.froze(report.trips)
-    if report.trip is Trip.ESTOP:
+def _ramp_froze(s: ControllerState, report: RampReport, now: int) -> None:
+    s.orders.acknowledge_fault(report.fault_count)
+    if report.fault is RampFault.ESTOP:
         if s.mode is not Mode.ESTOP:
             s.estop(now, "at the ramp")
         return
-    what = consequence(report, s.order.outputs)
-    if report.trip is not Trip.STARTED or report.starts > 1:
+    response = fault_response(report, s.order.outputs)
+    if report.fault is not RampFault.STARTED or report.starts > 1:
         level: Level = "error" if s.mode in LIVE else "info"
-        s.happened(what.code, level, what.text, trip=report.trip.name.lower())
-    s.orders.seen(report.outputs)
+        s.emit(response.code, level, response.text, trip=report.fault.name.lower())
+    s.orders.keep_outputs(report.outputs)
     if s.mode in (*LIVE, Mode.FAULT):
-        s.go(what.trigger, what.text, now)
+        s.transition(response.trigger, response.text, now)
         if s.mode is Mode.FAULT:
-            s.add_fault(what.code, what.text, now)
+            s.add_fault(response.code, response.text, now)
 
 
-def _followed(s: Situation, report: Report, now: int) -> None:
+def _order_read(s: ControllerState, report: RampReport, now: int) -> None:
     """The ramp has read the newest order."""
-    if report.outputs != s.order.outputs and report.taken:
-        s.orders.seen(report.outputs)
-    if not report.taken and s.mode in (Mode.MOVING, Mode.ARMING):
-        _dropped(s, report, now)
+    if report.outputs != s.order.outputs and report.order_accepted:
+        s.orders.keep_outputs(report.outputs)
+    if not report.order_accepted and s.mode in (Mode.MOVING, Mode.ARMING):
+        _order_dropped(s, report, now)
     elif s.mode is Mode.ARMING and not s.orders.arming:
-        s.go(Trigger.ALL_ON, "all servos are on", now)
+        s.transition(Trigger.ALL_ON, "all servos are on", now)
     elif s.mode is Mode.MOVING and not report.moving and s.orders.jog_until is None:
         if s.orders.waypoints:
             s.orders.next_waypoint(now)
         else:
-            s.go(Trigger.ARRIVED, "arrived", now)
+            s.transition(Trigger.ARRIVED, "arrived", now)
 
 
-def _dropped(s: Situation, report: Report, now: int) -> None:
+def _order_dropped(s: ControllerState, report: RampReport, now: int) -> None:
     """The ramp could not take the newest order."""
-    s.orders.drop()
-    s.orders.seen(report.outputs)
-    s.happened("order_dropped", "warning", "the ramp could not take the order: the link was not up")
-    s.go(Trigger.STOPPED if report.outputs else Trigger.OUTPUTS_LOST, "order dropped", now)
+    s.orders.clear()
+    s.orders.keep_outputs(report.outputs)
+    s.emit("order_dropped", "warning", "the ramp could not take the order: the link was not up")
+    s.transition(Trigger.STOPPED if report.outputs else Trigger.OUTPUTS_LOST, "order dropped", now)
 
 
-# ---- time
-
-
-def tick(s: Situation, now: int) -> None:
-    """What happens because time passes. Leaves a sign of life in the order."""
-    _watch_lease(s, now)
-    _watch_jog(s, now)
+def tick(s: ControllerState, now: int) -> None:
+    """Checks the timeouts, continues arming, updates the temperatures, renews the heartbeat in the order."""
+    _check_lease(s, now)
+    _check_jog(s, now)
     if s.report.order == s.order.number:
         s.orders.switch_on_next(now)
-    if s.heat.due(now):
-        thermal_protection.warm_up(s, now)
-    s.orders.alive(now)
+    if s.thermal.due(now):
+        thermal_protection.update(s, now)
+    s.orders.set_heartbeat(now)
 
 
-def _watch_lease(s: Situation, now: int) -> None:
+def _check_lease(s: ControllerState, now: int) -> None:
     if s.lease is not None and now >= s.lease.until:
-        s.happened("lease_lost", "warning", f"{s.lease.holder} gave no sign of life; its lease is over")
+        s.emit("lease_lost", "warning", f"{s.lease.holder} gave no sign of life; its lease is over")
         s.lease = None
         s.stop_motion(now, "lease lost")
 
 
-def _watch_jog(s: Situation, now: int) -> None:
+def _check_jog(s: ControllerState, now: int) -> None:
     until = s.orders.jog_until
     if until is not None and now >= until:
-        s.happened("command_watchdog", "warning", "the jog was not renewed; holding")
+        s.emit("command_watchdog", "warning", "the jog was not renewed; holding")
         s.stop_motion(now, "jog not renewed")
-    elif until is not None and now >= s.looked_ahead + LOOK_AHEAD // 3:
-        s.looked_ahead = now
+    elif until is not None and now >= s.last_look_ahead + LOOK_AHEAD // 3:
+        s.last_look_ahead = now
         _look_ahead(s, now)
 
 
-def _look_ahead(s: Situation, now: int) -> None:
-    """Stops a jog before it comes too close to anything."""
+def _look_ahead(s: ControllerState, now: int) -> None:
+    """Stops a jog before a collision."""
     reach = [LOOK_AHEAD // s.config.tick * stride for stride in s.order.stride]
     ahead = tuple(min(max(g, p - r), p + r) for g, p, r in zip(s.targets, s.position, reach, strict=False))
     try:
-        s.way.stretch(s.position, ahead)
+        s.motion_check.check_segment(s.position, ahead)
     except LrmError as error:
-        detail = error.detail if isinstance(error, Refused) else {}
-        s.happened("jog_stopped", "warning", str(error), **detail)
+        detail = error.detail if isinstance(error, RequestError) else {}
+        s.emit("jog_stopped", "warning", str(error), **detail)
         s.stop_motion(now, "a collision ahead")

@@ -1,14 +1,13 @@
-"""The ik process: answers queries for kinematics. Whatever it is busy with, the ramp does not notice."""
+"""The ik process: a queue of kinematics queries and the loop that answers them, apart from the real-time ramp."""
 
 from __future__ import annotations
 
 import queue
-import secrets
 import signal
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import structlog
@@ -16,105 +15,87 @@ import zenoh
 
 from lrm_math.errors import FileError, LrmError
 from lrmd import log
-from lrmd.api.zenoh_server import error_reply
-from lrmd.config import Config
-from lrmd.errors import Refused
-from lrmd.ik.planner import Way
+from lrmd.config import MS, Config
+from lrmd.errors import RequestError
+from lrmd.ik.deployed_model import deploy, digest_of
+from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
-from lrmd.messages.control import Message, pack, unpack
+from lrmd.messages.control import Header, HeaderSource, Message, pack, unpack
 from lrmd.messages.kinematics import CancelRequest, FkReply, FkRequest, IkReply, IkRequest, PlanReply, PlanRequest
-from lrmd.messages.zenoh_session import client, key, own_endpoints
+from lrmd.messages.zenoh_session import client, key, own_endpoints, reply_error, serve
 from lrmd.ramp.process import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
-from lrmd.ramp.shared_memory import NO_MODEL, Shared
-from lrmd.safety.deployed_model import deploy, digest_of
+from lrmd.ramp.shared_memory import NO_MODEL, SharedRecords
 
 QUEUE = 64
-"""Queries that may wait; one more is told to come again."""
-MS = 1_000_000
+"""Capacity of the queue; a query beyond it is refused as `busy`."""
 FK_DEADLINE = 1000 * MS
-
-
-Request = IkRequest | FkRequest | PlanRequest
+KinematicsRequest = IkRequest | FkRequest | PlanRequest
+REQUESTS: dict[str, type[KinematicsRequest]] = {"rpc/ik": IkRequest, "rpc/fk": FkRequest, "rpc/plan": PlanRequest}
 
 
 @dataclass(frozen=True)
 class IkSetup:
-    """What the ik process is given at its start."""
+    """Arguments of the ik process."""
 
     config: Config
     memory: SharedFd
 
 
 @dataclass(frozen=True, eq=False)
-class Waiting:
-    """A query in the queue: who asked, what, until when (monotonic ns) an answer is wanted, and if not any more."""
+class QueuedQuery:
+    """A queued query: its request, deadline `until` (monotonic ns), and whether it was cancelled."""
 
     query: zenoh.Query
-    request: Request
+    request: KinematicsRequest
     until: int
     cancelled: threading.Event
 
 
 class IkProcess:
-    """The queue between zenoh's threads and the one that solves."""
+    """The queue between zenoh's threads and the thread that solves."""
 
     def __init__(self, setup: IkSetup) -> None:
         self._config = setup.config
-        self._shared = Shared(setup.memory.number)
+        self._shared = SharedRecords(setup.memory.number)
         self._log = structlog.get_logger().bind(robot=setup.config.robot, process="ik")
-        self._queue: queue.Queue[Waiting] = queue.Queue(QUEUE)
+        self._queue: queue.Queue[QueuedQuery] = queue.Queue(QUEUE)
         self._ending = False
-        self._unanswered: list[Waiting] = []
-        self._boot_id, self._seq = secrets.token_hex(8), 0
+        self._pending: list[QueuedQuery] = []
+        self._headers = HeaderSource()
         self._service: IkService | None = None
-        self._tried: tuple[bytes, bytes] | None = None
+        self._checked: tuple[bytes, bytes] | None = None
         self._shared.ik_model = NO_MODEL
-        self._follow()
+        self._update_model()
 
     def run(self) -> None:
-        """Answers until it is told to stop."""
+        """Answers queries until SIGTERM."""
         signal.signal(signal.SIGTERM, lambda *_: setattr(self, "_ending", True))
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         zenoh_table = self._config.zenoh
         with zenoh.open(client(own_endpoints(zenoh_table), zenoh_table.config)) as session:
-            self._declare(session, "rpc/ik", lambda q, data: self._enqueue(q, unpack(IkRequest, data)))
-            self._declare(session, "rpc/fk", lambda q, data: self._enqueue(q, unpack(FkRequest, data)))
-            self._declare(session, "rpc/plan", lambda q, data: self._enqueue(q, unpack(PlanRequest, data)))
-            self._declare(session, "rpc/cancel", lambda q, data: self._cancel(q, unpack(CancelRequest, data)))
+            for tail, kind in REQUESTS.items():
+                serve(session, key(self._config.robot, tail), partial(self._enqueue, kind), self._refuse)
+            serve(session, key(self._config.robot, "rpc/cancel"), self._cancel, self._refuse)
             self._work()
 
-    def _declare(self, session: zenoh.Session, tail: str, take: Callable[[zenoh.Query, bytes], None]) -> None:
-        own = key(self._config.robot, tail)
-
-        def received(query: zenoh.Query) -> None:
-            try:
-                if str(query.key_expr) != own:
-                    raise Refused("wildcard", f"ask {own} itself; requests to several at once are not carried out")
-                take(query, query.payload.to_bytes() if query.payload else b"")
-            except LrmError as error:
-                self._refuse(query, error)
-            except Exception as error:
-                self._log.exception("internal_error", key=own)
-                self._refuse(query, Refused("internal", f"{type(error).__name__}: {error}"))
-
-        session.declare_queryable(own, received)
-
-    def _enqueue(self, query: zenoh.Query, request: Request) -> None:
-        wanted = FK_DEADLINE if isinstance(request, FkRequest) else request.deadline_ms * MS
-        waiting = Waiting(query, request, time.monotonic_ns() + int(wanted), threading.Event())
-        self._unanswered.append(waiting)
+    def _enqueue(self, kind: type[KinematicsRequest], query: zenoh.Query, data: bytes) -> None:
+        request = unpack(kind, data)
+        allowed = FK_DEADLINE if isinstance(request, FkRequest) else request.deadline_ms * MS
+        queued = QueuedQuery(query, request, time.monotonic_ns() + int(allowed), threading.Event())
+        self._pending.append(queued)
         try:
-            self._queue.put_nowait(waiting)
+            self._queue.put_nowait(queued)
         except queue.Full:
-            self._unanswered.remove(waiting)
-            raise Refused("busy", f"{QUEUE} queries are waiting; ask again", retryable=True) from None
+            self._pending.remove(queued)
+            raise RequestError("busy", f"{QUEUE} queries are waiting; ask again", retryable=True) from None
 
-    def _cancel(self, query: zenoh.Query, request: CancelRequest) -> None:
-        for waiting in tuple(self._unanswered):
-            if not isinstance(waiting.request, FkRequest) and waiting.request.id == request.id:
-                waiting.cancelled.set()
+    def _cancel(self, query: zenoh.Query, data: bytes) -> None:
+        request = unpack(CancelRequest, data)
+        for queued in tuple(self._pending):
+            if not isinstance(queued.request, FkRequest) and queued.request.id == request.id:
+                queued.cancelled.set()
         with query:
             query.reply(query.key_expr, pack(Message()))
 
@@ -122,18 +103,18 @@ class IkProcess:
         while not self._ending:
             self._shared.ik[0] = time.monotonic_ns()
             try:
-                waiting = self._queue.get(timeout=0.2)
+                queued = self._queue.get(timeout=0.2)
             except queue.Empty:
-                self._follow()
+                self._update_model()
                 continue
-            self._follow()
+            self._update_model()
             try:
-                self._answer(waiting)
+                self._answer(queued)
             finally:
-                self._unanswered.remove(waiting)
+                self._pending.remove(queued)
 
-    def _follow(self) -> None:
-        """Takes the model that the daemon accepted, as soon as the file is that one, and no other."""
+    def _update_model(self) -> None:
+        """Loads the model that the daemon accepted, once the file has its digest."""
         accepted = self._shared.model
         if accepted == self._shared.ik_model and self._service is not None:
             return
@@ -141,9 +122,9 @@ class IkProcess:
             found = digest_of(self._config)
         except FileError:
             found = NO_MODEL
-        if (accepted, found) == self._tried:
+        if (accepted, found) == self._checked:
             return
-        self._tried = accepted, found
+        self._checked = accepted, found
         try:
             if found != accepted:
                 raise LrmError(f"{self._config.model} is not the file that the daemon accepted; reload it")
@@ -152,69 +133,55 @@ class IkProcess:
         except LrmError as error:
             self._log.error("model_refused", text=str(error))
 
-    def _answer(self, waiting: Waiting) -> None:
-        started = time.perf_counter()
+    def _answer(self, queued: QueuedQuery) -> None:
         try:
-            reply = self._solved(waiting, started)
-        except LrmError as error:
-            self._refuse(waiting.query, error)
+            reply = self._solve(queued, time.perf_counter())
         except Exception as error:
-            self._log.exception("internal_error")
-            self._refuse(waiting.query, Refused("internal", f"{type(error).__name__}: {error}"))
+            self._refuse(queued.query, error)
         else:
             self._shared.ik[1] += 1
-            with waiting.query as query:
+            with queued.query as query:
                 query.reply(query.key_expr, pack(reply))
 
-    def _solved(self, waiting: Waiting, started: float) -> Message:
-        request, service = waiting.request, self._service
+    def _solve(self, queued: QueuedQuery, started: float) -> Message:
+        request, service = queued.request, self._service
         if service is None:
-            raise Refused("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
-        deployed = service.deployed
+            raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
 
-        def goes_on() -> None:
+        def check_cancelled() -> None:
             self._shared.ik[0] = time.monotonic_ns()
-            if time.monotonic_ns() > waiting.until:
-                raise Refused("deadline", "the deadline passed before the answer was there", retryable=True)
-            if waiting.cancelled.is_set():
-                raise Refused("cancelled", "the request was cancelled")
+            if time.monotonic_ns() > queued.until:
+                raise RequestError("deadline", "the deadline passed before the answer was there", retryable=True)
+            if queued.cancelled.is_set():
+                raise RequestError("cancelled", "the request was cancelled")
 
-        said: dict[str, Any] = {
-            "model": deployed.path, "model_sha256": deployed.sha256, "left_out": list(deployed.left_out)
-        }  # fmt: skip
+        deployed = service.deployed
+        kind: type[Header]
+        content: dict[str, Any] = {"left_out": list(deployed.left_out)}
         if isinstance(request, IkRequest):
-            answers = service.inverse(request, goes_on)
-            return IkReply(**self._header(), **said, answers=answers, elapsed_ms=(time.perf_counter() - started) * 1e3)
-        if isinstance(request, PlanRequest):
-            return self._planned(service, request, goes_on, started)
-        places = service.forward(request, goes_on)
-        return FkReply(**self._header(), **said, places=places, elapsed_ms=(time.perf_counter() - started) * 1e3)
+            kind, content["answers"] = IkReply, service.inverse(request, check_cancelled)
+        elif isinstance(request, FkRequest):
+            kind, content["places"] = FkReply, service.forward(request, check_cancelled)
+        else:
+            kind, content = PlanReply, _plan_content(service.plan(request, check_cancelled))
+        content |= {"model": deployed.path, "model_sha256": deployed.sha256}
+        content["elapsed_ms"] = (time.perf_counter() - started) * 1e3
+        return kind(**self._headers.next("ik"), **content)
 
-    def _planned(
-        self, service: IkService, request: PlanRequest, goes_on: Callable[[], None], started: float
-    ) -> PlanReply:
-        way, deployed = service.plan(request, goes_on), service.deployed
-        found = isinstance(way, Way)
-        return PlanReply(
-            **self._header(), found=found,
-            text=f"{len(way.waypoints) - 1} straight moves" if isinstance(way, Way) else way,
-            waypoints_rad=[list(q) for q in way.waypoints] if isinstance(way, Way) else [],
-            model=deployed.path, model_sha256=deployed.sha256, elapsed_ms=(time.perf_counter() - started) * 1e3,
-        )  # fmt: skip
-
-    def _header(self) -> dict[str, Any]:
-        self._seq += 1
-        now = {"t_mono_ns": time.monotonic_ns(), "t_wall_ns": time.time_ns()}
-        return {"boot_id": self._boot_id, "seq": self._seq, **now}
-
-    def _refuse(self, query: zenoh.Query, error: LrmError) -> None:
+    def _refuse(self, query: zenoh.Query, error: Exception) -> None:
         self._shared.ik[2] += 1
-        with query:
-            query.reply_err(pack(error_reply(error)))
+        reply_error(query, error, self._log)
+
+
+def _plan_content(path: JointPath | str) -> dict[str, Any]:
+    if isinstance(path, str):
+        return {"found": False, "text": path}
+    moves = f"{len(path.waypoints) - 1} straight moves"
+    return {"found": True, "text": moves, "waypoints_rad": [list(q) for q in path.waypoints]}
 
 
 def run(setup: IkSetup) -> None:
-    """The process: answers until it is told to stop or its parent is gone."""
+    """Entry point of the process: answers queries until SIGTERM or until its parent ends."""
     die_with_parent()
     log.set_up()
     IkProcess(setup).run()

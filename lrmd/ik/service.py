@@ -1,4 +1,4 @@
-"""Questions of inverse and forward kinematics to answers, for one deployed model. No zenoh, no threads."""
+"""Inverse and forward kinematics requests to answers, for one deployed model. No zenoh, no threads."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_math.collision.scene import Clearance, Closest, Scene, clearance_of
+from lrm_math.arrays import Array
+from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
-from lrm_math.ik.batch_equilibrium import settled
+from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CUBE, CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
@@ -20,8 +22,8 @@ from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.linkage import Indices
 from lrm_math.ik.pulse_rounding import Rounding
-from lrm_math.ik.reply import Barred, NotConverged, Reply, Solved, Unsolved
-from lrm_math.ik.scalar_pose import OnePose
+from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, Solved, Unsolved
+from lrm_math.ik.scalar_pose import SinglePose
 from lrm_math.ik.solver_context import Method
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.forward import frames
@@ -29,25 +31,25 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import PLAIN_ITERATIONS, Equilibrium
 from lrm_math.model.model import Model
 from lrmd.config import Config
-from lrmd.errors import Refused
-from lrmd.ik.planner import Planner, Way
+from lrmd.errors import RequestError
+from lrmd.ik.deployed_model import DeployedModel
+from lrmd.ik.planner import JointPath, Planner
 from lrmd.messages.control import MessageError
-from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, Place, PlanRequest
-from lrmd.safety.deployed_model import Deployed
+from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
-NO_REST = "the model has the arm come to no rest there, or to more than one: the load may be too heavy for it"
-AT_REST = 1e-7
-"""m: it is at rest when the TCP moves no further than this."""
-ONE_REST = 1e-6
-"""rad, m: amounts of slots that differ by less are of one equilibrium."""
-GoesOn = Callable[[], None]
-"""Called between goals; raises an `LrmError` if the rest is not wanted any more."""
+NO_EQUILIBRIUM = "the model has no elastic equilibrium there, or more than one: the load may be too heavy for the arm"
+EQUILIBRIUM_TOLERANCE = 1e-7
+"""m: motion of the TCP in the last iteration."""
+UNIQUE_TOLERANCE = 1e-6
+"""rad, m: slots of one equilibrium differ by less."""
+CancellationCheck = Callable[[], None]
+"""Called between goals; raises an `LrmError` once the request is cancelled or its deadline has passed."""
 
 
 def goal_of(entry: GoalEntry) -> Goal:
-    """The goal that a message means. Raises `LrmError`."""
+    """The goal of a message. Raises `LrmError`."""
     if entry.rpy_rad is not None:
         roll, pitch, yaw = entry.rpy_rad
         return pose_rpy(entry.position_m, roll, pitch, yaw)
@@ -58,8 +60,8 @@ def goal_of(entry: GoalEntry) -> Goal:
     return point(entry.position_m)
 
 
-def rotation_of(quaternion: Sequence[float]) -> np.ndarray:
-    """(3, 3), the rotation matrix of a unit quaternion x, y, z, w. Raises `MessageError` if it is none."""
+def rotation_of(quaternion: Sequence[float]) -> Array:
+    """Rotation matrix (3, 3) of a unit quaternion x, y, z, w. Raises `MessageError` if its length is not 1."""
     q = np.array(quaternion)
     length = float(np.linalg.norm(q))
     if abs(length - 1.0) > UNIT:
@@ -75,118 +77,117 @@ def rotation_of(quaternion: Sequence[float]) -> np.ndarray:
 
 
 def method_of(request: IkRequest) -> Method:
-    """The method that a request asks for."""
-    match request.method:
-        case "direct":
-            return Direct()
-        case "iterative":
-            return Iterative()
-        case _:
-            same = (request.cube_side_m, request.cube_points) == (CUBE.side, CUBE.points)
-            return CUBE if same else Cube(request.cube_side_m, request.cube_points)
+    """The solver's method for a request."""
+    if request.method != "cube":
+        return Direct() if request.method == "direct" else Iterative()
+    same = (request.cube_side_m, request.cube_points) == (CUBE.side, CUBE.points)
+    return CUBE if same else Cube(request.cube_side_m, request.cube_points)
 
 
-def solver_of(config: Config, deployed: Deployed) -> CalibratedSolver:
-    """The solver that answers with a model. Raises `LrmError` for a model that cannot be used so."""
+def solver_of(config: Config, deployed: DeployedModel) -> CalibratedSolver:
+    """The solver of a deployed model. Raises `LrmError` for a model that it cannot use."""
     return CalibratedSolver.of(
         deployed.model, left_out=deployed.left_out, covariance=deployed.covariance, clock=config.clock
     )
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
-    """Whether the arm may stand at commands: it comes to rest, rigid and sagging bodies keep their margin."""
+class FeasibilityCheck:
+    """Feasibility of commands: one elastic equilibrium; rigid and sagging bodies keep the margin of `scene`."""
 
     scene: Scene | None
     model: Model
 
-    def free(self, poses: Poses, near_rest: Sequence[Number]) -> NDArray[np.bool_]:
-        """(K,), for commands that a solver proposes; `near_rest`: amounts of all slots that it has them come to."""
-        free = np.zeros(len(poses), dtype=bool)
-        rests = []
+    def feasible(self, poses: Poses, equilibria: Sequence[Number]) -> NDArray[np.bool_]:
+        """(K,), for commands that a solver proposes; `equilibria`: all slots in the equilibria that it found."""
+        feasible = np.zeros(len(poses), dtype=bool)
+        found = []
         for k, q in enumerate(poses.q):  # a few; one after the other is faster
-            rest, rows = self._at_rest(OnePose.of(poses, k, q))
-            if len(rows) and self._same(rest, near_rest, k):
-                free[k] = True
-                rests.append(rest)
-        if rests and self.scene is not None:
-            free[free] = self._near(self.scene, rests).distance.reshape(2, -1).min(axis=0) >= self.scene.margin
-        return free
+            rest, rows = self._equilibrium(SinglePose.of(poses, k, q))
+            if len(rows) and self._same_equilibrium(rest, equilibria, k):
+                feasible[k] = True
+                found.append(rest)
+        if found and self.scene is not None:
+            distance = self._clearance(self.scene, found).distance.reshape(2, -1).min(axis=0)
+            feasible[feasible] = distance >= self.scene.margin
+        return feasible
 
-    def _same(self, rest: Equilibrium, near_rest: Sequence[Number], row: int) -> bool:
-        """Whether it comes to the same rest from the rigid arm's pose: overloaded, an arm may have more than one."""
-        for k in self.model.wiring.moving:
-            there = near_rest[k]
-            if abs(float(rest.slots[k]) - (there if isinstance(there, float) else float(there[row]))) >= ONE_REST:
+    def _same_equilibrium(self, rest: Equilibrium, equilibria: Sequence[Number], row: int) -> bool:
+        """Whether the equilibrium reached from the rigid pose is the solver's: an overloaded arm may have several."""
+        for k in self.model.binding.moving:
+            other = equilibria[k]
+            other = other if isinstance(other, float) else float(other[row])
+            if abs(float(rest.slots[k]) - other) >= UNIQUE_TOLERANCE:
                 return False
         return True
 
-    def _at_rest(self, poses: Poses) -> tuple[Equilibrium, Indices]:
-        """As `settled`; whatever does not come to rest at once has to come to it entirely."""
-        rest, rows = settled(self.model, poses, tolerance=AT_REST)
-        return (rest, rows) if len(rows) and rest.iterations <= PLAIN_ITERATIONS else settled(self.model, poses)
+    def _equilibrium(self, poses: Poses) -> tuple[Equilibrium, Indices]:
+        """As `batch_equilibrium`; slow convergence is repeated at the full tolerance."""
+        rest, rows = batch_equilibrium(self.model, poses, tolerance=EQUILIBRIUM_TOLERANCE)
+        plain = len(rows) and rest.iterations <= PLAIN_ITERATIONS
+        return (rest, rows) if plain else batch_equilibrium(self.model, poses)
 
-    def rests_at_counts(self, reply: Solved, payload: float) -> bool:
-        """Whether the board's counts leave the error that the reply says, wherever the arm comes from."""
+    def confirms_rounding(self, reply: Solved, payload: float) -> bool:
+        """Whether the equilibrium at the rounded counts has the error that the reply states."""
         if reply.rounded is None:
             return True
         side = np.array([reply.direction], dtype=np.float64)
-        poses = OnePose(np.array([reply.rounded.q]), np.array([payload]), side)
-        rest, rows = self._at_rest(poses)
+        poses = SinglePose(np.array([reply.rounded.q]), np.array([payload]), side)
+        rest, rows = self._equilibrium(poses)
         if not len(rows):
             return False
-        return abs(math.dist(rest.true_tcp[0], reply.goal.position) - reply.rounded.error) < ONE_REST
+        return abs(math.dist(rest.true_tcp[0], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
 
-    def blocked(self, q: tuple[float, ...], payload: float) -> tuple[str, Closest | None]:
-        """What is wrong with a command (rad) that is not free, in words, and the two bodies that are too close."""
-        rest, rows = settled(self.model, poses_of(np.array([q]), payload))
+    def reason(self, q: tuple[float, ...], payload: float) -> tuple[str, ClosestPair | None]:
+        """Why a command (rad) is infeasible, as text, and the two bodies of a collision."""
+        rest, rows = batch_equilibrium(self.model, poses_of(np.array([q]), payload))
         if self.scene is not None and len(rows):
-            near = self._near(self.scene, [rest])
+            near = self._clearance(self.scene, [rest])
             k = int(near.distance.argmin())
-            closest = Closest(float(near.distance[k]), str(near.first[k]), str(near.second[k]))
+            closest = ClosestPair(float(near.distance[k]), str(near.first[k]), str(near.second[k]))
             if closest.distance < self.scene.margin:
                 text = (
                     f"{closest.first} and {closest.second} would be {closest.distance * 1e3:.1f} mm apart; "
                     f"{self.scene.margin * 1e3:.1f} mm must be kept"
                 )
                 return text, closest
-        return NO_REST, None
+        return NO_EQUILIBRIUM, None
 
-    def _near(self, scene: Scene, rests: Sequence[Equilibrium]) -> Clearance:
-        """Of twice as many arms: those that sag, then the rigid ones at the same commands."""
+    def _clearance(self, scene: Scene, rests: Sequence[Equilibrium]) -> Clearance:
+        """Of twice as many arms: the sagging ones, then the rigid ones at the same commands."""
         bent = [frames(self.model.chain, rest.slots, 1) for rest in rests]
         rigid = scene.frames(np.concatenate([rest.poses.q for rest in rests]))
         return clearance_of(scene, np.concatenate([*bent, rigid]))
 
 
 class IkService:
-    """Answers for one model; made anew when the model changes."""
+    """Answers kinematics requests with one model."""
 
-    def __init__(self, config: Config, deployed: Deployed) -> None:
+    def __init__(self, config: Config, deployed: DeployedModel) -> None:
         self.deployed = deployed
         self._solver = solver_of(config, deployed)
-        self._config, self._model = config, self._solver.deployment.model
+        self._config, self._model = config, self._solver.context.model
         self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
-        self._standing = Standing(self._scene, self._model)
+        self._feasibility = FeasibilityCheck(self._scene, self._model)
         self._solver.warm_up()
 
-    def inverse(self, request: IkRequest, goes_on: GoesOn) -> list[IkAnswer]:
-        """One answer per goal. Raises `LrmError` for goals that are none, and what `goes_on` raises."""
+    def inverse(self, request: IkRequest, check_cancelled: CancellationCheck) -> list[IkAnswer]:
+        """One answer per goal. Raises `LrmError` for invalid goals, and what `check_cancelled` raises."""
         self._check_angles("near_rad", request.near_rad)
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         method, rounding = method_of(request), Rounding(request.round)
         payload, near = request.payload_kg, request.near_rad
         answers = []
         for goal in goals:
-            goes_on()
+            check_cancelled()
             started = time.perf_counter()
             try:
-                reply = self._solver.solve(goal, payload, near, method, rounding, self._standing.free)
+                reply = self._solver.solve(goal, payload, near, method, rounding, self._feasibility.feasible)
             except LrmError as error:
-                answer = IkAnswer(verdict="not_converged", text=str(error), elapsed_ms=0.0)
+                content: dict[str, Any] = {"verdict": "not_converged", "text": str(error)}
             else:
-                answer = self._answer(reply, payload)
-            answers.append(answer.model_copy(update={"elapsed_ms": (time.perf_counter() - started) * 1e3}))
+                content = self._answer(reply, payload)
+            answers.append(IkAnswer(**content, elapsed_ms=(time.perf_counter() - started) * 1e3))
         return answers
 
     def _goal(self, number: int, entry: GoalEntry) -> Goal:
@@ -199,72 +200,68 @@ class IkService:
         if q is not None and len(q) != (n := self._config.dof):
             raise MessageError(f"{name}: {len(q)} angles; {self._config.arm.name} has {n} joints")
 
-    def forward(self, request: FkRequest, goes_on: GoesOn) -> list[Place]:
-        """One place per row of angles. Raises `LrmError`."""
+    def forward(self, request: FkRequest, check_cancelled: CancellationCheck) -> list[FkAnswer]:
+        """One answer per row of angles. Raises `LrmError`."""
         self._check_angles("near_rad", request.near_rad)
         for number, q in enumerate(request.q_rad):
             self._check_angles(f"q_rad.{number}", q)
         places = []
         for q in request.q_rad:
-            goes_on()
+            check_cancelled()
             f = self._solver.forward(q, request.payload_kg, request.near_rad)
             places.append(
-                Place(
+                FkAnswer(
                     tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
-                    sd_m=None if f.spread is None else f.spread.sd,
+                    sd_m=None if f.uncertainty is None else f.uncertainty.sd,
                 )
             )  # fmt: skip
         return places
 
-    def plan(self, request: PlanRequest, goes_on: GoesOn) -> Way | str:
-        """A way, or why there is none. Raises `LrmError`, and what `goes_on` raises."""
+    def plan(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | str:
+        """A path, or the reason why there is none. Raises `LrmError`, and what `check_cancelled` raises."""
         if self._scene is None:
-            raise LrmError(f"{self._config.arm.name} has no collision shapes: nobody can tell which way is free")
+            raise LrmError(f"{self._config.arm.name} has no collision shapes: no path can be checked")
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
-        ends = [request.to_rad] if request.to_rad is not None else self._commands(request, goes_on)
+        goals = [request.to_rad] if request.to_rad is not None else self._commands(request, check_cancelled)
         planner = Planner(self._config, self._scene, self.deployed.model, request.payload_kg)
-        return planner.find(request.from_rad, ends, request.seed, goes_on)
+        return planner.find(request.from_rad, goals, request.seed, check_cancelled)
 
-    def _commands(self, request: PlanRequest, goes_on: GoesOn) -> list[list[float]]:
-        """Commands that take the goal of a plan, nearest first. Raises `LrmError` if there are none."""
+    def _commands(self, request: PlanRequest, check_cancelled: CancellationCheck) -> list[list[float]]:
+        """Commands that reach the goal of a plan, nearest first. Raises `LrmError` if there are none."""
         assert request.goal is not None
-        ask = IkRequest(goals=[request.goal], near_rad=request.from_rad, payload_kg=request.payload_kg, method="direct")
-        answer = self.inverse(ask, goes_on)[0]
+        ik = IkRequest(goals=[request.goal], near_rad=request.from_rad, payload_kg=request.payload_kg, method="direct")
+        answer = self.inverse(ik, check_cancelled)[0]
         if answer.verdict != "solved":
-            raise Refused(answer.verdict, answer.text)
+            raise RequestError(answer.verdict, answer.text)
         return answer.branches_rad
 
-    def _answer(self, reply: Reply, payload: float) -> IkAnswer:
+    def _answer(self, reply: CalibratedReply, payload: float) -> dict[str, Any]:
+        """The fields of an `IkAnswer`, without its time."""
         match reply:
-            case Solved():
-                if self._standing.rests_at_counts(reply, payload):
-                    return _solved(reply)
-                return IkAnswer(verdict="not_converged", text=NO_REST, elapsed_ms=0.0)
-            case Barred():
-                text, closest = self._standing.blocked(reply.branches[0].q, payload)
+            case Solved() if self._feasibility.confirms_rounding(reply, payload):
+                return _solved(reply)
+            case NoAllowedBranch():
+                text, closest = self._feasibility.reason(reply.branches[0].q, payload)
                 if closest is None:
-                    return IkAnswer(verdict="not_converged", text=text, elapsed_ms=0.0)
-                return IkAnswer(
-                    verdict="collision", text=text, bodies=[closest.first, closest.second],
-                    clearance_m=closest.distance, elapsed_ms=0.0,
-                )  # fmt: skip
+                    return {"verdict": "not_converged", "text": text}
+                bodies = [closest.first, closest.second]
+                return {"verdict": "collision", "text": text, "bodies": bodies, "clearance_m": closest.distance}
             case Unsolved():
-                return IkAnswer(
-                    verdict="outside_limits" if reply.violation else "out_of_reach", text=str(reply),
-                    nearest_rad=list(reply.nearest.q), nearest_distance_m=reply.nearest.distance, elapsed_ms=0.0,
-                )  # fmt: skip
-            case NotConverged():
-                return IkAnswer(verdict="not_converged", text=str(reply), elapsed_ms=0.0)
+                return {
+                    "verdict": "outside_limits" if reply.violation else "out_of_reach", "text": str(reply),
+                    "nearest_rad": list(reply.nearest.q), "nearest_distance_m": reply.nearest.distance,
+                }  # fmt: skip
+        return {"verdict": "not_converged", "text": NO_EQUILIBRIUM if isinstance(reply, Solved) else str(reply)}
 
 
-def _solved(reply: Solved) -> IkAnswer:
-    rounded = reply.rounded
-    return IkAnswer(
-        verdict="solved", text=str(reply), q_rad=list(reply.q), branches_rad=[list(b.q) for b in reply.branches],
-        tcp_m=list(reply.tcp), predicted_error_m=reply.predicted_error, predicted_turn_rad=reply.predicted_turn,
-        sd_m=reply.sd, counts=None if rounded is None else list(rounded.counts),
-        rounded_q_rad=None if rounded is None else list(rounded.q),
-        rounded_error_m=None if rounded is None else rounded.error, direction=list(reply.direction),
-        detours=list(reply.detours), cube_error_m=reply.cube_error, elapsed_ms=0.0,
-    )  # fmt: skip
+def _solved(reply: Solved) -> dict[str, Any]:
+    content = {
+        "verdict": "solved", "text": str(reply), "q_rad": list(reply.q), "tcp_m": list(reply.tcp), "sd_m": reply.sd,
+        "branches_rad": [list(b.q) for b in reply.branches], "predicted_error_m": reply.predicted_error,
+        "predicted_turn_rad": reply.predicted_turn, "direction": list(reply.direction), "detours": list(reply.detours),
+        "cube_error_m": reply.cube_error,
+    }  # fmt: skip
+    if (r := reply.rounded) is not None:
+        content |= {"counts": list(r.counts), "rounded_q_rad": list(r.q), "rounded_error_m": r.error}
+    return content

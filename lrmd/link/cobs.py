@@ -1,8 +1,6 @@
-"""Bytes under the frames: a stuffing that frees 0x00 to end a frame, and the checksum.
+"""Consistent overhead byte stuffing (Cheshire & Baker 1999) and CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF).
 
-Sources: consistent overhead byte stuffing, Cheshire & Baker 1999; CRC-16 with polynomial 0x1021 and start 0xFFFF
-(catalogued as CCITT-FALSE or IBM-3740). Up to 253 bytes the stuffing adds exactly one byte and is a bijection: no two
-wire forms mean the same payload.
+Up to 253 bytes the stuffing adds exactly one byte and is a bijection: no two wire forms decode to the same payload.
 """
 
 from __future__ import annotations
@@ -16,19 +14,19 @@ _CODE = tuple(bytes((n + 1,)) for n in range(LONGEST_PAYLOAD + 1))
 
 
 def crc16(data: bytes) -> int:
-    """Checksum of `data`, 0 to 65535; of b"123456789" it is 0x29B1."""
+    """CRC-16/CCITT-FALSE of `data`; of b"123456789" it is 0x29B1."""
     return binascii.crc_hqx(data, 0xFFFF)
 
 
 def cobs_encode(payload: bytes) -> bytes:
-    """The payload without a 0x00 in it, one byte longer. Raises `LrmError` beyond 253 bytes."""
+    """The stuffed payload: free of 0x00, one byte longer. Raises `LrmError` beyond 253 bytes."""
     if len(payload) > LONGEST_PAYLOAD:
         raise LrmError(f"COBS: {len(payload)} bytes; a payload of this link has at most {LONGEST_PAYLOAD}")
     return b"".join([_CODE[len(run)] + run for run in payload.split(b"\0")])
 
 
 def cobs_decode(wire: bytes) -> bytes | None:
-    """The payload of `wire` (without the ending 0x00), or None where these bytes are no COBS."""
+    """The payload of `wire` (without the final 0x00), or None if the bytes are not valid COBS."""
     end = len(wire)
     out, at = bytearray(wire), 0
     while at < end:

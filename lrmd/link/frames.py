@@ -1,4 +1,4 @@
-"""Frames of the servo link: bytes <-> values, without any input or output. The contract is docs/protocol.md.
+"""Sans-io codec of the servo link's frames: bytes <-> values. Specification: docs/protocol.md.
 
 frame = type u8 | seq u8 | mask u16 | word u16 x popcount(mask), lowest bit first | crc u16    (little endian)
 wire  = COBS(frame), 0x00
@@ -21,7 +21,7 @@ LONGEST_WIRE: Final = LONGEST_FRAME + 1
 
 
 class ProtocolError(LrmError):
-    """A frame that cannot be, or that does not say what its type promises."""
+    """Invalid field of a frame, or content that does not fit its type."""
 
 
 class FrameType(IntEnum):
@@ -41,8 +41,8 @@ WITHOUT_WORDS: Final = frozenset({FrameType.READ, FrameType.HELLO})
 _TYPES: Final = {int(kind): kind for kind in FrameType}
 
 
-class Reason(StrEnum):
-    """Why bytes were no frame."""
+class BadFrameReason(StrEnum):
+    """Why bytes could not be decoded."""
 
     COBS = "cobs"
     LENGTH = "length"
@@ -51,17 +51,17 @@ class Reason(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Bad:
-    """Bytes between two 0x00 that were no frame."""
+class BadFrame:
+    """Bytes between two 0x00 that are not a valid frame."""
 
-    reason: Reason
+    reason: BadFrameReason
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
     """One frame: `words` belong to the set bits of `mask`, lowest first; READ and HELLO carry none.
 
-    Raises `ProtocolError` if the fields do not fit the wire. What the words mean is checked by who reads them.
+    Raises `ProtocolError` if a field exceeds its width; the values are checked in `lrmd.link.protocol`.
     """
 
     type: FrameType | int
@@ -72,26 +72,26 @@ class Frame:
     def __post_init__(self) -> None:
         if not (0 <= self.type <= 0xFF and 0 <= self.seq <= 0xFF and 0 <= self.mask <= 0xFFFF):
             raise ProtocolError(f"type {self.type}, seq {self.seq}, mask {self.mask}: need 8, 8 and 16 bits")
-        if len(self.words) != words_of(self.type, self.mask):
-            need = words_of(self.type, self.mask)
+        if len(self.words) != word_count(self.type, self.mask):
+            need = word_count(self.type, self.mask)
             raise ProtocolError(
                 f"type {self.type:#04x} with mask {self.mask:#06x} has {len(self.words)} words, not {need}"
             )
         if self.words and not (min(self.words) >= 0 and max(self.words) <= 0xFFFF):
             raise ProtocolError(f"words {self.words}: each needs to fit 16 bits")
 
-    def items(self) -> dict[int, int]:
-        """Word by bit of the mask, lowest first."""
+    def word_by_bit(self) -> dict[int, int]:
+        """Words keyed by their bit of the mask, lowest first."""
         return dict(zip(bits_of(self.mask), self.words, strict=False))
 
 
-def words_of(kind: int, mask: int) -> int:
-    """How many words a frame of type `kind` carries."""
+def word_count(kind: int, mask: int) -> int:
+    """Number of words in a frame of type `kind`."""
     return 0 if kind in WITHOUT_WORDS else mask.bit_count()
 
 
 def bits_of(mask: int) -> tuple[int, ...]:
-    """The set bits of a mask, lowest first."""
+    """Indices of the set bits, lowest first."""
     return tuple(bit for bit in range(CHANNELS) if mask >> bit & 1)
 
 
@@ -99,29 +99,29 @@ _BODY: Final = tuple(Struct(f"<BBH{n}H") for n in range(CHANNELS + 1))
 
 
 def encode(frame: Frame) -> bytes:
-    """The frame as it goes over the wire, with the 0x00 that ends it."""
+    """The frame's bytes on the wire, including the final 0x00."""
     body = _BODY[len(frame.words)].pack(frame.type, frame.seq, frame.mask, *frame.words)
     return cobs_encode(body + crc16(body).to_bytes(2, "little")) + b"\0"
 
 
-def decode(wire: bytes) -> Frame | Bad:
-    """One frame from the bytes between two 0x00. Never raises; the first reason that holds is the one told."""
+def decode(wire: bytes) -> Frame | BadFrame:
+    """Decodes the bytes between two 0x00. Never raises; a `BadFrame` has the first reason that applies."""
     if len(wire) > LONGEST_WIRE:
-        return Bad(Reason.TOO_LONG)
+        return BadFrame(BadFrameReason.TOO_LONG)
     body = cobs_decode(wire)
     if body is None:
-        return Bad(Reason.COBS)
+        return BadFrame(BadFrameReason.COBS)
     mask = int.from_bytes(body[2:4], "little")
-    if len(body) < SHORTEST_FRAME or len(body) != SHORTEST_FRAME + 2 * words_of(body[0], mask):
-        return Bad(Reason.LENGTH)
+    if len(body) < SHORTEST_FRAME or len(body) != SHORTEST_FRAME + 2 * word_count(body[0], mask):
+        return BadFrame(BadFrameReason.LENGTH)
     if crc16(body[:-2]) != int.from_bytes(body[-2:], "little"):
-        return Bad(Reason.CRC)
+        return BadFrame(BadFrameReason.CRC)
     kind, seq, mask, *words = _BODY[(len(body) - SHORTEST_FRAME) // 2].unpack(body[:-2])
     return Frame(_TYPES.get(kind, kind), seq, mask, tuple(words))
 
 
-class Decoder:
-    """A byte stream cut into frames. Holds at most `LONGEST_WIRE` bytes; each 0x00 is a new start."""
+class FrameDecoder:
+    """Incremental decoder of a byte stream: holds at most `LONGEST_WIRE` bytes and resynchronises at each 0x00."""
 
     __slots__ = ("_dropping", "_rest")
 
@@ -129,8 +129,8 @@ class Decoder:
         self._rest = b""
         self._dropping = False
 
-    def feed(self, data: bytes) -> list[Frame | Bad]:
-        """The frames, and what was none, that these bytes complete. Any chunking of a stream gives the same list."""
+    def feed(self, data: bytes) -> list[Frame | BadFrame]:
+        """Frames and bad frames completed by `data`. Any chunking of a stream gives the same list."""
         *pieces, rest = (self._rest + data).split(b"\0")
         if self._dropping:
             if not pieces:
@@ -139,6 +139,6 @@ class Decoder:
         events = [decode(piece) for piece in pieces if piece]
         self._dropping = len(rest) > LONGEST_WIRE
         if self._dropping:
-            events.append(Bad(Reason.TOO_LONG))
+            events.append(BadFrame(BadFrameReason.TOO_LONG))
         self._rest = b"" if self._dropping else rest
         return events

@@ -1,4 +1,4 @@
-"""Registers of the PCA9685 as data: what to write, in which order, and what was read. No bus here.
+"""Register map of the PCA9685 PWM chip, as data: sequences of writes, and decoding of what was read. Sans-io.
 
 Source: NXP PCA9685 data sheet, rev. 4: register map 7.3, MODE1 and RESTART 7.3.1, MODE2 7.3.2, channels 7.3.3,
 ALL_LED 7.3.4, PRE_SCALE 7.3.5. Counts and prescale come from `lrm_math.arm.servo_table.PwmClock`.
@@ -29,26 +29,26 @@ OSCILLATOR_START_S: Final = 500e-6
 
 
 class RegisterError(LrmError):
-    """Numbers that the chip cannot hold, or registers that this software never writes."""
+    """Value outside a register's range, or register content that this software never writes."""
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
-    """One transaction on the bus: `data` into `register` and, with auto-increment, the ones after it."""
+class RegisterWrite:
+    """One bus transaction: `data` into `register` and, with auto-increment, the following ones."""
 
     register: int
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
-class Pause:
-    """Wait at least this long before the next transaction."""
+class BusPause:
+    """Minimum delay before the next transaction."""
 
     seconds: float
 
 
-ALL_OFF: Final = Write(ALL_OFF_H, bytes((FULL,)))
-"""Stops every output. One byte: it works on a chip that is not set to auto-increment, and outdoes any other bit."""
+ALL_OFF: Final = RegisterWrite(ALL_OFF_H, bytes((FULL,)))
+"""Stops every output. One byte, so it needs no auto-increment; it overrides any other bit."""
 
 
 def channel_register(channel: int) -> int:
@@ -59,14 +59,14 @@ def channel_register(channel: int) -> int:
 
 
 def channel_bytes(count: int) -> bytes:
-    """ON_L, ON_H, OFF_L, OFF_H of a pulse of `count` counts, 1 to 4095, that starts with the period; 0 = full off."""
+    """ON_L, ON_H, OFF_L, OFF_H of a pulse of `count` counts (1 to 4095) from the start of the period; 0 = full off."""
     if not 0 <= count < COUNTS_PER_PERIOD:
         raise RegisterError(f"count {count}: a pulse has 1 to {COUNTS_PER_PERIOD - 1} counts, 0 is off")
     return bytes((0, 0, count & 0xFF, count >> 8)) if count else bytes((0, 0, 0, FULL))
 
 
 def counts_of(data: bytes) -> int:
-    """Counts of a channel from its four registers; 0 = full off. The bit for full off outdoes all others (7.3.3).
+    """Counts of a channel from its four registers; 0 = full off, whose bit overrides all others (7.3.3).
 
     Raises `RegisterError` on registers that `channel_bytes` never gives: full on, a late start, or a width of zero.
     """
@@ -80,32 +80,33 @@ def counts_of(data: bytes) -> int:
     return count
 
 
-def channel_writes(counts: Mapping[int, int]) -> tuple[Write, ...]:
-    """Transactions that set these channels, neighbours in one: outputs of one transaction change together, at its stop.
+def channel_writes(counts: Mapping[int, int]) -> tuple[RegisterWrite, ...]:
+    """Transactions that set these channels; adjacent channels share one, so that their outputs change together.
 
     Needs auto-increment. Raises `RegisterError` before anything is written.
     """
     channels = sorted(counts)
     cuts = [0, *(i + 1 for i, (a, b) in enumerate(pairwise(channels)) if b != a + 1), len(channels)]
     runs = [channels[start:end] for start, end in pairwise(cuts) if end > start]
-    return tuple(Write(channel_register(run[0]), b"".join(channel_bytes(counts[n]) for n in run)) for run in runs)
+    data = [b"".join(channel_bytes(counts[channel]) for channel in run) for run in runs]
+    return tuple(RegisterWrite(channel_register(run[0]), some) for run, some in zip(runs, data, strict=True))
 
 
 def is_running(mode1: int, prescale: int, wanted: int) -> bool:
-    """Whether a chip with these registers is awake, counts up addresses and has the wanted prescale."""
+    """Whether a chip with these registers is awake, auto-increments and has the wanted prescale."""
     return mode1 & (SLEEP | AUTO_INCREMENT) == AUTO_INCREMENT and prescale == wanted
 
 
-def start_sequence(prescale: int) -> tuple[Write | Pause, ...]:
-    """From any state to awake, with this prescale, auto-increment, and every output off. Raises `RegisterError`."""
+def start_sequence(prescale: int) -> tuple[RegisterWrite | BusPause, ...]:
+    """From any state to awake with this prescale, auto-increment and all outputs off. Raises `RegisterError`."""
     if not PRESCALE_MIN <= prescale <= PRESCALE_MAX:
         raise RegisterError(f"prescale {prescale}: the chip takes {PRESCALE_MIN} to {PRESCALE_MAX}")
     return (
         ALL_OFF,
-        Write(MODE1, bytes((AUTO_INCREMENT | SLEEP,))),
-        Write(PRESCALE, bytes((prescale,))),
-        Write(MODE2, bytes((TOTEM_POLE,))),
-        Write(MODE1, bytes((AUTO_INCREMENT,))),
-        Pause(OSCILLATOR_START_S),
-        Write(MODE1, bytes((RESTART | AUTO_INCREMENT,))),
+        RegisterWrite(MODE1, bytes((AUTO_INCREMENT | SLEEP,))),
+        RegisterWrite(PRESCALE, bytes((prescale,))),
+        RegisterWrite(MODE2, bytes((TOTEM_POLE,))),
+        RegisterWrite(MODE1, bytes((AUTO_INCREMENT,))),
+        BusPause(OSCILLATOR_START_S),
+        RegisterWrite(MODE1, bytes((RESTART | AUTO_INCREMENT,))),
     )

@@ -1,84 +1,31 @@
-"""What the frames of the servo link mean: one constructor and one reader for each. The contract is docs/protocol.md.
+"""Messages of the servo link: a constructor and a parser for each frame type. Specification: docs/protocol.md.
 
-The bytes are the business of `lrmd.link.frames`, whose names are here, too. firmware/ is the other side.
+The bytes are those of `lrmd.link.frames`; firmware/ is the peer.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from enum import IntEnum, IntFlag
 from typing import Final
 
 from lrm_math.arm.servo_table import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
-from lrmd.link.cobs import cobs_decode, cobs_encode, crc16
 from lrmd.link.frames import (
     CHANNELS,
-    LONGEST_FRAME,
-    LONGEST_WIRE,
-    SHORTEST_FRAME,
-    WITHOUT_WORDS,
-    Bad,
-    Decoder,
+    BadFrame,
+    BadFrameReason,
     Frame,
     FrameType,
     ProtocolError,
-    Reason,
-    bits_of,
-    decode,
-    encode,
-    words_of,
 )
-
-__all__ = [
-    "CHANNELS",
-    "LONGEST_FRAME",
-    "LONGEST_WIRE",
-    "SHORTEST_FRAME",
-    "SILENCE_MS_DEFAULT",
-    "SILENCE_MS_MAX",
-    "SILENCE_MS_MIN",
-    "VERSION",
-    "WITHOUT_WORDS",
-    "Ack",
-    "Bad",
-    "Decoder",
-    "ErrorCode",
-    "Frame",
-    "FrameType",
-    "Info",
-    "ProtocolError",
-    "Reason",
-    "Refusal",
-    "Status",
-    "ack",
-    "ack_of",
-    "arm",
-    "bits_of",
-    "cobs_decode",
-    "cobs_encode",
-    "crc16",
-    "decode",
-    "encode",
-    "error",
-    "error_of",
-    "error_to",
-    "hello",
-    "info",
-    "info_of",
-    "read",
-    "setup",
-    "state",
-    "state_of",
-    "words_of",
-]
 
 VERSION: Final = 1
 SILENCE_MS_MIN, SILENCE_MS_MAX, SILENCE_MS_DEFAULT = 50, 10_000, 1_000
 
 
 class ErrorCode(IntEnum):
-    """Why a board refused a frame. Where several hold, the lowest number is told."""
+    """Why a board refused a frame; the lowest code that applies."""
 
     SHAPE = 1
     CRC = 2
@@ -89,7 +36,7 @@ class ErrorCode(IntEnum):
     TOO_LONG = 7
 
 
-class Status(IntFlag):
+class BoardStatus(IntFlag):
     """State of a board. SET_UP: a SETUP with a prescale was accepted since power-on."""
 
     PULSING = 1
@@ -102,25 +49,25 @@ class Status(IntFlag):
 class Ack:
     """A board's answer to ARM and SETUP: its state after the frame, and the boot number, 1 to 65535."""
 
-    status: Status
+    status: BoardStatus
     boot: int
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
-    """A board's ERROR; `index` is the channel of ARM or the bit of another type's mask, with VALUE alone."""
+class BoardError:
+    """A board's ERROR. `index`, with VALUE only: the channel of ARM or the bit of another type's mask."""
 
     code: ErrorCode
     index: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Info:
-    """A board's answer to HELLO. `accepted` and `refused` run modulo 65536; `accepted` counts this HELLO."""
+class BoardInfo:
+    """A board's answer to HELLO. `accepted` (including this HELLO) and `refused` are modulo 65536."""
 
     version: int
     boot: int
-    status: Status
+    status: BoardStatus
     prescale: int
     silence_ms: int
     accepted: int
@@ -129,49 +76,49 @@ class Info:
 
     @property
     def simulated(self) -> bool:
-        """Whether no hardware stands behind it."""
+        """Whether the board has no hardware."""
         return self.kind != 0
 
 
 def arm(seq: int, counts: Mapping[int, int]) -> Frame:
-    """ARM: OFF count 1 to 4095 of each channel 0 to 15, or 0 for off. Raises `ProtocolError` on other numbers."""
+    """ARM: OFF count 1 to 4095 per channel 0 to 15, or 0 for off. Raises `ProtocolError` outside these ranges."""
     _within("channel", counts, 0, CHANNELS - 1)
     _within("count", counts.values(), 0, COUNTS_PER_PERIOD - 1)
     return _masked(FrameType.ARM, seq, counts)
 
 
 def setup(seq: int, prescale: int, silence_ms: int) -> Frame:
-    """SETUP: prescale 3 to 255 and silence timeout 50 to 10000 ms. Raises `ProtocolError` on other numbers."""
+    """SETUP: prescale 3 to 255, silence timeout 50 to 10000 ms. Raises `ProtocolError` outside these ranges."""
     _within("prescale", (prescale,), PRESCALE_MIN, PRESCALE_MAX)
     _within("silence timeout (ms)", (silence_ms,), SILENCE_MS_MIN, SILENCE_MS_MAX)
     return Frame(FrameType.SETUP, seq, 0b11, (prescale, silence_ms))
 
 
 def read(seq: int, channels: Iterable[int]) -> Frame:
-    """READ: asks for the counts of these channels."""
+    """READ: requests the counts of these channels."""
     wanted = tuple(channels)
     _within("channel", wanted, 0, CHANNELS - 1)
     return Frame(FrameType.READ, seq, sum(1 << channel for channel in set(wanted)))
 
 
 def hello(seq: int) -> Frame:
-    """HELLO: asks who is there."""
+    """HELLO: requests INFO."""
     return Frame(FrameType.HELLO, seq, 0)
 
 
-def ack(seq: int, status: Status, boot: int) -> Frame:
+def ack(seq: int, status: BoardStatus, boot: int) -> Frame:
     """ACK to frame `seq`."""
     return Frame(FrameType.ACK, seq, 0b11, (status, boot))
 
 
 def error(seq: int, code: ErrorCode, index: int = 0) -> Frame:
-    """ERROR to frame `seq`; `index` goes out with VALUE alone."""
+    """ERROR to frame `seq`; `index` is sent with VALUE only."""
     return Frame(FrameType.ERROR, seq, *((0b11, (code, index)) if code is ErrorCode.VALUE else (0b1, (code,))))
 
 
-def error_to(bad: Bad) -> Frame:
-    """ERROR to bytes that were no frame; its seq is 0."""
-    codes = {Reason.CRC: ErrorCode.CRC, Reason.TOO_LONG: ErrorCode.TOO_LONG}
+def error_to(bad: BadFrame) -> Frame:
+    """ERROR to bytes that are no frame; its seq is 0."""
+    codes = {BadFrameReason.CRC: ErrorCode.CRC, BadFrameReason.TOO_LONG: ErrorCode.TOO_LONG}
     return error(0, codes.get(bad.reason, ErrorCode.SHAPE))
 
 
@@ -180,43 +127,41 @@ def state(seq: int, counts: Mapping[int, int]) -> Frame:
     return _masked(FrameType.STATE, seq, counts)
 
 
-def info(seq: int, content: Info) -> Frame:
+def info(seq: int, content: BoardInfo) -> Frame:
     """INFO to frame `seq`."""
-    c = content
-    words = (c.version, c.boot, c.status, c.prescale, c.silence_ms, c.accepted, c.refused, c.kind)
-    return Frame(FrameType.INFO, seq, 0xFF, words)
+    return Frame(FrameType.INFO, seq, 0xFF, astuple(content))
 
 
 def ack_of(frame: Frame) -> Ack:
-    """What an ACK says. Raises `ProtocolError` if it lies."""
+    """Parses an ACK. Raises `ProtocolError` on invalid content."""
     status, boot = _words(frame, FrameType.ACK, 0b11)
     return Ack(_status(status), _boot(boot))
 
 
-def error_of(frame: Frame) -> Refusal:
-    """What an ERROR says. Raises `ProtocolError` if it lies."""
+def error_of(frame: Frame) -> BoardError:
+    """Parses an ERROR. Raises `ProtocolError` on invalid content."""
     code, *index = _words(frame, FrameType.ERROR, 0b11 if frame.mask == 0b11 else 0b1)
     _within("error code", (code,), ErrorCode.SHAPE, ErrorCode.TOO_LONG)
     if bool(index) != (code == ErrorCode.VALUE):
         raise ProtocolError(f"ERROR {code} with mask {frame.mask:#06x}; an index comes with code 4 and only there")
     _within("index", index, 0, CHANNELS - 1)
-    return Refusal(ErrorCode(code), index[0] if index else None)
+    return BoardError(ErrorCode(code), index[0] if index else None)
 
 
 def state_of(frame: Frame) -> dict[int, int]:
-    """Counts by channel from a STATE, 0 = off. Raises `ProtocolError` if it lies."""
+    """Parses a STATE: counts by channel, 0 = off. Raises `ProtocolError` on invalid content."""
     _within("count", _words(frame, FrameType.STATE, frame.mask), 0, COUNTS_PER_PERIOD - 1)
-    return frame.items()
+    return frame.word_by_bit()
 
 
-def info_of(frame: Frame) -> Info:
-    """What an INFO says. Raises `ProtocolError` if it lies or speaks another version."""
+def info_of(frame: Frame) -> BoardInfo:
+    """Parses an INFO. Raises `ProtocolError` on invalid content or another protocol version."""
     version, boot, status, prescale, silence_ms, accepted, refused, kind = _words(frame, FrameType.INFO, 0xFF)
     if version != VERSION:
         raise ProtocolError(f"the board speaks protocol {version}, this software {VERSION}: flash firmware/ anew")
     _within("prescale", (prescale,), PRESCALE_MIN, PRESCALE_MAX)
     _within("silence timeout (ms)", (silence_ms,), SILENCE_MS_MIN, SILENCE_MS_MAX)
-    return Info(version, _boot(boot), _status(status), prescale, silence_ms, accepted, refused, kind)
+    return BoardInfo(version, _boot(boot), _status(status), prescale, silence_ms, accepted, refused, kind)
 
 
 def _masked(kind: FrameType, seq: int, words: Mapping[int, int]) -> Frame:
@@ -232,10 +177,10 @@ def _words(frame: Frame, kind: FrameType, mask: int) -> tuple[int, ...]:
     return frame.words
 
 
-def _status(word: int) -> Status:
+def _status(word: int) -> BoardStatus:
     if word & ~0xF:
         raise ProtocolError(f"status {word:#06x}: only bits 0 to 3 have a meaning")
-    return Status(word)
+    return BoardStatus(word)
 
 
 def _boot(word: int) -> int:

@@ -1,4 +1,4 @@
-"""The serial port, never blocking: bytes in, bytes out, and None as soon as it is gone."""
+"""Non-blocking serial port that tolerates being unplugged."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from array import array
 import serial
 
 
-class Port:
-    """A serial port that may come and go. Everything that the system may raise means one thing: closed.
+class SerialPort:
+    """A serial port that may come and go: every system error closes it.
 
-    `error`: the errno of the last attempt to open it, 0 if it succeeded; EAGAIN: another program has the port.
+    `error`: errno of the last attempt to open it, 0 if it succeeded; EAGAIN: another program has the port.
     """
 
     def __init__(self, path: str, baud: int) -> None:
         self._path, self._baud = path, baud
         self._line: serial.Serial | None = None
-        self._torn = False
+        self._truncated = False
         self._waiting = array("i", [0])
         self.error = 0
 
     @property
     def is_open(self) -> bool:
-        """Whether the port was open when it was last used."""
+        """Whether the port was open at its last use."""
         return self._line is not None
 
     def open(self) -> bool:
-        """Tries once, without waiting. A board that resets on DTR is left alone where the driver allows it."""
+        """Tries once to open the port, without waiting; returns whether it is open."""
         if not os.path.exists(self._path):
             self.error = errno.ENOENT
             return False
@@ -41,14 +41,13 @@ class Port:
         except (OSError, ValueError, termios.error) as error:
             self._line = None
             self.error = getattr(error, "errno", None) or errno.EIO
-        self._torn = False
+        self._truncated = False
         return self.is_open
 
     def read(self) -> bytes | None:
-        """What has come since the last time, or None if the port is closed.
+        """Bytes received since the last call, or None if the port is closed.
 
-        Asks first how much there is: a read of an empty terminal waits for the kernel's worker that fills it, and this
-        one stands back behind every busy process.
+        FIONREAD comes first: reading an empty tty waits for the kernel worker that fills it, which has low priority.
         """
         if self._line is None:
             return None
@@ -62,14 +61,14 @@ class Port:
             return None
 
     def write(self, data: bytes) -> bool:
-        """Sends, or drops what does not fit into the driver's buffer: the next frame says everything again.
+        """Sends one frame, or drops what exceeds the driver's buffer; returns whether all of it was sent.
 
-        `os.write`, since pyserial spins for ever on a full buffer when it may not wait. After a frame that went out in
-        part a 0x00 ends it, so that it costs nothing but itself.
+        `os.write`, since pyserial spins for ever on a full buffer in non-blocking mode. A truncated frame is ended by a
+        0x00 before the next one.
         """
         if self._line is None:
             return False
-        out = b"\0" + data if self._torn else data
+        out = b"\0" + data if self._truncated else data
         try:
             written = os.write(self._line.fileno(), out)
         except BlockingIOError:
@@ -77,7 +76,7 @@ class Port:
         except OSError:
             self.close()
             return False
-        self._torn = written < len(out) and (written > 0 or self._torn)
+        self._truncated = written < len(out) and (written > 0 or self._truncated)
         return written == len(out)
 
     def close(self) -> None:

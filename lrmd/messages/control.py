@@ -1,10 +1,13 @@
-"""Every message on zenoh: msgpack maps, checked by pydantic, units in the names. docs/api.md shows them.
+"""Messages of the arm controller on zenoh: msgpack maps, validated by pydantic, units in the names; see docs/api.md.
 
-What a client may not say is an error that names the field; nothing is guessed and nothing unknown is ignored.
+Validation is strict: an unknown field or a wrong value is an error that names the field.
 """
 
 from __future__ import annotations
 
+import secrets
+import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -23,24 +26,28 @@ from pydantic import (
     model_validator,
 )
 
-from lrm_math.errors import LrmError
+from lrm_math.errors import LrmError, UnknownName
+from lrmd.errors import RequestError
 
 LONGEST = 2_097_152
-"""Bytes; a longer message is refused unread. The longest that the limits below allow is shorter."""
+"""Bytes; a longer message is refused unparsed. The longest that the limits below allow is shorter."""
 
 
-class MessageError(LrmError):
-    """Bytes that are not the message they should be."""
+class MessageError(RequestError):
+    """Bytes that are not a valid message."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__("bad_message", text)
 
 
 class Part(BaseModel):
-    """A map within a message; unknown fields, wrong types and numbers that are not finite are errors."""
+    """A map within a message; unknown fields, wrong types and non-finite numbers are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
 
 class Message(Part):
-    """A whole message, of version 1."""
+    """A message of version 1."""
 
     v: Literal[1] = 1
 
@@ -52,13 +59,13 @@ def _printable(text: str) -> str:
 
 
 Label = Annotated[str, Field(max_length=64), AfterValidator(_printable)]
-"""Text that others will read on a terminal."""
+"""Text that is shown on terminals."""
 Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
 Servos = Annotated[list[Label], Field(max_length=16)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
 
 
-# ---- what clients ask
+# ---- requests of clients
 
 
 class LeaseRequest(Message):
@@ -71,10 +78,10 @@ class LeaseRequest(Message):
 
 
 class ArmRequest(Message):
-    """`rpc/arm`: switches servos on where they stand.
+    """`rpc/arm`: switches servos on at their present position.
 
-    `where` = "given": they stand at `q_rad`; "stored": where the daemon left them (`servos`, or all); "board": where a
-    board that is still pulsing holds them.
+    `where` = "given": it is `q_rad`; "stored": the last one commanded (of `servos`, or all); "board": the registers of
+    a board that is still pulsing.
     """
 
     lease: Token
@@ -113,18 +120,18 @@ class JogRequest(Message):
 
 
 class HoldRequest(Message):
-    """`rpc/hold`: stop where you are. Anybody may."""
+    """`rpc/hold`: stops the motion. Needs no lease."""
 
 
 class RelaxRequest(Message):
-    """`rpc/relax`: stops the pulses of some servos, or all. The arm gives way to gravity."""
+    """`rpc/relax`: stops the pulses of some servos, or all. The arm falls under gravity."""
 
     lease: Token
     servos: Servos | None = None
 
 
 class DisarmRequest(Message):
-    """`rpc/disarm`: stops all pulses of an arm that stands still."""
+    """`rpc/disarm`: stops all pulses of a stationary arm."""
 
     lease: Token
 
@@ -136,20 +143,20 @@ class ResetRequest(Message):
 
 
 class ReloadRequest(Message):
-    """`rpc/reload`: takes the model's file as it is now. Nothing moves; anybody may."""
+    """`rpc/reload`: reads the model file again. Nothing moves; needs no lease."""
 
 
 class EstopCommand(Message):
-    """`cmd/estop`: stops all pulses at the next tick. Anybody may; `why` is for the log."""
+    """`cmd/estop`: stops all pulses at the next tick. Needs no lease; `why` is for the log."""
 
     why: Label = ""
 
 
-# ---- what the daemon says
+# ---- messages of the daemon
 
 
 class Header(Message):
-    """What every message of the daemon begins with. `seq` counts the messages of one key."""
+    """Common fields of the daemon's messages. `seq` counts the messages of one key."""
 
     boot_id: str
     seq: int
@@ -189,16 +196,13 @@ class FaultEntry(Part):
 
 
 class FaultsState(Header):
-    """`state/faults`, when it changes and every second: faults that were not reset yet."""
+    """`state/faults`, when it changes and every second: latched faults."""
 
     faults: list[FaultEntry]
 
 
 class ThermalState(Header):
-    """`state/thermal`, 1 Hz, per servo: modelled winding temperature, gravity's torque, and what that means.
-
-    `level`: cool, warm, hot or too_hot. `hot_in_s`: time until it is hot if the arm stays as it is; None: never.
-    """
+    """`state/thermal`, 1 Hz, per servo; `hot_in_s`: time until it is hot under constant torque, None: never."""
 
     names: list[str]
     temperature_c: list[float]
@@ -208,10 +212,9 @@ class ThermalState(Header):
 
 
 class MetricsState(Header):
-    """`state/metrics`, 1 Hz. Lateness of the ramp since its start, in us; `duty`: share of the tick spent working.
+    """`state/metrics`, 1 Hz: lateness of the ramp since its start, as a histogram and quantiles, and link statistics.
 
-    `late_counts`: ticks later than the edge before and less late than `late_upper_us` at the same place; the last one
-    has those that were later than every edge.
+    `late_counts[i]`: ticks from edge `late_upper_us[i - 1]` to edge i; the last one: beyond all edges.
     """
 
     ticks: int
@@ -244,10 +247,7 @@ class MetricsState(Header):
 
 
 class InfoState(Header):
-    """`info`: who this is. Per servo: `limits_rad`, lowest and highest angle; `tables_rad`, `tables_us`: level 1.
-
-    `model_sha256`: of the model file as it was when it was loaded, empty for the nominal arm.
-    """
+    """`info`: configuration of the arm. `model_sha256`: of the loaded model file, empty for the nominal arm."""
 
     robot: str
     arm: str
@@ -268,7 +268,7 @@ class InfoState(Header):
 
 
 class Event(Header):
-    """`event/<code>`: something happened. `level` info, warning or error."""
+    """`event/<code>`: an event of the daemon."""
 
     code: str
     level: Literal["info", "warning", "error"]
@@ -277,7 +277,7 @@ class Event(Header):
 
 
 class Reply(Header):
-    """The answer to a request that was carried out: the mode it led to."""
+    """Reply to a request that was carried out: the resulting mode."""
 
     mode: str
     lease: str | None = None
@@ -286,19 +286,33 @@ class Reply(Header):
 
 
 class ReloadReply(Header):
-    """The answer to `rpc/reload`: the file and its SHA-256, which answers of `rpc/ik` carry from now on."""
+    """Reply to `rpc/reload`: the model file and its SHA-256, as in later replies of `rpc/ik`."""
 
     model: str
     model_sha256: str
 
 
 class ErrorReply(Message):
-    """The answer (`reply_err`) to one that was not. `retryable`: the same request may succeed later."""
+    """Reply (`reply_err`) to a request that failed. `retryable`: the same request may succeed later."""
 
     code: str
     msg: str
     retryable: bool = False
     detail: dict[str, JsonValue] = {}
+
+
+class HeaderSource:
+    """Values of the `Header` fields of one process: a random `boot_id`, a sequence number per key, both clocks."""
+
+    def __init__(self) -> None:
+        self.boot_id = secrets.token_hex(8)
+        self._seq: Counter[str] = Counter()
+
+    def next(self, key: str) -> dict[str, Any]:
+        """The fields of the next message of a key."""
+        self._seq[key] += 1
+        mono, wall = time.monotonic_ns(), time.time_ns()
+        return {"boot_id": self.boot_id, "seq": self._seq[key], "t_mono_ns": mono, "t_wall_ns": wall}
 
 
 M = TypeVar("M", bound=Message)
@@ -323,9 +337,22 @@ def unpack(kind: type[M], data: bytes) -> M:
         return kind.model_validate(content)
 
 
+def error_reply(error: Exception) -> ErrorReply:
+    """The reply to a request that raised: with the code of a `RequestError`, else `error` or `internal`."""
+    match error:
+        case RequestError():
+            return ErrorReply(code=error.code, msg=str(error), retryable=error.retryable, detail=error.detail)
+        case UnknownName():
+            return ErrorReply(code="unknown_servo", msg=str(error), detail={"valid": list(error.valid)})
+        case LrmError():
+            return ErrorReply(code="error", msg=str(error))
+        case _:
+            return ErrorReply(code="internal", msg=f"{type(error).__name__}: {error}")
+
+
 @contextmanager
 def field_named() -> Iterator[None]:
-    """Where a message is made or checked: raises `MessageError`, one line that names the first wrong field."""
+    """Context in which a message is validated: raises `MessageError`, one line that names the first wrong field."""
     try:
         yield
     except ValidationError as error:
@@ -337,7 +364,7 @@ def field_named() -> Iterator[None]:
 
 
 def _shown(part: object) -> str:
-    """A name that a client made up, short and without control characters."""
+    """A field name of the client's, short and without control characters."""
     text = str(part)
     text = text if text.isprintable() else ascii(text)
     return text if len(text) <= 64 else text[:61] + "..."

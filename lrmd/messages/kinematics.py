@@ -1,4 +1,4 @@
-"""Messages of the ik process: goals and answers. Positions in m, angles in rad, in the frame of the arm's base."""
+"""Messages of the ik process: requests and replies in m and rad, in the frame of the arm's base."""
 
 from __future__ import annotations
 
@@ -9,23 +9,22 @@ from pydantic import Field, model_validator
 from lrmd.messages.control import Header, Label, Message, Part
 
 Coordinate = Annotated[float, Field(ge=-100, le=100)]
-Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
-Joint = Annotated[float, Field(ge=-20, le=20)]
-Joints = Annotated[list[Joint], Field(min_length=1, max_length=16)]
+Position = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+JointAngle = Annotated[float, Field(ge=-20, le=20)]
+JointAngles = Annotated[list[JointAngle], Field(min_length=1, max_length=16)]
 Payload = Annotated[float, Field(ge=0, le=2)]
 
 
 class GoalEntry(Part):
-    """Where the tool shall be: `position_m`, and at most one of the others; without any the orientation is free.
+    """Goal of the tool: `position_m`, and at most one of the others; without any the orientation is free.
 
-    `rpy_rad`: turns about the fixed x, then y, then z axis. `quaternion_xyzw`: a unit quaternion. `approach`: direction
-    that the tool's z axis shall point along, of any length but zero.
+    `rpy_rad`: rotations about the fixed x, then y, then z axis. `approach`: direction of the tool's z axis.
     """
 
-    position_m: Point
-    rpy_rad: Annotated[list[Joint], Field(min_length=3, max_length=3)] | None = None
+    position_m: Position
+    rpy_rad: Annotated[list[JointAngle], Field(min_length=3, max_length=3)] | None = None
     quaternion_xyzw: Annotated[list[Coordinate], Field(min_length=4, max_length=4)] | None = None
-    approach: Point | None = None
+    approach: Position | None = None
 
     @model_validator(mode="after")
     def _at_most_one(self) -> GoalEntry:
@@ -36,17 +35,15 @@ class GoalEntry(Part):
 
 
 class IkRequest(Message):
-    """`rpc/ik`: goals to commanded angles.
+    """`rpc/ik`: inverse kinematics of goals; branches near the present pose `near_rad` come first.
 
-    `near_rad`: where the arm stands; branches nearest to it come first. `method` and, for the cube, its side and its
-    points along each edge. `round`: "each" joint to its nearest count, or the "best" combination of neighbouring
-    counts. `deadline_ms`: later than this nobody wants the answer. `id`: what `rpc/cancel` calls the request.
+    `round`: "each" joint to its nearest count, or the "best" combination of neighbouring counts.
     """
 
     id: Label = ""
     goals: Annotated[list[GoalEntry], Field(min_length=1, max_length=1000)]
     payload_kg: Payload = 0.0
-    near_rad: Joints | None = None
+    near_rad: JointAngles | None = None
     method: Literal["cube", "direct", "iterative"] = "cube"
     cube_side_m: Annotated[float, Field(gt=0, le=0.2)] = 0.01
     cube_points: Annotated[int, Field(ge=2, le=21)] = 11
@@ -55,22 +52,20 @@ class IkRequest(Message):
 
 
 class FkRequest(Message):
-    """`rpc/fk`: where the bent arm's tool is for commanded angles, coming from `near_rad`."""
+    """`rpc/fk`: forward kinematics of the sagging arm for commanded angles, coming from `near_rad`."""
 
-    q_rad: Annotated[list[Joints], Field(min_length=1, max_length=1000)]
+    q_rad: Annotated[list[JointAngles], Field(min_length=1, max_length=1000)]
     payload_kg: Payload = 0.0
-    near_rad: Joints | None = None
+    near_rad: JointAngles | None = None
 
 
 class PlanRequest(Message):
-    """`rpc/plan`: a way from `from_rad` to `to_rad`, or to a goal, round what is in between.
-
-    `seed`: the same seed finds the same way.
+    """`rpc/plan`: a collision-free path from `from_rad` to `to_rad`, or to a goal; deterministic for one `seed`.
     """
 
     id: Label = ""
-    from_rad: Joints
-    to_rad: Joints | None = None
+    from_rad: JointAngles
+    to_rad: JointAngles | None = None
     goal: GoalEntry | None = None
     payload_kg: Payload = 0.0
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
@@ -84,22 +79,19 @@ class PlanRequest(Message):
 
 
 class CancelRequest(Message):
-    """`rpc/cancel`: the request of this `id` need not be answered any more."""
+    """`rpc/cancel`: cancels the requests of this `id`."""
 
     id: Annotated[str, Field(min_length=1, max_length=64)]
 
 
 class IkAnswer(Part):
-    """The answer to one goal.
+    """Result for one goal.
 
-    `verdict`: solved, out_of_reach, outside_limits, not_converged or collision; `text` says it in words. If solved:
-    `q_rad` are the commands, `branches_rad` all of them within the limits and free of collision, `tcp_m` where the
-    model then has the tool, `predicted_error_m` (and `predicted_turn_rad`) how far that is from the goal, `sd_m` its
-    standard deviation (None where the model file has no covariance), `counts` what the board would put out and
-    `rounded_error_m` the error that is left then, `direction` the side that each joint has to come from (0: either),
-    `detours` joints that would come from the other side. `cube_error_m`: before the polish. Else: `nearest_rad`, the
-    command that comes nearest, `nearest_distance_m` away; or, of a collision, the two `bodies` and how far apart they
-    would be, `clearance_m` (below zero: inside each other).
+    If solved: `q_rad` are the commands, `branches_rad` all solutions within the limits and free of collision, `tcp_m`
+    the predicted tool position, `sd_m` its standard deviation (None without covariance), `counts` the PWM counts with
+    `rounded_error_m`, `direction` the side from which each joint has to arrive (0: either), `detours` the joints that
+    would not, `cube_error_m` the error before the polish. Else `nearest_rad`, the command nearest to the goal, or the
+    two `bodies` of a collision and their `clearance_m` (overlap below 0).
     """
 
     verdict: Literal["solved", "out_of_reach", "outside_limits", "not_converged", "collision"]
@@ -124,7 +116,7 @@ class IkAnswer(Part):
 
 
 class IkReply(Header):
-    """All answers, in the order of the goals. `model_sha256`: of the model file in use, empty for the nominal arm."""
+    """Answers in the order of the goals. `model_sha256`: of the model file in use, empty for the nominal arm."""
 
     model: str
     model_sha256: str
@@ -134,10 +126,10 @@ class IkReply(Header):
 
 
 class PlanReply(Header):
-    """The way: straight moves through `waypoints_rad`, the start included; empty if there is none, as `text` says.
+    """A path of straight moves through `waypoints_rad`, the start included; empty if none was found, see `text`.
 
-    Waypoints stand where the way turns and where a joint passes a point of its level-1 table, so that moves which are
-    straight in pulses are straight in angles.
+    Waypoints are the corners of the path and the points where a joint passes a point of its level-1 table, so that
+    moves which are straight in pulses are straight in angles.
     """
 
     found: bool
@@ -148,8 +140,8 @@ class PlanReply(Header):
     elapsed_ms: float
 
 
-class Place(Part):
-    """Where the tool is: position, rows of its rotation matrix, gravity's torque on every joint, standard deviation."""
+class FkAnswer(Part):
+    """Tool pose: position, rows of its rotation matrix; gravity torque on every joint; standard deviation."""
 
     tcp_m: list[float]
     rotation: list[list[float]]
@@ -158,10 +150,10 @@ class Place(Part):
 
 
 class FkReply(Header):
-    """One place for every row of angles."""
+    """One answer for every row of angles."""
 
     model: str
     model_sha256: str
     left_out: list[str]
-    places: list[Place]
+    places: list[FkAnswer]
     elapsed_ms: float

@@ -1,47 +1,71 @@
-"""zenoh sessions: closed to the network unless the configuration opens them."""
+"""zenoh sessions and queryables: no network access unless the configuration allows it."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import zenoh
 
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, LrmError
 from lrmd.config import ZenohTable
+from lrmd.errors import RequestError
+from lrmd.messages.control import error_reply, pack
 
 
 def key(robot: str, tail: str) -> str:
-    """The key of something of one robot."""
+    """Key expression of a robot's `tail`, such as `state/mode`."""
     return f"lrm/{robot}/{tail}"
 
 
 def router(table: ZenohTable) -> zenoh.Config:
-    """The daemon's own session: a router, since peers do not relay between their clients. Raises `FileError`."""
-    config = _from_file(table.config)
-    _insert(config, "mode", "router")
-    _insert(config, "listen/endpoints", table.listen)
-    _insert(config, "connect/endpoints", table.connect)
+    """Configuration of the daemon's session: a router, since peers do not relay between clients. Raises `FileError`."""
+    values: dict[str, Any] = {"mode": "router", "listen/endpoints": table.listen, "connect/endpoints": table.connect}
     if table.connect:
-        _insert(config, "connect/timeout_ms", -1)
-        _insert(config, "connect/exit_on_failure", False)
-    return _quiet(config)
+        values |= {"connect/timeout_ms": -1, "connect/exit_on_failure": False}
+    return _configured(table.config, values)
 
 
 def client(endpoints: list[str], file: str | None = None) -> zenoh.Config:
-    """A client of a daemon or of a router, which controls access: a client knows no user names. Raises `FileError`."""
-    config = _from_file(file)
-    _insert(config, "mode", "client")
-    _insert(config, "listen/endpoints", [])
-    _insert(config, "connect/endpoints", endpoints)
-    _insert(config, "access_control/enabled", False)
-    return _quiet(config)
+    """Configuration of a client; access control is the router's. Raises `FileError`."""
+    values = {"mode": "client", "listen/endpoints": [], "connect/endpoints": endpoints}
+    return _configured(file, {**values, "access_control/enabled": False})
 
 
 def own_endpoints(table: ZenohTable) -> list[str]:
-    """Where the daemon's other processes reach its router."""
+    """Endpoints at which the daemon's other processes reach its router."""
     return [e.replace("//", "/").replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]") for e in table.listen]
+
+
+def serve(
+    session: zenoh.Session, own: str, handler: Callable[[zenoh.Query, bytes], None],
+    fail: Callable[[zenoh.Query, Exception], None], wildcards: bool = False,
+) -> None:  # fmt: skip
+    """Declares a queryable on the key `own`. What `handler(query, payload)` raises goes to `fail(query, error)`.
+
+    An exception that left zenoh's callback would look to the client as if there were no daemon. `wildcards`: whether
+    queries to several keys at once are answered.
+    """
+
+    def received(query: zenoh.Query) -> None:
+        try:
+            if not wildcards and str(query.key_expr) != own:
+                raise RequestError("wildcard", f"ask {own} itself; requests to several at once are not carried out")
+            handler(query, query.payload.to_bytes() if query.payload else b"")
+        except Exception as error:
+            fail(query, error)
+
+    session.declare_queryable(own, received)
+
+
+def reply_error(query: zenoh.Query, error: Exception, log: Any) -> None:
+    """Closes a query with an `ErrorReply`; logs software faults."""
+    if not isinstance(error, LrmError):
+        log.exception("internal_error", key=str(query.key_expr), exc_info=error)
+    with query:
+        query.reply_err(pack(error_reply(error)))
 
 
 def _from_file(path: str | None) -> zenoh.Config:
@@ -55,12 +79,9 @@ def _from_file(path: str | None) -> zenoh.Config:
         raise FileError(path, "zenoh config", f"zenoh cannot read it ({error})") from None
 
 
-def _quiet(config: zenoh.Config) -> zenoh.Config:
-    _insert(config, "scouting/multicast/enabled", False)
-    _insert(config, "scouting/gossip/enabled", False)
-    _insert(config, "scouting/delay", 0)
+def _configured(path: str | None, values: dict[str, Any]) -> zenoh.Config:
+    config = _from_file(path)
+    no_scouting = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False, "scouting/delay": 0}
+    for place, value in (values | no_scouting).items():
+        config.insert_json5(place, json.dumps(value))
     return config
-
-
-def _insert(config: zenoh.Config, place: str, value: Any) -> None:
-    config.insert_json5(place, json.dumps(value))

@@ -1,4 +1,4 @@
-"""Saves the newest state in a thread of its own: a slow disk must not hold up the daemon."""
+"""Background writer: saves the newest state in a thread of its own, so that a slow disk does not block the daemon."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lrm_math.errors import FileError
-from lrmd.persistence.state_file import Saved, save
+from lrmd.persistence.state_file import StoredState, save
 
 
-class Writer:
-    """`put` replaces what is not written yet. `failed` is called with the error, or None when it works again."""
+class BackgroundWriter:
+    """`on_change` is called with the error when writing fails, and with None when it works again."""
 
-    def __init__(self, folder: Path, failed: Callable[[FileError | None], None]) -> None:
-        self._folder, self._failed = folder, failed
+    def __init__(self, folder: Path, on_change: Callable[[FileError | None], None]) -> None:
+        self._folder, self._on_change = folder, on_change
         self._wake = threading.Condition()
-        self._next: Saved | None = None
+        self._next: StoredState | None = None
         self._ending = False
         self._broken = False
         self._thread = threading.Thread(target=self._run, name="writer", daemon=True)
         self._thread.start()
 
-    def put(self, state: Saved) -> None:
-        """Leaves a state to be saved."""
+    def put(self, state: StoredState) -> None:
+        """Queues a state; it replaces one that is not written yet."""
         with self._wake:
             self._next = state
             self._wake.notify()
 
     def close(self) -> None:
-        """Waits until what was put is saved."""
+        """Waits until the queued state is saved."""
         with self._wake:
             self._ending = True
             self._wake.notify()
@@ -44,14 +44,12 @@ class Writer:
                 return
             self._save(state)
 
-    def _save(self, state: Saved) -> None:
+    def _save(self, state: StoredState) -> None:
+        failure = None
         try:
             save(self._folder, state)
         except FileError as error:
-            if not self._broken:
-                self._failed(error)
-            self._broken = True
-        else:
-            if self._broken:
-                self._failed(None)
-            self._broken = False
+            failure = error
+        if self._broken is (failure is None):
+            self._on_change(failure)
+        self._broken = failure is not None

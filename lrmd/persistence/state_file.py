@@ -1,4 +1,4 @@
-"""What must survive a crash or a power cut: one small file, written whole, synced and renamed into place."""
+"""The state file, which survives crashes and power cuts: written atomically (temporary file, fsync, rename)."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from lrm_math.errors import FileError
 from lrm_math.toml_file import StrictSchema
 
 
-class Saved(StrictSchema):
-    """The file, schema `lrm/state/1`: pulses (ns) that each servo was last told, and how hot it was then.
+class StoredState(StrictSchema):
+    """The state file, schema `lrm/state/1`: last commanded pulse (ns) and modelled temperature of each servo.
 
-    `still`: nothing was moving when it was written, so the pulses are where the arm was left.
+    `still`: no motion was under way when it was written, so the pulses are the arm's final position.
     """
 
     schema_: Literal["lrm/state/1"] = Field(default="lrm/state/1", alias="schema")
@@ -31,8 +31,8 @@ class Saved(StrictSchema):
 NAME = "state.json"
 
 
-def save(folder: Path, state: Saved) -> None:
-    """Writes the state so that a power cut leaves the old or the new file whole. Raises `FileError`."""
+def save(folder: Path, state: StoredState) -> None:
+    """Writes the state atomically: a power cut leaves the old or the new file. Raises `FileError`."""
     path = folder / NAME
     temporary = ""
     try:
@@ -53,11 +53,11 @@ def save(folder: Path, state: Saved) -> None:
         raise FileError(path, "", f"cannot be written ({error.strerror})") from None
 
 
-def load(folder: Path) -> Saved | None:
-    """The state as it was left, or None if there is none. Raises `FileError` if the file is damaged."""
+def load(folder: Path) -> StoredState | None:
+    """The stored state, or None if there is none. Raises `FileError` if the file is damaged."""
     path = folder / NAME
     try:
-        return Saved.model_validate_json(path.read_bytes())
+        return StoredState.model_validate_json(path.read_bytes())
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -68,7 +68,7 @@ def load(folder: Path) -> Saved | None:
 
 
 def set_aside(folder: Path) -> Path:
-    """Moves a damaged file out of the way, so that it can be looked at. Returns its new place."""
+    """Renames a damaged file, for inspection. Returns its new path."""
     path = folder / NAME
     damaged = path.with_suffix(".damaged")
     os.replace(path, damaged)

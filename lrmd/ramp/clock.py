@@ -1,4 +1,4 @@
-"""The monotonic clock of the ramp, and how it waits. A simulated board may live in faster time."""
+"""The ramp's monotonic clock with absolute-deadline sleep; it may run faster than real time with a simulated board."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Clock:
-    """Monotonic time that runs `speed` times as fast as the system's; other than 1 with a simulated board only."""
+class MonotonicClock:
+    """CLOCK_MONOTONIC scaled by `speed`, which differs from 1 with a simulated board only."""
 
     speed: float = 1.0
 
     def now(self) -> int:
-        """Now, in ns."""
+        """Current time, ns."""
         return int(time.monotonic_ns() * self.speed) if self.speed != 1.0 else time.monotonic_ns()
 
     def sleep_until(self, due: int) -> None:
-        """Waits for a moment (ns). Python's sleep waits for an absolute time of the same clock, so nothing adds up."""
+        """Sleeps until `due` (ns). Python sleeps to an absolute time of the same clock, so errors do not accumulate."""
         rest = (due - self.now()) / self.speed
         if rest > 0:
             time.sleep(rest * 1e-9)

@@ -1,9 +1,9 @@
-"""What the ramp process does at one tick, without clock, port or memory: bytes and an order in, bytes and a report out.
+"""Sans-io core of the ramp process: per tick, received bytes and an order in; bytes to send and a report out.
 
-Laws that hold whatever comes in:
+Invariants for any input:
 - A pulse that the board puts out changes by at most one step per tick, and only after the board acknowledged the frame
   before. So a stall or lost frames lengthen a move; they never add up to a jump.
-- A servo is switched on only by a new order that knows of every trip so far. Nothing resumes by itself.
+- A servo is switched on only by a new order whose sender has seen every fault so far. No motion resumes by itself.
 - A pulse outside the servo's limits is never sent.
 """
 
@@ -13,24 +13,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lrm_math.arm.servo_table import PwmClock
-from lrmd.config import MS, Config, Servo
+from lrmd.config import MS, Config, ServoConfig
 from lrmd.link import protocol
-from lrmd.link.protocol import Bad, ErrorCode, Frame, FrameType, ProtocolError, Status
-from lrmd.ramp.shared_memory import HERE, LinkState, Order, Report, Trip
+from lrmd.link.frames import BadFrame, Frame, FrameDecoder, FrameType, ProtocolError, encode
+from lrmd.link.protocol import BoardStatus, ErrorCode
+from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport
 from lrmd.ramp.stepping import Move, move
 
-API_SILENCE = 500_000_000
-"""ns: a move goes on without a sign of life of the API process for this long, then it freezes."""
+API_TIMEOUT = 500_000_000
+"""ns without a heartbeat of the API process after which a move is frozen."""
 
 
 @dataclass(frozen=True)
-class Board:
-    """What the ramp needs to know of the board and its servos. `reply`, ns; `step`, ns of pulse per tick.
+class BoardSettings:
+    """Servos, PWM clock and limits of the board. `reply`: timeout, ns; `step`: largest pulse change per tick, ns.
 
-    `simulated`: the clock is not the real one, so that no real board may be driven by it.
+    `simulated`: the ramp's clock is not real time, so only a simulated board is accepted.
     """
 
-    servos: tuple[Servo, ...]
+    servos: tuple[ServoConfig, ...]
     clock: PwmClock
     step: int
     reply: int
@@ -38,137 +39,128 @@ class Board:
     simulated: bool = False
 
     @classmethod
-    def of(cls, config: Config, speed: float = 1.0) -> Board:
-        """From the daemon's configuration, for a clock that runs `speed` times as fast as the real one."""
+    def of(cls, config: Config, speed: float = 1.0) -> BoardSettings:
+        """Settings from the daemon's configuration, for a clock that runs at `speed` times real time."""
         return cls(config.servos, config.clock, config.step, config.reply, config.link.silence_ms, speed != 1.0)
 
     def counts(self, outputs: int, position: Sequence[int]) -> tuple[int, ...]:
-        """OFF count of every servo: the nearest to its pulse (ns), 0 where it has none."""
+        """OFF count per servo: its pulse `position` (ns) rounded to counts, 0 where its bit of `outputs` is clear."""
         per_ns = 1e-9 / self.clock.count_s
         return tuple(int(p * per_ns + 0.5) if outputs >> i & 1 else 0 for i, p in enumerate(position))
 
     def pulse(self, count: int) -> int:
-        """Pulse (ns) that the chip puts out for a count."""
+        """Pulse width (ns) of a count."""
         return round(count * self.clock.count_s * 1e9)
 
 
 class RampCore:
-    """The ramp between two ticks. `earlier` is the last report of a ramp process that died, if there was one."""
+    """State of the ramp; continues counters and pulses of `earlier`, the last report of a previous ramp process."""
 
-    def __init__(self, board: Board, earlier: Report | None = None) -> None:
+    def __init__(self, board: BoardSettings, earlier: RampReport | None = None) -> None:
         self._board = board
         self._channels = tuple(servo.channel for servo in board.servos)
         self._mask = sum(1 << channel for channel in self._channels)
         self._by_channel = sorted(range(len(self._channels)), key=lambda i: self._channels[i])
-        earlier = earlier or Report()
+        earlier = earlier or RampReport()
         n = len(board.servos)
-        self.outputs = earlier.outputs
+        self.outputs, self.board_outputs = earlier.outputs, 0
         self.position: tuple[int, ...] = earlier.position[:n]
         self.register: tuple[int, ...] = earlier.register[:n]
-        self.board_outputs = 0
-        self.boot = earlier.boot
-        self.order = earlier.order
-        self.taken = earlier.taken
-        self.trips, self.trip = earlier.trips, earlier.trip
+        self.boot, self.order, self.order_accepted = earlier.boot, earlier.order, earlier.order_accepted
+        self.fault_count, self.fault = earlier.fault_count, earlier.fault
         self.sent, self.acknowledged = earlier.sent, earlier.acknowledged
         self.bad_frames, self.board_errors = earlier.bad_frames, earlier.board_errors
         self.reconnects = earlier.reconnects
         self.link = LinkState.CLOSED
-        self._decoder = protocol.Decoder()
+        self._decoder = FrameDecoder()
         self._move: Move | None = None
-        self._k = 0
-        self._seq = 0
-        self._first = 0
-        self._changed, self._settled = False, True
-        self._answered = self._spoke = 0
-        self._trip(Trip.STARTED)
+        self._k = self._seq = self._first_seq = 0
+        self._pulses_changed, self._pulses_confirmed = False, True
+        self._last_reply = self._last_sent = 0
+        self._freeze(RampFault.STARTED)
 
     @property
     def moving(self) -> bool:
-        """Whether a move is under way."""
+        """Whether a move is in progress."""
         return self._move is not None
 
     @property
     def remaining(self) -> int:
-        """Ticks until the move ends, if no frame is lost."""
+        """Ticks left in the move if no frame is lost."""
         return 0 if self._move is None else self._move.length - self._k
 
-    def tick(self, now: int, alive: int, order: Order | None, received: bytes | None, estop: bool) -> bytes:
-        """One tick at `now` (ns): the bytes to send.
+    def tick(self, now: int, alive: int, order: RampOrder | None, received: bytes | None, estop: bool) -> bytes:
+        """Runs one tick at `now` (ns) and returns the bytes to send.
 
-        `alive` is the clock (ns) that `order.heartbeat` is told in. `received` is what came from the port since the
-        last tick, None while it is closed.
+        `alive`: time (ns) on the clock of `order.heartbeat`. `received`: bytes from the port since the last tick, None
+        while it is closed.
         """
         if received is None:
             self.close()
         else:
-            self._hear(now, received)
+            self._receive(now, received)
         if estop:
-            self._stop_pulses(Trip.ESTOP)
+            self._stop_pulses(RampFault.ESTOP)
         if order is not None:
-            self._consider(order, alive)
+            self._check_order(order, alive)
         if self.link is LinkState.CLOSED:
             return b""
-        paused = now - self._spoke > self._board.silence_ms * MS // 2 and self.link is LinkState.READY
-        if paused or now - self._answered > self._board.reply:
-            self._lose(now)
-        self._spoke = now
-        return self._speak()
+        paused = now - self._last_sent > self._board.silence_ms * MS // 2 and self.link is LinkState.READY
+        if paused or now - self._last_reply > self._board.reply:
+            self._reconnect(now)
+        self._last_sent = now
+        return self._next_frame()
 
     def opened(self, now: int) -> None:
-        """The port was opened: asks who is there."""
-        self._decoder = protocol.Decoder()
-        self.link, self._answered = LinkState.GREETING, now
+        """The port was opened: restarts the handshake with HELLO."""
+        self._decoder = FrameDecoder()
+        self.link, self._last_reply = LinkState.GREETING, now
         self.reconnects += 1
 
     def close(self) -> None:
-        """The port is gone."""
-        if self.link is not LinkState.CLOSED:
-            was_ready = self.link is LinkState.READY
-            self.link = LinkState.CLOSED
-            if was_ready:
-                self._trip(Trip.LINK_LOST)
+        """The port was closed or lost."""
+        self._leave_link(LinkState.CLOSED)
 
-    def _lose(self, now: int) -> None:
-        """No answer, or no tick of ours, for too long: asks again who is there before any pulse."""
-        was_ready = self.link is LinkState.READY
-        self.link, self._answered = LinkState.GREETING, now
+    def _leave_link(self, link: LinkState) -> None:
+        was_ready, self.link = self.link is LinkState.READY, link
         if was_ready:
-            self._trip(Trip.LINK_LOST)
+            self._freeze(RampFault.LINK_LOST)
 
-    def _trip(self, why: Trip) -> None:
+    def _reconnect(self, now: int) -> None:
+        """Reply timeout, or a gap in our own ticks: repeats the handshake before any further pulse."""
+        self._leave_link(LinkState.GREETING)
+        self._last_reply = now
+
+    def _freeze(self, why: RampFault) -> None:
         self._move, self._k = None, 0
-        self.trips, self.trip = self.trips + 1, why
+        self.fault_count, self.fault = self.fault_count + 1, why
 
-    def _stop_pulses(self, why: Trip) -> None:
-        self.outputs, self._changed, self._settled = 0, True, False
-        self._trip(why)
+    def _stop_pulses(self, why: RampFault) -> None:
+        self.outputs, self._pulses_changed, self._pulses_confirmed = 0, True, False
+        self._freeze(why)
 
-    # ---- what the board says
+    # ---- frames from the board
 
-    def _hear(self, now: int, data: bytes) -> None:
+    def _receive(self, now: int, data: bytes) -> None:
         for event in self._decoder.feed(data):
-            if isinstance(event, Bad):
-                self.bad_frames += 1
-                continue
             try:
-                understood = self._take(event)
+                if isinstance(event, BadFrame):
+                    self.bad_frames += 1
+                elif self._handle_frame(event):
+                    self._last_reply = now
             except ProtocolError:
                 self.bad_frames += 1
-                continue
-            if understood:
-                self._answered = now
 
-    def _take(self, frame: Frame) -> bool:
+    def _handle_frame(self, frame: Frame) -> bool:
         match frame.type:
             case FrameType.ACK:
                 answer = protocol.ack_of(frame)
                 self._check_board(answer.status, answer.boot)
                 self._acknowledge(frame.seq)
             case FrameType.INFO:
-                self._greeted(protocol.info_of(frame))
+                self._on_info(protocol.info_of(frame))
             case FrameType.STATE:
-                self._adopt(protocol.state_of(frame))
+                self._adopt_registers(protocol.state_of(frame))
             case FrameType.ERROR:
                 self.board_errors += 1
                 if protocol.error_of(frame).code is ErrorCode.NOT_SET_UP:
@@ -179,96 +171,96 @@ class RampCore:
         return True
 
     def _acknowledge(self, seq: int) -> None:
-        """An ACK settles the pulses if it answers any frame since they last changed."""
+        """An ACK of any frame since the last change of the pulses confirms them."""
         if self.link is LinkState.SETTING_UP:
             self.link = LinkState.READY
             return
         self.acknowledged += 1
-        if not self._changed and (seq - self._first) & 0xFF <= (self._seq - self._first) & 0xFF:
-            self._settled = True
+        if not self._pulses_changed and (seq - self._first_seq) & 0xFF <= (self._seq - self._first_seq) & 0xFF:
+            self._pulses_confirmed = True
 
-    def _check_board(self, status: Status, boot: int) -> None:
-        """Notices pulses that stopped without our doing: the arm may have sagged, so they stay off until armed."""
+    def _check_board(self, status: BoardStatus, boot: int) -> None:
+        """Detects pulses that the board stopped by itself: the arm may have sagged, so they stay off until armed."""
         restarted = self.boot not in (0, boot)
         self.boot = boot
         if self.outputs and restarted:
-            self._stop_pulses(Trip.BOARD_RESTARTED)
-        elif self.outputs and Status.SILENCED in status:
-            self._stop_pulses(Trip.BOARD_SILENCED)
-        if restarted or Status.PULSING not in status:
+            self._stop_pulses(RampFault.BOARD_RESTARTED)
+        elif self.outputs and BoardStatus.SILENCED in status:
+            self._stop_pulses(RampFault.BOARD_SILENCED)
+        if restarted or BoardStatus.PULSING not in status:
             self.board_outputs = 0
-        if self.link is LinkState.READY and Status.SET_UP not in status:
+        if self.link is LinkState.READY and BoardStatus.SET_UP not in status:
             self.link = LinkState.GREETING
 
-    def _greeted(self, info: protocol.Info) -> None:
+    def _on_info(self, info: protocol.BoardInfo) -> None:
         if self._board.simulated and not info.simulated:
             return
         self._check_board(info.status, info.boot)
-        if self.link is not LinkState.GREETING or Status.CHIP_FAULT in info.status:
+        if self.link is not LinkState.GREETING or BoardStatus.CHIP_FAULT in info.status:
             return
         as_wanted = info.prescale == self._board.clock.prescale and info.silence_ms == self._board.silence_ms
-        if Status.PULSING in info.status:
-            if as_wanted and Status.SET_UP in info.status:
+        if BoardStatus.PULSING in info.status:
+            if as_wanted and BoardStatus.SET_UP in info.status:
                 self.link = LinkState.READING
             return
         if self.outputs:
-            self._stop_pulses(Trip.BOARD_SILENCED)
-        self._changed, self._settled = False, True
-        self.link = LinkState.READY if as_wanted and Status.SET_UP in info.status else LinkState.SETTING_UP
+            self._stop_pulses(RampFault.BOARD_SILENCED)
+        self._pulses_changed, self._pulses_confirmed = False, True
+        self.link = LinkState.READY if as_wanted and BoardStatus.SET_UP in info.status else LinkState.SETTING_UP
 
-    def _adopt(self, counts: dict[int, int]) -> None:
-        """Takes over what a pulsing board puts out: exactly its registers, and nothing else until a new order."""
+    def _adopt_registers(self, counts: dict[int, int]) -> None:
+        """Adopts the registers of a board that is still pulsing as the present position."""
         if self.link is not LinkState.READING or set(counts) != set(self._channels):
             return
-        found = tuple(counts[channel] for channel in self._channels)
-        self.board_outputs = sum(1 << i for i, count in enumerate(found) if count)
-        self.register = tuple(self._board.pulse(count) for count in found)
+        read = tuple(counts[channel] for channel in self._channels)
+        self.board_outputs = sum(1 << i for i, count in enumerate(read) if count)
+        self.register = tuple(self._board.pulse(count) for count in read)
         if self.outputs & ~self.board_outputs:
             self.outputs &= self.board_outputs
-            self._trip(Trip.BOARD_SILENCED)
+            self._freeze(RampFault.BOARD_SILENCED)
         ours = self._board.counts(self.outputs, self.position)
         self.position = tuple(
-            p if count in (0, mine) else pulse
-            for p, mine, count, pulse in zip(self.position, ours, found, self.register, strict=True)
+            p if count in (0, own) else pulse
+            for p, own, count, pulse in zip(self.position, ours, read, self.register, strict=True)
         )
-        self._changed = self._changed or bool(self.outputs)
-        self._settled = not self._changed
+        self._pulses_changed = self._pulses_changed or bool(self.outputs)
+        self._pulses_confirmed = not self._pulses_changed
         self.link = LinkState.READY
 
-    # ---- what the API asks for
+    # ---- orders from the API process
 
-    def _consider(self, order: Order, alive: int) -> None:
-        if self._move is not None and alive - order.heartbeat > API_SILENCE:
-            self._trip(Trip.API_SILENT)
+    def _check_order(self, order: RampOrder, alive: int) -> None:
+        if self._move is not None and alive - order.heartbeat > API_TIMEOUT:
+            self._freeze(RampFault.API_SILENT)
         if order.number == self.order:
             return
         self.order = order.number
-        self.taken = order.trips == self.trips and self.link is LinkState.READY
-        if self.taken:
-            self._obey(order)
+        self.order_accepted = order.fault_count == self.fault_count and self.link is LinkState.READY
+        if self.order_accepted:
+            self._start_order(order)
 
-    def _obey(self, order: Order) -> None:
+    def _start_order(self, order: RampOrder) -> None:
         n = len(self._channels)
         fresh = order.outputs & ~self.outputs
         start = tuple(order.pose[i] if fresh >> i & 1 else self.position[i] for i in range(n))
         target = tuple(
-            order.target[i] if order.outputs >> i & 1 and order.target[i] != HERE else start[i] for i in range(n)
+            order.target[i] if order.outputs >> i & 1 and order.target[i] != HOLD_PULSE else start[i] for i in range(n)
         )
         for i, servo in enumerate(self._board.servos):
             inside = servo.lowest <= start[i] <= servo.highest and servo.lowest <= target[i] <= servo.highest
             stride_fits = 0 < order.stride[i] <= self._board.step
             if order.outputs >> i & 1 and not (inside and stride_fits):
-                self.taken = False
-                self._trip(Trip.REFUSED)
+                self.order_accepted = False
+                self._freeze(RampFault.REFUSED)
                 return
-        self._changed = True
+        self._pulses_changed = True
         self.outputs, self.position = order.outputs, start
-        going = move(start, target, tuple(max(1, s) for s in order.stride[:n]), order.pace)
-        self._move, self._k = (going if going.length else None), 0
+        planned = move(start, target, tuple(max(1, s) for s in order.stride[:n]), order.pace)
+        self._move, self._k = (planned if planned.length else None), 0
 
-    # ---- what goes to the board
+    # ---- frames to the board
 
-    def _speak(self) -> bytes:
+    def _next_frame(self) -> bytes:
         self._seq = (self._seq + 1) & 0xFF
         match self.link:
             case LinkState.GREETING:
@@ -278,31 +270,28 @@ class RampCore:
             case LinkState.SETTING_UP:
                 frame = protocol.setup(self._seq, self._board.clock.prescale, self._board.silence_ms)
             case _:
-                idle = not self.outputs and self._settled and not self._changed
-                frame = protocol.hello(self._seq) if idle else self._pulses()
+                idle = not self.outputs and self._pulses_confirmed and not self._pulses_changed
+                frame = protocol.hello(self._seq) if idle else self._pulse_frame()
         self.sent += 1
-        return protocol.encode(frame)
+        return encode(frame)
 
-    def _pulses(self) -> Frame:
-        if self._settled and self._move is not None:
-            self._step(self._move)
-        if self._changed:
-            self._changed, self._settled, self._first = False, False, self._seq
+    def _pulse_frame(self) -> Frame:
+        if self._pulses_confirmed and self._move is not None:
+            self._k += 1
+            self.position, self._pulses_changed = self._move.at(self._k), True
+            if not self.remaining:
+                self._move, self._k = None, 0
+        if self._pulses_changed:
+            self._pulses_changed, self._pulses_confirmed, self._first_seq = False, False, self._seq
         counts = self._board.counts(self.outputs, self.position)
         return Frame(FrameType.ARM, self._seq, self._mask, tuple(counts[i] for i in self._by_channel))
 
-    def _step(self, going: Move) -> None:
-        self._k += 1
-        self.position, self._changed = going.at(self._k), True
-        if self._k >= going.length:
-            self._move, self._k = None, 0
-
     def report(
-        self, tick: int, time: int, skipped: int, latest: int, starts: int, realtime: bool, port_error: int = 0
-    ) -> Report:
-        """What to tell the API after a tick."""
-        return Report(
-            tick, time, self.order, self.trips, self.sent, self.acknowledged, self.bad_frames, self.board_errors,
-            self.reconnects, skipped, latest, starts, self.remaining, self.outputs, self.board_outputs, self.boot,
-            port_error, self.link, self.trip, self.moving, self.taken, realtime, self.position, self.register,
+        self, tick: int, time: int, skipped: int, max_late_ns: int, starts: int, realtime: bool, port_error: int = 0
+    ) -> RampReport:
+        """The report to the API process after a tick; the arguments are those of the process around this core."""
+        return RampReport(
+            tick, time, self.order, self.fault_count, self.sent, self.acknowledged, self.bad_frames, self.board_errors,
+            self.reconnects, skipped, max_late_ns, starts, self.remaining, self.outputs, self.board_outputs, self.boot,
+            port_error, self.link, self.fault, self.moving, self.order_accepted, realtime, self.position, self.register,
         )  # fmt: skip

@@ -1,18 +1,18 @@
-"""How late ticks were: one histogram, from which everything that is told of lateness follows."""
+"""Histogram of tick lateness, and the percentiles and coarse buckets derived from it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 EDGES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 40, 50, 60, 80, 100, 120, 160, 200, 250, 300, 400, 511)
-"""Upper edges of the coarse buckets in fine ones, roughly logarithmic; the 512th fine bucket is open, as is theirs."""
+"""Upper edges of the coarse buckets, in fine ones, roughly logarithmic; the last bucket of either kind is open."""
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """`counts`: ticks by fine bucket, each `width_us` wide; the last one has no upper edge.
+    """Tick counts per fine bucket of `width_us`; the last bucket has no upper edge.
 
-    `measured_us`: the largest lateness that was told; the counts may be a tick ahead of it.
+    `measured_us`: the largest lateness reported; the counts may be a tick ahead of it.
     """
 
     counts: tuple[int, ...]
@@ -21,20 +21,17 @@ class Lateness:
 
     @property
     def ticks(self) -> int:
-        """All of them."""
+        """Total number of ticks."""
         return sum(self.counts)
 
     @property
     def largest_us(self) -> float:
-        """The largest lateness, at least the lower edge of the last bucket that has a tick; 0 if there were none."""
+        """Largest lateness, at least the lower edge of the last non-empty bucket; 0 without ticks."""
         last = max((bucket for bucket, count in enumerate(self.counts) if count), default=0)
         return max(self.measured_us, last * self.width_us)
 
     def percentile_us(self, share: float) -> float:
-        """Upper edge (us) of the fine bucket that holds this share of the ticks; the largest if that is the open one.
-
-        0 if there were no ticks.
-        """
+        """Upper edge (us) of the fine bucket of quantile `share`; `largest_us` if that is the open one, 0 if empty."""
         ticks, seen = self.ticks, 0
         if not ticks:
             return 0.0
@@ -45,9 +42,9 @@ class Lateness:
         return self.largest_us
 
     def upper_us(self) -> list[float]:
-        """Upper edges (us) of the coarse buckets: a tick in one was less late than that. One less than `coarse`."""
+        """Exclusive upper edges (us) of the coarse buckets but the last."""
         return [edge * self.width_us for edge in EDGES]
 
     def coarse(self) -> list[int]:
-        """Ticks by coarse bucket; the last one has those that were later than every edge."""
+        """Ticks per coarse bucket; the last one is open."""
         return [sum(self.counts[a:b]) for a, b in zip((0, *EDGES), (*EDGES, len(self.counts)), strict=True)]

@@ -1,6 +1,6 @@
-"""The ramp process: the only one that has the port. It ticks, and does nothing else.
+"""The real-time process that owns the serial port: a periodic loop with absolute deadlines.
 
-No zenoh, no logging and no files here: whoever shares an interpreter with such things is late by milliseconds.
+No zenoh, logging or files here: they would delay ticks of the same interpreter by milliseconds.
 """
 
 from __future__ import annotations
@@ -12,26 +12,26 @@ import os
 import signal
 from dataclasses import dataclass
 
-from lrmd.link.serial_port import Port
-from lrmd.ramp.clock import Clock
-from lrmd.ramp.core import Board, RampCore
+from lrmd.link.serial_port import SerialPort
+from lrmd.ramp.clock import MonotonicClock
+from lrmd.ramp.core import BoardSettings, RampCore
 from lrmd.ramp.shared_fd import SharedFd
-from lrmd.ramp.shared_memory import BUCKET_NS, BUCKETS, LinkState, Report, Shared
+from lrmd.ramp.shared_memory import BUCKET_NS, BUCKETS, LinkState, RampReport, SharedRecords
 from lrmd.ramp.stepping import next_due
 
 MCL_CURRENT, MCL_FUTURE = 1, 2
 PR_SET_PDEATHSIG = 1
 DUTY_SHARE = 0.01
-"""Weight of the newest tick in the averaged duty."""
+"""Weight of the newest tick in the exponential moving average of the duty."""
 REOPEN_EVERY = 3
-"""Ticks between two attempts to open a port that is gone."""
+"""Ticks between two attempts to reopen a lost port."""
 
 
 @dataclass(frozen=True)
 class RampSetup:
-    """What the ramp process is given at its start. `memory` and `estop`: the shared memory and the eventfd."""
+    """Start arguments of the ramp process. `tick`: period, ns; `memory`, `estop`: shared memory and eventfd."""
 
-    board: Board
+    board: BoardSettings
     port: str
     baud: int
     tick: int
@@ -42,11 +42,11 @@ class RampSetup:
 
 
 def run(setup: RampSetup) -> None:
-    """The process: ticks until it is told to stop or its parent is gone."""
+    """Process entry point: ticks until SIGTERM or the end of the parent."""
     die_with_parent()
-    realtime = take_realtime(setup.priority)
-    shared = Shared(setup.memory.number)
-    core = RampCore(setup.board, shared.report())
+    realtime = request_realtime(setup.priority)
+    shared = SharedRecords(setup.memory.number)
+    core = RampCore(setup.board, shared.read_report())
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -54,12 +54,12 @@ def run(setup: RampSetup) -> None:
         _loop(setup, shared, core, realtime)
 
 
-def _loop(setup: RampSetup, shared: Shared, core: RampCore, realtime: bool) -> None:
+def _loop(setup: RampSetup, shared: SharedRecords, core: RampCore, realtime: bool) -> None:
     stopped = _stop_flag()
-    clock, port = Clock(setup.speed), Port(setup.port, setup.baud)
-    real = Clock()
-    earlier = shared.report() or Report()
-    tick, skipped, latest, starts = earlier.tick, earlier.skipped, earlier.latest, earlier.starts + 1
+    clock, port = MonotonicClock(setup.speed), SerialPort(setup.port, setup.baud)
+    real = MonotonicClock()
+    earlier = shared.read_report() or RampReport()
+    tick, skipped, max_late_ns, starts = earlier.tick, earlier.skipped, earlier.max_late_ns, earlier.starts + 1
     if port.open():
         core.opened(clock.now())
     due = clock.now() + setup.tick
@@ -67,14 +67,14 @@ def _loop(setup: RampSetup, shared: Shared, core: RampCore, realtime: bool) -> N
         clock.sleep_until(due)
         now = clock.now()
         received = port.read()
-        out = core.tick(now, real.now(), shared.order(), received, _rung(setup.estop.number))
+        out = core.tick(now, real.now(), shared.read_order(), received, _estop_signalled(setup.estop.number))
         if out:
             port.write(out)
         lateness = int((now - due) / setup.speed)
         shared.lateness[min(max(0, lateness // BUCKET_NS), BUCKETS - 1)] += 1
-        latest = max(latest, lateness)
+        max_late_ns = max(max_late_ns, lateness)
         tick += 1
-        shared.tell(core.report(tick, now, skipped, min(latest, 0xFFFFFFFF), starts, realtime, port.error))
+        shared.write_report(core.report(tick, now, skipped, min(max_late_ns, 0xFFFFFFFF), starts, realtime, port.error))
         if core.link is LinkState.CLOSED and tick % REOPEN_EVERY == 0 and port.open():
             core.opened(clock.now())
         end = clock.now()
@@ -84,7 +84,7 @@ def _loop(setup: RampSetup, shared: Shared, core: RampCore, realtime: bool) -> N
     port.close()
 
 
-def _rung(estop: int) -> bool:
+def _estop_signalled(estop: int) -> bool:
     try:
         os.eventfd_read(estop)
     except BlockingIOError:
@@ -93,7 +93,7 @@ def _rung(estop: int) -> bool:
 
 
 def _stop_flag() -> list[int]:
-    """Fills when the process is asked to end, so that the tick under way is finished first."""
+    """A list that SIGTERM makes non-empty, so that the current tick is finished first."""
     flag: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: flag.append(number))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -105,8 +105,8 @@ def die_with_parent() -> None:
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def take_realtime(priority: int) -> bool:
-    """Asks for SCHED_FIFO and for memory that is never paged out; says whether it got the first."""
+def request_realtime(priority: int) -> bool:
+    """Locks the memory and requests SCHED_FIFO (0: neither); returns whether the scheduler granted it."""
     if not priority:
         return False
     ctypes.CDLL(None, use_errno=True).mlockall(MCL_CURRENT | MCL_FUTURE)

@@ -1,4 +1,4 @@
-"""A file descriptor that goes along when a process is spawned."""
+"""A file descriptor inherited by a spawned process."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class SharedFd:
-    """A descriptor by its number in this process. Pickled for a child that is being spawned, it is inherited."""
+    """A descriptor number of this process; pickling it for a child that is being spawned duplicates it there."""
 
     number: int
 

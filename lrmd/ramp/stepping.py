@@ -1,6 +1,6 @@
-"""The stepping rule: where every pulse stands after each tick of a move, and when the next tick is due. Pure integers.
+"""Integer interpolation of a move: every pulse after each tick, and the deadline of the next tick.
 
-A tick changes a pulse by at most one step (1 us in the thesis, section 5.4). A late tick is skipped, never caught up:
+A tick changes a pulse by at most one step (1 us in Conenna 2024, section 5.4). A late tick is skipped, never caught up:
 the staircase only gets longer.
 """
 
@@ -12,7 +12,7 @@ from enum import IntEnum
 
 
 class Pace(IntEnum):
-    """How the servos of one move keep time: all end together, or each runs at its own full rate."""
+    """Synchronisation of a move: all servos end together, or each runs at its own full rate."""
 
     TOGETHER = 0
     EACH = 1
@@ -20,7 +20,7 @@ class Pace(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A staircase for every servo: from `start` over `distance` (ns of pulse) in `ticks` ticks."""
+    """A staircase per servo: from `start` over `distance` (ns of pulse) in `ticks` ticks."""
 
     start: tuple[int, ...]
     distance: tuple[int, ...]
@@ -28,18 +28,18 @@ class Move:
 
     @property
     def length(self) -> int:
-        """Ticks until the last servo is there."""
+        """Ticks until the last servo arrives."""
         return max(self.ticks, default=0)
 
     def at(self, k: int) -> tuple[int, ...]:
-        """Pulses (ns) after `k` ticks. Consecutive values differ by at most the stride that the move was made with."""
+        """Pulses (ns) after `k` ticks. Consecutive values differ by at most the stride of the move."""
         return tuple(
             s + (d * k // n if k < n else d) for s, d, n in zip(self.start, self.distance, self.ticks, strict=True)
         )
 
 
 def move(start: Sequence[int], target: Sequence[int], stride: Sequence[int], pace: Pace) -> Move:
-    """A move from pulse to pulse (ns) with at most `stride` (ns, > 0) per tick and servo."""
+    """The move from `start` to `target` (ns per servo) with at most `stride` (ns, > 0) per tick."""
     distance = tuple(t - s for s, t in zip(start, target, strict=True))
     ticks = tuple(-(-abs(d) // s) for d, s in zip(distance, stride, strict=True))
     if pace is Pace.TOGETHER:
@@ -49,10 +49,9 @@ def move(start: Sequence[int], target: Sequence[int], stride: Sequence[int], pac
 
 
 def next_due(now: int, due: int, period: int) -> tuple[int, int]:
-    """When the tick after the one that was due at `due` is due, and how many were skipped (ns, ns, ns).
+    """Next deadline (ns) after `due` on the grid of `period`, and the number of deadlines already missed.
 
-    Deadlines stay on one grid. What is already past is skipped. If the clock went back by more than a period, the grid
-    begins anew from now.
+    If the clock went back by more than a period, the grid restarts at `now`.
     """
     if now < due - period:
         return now + period, 0

@@ -1,6 +1,6 @@
-"""The servo board without hardware: frames in, frames out, the chip behind it, and the stop on silence.
+"""Simulated servo board: handles frames, drives the chip model, and stops the pulses on a silence timeout.
 
-Sans-io: bytes and times (ns) are arguments. The contract is docs/protocol.md; firmware/ is the same for a real board.
+Sans-io: bytes and times (ns) are arguments. Specification: docs/protocol.md; firmware/ is its counterpart on hardware.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ from typing import Final, TypeAlias
 
 from lrm_math.arm.servo_table import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
 from lrmd.link import pca9685, protocol
+from lrmd.link.frames import BadFrame, Frame, FrameDecoder, FrameType, bits_of, encode
 from lrmd.link.pca9685 import RegisterError
-from lrmd.link.protocol import Bad, Decoder, ErrorCode, Frame, FrameType, Info, Status
-from lrmd.sim.pca9685_chip import NoAnswer, Pca9685Chip
+from lrmd.link.protocol import BoardInfo, BoardStatus, ErrorCode
+from lrmd.sim.pca9685_chip import I2cNoAcknowledge, Pca9685Chip
 
 MS: Final = 1_000_000
 WORD: Final = 0x10000
@@ -23,81 +24,80 @@ ALL_CHANNELS: Final = 0xFFFF
 ASLEEP: Final = bytes((pca9685.AUTO_INCREMENT | pca9685.SLEEP,))
 SETUP_LIMITS: Final = {0: (PRESCALE_MIN, PRESCALE_MAX), 1: (protocol.SILENCE_MS_MIN, protocol.SILENCE_MS_MAX)}
 
-Listener: TypeAlias = Callable[[int, str, Mapping[int, int]], None]
-"""Is told of (time in ns, `arm` | `setup` | `silence` | `power`, words by channel or by bit)."""
+FrameListener: TypeAlias = Callable[[int, str, Mapping[int, int]], None]
+"""Callback of (time in ns, `arm` | `setup` | `silence` | `power`, words by channel or by bit)."""
 
 
-def _nobody(*_: object) -> None:
+def _ignore(*_: object) -> None:
     return None
 
 
-class Refused(Exception):
-    """A frame that is answered by ERROR and has had no effect."""
+class FrameRefused(Exception):
+    """A frame that is answered by ERROR and has no effect."""
 
     def __init__(self, code: ErrorCode, index: int = 0) -> None:
         self.code, self.index = code, index
 
 
-class Board:
+class SimulatedBoard:
     """One board with its chip.
 
     Args:
-        chip: stays the board's own from now on.
+        chip: owned by the board from now on.
         random: draws the boot numbers.
         now: ns, when the power comes on. Times given later never go back.
 
     Attributes:
-        listener: is told of every accepted ARM and SETUP, of every stop on silence and every power-on.
+        listener: called on every accepted ARM and SETUP, stop on silence and power-on.
     """
 
     def __init__(self, chip: Pca9685Chip, random: Random, now: int = 0) -> None:
         self.chip = chip
-        self.listener: Listener = _nobody
+        self.listener: FrameListener = _ignore
         self._random = random
         self.power_cycle(now)
 
     def power_cycle(self, now: int) -> None:
-        """Power lost and back: everything forgotten, all outputs off, another boot number."""
+        """Power lost and restored: state cleared, all outputs off, new boot number."""
         self.chip.power_cycle()
-        self._decoder = Decoder()
-        self.boot = self._another_boot()
+        self._decoder = FrameDecoder()
+        self.boot = self._new_boot_number()
         self.accepted = self.refused = 0
         self.silence_ms = protocol.SILENCE_MS_DEFAULT
         self._silenced = self._fault = self._set_up = False
-        self._on = ALL_CHANNELS
-        self._heard = now - self.silence_ms * MS
-        self._tried = now
+        self._outputs = ALL_CHANNELS
+        self._last_arm = now - self.silence_ms * MS
+        self._last_tick = now
         self._stop(now)
         self.listener(now, "power", {})
 
-    def _another_boot(self) -> int:
-        before = getattr(self, "boot", 0)
-        while (number := self._random.randint(1, WORD - 1)) == before:
+    def _new_boot_number(self) -> int:
+        while (number := self._random.randint(1, WORD - 1)) == getattr(self, "boot", 0):
             pass
         return number
 
     @property
-    def status(self) -> Status:
-        """The state as ACK and INFO tell it."""
-        return Status(bool(self._on) | self._silenced << 1 | self._fault << 2 | self._set_up << 3)
+    def status(self) -> BoardStatus:
+        """The status word of ACK and INFO."""
+        return BoardStatus(bool(self._outputs) | self._silenced << 1 | self._fault << 2 | self._set_up << 3)
 
     @property
     def deadline(self) -> int | None:
-        """When `tick` has to be called at the latest (ns), or None as long as nothing pulses."""
-        return max(self._heard + self.silence_ms * MS, self._tried + RETRY) if self._on else None
+        """Latest time (ns) of the next `tick`, None while nothing pulses."""
+        return max(self._last_arm + self.silence_ms * MS, self._last_tick + RETRY) if self._outputs else None
 
     def tick(self, now: int) -> None:
         """Stops all outputs if no ARM frame was accepted for the silence timeout; retries until the chip answers.
 
         The stop is latched: ARM is refused until the next SETUP.
         """
-        self._tried = now
+        self._last_tick = now
         if self._overdue(now) and self._stop(now):
             self._silenced, self._set_up = self._silenced or self._set_up, False
             self.listener(now, "silence", {})
 
     def _overdue(self, now: int) -> bool:
-        return bool(self._on) and now - self._heard >= self.silence_ms * MS
+        return bool(self._outputs) and now - self._last_arm >= self.silence_ms * MS
 
     def _stop(self, now: int) -> bool:
         """All outputs off; before the first SETUP the chip sleeps, too. Returns whether the chip acknowledged."""
@@ -105,34 +105,34 @@ class Board:
         try:
             self._write((pca9685.ALL_OFF,), now)
             if not self._set_up:
-                self._write((pca9685.Write(pca9685.MODE1, ASLEEP),), now)
-        except NoAnswer:
+                self._write((pca9685.RegisterWrite(pca9685.MODE1, ASLEEP),), now)
+        except I2cNoAcknowledge:
             self._fault = True
             return False
-        self._on, self._fault = 0, False
+        self._outputs, self._fault = 0, False
         return True
 
     def feed(self, data: bytes, now: int) -> bytes:
-        """Takes what came over the line; returns what goes back."""
-        return b"".join([self._answer(event, now) for event in self._decoder.feed(data)])
+        """Handles received bytes; returns the bytes to send back."""
+        return b"".join([self._reply(event, now) for event in self._decoder.feed(data)])
 
-    def _answer(self, event: Frame | Bad, now: int) -> bytes:
+    def _reply(self, event: Frame | BadFrame, now: int) -> bytes:
         self.tick(now)
-        if isinstance(event, Bad):
+        if isinstance(event, BadFrame):
             self.refused += 1
-            return protocol.encode(protocol.error_to(event))
+            return encode(protocol.error_to(event))
         try:
-            reply = self._obey(event, now)
-        except Refused as refused:
+            reply = self._execute(event, now)
+        except FrameRefused as refused:
             self.refused += 1
             reply = protocol.error(event.seq, refused.code, refused.index)
-        except (NoAnswer, RegisterError):
+        except (I2cNoAcknowledge, RegisterError):
             self.refused += 1
             self._fault = True
             reply = protocol.error(event.seq, ErrorCode.CHIP)
-        return protocol.encode(reply)
+        return encode(reply)
 
-    def _obey(self, frame: Frame, now: int) -> Frame:
+    def _execute(self, frame: Frame, now: int) -> Frame:
         match frame.type:
             case FrameType.ARM:
                 self._arm(frame, now)
@@ -143,34 +143,34 @@ class Board:
             case FrameType.HELLO:
                 return self._info(frame)
             case _:
-                raise Refused(ErrorCode.UNKNOWN_TYPE)
+                raise FrameRefused(ErrorCode.UNKNOWN_TYPE)
         self.accepted += 1
         return protocol.ack(frame.seq, self.status, self.boot)
 
     def _arm(self, frame: Frame, now: int) -> None:
-        counts = frame.items()
+        counts = frame.word_by_bit()
         for channel, count in counts.items():
             if count >= COUNTS_PER_PERIOD:
-                raise Refused(ErrorCode.VALUE, channel)
+                raise FrameRefused(ErrorCode.VALUE, channel)
         if not self._set_up:
-            raise Refused(ErrorCode.NOT_SET_UP)
-        self._need(pca9685.AUTO_INCREMENT | pca9685.SLEEP)
+            raise FrameRefused(ErrorCode.NOT_SET_UP)
+        self._require_mode1(pca9685.AUTO_INCREMENT | pca9685.SLEEP)
         if self._overdue(now):
-            raise NoAnswer("outputs that were due to stop could not be stopped")
+            raise I2cNoAcknowledge("outputs that were due to stop could not be stopped")
         switched_on = sum(1 << channel for channel, count in counts.items() if count)
-        on = self._on & ~frame.mask | switched_on
-        self._on |= on
+        on = self._outputs & ~frame.mask | switched_on
+        self._outputs |= on
         self._write(pca9685.channel_writes(counts), now)
-        self._on, self._heard, self._fault = on, now, False
+        self._outputs, self._last_arm, self._fault = on, now, False
         self.chip.enable(bool(on))
         self.listener(now, "arm", counts)
 
     def _setup(self, frame: Frame, now: int) -> None:
-        words = frame.items()
+        words = frame.word_by_bit()
         for bit, word in words.items():
             low, high = SETUP_LIMITS.get(bit, (1, 0))
             if not low <= word <= high:
-                raise Refused(ErrorCode.VALUE, bit)
+                raise FrameRefused(ErrorCode.VALUE, bit)
         if 0 in words:
             self._start_chip(words[0], now)
             self._set_up = True
@@ -179,16 +179,16 @@ class Board:
         self.listener(now, "setup", words)
 
     def _start_chip(self, prescale: int, now: int) -> None:
-        """Sets the prescale, unless the chip runs with it: then it goes on pulsing. Raises `NoAnswer`."""
+        """Sets the prescale, unless the chip runs with it: then it goes on pulsing. Raises `I2cNoAcknowledge`."""
         mode1, before = self.chip.read(pca9685.MODE1)[0], self.chip.read(pca9685.PRESCALE)[0]
         if not pca9685.is_running(mode1, before, prescale):
             if not self._stop(now):
-                raise NoAnswer("outputs could not be stopped")
+                raise I2cNoAcknowledge("outputs could not be stopped")
             self._write(pca9685.start_sequence(prescale), now)
 
     def _state(self, frame: Frame) -> Frame:
-        self._need(pca9685.AUTO_INCREMENT)
-        counts = {channel: self._count(channel) for channel in protocol.bits_of(frame.mask)}
+        self._require_mode1(pca9685.AUTO_INCREMENT)
+        counts = {channel: self._count(channel) for channel in bits_of(frame.mask)}
         self.accepted += 1
         return protocol.state(frame.seq, counts)
 
@@ -197,21 +197,21 @@ class Board:
 
     def _info(self, frame: Frame) -> Frame:
         if frame.mask:
-            raise Refused(ErrorCode.VALUE, protocol.bits_of(frame.mask)[0])
+            raise FrameRefused(ErrorCode.VALUE, bits_of(frame.mask)[0])
         prescale = self.chip.read(pca9685.PRESCALE)[0]
         self.accepted += 1
-        accepted, refused = self.accepted % WORD, self.refused % WORD
-        said = Info(protocol.VERSION, self.boot, self.status, prescale, self.silence_ms, accepted, refused, SIMULATED)
-        return protocol.info(frame.seq, said)
+        counters = self.accepted % WORD, self.refused % WORD
+        info = BoardInfo(protocol.VERSION, self.boot, self.status, prescale, self.silence_ms, *counters, SIMULATED)
+        return protocol.info(frame.seq, info)
 
-    def _need(self, bits: int) -> None:
-        """Raises `NoAnswer` unless, of these bits of MODE1, AUTO_INCREMENT alone is set: else the chip was reset."""
+    def _require_mode1(self, bits: int) -> None:
+        """Raises `I2cNoAcknowledge` unless AUTO_INCREMENT is the only one of these MODE1 bits set."""
         if self.chip.read(pca9685.MODE1)[0] & bits != pca9685.AUTO_INCREMENT:
-            raise NoAnswer("the chip was reset: it needs a SETUP")
+            raise I2cNoAcknowledge("the chip was reset: it needs a SETUP")
 
-    def _write(self, steps: Iterable[pca9685.Write | pca9685.Pause], now: int) -> None:
+    def _write(self, steps: Iterable[pca9685.RegisterWrite | pca9685.BusPause], now: int) -> None:
         for step in steps:
-            if isinstance(step, pca9685.Pause):
+            if isinstance(step, pca9685.BusPause):
                 now += round(step.seconds * 1e9)
             else:
                 self.chip.write(step.register, step.data, now)

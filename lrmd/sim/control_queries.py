@@ -1,8 +1,8 @@
-"""What a simulated board answers when asked about itself and the arm behind it.
+"""Queries to a running simulated board about itself and its arm.
 
-tcp | measure | joints | status      see `answer`
-payload GRAMS                        what the gripper carries from now on
-any fault of lrmd.sim.faults       begins now
+tcp | measure | joints | status      see `answer_query`
+payload GRAMS                        sets the payload of the gripper
+any fault of lrmd.sim.faults         starts the fault now
 """
 
 from __future__ import annotations
@@ -13,60 +13,55 @@ from typing import TypeAlias
 
 from lrm_math.arm.servo_table import COUNTS_PER_PERIOD
 from lrm_math.arrays import Array
-from lrm_math.errors import LrmError, nearest
+from lrm_math.errors import LrmError, name_suggestion
 from lrmd.link.pca9685 import CHANNELS
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.faults import FAULT_NAMES, parse_fault
 from lrmd.sim.simulation import SECOND, Simulation
 
-Answer: TypeAlias = dict[str, object]
-QUESTIONS = ("tcp", "measure", "joints", "status", "payload")
+QueryReply: TypeAlias = dict[str, object]
+QUERIES = ("tcp", "measure", "joints", "status", "payload")
 
 
-class QuestionError(LrmError):
-    """A question that a simulated board cannot answer."""
+class QueryError(LrmError):
+    """An invalid query."""
 
 
-def answer(simulation: Simulation, question: str, now: int, random: Random, noise: float) -> Answer:
-    """One answer. Lengths in mm, angles in deg, pulses in us, s of the board's time.
+def answer_query(simulation: Simulation, question: str, now: int, random: Random, noise: float) -> QueryReply:
+    """Answers one query, as the fields of a JSON object; times are s of the board's clock.
 
-    `tcp`: where the tool truly is; `measure`: what a tracker would see, with `noise` (m, standard deviation of each
-    coordinate) drawn from `random`; `joints`: every servo; `status`: board and chip.
+    `tcp`: the true TCP; `measure`: a tracker measurement with Gaussian noise of standard deviation `noise` (m) per
+    coordinate; `joints`: every servo; `status`: board and chip.
 
     Raises:
-        LrmError: no such question, no arm behind the board, or an arm that does not settle.
+        LrmError: unknown query, no arm on the board, or an arm without equilibrium.
     """
     simulation.tick(now)
     match question.split():
         case ["tcp"]:
-            return _where(simulation, now) | _mm(_arm(simulation).rest().true_tcp[-1])
+            return _conditions(simulation, now) | _mm(_arm(simulation).equilibrium().true_tcp[-1])
         case ["measure"]:
-            seen = _arm(simulation).rest().tcp[-1]
-            return (
-                _where(simulation, now)
-                | _mm(seen + [random.gauss(0.0, noise) for _ in range(3)])
-                | {"sd_mm": noise * 1e3}
-            )
+            measured = _arm(simulation).equilibrium().tcp[-1] + [random.gauss(0.0, noise) for _ in range(3)]
+            return _conditions(simulation, now) | _mm(measured) | {"sd_mm": noise * 1e3}
         case ["joints"]:
             return _joints(simulation)
         case ["status"]:
             return _status(simulation, now)
         case ["payload", grams]:
-            _arm(simulation).load(_grams(grams) * 1e-3)
+            _arm(simulation).set_payload(_grams(grams) * 1e-3)
             return {"payload_g": _arm(simulation).payload * 1e3}
         case [name, *_] if name in FAULT_NAMES:
             planned = parse_fault(question)
             if planned.at:
-                raise QuestionError(f"'{question}': leave out 'at'; the fault begins now")
+                raise QueryError(f"'{question}': leave out 'at'; the fault begins now")
             simulation.begin(planned.fault, now)
             return {"begun": question}
-    names = (*QUESTIONS, *FAULT_NAMES)
-    raise QuestionError(f"unknown question '{question}'; {nearest(question, names)}")
+    raise QueryError(f"unknown question '{question}'; {name_suggestion(question, (*QUERIES, *FAULT_NAMES))}")
 
 
 def _arm(simulation: Simulation) -> SimulatedArm:
     if simulation.arm is None:
-        raise QuestionError("there is no arm behind this board; start it with --arm")
+        raise QueryError("there is no arm behind this board; start it with --arm")
     return simulation.arm
 
 
@@ -74,24 +69,19 @@ def _grams(word: str) -> float:
     try:
         return float(word)
     except ValueError:
-        raise QuestionError(f"payload '{word}': should be a number of grams") from None
+        raise QueryError(f"payload '{word}': should be a number of grams") from None
 
 
-def _mm(position: Array) -> Answer:
+def _mm(position: Array) -> QueryReply:
     return dict(zip(("x_mm", "y_mm", "z_mm"), (float(p) * 1e3 for p in position), strict=True))
 
 
-def _where(simulation: Simulation, now: int) -> Answer:
+def _conditions(simulation: Simulation, now: int) -> QueryReply:
     arm = _arm(simulation)
-    return {
-        "t_s": now / SECOND,
-        "session": arm.session,
-        "payload_g": arm.payload * 1e3,
-        "moving": arm.moving,
-    }
+    return {"t_s": now / SECOND, "session": arm.session, "payload_g": arm.payload * 1e3, "moving": arm.moving}
 
 
-def _joints(simulation: Simulation) -> Answer:
+def _joints(simulation: Simulation) -> QueryReply:
     arm = _arm(simulation)
     return {
         servo.name: {
@@ -105,7 +95,7 @@ def _joints(simulation: Simulation) -> Answer:
     }
 
 
-def _status(simulation: Simulation, now: int) -> Answer:
+def _status(simulation: Simulation, now: int) -> QueryReply:
     board, chip = simulation.board, simulation.board.chip
     pulses = [chip.pulse(channel) for channel in range(CHANNELS)]
     return {

@@ -1,6 +1,6 @@
-"""The control socket of a running simulated board: one question in (lrmd.sim.control_queries), one JSON object out.
+"""Control socket of a running simulated board: a query (lrmd.sim.control_queries) in, a JSON object out.
 
-It stands beside the device, `LINK.ctl`, one packet per message, and also keeps two boards from the same LINK.
+A SOCK_SEQPACKET socket at `LINK.ctl`, which also keeps two boards from the same LINK.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lrm_math.errors import LrmError
-from lrmd.sim.control_queries import Answer
+from lrmd.sim.control_queries import QueryReply
 
 LONGEST_MESSAGE = 65_536
 
 
 class ControlError(LrmError):
-    """No simulated board at that place, one too many, or one that refuses the question."""
+    """No simulated board at that link, a second one, or a refused query."""
 
 
 def control_path(link: Path) -> Path:
-    """Where the socket of the board at `link` stands."""
+    """Path of the control socket of the board at `link`."""
     return link.with_name(link.name + ".ctl")
 
 
-def ask(link: Path, question: str, timeout: float = 5.0) -> Answer:
-    """Asks the simulated board at `link`. Raises `ControlError`."""
+def query_board(link: Path, question: str, timeout: float = 5.0) -> QueryReply:
+    """Queries the simulated board at `link`. Raises `ControlError`."""
     path = control_path(link)
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as line:
         line.settimeout(timeout)
@@ -39,14 +39,14 @@ def ask(link: Path, question: str, timeout: float = 5.0) -> Answer:
             raise ControlError(f"{path}: no simulated board answers ({error.strerror or error})") from None
     if not reply:
         raise ControlError(f"{path}: the simulated board has gone")
-    answer: Answer = json.loads(reply)
+    answer: QueryReply = json.loads(reply)
     if "error" in answer:
         raise ControlError(str(answer["error"]))
     return answer
 
 
-class Control:
-    """The listening end. Raises `ControlError` if another board already serves this link."""
+class ControlServer:
+    """The listening socket. Raises `ControlError` if another board already serves this link."""
 
     def __init__(self, link: Path) -> None:
         self.path = control_path(link)
@@ -69,24 +69,24 @@ class Control:
                 raise ControlError(f"{self.path}: another simulated board is running there; give another --link")
         self.path.unlink()
 
-    def serve(self, reply: Callable[[str], Answer]) -> None:
-        """Answers one waiting asker. An asker that says nothing, or goes away, costs a tenth of a second at most."""
+    def serve(self, reply: Callable[[str], QueryReply]) -> None:
+        """Answers one waiting client; a silent one is dropped after 0.1 s."""
         line, _ = self.socket.accept()
         with line:
             line.settimeout(0.1)
             try:
                 question = line.recv(LONGEST_MESSAGE).decode(errors="replace")
-                line.send(json.dumps(_told(reply, question)).encode())
+                line.send(json.dumps(_safe_reply(reply, question)).encode())
             except OSError:
                 return
 
     def close(self) -> None:
-        """Ends the service."""
+        """Closes and removes the socket."""
         self.socket.close()
         self.path.unlink(missing_ok=True)
 
 
-def _told(reply: Callable[[str], Answer], question: str) -> Answer:
+def _safe_reply(reply: Callable[[str], QueryReply], question: str) -> QueryReply:
     try:
         return reply(question)
     except LrmError as error:

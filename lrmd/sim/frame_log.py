@@ -1,4 +1,4 @@
-"""What a simulated board was told, as CSV: one line for every accepted frame, stop on silence and power-on."""
+"""CSV log of a simulated board: one line per accepted frame, stop on silence and power-on."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ COLUMNS = ("t_ns", "event", "prescale", "silence_ms", *(f"ch{channel}" for chann
 
 
 class FrameLog:
-    """A board's listener that writes. Cells are empty for what a frame does not carry; a count of 0 is off.
+    """A board's listener that writes the log. Cells absent from the frame are empty; a count of 0 is off.
 
-    Lines are written at once, so a killed board leaves whole ones. Raises `FileError`.
+    Line-buffered, so a killed board leaves whole lines. Raises `FileError`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -31,5 +31,5 @@ class FrameLog:
         self._file.write(f"{now},{event},{','.join(map(str, cells))}\n")
 
     def close(self) -> None:
-        """Ends the file."""
+        """Closes the file."""
         self._file.close()

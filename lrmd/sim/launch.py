@@ -1,4 +1,4 @@
-"""A simulated board of the daemon's own, for trying things without hardware."""
+"""Starts a simulated board as a subprocess of the daemon, for operation without hardware."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ from lrmd.config import Config
 
 @contextmanager
 def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterator[Config]:
-    """Runs `lrmd-board` on a private pty; gives the configuration that uses it instead of its own port.
-
-    Raises `LrmError` if the board does not come up.
-    """
+    """Runs `lrmd-board` on a private pty; yields the configuration with its port. Raises `LrmError` if it fails."""
     known = (*config.arm.joint_names, *(name for name, _ in config.arm.auxiliary_servos))
     channels = ",".join(f"{s.name}={s.channel}" for s in config.servos if s.name in known)
     with tempfile.TemporaryDirectory(prefix="lrmd-") as folder:

@@ -1,4 +1,4 @@
-"""The PCA9685 as its data sheet describes it: registers, sleep and restart, and the pulses that come out.
+"""Register-level model of the PCA9685 PWM chip: registers, sleep and restart, and output pulses.
 
 Source: NXP PCA9685 data sheet, rev. 4, sections 7.3.1 to 7.3.5 and Table 4. Left out: sub-addresses, software reset,
 external clock, inverted outputs (INVRT), outputs that change before the stop (OCH). One call is one transaction.
@@ -38,14 +38,14 @@ _WRITABLE = bytes((0xFF, 0x1F, 0xFF, 0x1F))
 _WRITABLE_LED = _WRITABLE * CHANNELS
 
 
-class NoAnswer(LrmError):
-    """The chip does not acknowledge: it has no power, or no such register."""
+class I2cNoAcknowledge(LrmError):
+    """No I2C acknowledge: the chip has no power, or no such register."""
 
 
 class Pca9685Chip:
-    """One chip. `oscillator_hz` is its own oscillator, 25 MHz by name and 23 to 27 MHz in fact.
+    """One chip. `oscillator_hz`: its internal oscillator, nominally 25 MHz, 23 to 27 MHz on real chips.
 
-    `changes` grows whenever outputs may have changed. Times are ns of any clock that never goes back.
+    `changes` increases whenever outputs may have changed. Times are ns of a monotonic clock.
     """
 
     def __init__(self, oscillator_hz: float = 25e6) -> None:
@@ -84,7 +84,7 @@ class Pca9685Chip:
             register = self._after(register)
 
     def read(self, register: int, length: int = 1) -> bytes:
-        """`length` bytes from `register` on. Raises `NoAnswer`."""
+        """`length` bytes from `register` on. Raises `I2cNoAcknowledge`."""
         out = bytearray()
         for _ in range(length):
             self._check(register)
@@ -93,15 +93,15 @@ class Pca9685Chip:
         return bytes(out)
 
     def enable(self, on: bool) -> None:
-        """The pin OE: lets outputs through, or holds all of them low whatever the registers say (7.4)."""
+        """The pin OE: enables the outputs, or holds all of them low (7.4)."""
         if on != self.enabled:
             self.enabled = on
             self.changes += 1
 
     def width(self, channel: int) -> int | None:
-        """Counts that the channel's output is high in each period; None where it does not pulse (off, or always on).
+        """Counts of the channel's high time per period; None without pulses (off, or always on).
 
-        Full off outdoes full on (7.3.3); an ON behind OFF wraps around the period; equal ones never switch on.
+        Full off overrides full on (7.3.3); ON after OFF wraps around the period; equal ones never switch on.
         """
         if not self.enabled or self._registers[MODE1] & (SLEEP | RESTART):
             return None
@@ -113,15 +113,15 @@ class Pca9685Chip:
         return (self._registers[PRESCALE] + 1) / self.oscillator_hz
 
     def pulse(self, channel: int) -> float | None:
-        """Length of the channel's pulses (s), or None where it puts out none."""
+        """Pulse width (s) of the channel, None without pulses."""
         width = self.width(channel)
         return None if width is None else width * self.count_s
 
     def _check(self, register: int) -> None:
         if not self.answers:
-            raise NoAnswer("the PCA9685 does not answer")
+            raise I2cNoAcknowledge("the PCA9685 does not answer")
         if not (0 <= register < LED_END or ALL_ON_L <= register <= PRESCALE):
-            raise NoAnswer(f"the PCA9685 has no register {register:#04x}")
+            raise I2cNoAcknowledge(f"the PCA9685 has no register {register:#04x}")
 
     def _after(self, register: int) -> int:
         """The next address: past the channels, and past PRE_SCALE, comes MODE1 (Table 4, remark)."""
@@ -145,7 +145,7 @@ class Pca9685Chip:
             self._registers[register] = byte
 
     def _store_channels(self, register: int, data: bytes) -> None:
-        """Writing any of these registers also takes RESTART back (7.3.1.1)."""
+        """Writing any of these registers also clears RESTART (7.3.1.1)."""
         at, end = register - LED0, register - LED0 + len(data)
         kept = int.from_bytes(data, "big") & int.from_bytes(_WRITABLE_LED[at:end], "big")
         self._registers[register : register + len(data)] = kept.to_bytes(len(data), "big")

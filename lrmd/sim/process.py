@@ -24,9 +24,9 @@ from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrmd.sim.arm import SimulatedArm
-from lrmd.sim.board import Board
-from lrmd.sim.control_queries import Answer, answer
-from lrmd.sim.control_socket import Control, ask, control_path
+from lrmd.sim.board import SimulatedBoard
+from lrmd.sim.control_queries import QueryReply, answer_query
+from lrmd.sim.control_socket import ControlServer, control_path, query_board
 from lrmd.sim.faults import parse_fault
 from lrmd.sim.frame_log import FrameLog
 from lrmd.sim.pca9685_chip import Pca9685Chip
@@ -49,8 +49,8 @@ questions (--ask): tcp, measure, joints, status, payload GRAMS, or a fault
 
 
 @dataclass(frozen=True)
-class Clock:
-    """The board's time: ns since `start`, `speed` times as fast as the real one."""
+class BoardClock:
+    """The board's clock: ns since `start`, at `speed` times real time."""
 
     start: int
     speed: float
@@ -60,26 +60,26 @@ class Clock:
         return round((time.monotonic_ns() - self.start) * self.speed)
 
     def wait(self, until: int | None) -> float | None:
-        """Real seconds until a board time; None for never."""
+        """Real seconds until a time of the board; None for never."""
         return None if until is None else max(0.0, (until - self.now()) / self.speed / SECOND)
 
 
 def serve(
     simulation: Simulation,
     port: PtyPort,
-    control: Control,
-    reply: Callable[[str], Answer],
-    clock: Clock,
+    control: ControlServer,
+    reply: Callable[[str], QueryReply],
+    clock: BoardClock,
     end: int | None,
 ) -> None:
-    """Runs until board time `end` (ns; None: for ever); `SystemExit` from a signal ends it earlier."""
+    """Event loop until board time `end` (ns; None: for ever) or a `SystemExit` from a signal."""
     waiting = selectors.DefaultSelector()
     waiting.register(control.socket, selectors.EVENT_READ)
     waiting.register(port, selectors.EVENT_READ)
     with waiting:
         while end is None or clock.now() < end:
             port.write(simulation.tick(clock.now()))
-            _follow(simulation, port, waiting)
+            _replug(simulation, port, waiting)
             times = [at for at in (simulation.deadline, end) if at is not None]
             for key, _ in waiting.select(clock.wait(min(times, default=None))):
                 if key.fileobj is control.socket:
@@ -88,8 +88,8 @@ def serve(
                     port.write(simulation.feed(port.read(), clock.now()))
 
 
-def _follow(simulation: Simulation, port: PtyPort, waiting: selectors.BaseSelector) -> None:
-    """Lets the device vanish and come back as the simulation has it."""
+def _replug(simulation: Simulation, port: PtyPort, waiting: selectors.BaseSelector) -> None:
+    """Removes or restores the device as the simulation demands."""
     if port.is_open and not simulation.present:
         waiting.unregister(port)
         port.close()
@@ -99,7 +99,7 @@ def _follow(simulation: Simulation, port: PtyPort, waiting: selectors.BaseSelect
 
 
 def default_link() -> Path:
-    """`lrm-board` in the user's runtime folder, or in a folder of the user's own among the temporary files."""
+    """`lrm-board` in the user's runtime folder, or else in a private folder of the temporary directory."""
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     folder = Path(runtime) if runtime else Path(tempfile.gettempdir()) / f"lrm-{os.getuid()}"
     if not runtime:
@@ -128,7 +128,7 @@ def channels_of(text: str | None, truth: Model) -> dict[str, int]:
 
 
 def truth_of(arm: str, truth: Path | None) -> Model:
-    """The model of the arm as it really is; without one, the nominal arm. Raises `LrmError`."""
+    """The true model of the arm; the nominal arm by default. Raises `LrmError`."""
     nominal = load_arm(arm)
     if truth is None:
         return model_of(nominal, ())
@@ -139,7 +139,7 @@ def truth_of(arm: str, truth: Path | None) -> Model:
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Tells of a wrong command line as of every other mistake."""
+    """Reports a wrong command line like every other `LrmError`."""
 
     def error(self, message: str) -> NoReturn:
         """Raises `LrmError` instead of printing the usage."""
@@ -188,35 +188,39 @@ def _angles(text: str) -> list[float]:
 
 
 def simulation_of(options: argparse.Namespace) -> Simulation:
-    """Everything behind the port, as the command line wants it. Raises `LrmError`."""
+    """Board, link and arm from the command line. Raises `LrmError`."""
     truth = truth_of(options.arm, options.truth)
     band = None if options.dead_band_us is None else options.dead_band_us * 1e-6
     arm = SimulatedArm(truth, channels_of(options.channels, truth), options.start_deg, dead_band=band)
     random = Random(options.seed)
-    board = Board(Pca9685Chip(options.osc_hz), random)
+    board = SimulatedBoard(Pca9685Chip(options.osc_hz), random)
     return Simulation(board, arm, random, [parse_fault(text) for text in options.fault])
 
 
 def run(options: argparse.Namespace) -> None:
-    """Serves one board until its time is over or a signal comes. Raises `LrmError`."""
+    """Runs one board until its time is over or a signal arrives, or queries a running one. Raises `LrmError`."""
     link = options.link or default_link()
     if options.ask is not None:
-        print(json.dumps(ask(link, options.ask)))
+        print(json.dumps(query_board(link, options.ask)))
         return
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
     with ExitStack() as open_things:
         simulation = simulation_of(options)
-        control = open_things.enter_context(closing(Control(link)))
+        control = open_things.enter_context(closing(ControlServer(link)))
         if options.log:
             simulation.board.listener = open_things.enter_context(closing(FrameLog(options.log)))
         port = open_things.enter_context(closing(PtyPort(link)))
         port.open()
         print(f"simulated board at {link} ({port.node}), questions at {control_path(link)}", flush=True)
-        clock = Clock(time.monotonic_ns(), options.speed)
+        clock = BoardClock(time.monotonic_ns(), options.speed)
         end = None if options.seconds is None else round(options.seconds * SECOND)
         random, noise = Random(options.seed), options.noise_mm * 1e-3
-        serve(simulation, port, control, lambda text: answer(simulation, text, clock.now(), random, noise), clock, end)
+
+        def reply(question: str) -> QueryReply:
+            return answer_query(simulation, question, clock.now(), random, noise)
+
+        serve(simulation, port, control, reply, clock, end)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""A pseudo-terminal as the serial device of a simulated board, at a path that stays."""
+"""Pseudo-terminal as the serial device of a simulated board, behind a fixed symbolic link."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from lrm_math.errors import LrmError
 LONGEST_READ = 4096
 
 
-class PortError(LrmError):
-    """The device cannot be made where it should stand."""
+class PtyError(LrmError):
+    """The device cannot be created at its link."""
 
 
 class PtyPort:
-    """One device. Between `close` and `open` it does not exist; every `open` makes another node behind the same link.
+    """One device. Between `close` and `open` it does not exist; every `open` creates a new node behind the same link.
 
-    The slave's end is kept open, else the master would read errors while no host is there; it is raw before anybody
-    can find it, else the first bytes would come back as an echo.
+    The slave end stays open, else the master reads errors while no host is connected; it is set to raw before it is
+    published, else the first bytes would be echoed.
     """
 
     def __init__(self, link: Path) -> None:
@@ -28,7 +28,7 @@ class PtyPort:
         self._ends: tuple[int, int] | None = None
 
     def open(self) -> None:
-        """Makes the device. Raises `PortError`."""
+        """Creates the device. Raises `PtyError`."""
         master, slave = os.openpty()
         self._ends = master, slave
         tty.setraw(slave)
@@ -40,12 +40,12 @@ class PtyPort:
         temporary = self.link.with_name(f".{self.link.name}.{os.getpid()}")
         try:
             if self.link.exists() and not self.link.is_symlink():
-                raise PortError(f"{self.link}: stands in the way; only an old link is replaced")
+                raise PtyError(f"{self.link}: stands in the way; only an old link is replaced")
             temporary.symlink_to(self.node)
             temporary.replace(self.link)
         except OSError as error:
             temporary.unlink(missing_ok=True)
-            raise PortError(f"{self.link}: cannot be made ({error.strerror})") from None
+            raise PtyError(f"{self.link}: cannot be made ({error.strerror})") from None
 
     @property
     def is_open(self) -> bool:
@@ -53,18 +53,18 @@ class PtyPort:
         return self._ends is not None
 
     def fileno(self) -> int:
-        """The descriptor to wait for, -1 while the device does not exist."""
+        """The descriptor to poll, -1 while the device does not exist."""
         return self._ends[0] if self._ends else -1
 
     def read(self) -> bytes:
-        """What the host has sent."""
+        """Bytes from the host."""
         try:
             return os.read(self.fileno(), LONGEST_READ)
         except BlockingIOError:
             return b""
 
     def write(self, data: bytes) -> None:
-        """Sends to the host; what does not fit, because nobody reads, is lost."""
+        """Sends to the host; bytes beyond the buffer of a host that does not read are lost."""
         if not (self.is_open and data):
             return
         try:
@@ -73,7 +73,7 @@ class PtyPort:
             return
 
     def close(self) -> None:
-        """Takes the device away: whoever has it open is hung up on."""
+        """Removes the device; processes that have it open get a hang-up."""
         if self._ends is None:
             return
         if self.link.is_symlink() and os.readlink(self.link) == self.node:

@@ -1,4 +1,4 @@
-"""The simulated board with faults on its line and an arm behind it: sans-io, time is an argument (ns)."""
+"""Simulated board, faulty link and simulated arm on one clock. Sans-io: time is an argument (ns)."""
 
 from __future__ import annotations
 
@@ -7,45 +7,58 @@ from random import Random
 from typing import Final
 
 from lrmd.sim.arm import SimulatedArm
-from lrmd.sim.board import Board
-from lrmd.sim.faults import BrownOut, Calm, ChipSilence, Fault, FrameFault, HangUp, Line, Planned, Stall, TimedFault
+from lrmd.sim.board import SimulatedBoard
+from lrmd.sim.faults import (
+    BrownOut,
+    ChipSilence,
+    ClearFrameFaults,
+    Fault,
+    FaultyLine,
+    FrameFault,
+    HangUp,
+    LineStall,
+    ScheduledFault,
+    TimedFault,
+)
 
 SECOND: Final = 1_000_000_000
 MOST_HELD: Final = 4096
-"""Bytes that a line holds back in a stall; it loses what comes on top, as a real one does."""
+"""Bytes that a stalled line buffers; further ones are lost, as on a real one."""
 
 
 class Simulation:
-    """Board, line and arm on one clock that starts at 0.
+    """Board, link and arm on one clock that starts at 0.
 
     Args:
-        arm: what the servos move, or None: a board alone.
-        random: decides which frames are spoilt, and how.
-        planned: faults to come.
+        arm: the arm that the servos move, or None: a board alone.
+        random: selects the corrupted frames and bits.
+        planned: scheduled faults.
     """
 
-    def __init__(self, board: Board, arm: SimulatedArm | None, random: Random, planned: Iterable[Planned] = ()) -> None:
+    def __init__(
+        self, board: SimulatedBoard, arm: SimulatedArm | None, random: Random, planned: Iterable[ScheduledFault] = ()
+    ) -> None:
         self.board, self.arm = board, arm
-        self._in, self._out = Line("in", random), Line("out", random)
+        self._in, self._out = FaultyLine("in", random), FaultyLine("out", random)
         self._held = b""
         self._plan = sorted(planned, key=lambda plan: plan.at)
         self._ends: dict[type[TimedFault], int] = {}
 
     @property
     def present(self) -> bool:
-        """Whether the host sees the device at all."""
+        """Whether the host sees the device."""
         return HangUp not in self._ends
 
     @property
     def deadline(self) -> int | None:
-        """When `tick` has to be called at the latest (ns), or None: not before something comes in."""
+        """Latest time (ns) of the next `tick`, None if only input needs one."""
         times = [*self._ends.values(), *(round(plan.at * SECOND) for plan in self._plan[:1])]
         if self._powered and self.board.deadline is not None:
             times.append(self.board.deadline)
         return min(times, default=None)
 
     def tick(self, now: int) -> bytes:
-        """Lets time pass; returns bytes for the host."""
+        """Advances to `now`; returns bytes for the host."""
         self._move_arm(now)
         while self._plan and self._plan[0].at * SECOND <= now:
             self.begin(self._plan.pop(0).fault, now)
@@ -57,17 +70,17 @@ class Simulation:
         return self._pass(b"", now) if self._held else b""
 
     def feed(self, data: bytes, now: int) -> bytes:
-        """Takes what the host sent; returns bytes for it."""
+        """Handles bytes from the host; returns bytes for it."""
         return self.tick(now) + self._pass(data, now)
 
     def begin(self, fault: Fault, now: int) -> None:
-        """Lets a fault begin."""
+        """Starts a fault."""
         match fault:
-            case Calm():
+            case ClearFrameFaults():
                 self._in.faults, self._out.faults = [], []
             case FrameFault():
-                self._in.take(fault)
-                self._out.take(fault)
+                self._in.add_fault(fault)
+                self._out.add_fault(fault)
             case TimedFault():
                 self._ends[type(fault)] = now + round(fault.seconds * SECOND)
                 self._start(fault, now)
@@ -95,13 +108,13 @@ class Simulation:
         return BrownOut not in self._ends
 
     def _pass(self, data: bytes, now: int) -> bytes:
-        if Stall in self._ends:
+        if LineStall in self._ends:
             self._held = (self._held + data)[:MOST_HELD]
             return b""
-        arrived, self._held = self._in.carry(self._held + data), b""
+        arrived, self._held = self._in.transmit(self._held + data), b""
         if not (arrived and self._powered and self.present):
             return b""
-        reply = self._out.carry(self.board.feed(arrived, now))
+        reply = self._out.transmit(self.board.feed(arrived, now))
         self._move_arm(now)
         return reply
 

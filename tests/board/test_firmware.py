@@ -1,4 +1,4 @@
-"""The firmware on a computer: it speaks as the document says, does what the simulated board does, and stops pulses."""
+"""The firmware on a computer: follows the specification, agrees with the simulated board, and stops pulses."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.link import pca9685, protocol
-from lrmd.link.protocol import Bad, Decoder, ErrorCode, Frame, FrameType, Reason, Status, encode
-from lrmd.sim import board as simulated_board
+from lrmd.link.frames import BadFrame, BadFrameReason, Frame, FrameDecoder, FrameType, bits_of, encode, word_count
+from lrmd.link.protocol import BoardStatus, ErrorCode
+from lrmd.sim.board import SIMULATED, SimulatedBoard
 from lrmd.sim.pca9685_chip import Pca9685Chip
-from tests.soak.fuzz_link import damaged, some_frame, some_string
-from tests.support.boards import BOOT, FIRMWARE, MS, Board, Bus, firmware
+from tests.soak.fuzz_link import damaged, random_frame, random_string
+from tests.support.firmware_board import BOOT, FIRMWARE, MS, FakeI2cBus, FirmwareBoard, firmware_module
 
 DOCUMENT = FIRMWARE.parent / "docs" / "protocol.md"
-ERRORS = {Reason.COBS: 1, Reason.LENGTH: 1, Reason.CRC: 2, Reason.TOO_LONG: 7}
+ERRORS = {BadFrameReason.COBS: 1, BadFrameReason.LENGTH: 1, BadFrameReason.CRC: 2, BadFrameReason.TOO_LONG: 7}
 
 
 def frames_of(text: bytes) -> list[Any]:
     """What the host's decoder makes of it, said as the firmware says it."""
-    events = Decoder().feed(text)
-    return [ERRORS[e.reason] if isinstance(e, Bad) else (e.type, e.seq, e.mask, e.words) for e in events]
+    events = FrameDecoder().feed(text)
+    return [ERRORS[e.reason] if isinstance(e, BadFrame) else (e.type, e.seq, e.mask, e.words) for e in events]
 
 
 @dataclass(frozen=True)
-class Line:
+class TranscriptLine:
     """One line of the session in the document."""
 
     who: str
@@ -43,11 +44,11 @@ class Line:
     wire: bytes
 
 
-def session() -> list[Line]:
+def session() -> list[TranscriptLine]:
     rows = re.findall(
         r"^\| (host|board|wait) \| (.*?) \| (.*?) \| (.*?) *\|$", DOCUMENT.read_text("utf-8"), re.MULTILINE
     )
-    return [Line(who, says, *(bytes.fromhex(cell.strip("`– ")) for cell in cells)) for who, says, *cells in rows]
+    return [TranscriptLine(who, says, *(bytes.fromhex(c.strip("`– ")) for c in cells)) for who, says, *cells in rows]
 
 
 def test_the_document_shows_frames_as_they_are() -> None:
@@ -57,14 +58,14 @@ def test_the_document_shows_frames_as_they_are() -> None:
         name, seq, mask, *words = line.says.strip("`").split()
         frame = Frame(FrameType[name], int(seq), int(mask, 16), tuple(map(int, words)))
         assert encode(frame) == line.wire
-        assert firmware("link").encode(frame.type, frame.seq, frame.mask, frame.words) == line.wire
+        assert firmware_module("link").encode(frame.type, frame.seq, frame.mask, frame.words) == line.wire
     for line in session():
         if line.wire:
-            assert firmware("link").cobs_decode(line.wire[:-1]) == line.frame
+            assert firmware_module("link").cobs_decode(line.wire[:-1]) == line.frame
 
 
 def test_the_firmware_plays_the_session_of_the_document() -> None:
-    board, answers = Board(), b""
+    board, answers = FirmwareBoard(), b""
     for line in session():
         if line.who == "host":
             answers += board.logic.receive(line.wire)
@@ -77,7 +78,7 @@ def test_the_firmware_plays_the_session_of_the_document() -> None:
 
 
 def test_the_simulated_board_plays_it_too() -> None:
-    board, now, answers = simulated_board.Board(Pca9685Chip(), random.Random(0)), 0, b""
+    board, now, answers = SimulatedBoard(Pca9685Chip(), random.Random(0)), 0, b""
     board.boot = BOOT
     for line in session():
         if line.who == "host":
@@ -85,24 +86,24 @@ def test_the_simulated_board_plays_it_too() -> None:
         elif line.who == "wait":
             now += int(line.says.split()[0]) * MS
         else:
-            (wanted,) = Decoder().feed(line.wire)
+            (wanted,) = FrameDecoder().feed(line.wire)
             if isinstance(wanted, Frame) and wanted.type == FrameType.INFO:
-                wanted = replace(wanted, words=(*wanted.words[:-1], simulated_board.SIMULATED))
-            assert Decoder().feed(answers) == [wanted]
+                wanted = replace(wanted, words=(*wanted.words[:-1], SIMULATED))
+            assert FrameDecoder().feed(answers) == [wanted]
             answers = b""
 
 
 def test_both_sides_decode_alike() -> None:
     rng = random.Random(7)
-    wires = [encode(some_frame(rng)) for _ in range(300)]
+    wires = [encode(random_frame(rng)) for _ in range(300)]
     for _ in range(6000):
-        text = some_string(rng, wires)
-        assert firmware("link").Decoder().feed(text) == frames_of(text), text.hex()
+        text = random_string(rng, wires)
+        assert firmware_module("link").Decoder().feed(text) == frames_of(text), text.hex()
 
 
 @given(st.binary(max_size=200), st.integers(1, 50))
-def test_how_a_stream_is_cut_does_not_matter(text: bytes, size: int) -> None:
-    decoder, events = firmware("link").Decoder(), []
+def test_decoding_is_independent_of_chunking(text: bytes, size: int) -> None:
+    decoder, events = firmware_module("link").Decoder(), []
     for at in range(0, len(text), size):
         events += decoder.feed(text[at : at + size])
     assert events == frames_of(text)
@@ -111,7 +112,7 @@ def test_how_a_stream_is_cut_does_not_matter(text: bytes, size: int) -> None:
 def host_frame(rng: random.Random) -> Frame:
     """What a host may send, with a number out of range now and then."""
     seq, mask = rng.randrange(256), rng.randrange(1, 1 << 16) & rng.randrange(1 << 16)
-    counts = {bit: rng.choice((0, rng.randrange(4096), rng.randrange(4096))) for bit in protocol.bits_of(mask)}
+    counts = {bit: rng.choice((0, rng.randrange(4096), rng.randrange(4096))) for bit in bits_of(mask)}
     draw = rng.random()
     if draw < 0.5:
         return protocol.arm(seq, counts)
@@ -124,14 +125,14 @@ def host_frame(rng: random.Random) -> Frame:
     kind = rng.choice((1, 2, 2, 3, 4, rng.randrange(256)))
     mask = rng.choice((0, 1, 2, 3, 4, 7, 0xFFFF))
     words = (rng.choice((0, 2, 3, 49, 50, 255, 256, 4095, 4096, 10_001, 65_535)) for _ in range(16))
-    return Frame(kind, seq, mask, tuple(words)[: protocol.words_of(kind, mask)])
+    return Frame(kind, seq, mask, tuple(words)[: word_count(kind, mask)])
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_the_firmware_does_what_the_simulated_board_does(seed: int) -> None:
     rng = random.Random(seed)
-    ours = Board(kind=1)
-    theirs = simulated_board.Board(Pca9685Chip(), random.Random(seed), now=0)
+    ours = FirmwareBoard(kind=1)
+    theirs = SimulatedBoard(Pca9685Chip(), random.Random(seed), now=0)
     ours.logic.boot = theirs.boot
     set_up = False
     for _ in range(400):
@@ -147,7 +148,7 @@ def test_the_firmware_does_what_the_simulated_board_does(seed: int) -> None:
         assert answer == b"".join(theirs.feed(piece, ours.bus.now) for piece in pieces), text.hex()
         ours.wait(0)
         theirs.tick(ours.bus.now)
-        set_up |= bool(theirs.status & Status.SET_UP)
+        set_up |= bool(theirs.status & BoardStatus.SET_UP)
         assert registers(ours.bus.chip, set_up) == registers(theirs.chip, set_up)
         assert ours.bus.enabled == theirs.chip.enabled
 
@@ -166,7 +167,7 @@ def registers(chip: Pca9685Chip, set_up: bool) -> bytes:
 def test_pulses_stop_when_arm_frames_stop_whatever_else_comes(
     silence_ms: int, pauses: list[int], data: st.DataObject
 ) -> None:
-    board = Board().set_up(silence_ms)
+    board = FirmwareBoard().set_up(silence_ms)
     board.ask(protocol.arm(2, {0: 307, 8: 400}))
     quiet = 0
     for pause in pauses:
@@ -180,23 +181,23 @@ def test_pulses_stop_when_arm_frames_stop_whatever_else_comes(
     board.wait(silence_ms)
     assert not board.bus.pulses
     assert not board.bus.enabled
-    assert protocol.info_of(board.ask(protocol.hello(7))).status == Status.SILENCED
+    assert protocol.info_of(board.ask(protocol.hello(7))).status == BoardStatus.SILENCED
 
 
 def test_silence_is_latched_until_a_setup() -> None:
-    board = Board().set_up()
+    board = FirmwareBoard().set_up()
     board.ask(protocol.arm(2, {0: 307}))
     board.wait(1000)
     assert protocol.error_of(board.ask(protocol.arm(3, {0: 307}))).code == ErrorCode.NOT_SET_UP
     assert not board.bus.pulses
-    assert protocol.ack_of(board.ask(protocol.setup(4, 121, 1000))).status == Status.SET_UP
-    assert protocol.ack_of(board.ask(protocol.arm(5, {1: 300}))).status == Status.SET_UP | Status.PULSING
+    assert protocol.ack_of(board.ask(protocol.setup(4, 121, 1000))).status == BoardStatus.SET_UP
+    assert protocol.ack_of(board.ask(protocol.arm(5, {1: 300}))).status == BoardStatus.SET_UP | BoardStatus.PULSING
     assert board.bus.pulses == {1: 300}
     assert board.bus.enabled
 
 
 def test_the_same_prescale_lets_a_pulsing_board_pulse_on() -> None:
-    board = Board().set_up()
+    board = FirmwareBoard().set_up()
     board.ask(protocol.arm(2, {0: 307}))
     board.ask(protocol.setup(3, 121, 500))
     assert board.bus.pulses == {0: 307}
@@ -204,22 +205,22 @@ def test_the_same_prescale_lets_a_pulsing_board_pulse_on() -> None:
     assert board.bus.pulses == {}
 
 
-def test_a_processor_that_restarts_stops_the_pulses_of_its_earlier_life() -> None:
-    board = Board().set_up()
+def test_restarted_processor_stops_earlier_pulses() -> None:
+    board = FirmwareBoard().set_up()
     board.ask(protocol.arm(2, dict.fromkeys(range(16), 307)))
     assert len(board.bus.pulses) == 16
-    firmware("board").Board(board.bus, BOOT + 1)
+    firmware_module("board").Board(board.bus, BOOT + 1)
     assert not board.bus.pulses
     assert not board.bus.enabled
 
 
 def test_a_chip_that_is_dead_at_power_on_is_stopped_once_it_answers() -> None:
-    bus = Bus()
+    bus = FakeI2cBus()
     for step in pca9685.start_sequence(121) + pca9685.channel_writes({3: 300}):
-        bus.pause_us(1000) if isinstance(step, pca9685.Pause) else bus.write(step.register, step.data)
+        bus.pause_us(1000) if isinstance(step, pca9685.BusPause) else bus.write(step.register, step.data)
     bus.chip.answers = False
-    logic = firmware("board").Board(bus, BOOT)
-    assert logic.status == Status.PULSING | Status.CHIP_FAULT
+    logic = firmware_module("board").Board(bus, BOOT)
+    assert logic.status == BoardStatus.PULSING | BoardStatus.CHIP_FAULT
     bus.chip.answers = True
     assert bus.pulses == {3: 300}
     logic.tick(1)
@@ -227,8 +228,8 @@ def test_a_chip_that_is_dead_at_power_on_is_stopped_once_it_answers() -> None:
     assert logic.status == 0
 
 
-def test_a_stop_that_fails_is_tried_until_it_works_and_nothing_moves_before() -> None:
-    board = Board().set_up()
+def test_failed_stop_is_retried_and_arm_refused_before() -> None:
+    board = FirmwareBoard().set_up()
     board.ask(protocol.arm(2, {0: 307}))
     board.bus.chip.answers = False
     board.wait(1000)
@@ -241,7 +242,7 @@ def test_a_stop_that_fails_is_tried_until_it_works_and_nothing_moves_before() ->
 
 
 def test_no_arm_revives_what_was_due_to_stop(monkeypatch: pytest.MonkeyPatch) -> None:
-    board = Board().set_up()
+    board = FirmwareBoard().set_up()
     board.ask(protocol.arm(2, {0: 307}))
     write, failing = board.bus.write, iter((True, True))
 
@@ -259,8 +260,8 @@ def test_no_arm_revives_what_was_due_to_stop(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("writes", [0, 1, 2])
-def test_a_bus_that_dies_within_a_frame_is_told_and_ends_in_silence(writes: int) -> None:
-    board = Board().set_up()
+def test_bus_failure_within_a_frame_is_reported_and_ends_in_silence(writes: int) -> None:
+    board = FirmwareBoard().set_up()
     board.bus.writes_left = writes
     assert protocol.error_of(board.ask(protocol.arm(2, {0: 307, 4: 300, 9: 290}))).code is ErrorCode.CHIP
     board.bus.writes_left = None
@@ -270,21 +271,21 @@ def test_a_bus_that_dies_within_a_frame_is_told_and_ends_in_silence(writes: int)
     assert not board.bus.pulses
 
 
-def test_a_chip_that_lost_its_settings_is_told_of_and_set_up_anew() -> None:
-    board = Board().set_up()
+def test_reset_chip_is_reported_and_set_up_again() -> None:
+    board = FirmwareBoard().set_up()
     board.ask(protocol.arm(2, {0: 307}))
     board.bus.chip.power_cycle()
     for frame in (protocol.arm(3, {0: 307}), protocol.read(4, [0])):
         assert protocol.error_of(board.ask(frame)).code is ErrorCode.CHIP
     assert not board.bus.pulses
-    assert protocol.ack_of(board.ask(protocol.setup(5, 121, 1000))).status == Status.SET_UP
+    assert protocol.ack_of(board.ask(protocol.setup(5, 121, 1000))).status == BoardStatus.SET_UP
     board.ask(protocol.arm(6, {0: 308}))
     assert board.bus.pulses == {0: 308}
 
 
 @given(st.lists(st.binary(max_size=60), max_size=20))
 def test_noise_switches_nothing_on(texts: list[bytes]) -> None:
-    board = Board().set_up()
+    board = FirmwareBoard().set_up()
     for text in texts:
         board.logic.receive(text)
     assert not board.bus.pulses

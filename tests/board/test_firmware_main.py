@@ -1,4 +1,4 @@
-"""The glue of the firmware: main.py on as much of a Pico as it touches."""
+"""The firmware's main.py on a fake Pico."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from lrmd.link import protocol
-from lrmd.link.protocol import Decoder, Frame, encode
-from tests.support.boards import FIRMWARE, MS, Bus, firmware
+from lrmd.link.frames import Frame, FrameDecoder, encode
+from tests.support.firmware_board import FIRMWARE, MS, FakeI2cBus, firmware_module
 
 
 class Pico:
@@ -21,7 +21,7 @@ class Pico:
     LOOPS = 120
 
     def __init__(self, incoming: bytes, service: bool = False, host_reads: bool = True) -> None:
-        self.bus, self.incoming, self.service, self.host_reads = Bus(), incoming, service, host_reads
+        self.bus, self.incoming, self.service, self.host_reads = FakeI2cBus(), incoming, service, host_reads
         self.out = io.BytesIO()
         self.pulsing: dict[int, bool] = {}
         self.disabled: list[object] = []
@@ -72,7 +72,7 @@ class Pico:
 
 
 def run_main(pico: Pico, monkeypatch: pytest.MonkeyPatch) -> None:
-    firmware("board")
+    firmware_module("board")
     with monkeypatch.context() as patch:
         for name, module in pico.modules().items():
             patch.setitem(sys.modules, name, module)
@@ -86,7 +86,7 @@ def test_main_serves_and_ends_with_outputs_off_and_a_restart(monkeypatch: pytest
     pico = Pico(b"".join(map(encode, asked)))
     with pytest.raises(KeyboardInterrupt):
         run_main(pico, monkeypatch)
-    answers = Decoder().feed(pico.out.getvalue())
+    answers = FrameDecoder().feed(pico.out.getvalue())
     assert [(a.type, a.seq) for a in answers if isinstance(a, Frame)] == [(0x84, 1), (0x81, 2), (0x81, 3)]
     assert pico.pulsing[(Pico.LOOPS - 1) * 5]
     assert False in pico.disabled
@@ -106,7 +106,7 @@ def test_main_keeps_time_and_stops_in_silence(host_reads: bool, monkeypatch: pyt
     assert bool(pico.out.getvalue()) == host_reads
 
 
-def test_main_leaves_the_prompt_free_and_the_outputs_off_where_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_service_pin_leaves_the_prompt_free_and_the_outputs_off(monkeypatch: pytest.MonkeyPatch) -> None:
     pico = Pico(encode(protocol.hello(1)), service=True)
     run_main(pico, monkeypatch)
     assert pico.events == []

@@ -1,4 +1,4 @@
-"""Registers of the chip against a model of the chip, and against the data sheet's figures."""
+"""Register sequences against the chip model and the data sheet's figures."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 from lrm_math.arm.servo_table import PwmClock
 from lrmd.link import pca9685
-from lrmd.link.pca9685 import Pause, RegisterError, Write
+from lrmd.link.pca9685 import BusPause, RegisterError, RegisterWrite
 from lrmd.sim.pca9685_chip import Pca9685Chip
 
 COUNT = st.integers(0, 4095)
 AFTER_START_NS = 10_000_000
 
 
-def carry_out(chip: Pca9685Chip, steps: tuple[Write | Pause, ...], now: int) -> int:
+def carry_out(chip: Pca9685Chip, steps: tuple[RegisterWrite | BusPause, ...], now: int) -> int:
     for step in steps:
-        if isinstance(step, Pause):
+        if isinstance(step, BusPause):
             now += round(step.seconds * 1e9)
         else:
             chip.write(step.register, step.data, now)
@@ -60,7 +60,7 @@ def test_writes_set_their_channels_and_no_others(before: dict[int, int], counts:
 
 
 @pytest.mark.parametrize(("channels", "transactions"), [((), 0), (range(9), 1), ((0, 1, 3, 4, 15), 3), (range(16), 1)])
-def test_neighbours_change_in_one_transaction(channels: tuple[int, ...], transactions: int) -> None:
+def test_adjacent_channels_share_a_transaction(channels: tuple[int, ...], transactions: int) -> None:
     assert len(pca9685.channel_writes(dict.fromkeys(channels, 300))) == transactions
 
 
@@ -84,12 +84,13 @@ def test_every_output_is_off_before_the_period_changes() -> None:
     chip = started(121)
     carry_out(chip, pca9685.channel_writes(dict.fromkeys(range(16), 307)), AFTER_START_NS)
     for step in pca9685.start_sequence(30):
-        if isinstance(step, Write):
+        if isinstance(step, RegisterWrite):
             chip.write(step.register, step.data, 2 * AFTER_START_NS)
         if chip.read(pca9685.PRESCALE)[0] == 30:
             break
     assert {pca9685.counts_of(chip.read(pca9685.channel_register(channel), 4)) for channel in range(16)} == {0}
-    carry_out(chip, (Write(pca9685.MODE1, bytes((pca9685.AUTO_INCREMENT,))), Pause(1e-3)), 2 * AFTER_START_NS)
+    wake = RegisterWrite(pca9685.MODE1, bytes((pca9685.AUTO_INCREMENT,)))
+    carry_out(chip, (wake, BusPause(1e-3)), 2 * AFTER_START_NS)
     assert [chip.width(channel) for channel in range(16)] == [None] * 16
 
 
@@ -108,7 +109,7 @@ def test_a_chip_that_sleeps_or_has_another_prescale_is_not_running(mode1: int, p
 
 
 @given(st.floats(30.0, 330.0), st.floats(23e6, 27e6), st.floats(500e-6, 2500e-6))
-def test_a_pulse_asked_of_the_clock_leaves_the_chip_within_half_a_count(hz: float, oscillator: float, s: float) -> None:
+def test_commanded_pulse_is_within_half_a_count(hz: float, oscillator: float, s: float) -> None:
     clock = PwmClock(hz, oscillator)
     chip = Pca9685Chip(oscillator)
     now = carry_out(chip, pca9685.start_sequence(clock.prescale), 0)
@@ -131,6 +132,6 @@ def test_a_pulse_asked_of_the_clock_leaves_the_chip_within_half_a_count(hz: floa
         (lambda: pca9685.counts_of(bytes(4)), "00 00 00 00"),
     ],
 )
-def test_numbers_that_the_chip_cannot_hold(what: Callable[[], object], says: str) -> None:
+def test_values_outside_the_registers_are_refused(what: Callable[[], object], says: str) -> None:
     with pytest.raises(RegisterError, match=says):
         what()

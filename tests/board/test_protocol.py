@@ -1,4 +1,4 @@
-"""The link: every frame survives the wire, damage costs what it hits, and nothing that lies is believed."""
+"""Link protocol: frames round-trip, damage is confined to the frames it hits, invalid content is rejected."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from hypothesis import strategies as st
 from lrm_math.errors import LrmError
 from lrmd.link import protocol
 from lrmd.link.cobs import LONGEST_PAYLOAD, cobs_decode, cobs_encode, crc16
-from lrmd.link.protocol import (
+from lrmd.link.frames import (
     LONGEST_FRAME,
     LONGEST_WIRE,
     WITHOUT_WORDS,
-    Bad,
-    Decoder,
+    BadFrame,
+    BadFrameReason,
     Frame,
+    FrameDecoder,
     FrameType,
     ProtocolError,
-    Reason,
+    bits_of,
     encode,
-    words_of,
+    word_count,
 )
 from tests.soak.fuzz_link import READERS, flip, flips, fuzz
 
@@ -35,12 +36,12 @@ BYTE = st.integers(0, 0xFF)
 @st.composite
 def frames(draw: st.DrawFn) -> Frame:
     kind, mask = draw(st.sampled_from(tuple(FrameType)) | BYTE), draw(WORD)
-    count = words_of(kind, mask)
+    count = word_count(kind, mask)
     return Frame(kind, draw(BYTE), mask, tuple(draw(st.lists(WORD, min_size=count, max_size=count))))
 
 
 def stuffed_by_the_book(payload: bytes) -> bytes:
-    """COBS as its authors describe it, a byte at a time; the test's own."""
+    """Reference COBS encoder, bytewise as published."""
     out, run = b"", b""
     for byte in payload + b"\0":
         if byte:
@@ -51,7 +52,7 @@ def stuffed_by_the_book(payload: bytes) -> bytes:
 
 
 def crc_bit_by_bit(data: bytes) -> int:
-    """CRC-16/CCITT-FALSE by polynomial division; the test's own."""
+    """Reference CRC-16/CCITT-FALSE by polynomial division."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte << 8
@@ -60,7 +61,7 @@ def crc_bit_by_bit(data: bytes) -> int:
     return crc
 
 
-def subsequence(part: list[Frame], whole: list[Frame | Bad]) -> bool:
+def subsequence(part: list[Frame], whole: list[Frame | BadFrame]) -> bool:
     rest = iter(whole)
     return all(frame in rest for frame in part)
 
@@ -76,7 +77,7 @@ def test_checksum_of_the_catalogue() -> None:
 
 
 @given(st.binary(max_size=LONGEST_PAYLOAD))
-def test_stuffing_comes_back_and_has_no_zero(payload: bytes) -> None:
+def test_cobs_round_trip_without_zeros(payload: bytes) -> None:
     wire = cobs_encode(payload)
     assert cobs_decode(wire) == payload
     assert 0 not in wire
@@ -84,7 +85,7 @@ def test_stuffing_comes_back_and_has_no_zero(payload: bytes) -> None:
 
 
 @given(st.binary(max_size=60) | st.lists(st.integers(0, 8), max_size=20).map(bytes))
-def test_no_two_wires_mean_the_same_payload(wire: bytes) -> None:
+def test_cobs_decoding_is_injective(wire: bytes) -> None:
     payload = cobs_decode(wire)
     assert payload is None or cobs_encode(payload) == wire
 
@@ -98,19 +99,19 @@ def test_a_payload_too_long_to_stuff_by_one_byte_is_refused() -> None:
 @given(frames())
 def test_every_frame_survives_the_wire(frame: Frame) -> None:
     wire = encode(frame)
-    assert Decoder().feed(wire) == [frame]
+    assert FrameDecoder().feed(wire) == [frame]
     assert wire.index(0) == len(wire) - 1 <= LONGEST_WIRE
 
 
 @given(st.lists(frames() | st.binary(max_size=90), max_size=8), st.data())
-def test_how_a_stream_is_cut_does_not_matter(parts: list[Frame | bytes], data: st.DataObject) -> None:
+def test_decoding_is_independent_of_chunking(parts: list[Frame | bytes], data: st.DataObject) -> None:
     stream = b"".join(encode(part) if isinstance(part, Frame) else part for part in parts)
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=12)))
-    decoder, events = Decoder(), []
+    decoder, events = FrameDecoder(), []
     for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
         events += decoder.feed(stream[start:end])
-    one_by_one = Decoder()
-    assert events == Decoder().feed(stream)
+    one_by_one = FrameDecoder()
+    assert events == FrameDecoder().feed(stream)
     assert events == [event for byte in stream for event in one_by_one.feed(bytes((byte,)))]
 
 
@@ -123,7 +124,7 @@ def test_bytes_put_in_cost_the_frame_they_hit_and_the_one_they_run_into(
     at = data.draw(st.integers(0, len(wire)))
     stream = [encode(frame) for frame in sent]
     stream[hit] = wire[:at] + garbage + wire[at:]
-    got = Decoder().feed(b"".join(stream))
+    got = FrameDecoder().feed(b"".join(stream))
     assert subsequence(sent[:hit] + sent[hit + 2 :], got)
     if at == len(wire) and not garbage.rstrip(b"\0"):
         assert [event for event in got if isinstance(event, Frame)] == sent
@@ -137,30 +138,30 @@ def test_bytes_lost_cost_the_frame_they_were_of_and_the_one_behind(sent: list[Fr
     end = data.draw(st.integers(start + 1, len(wire)))
     stream = [encode(frame) for frame in sent]
     stream[hit] = wire[:start] + wire[end:]
-    assert subsequence(sent[:hit] + sent[hit + 2 :], Decoder().feed(b"".join(stream)))
+    assert subsequence(sent[:hit] + sent[hit + 2 :], FrameDecoder().feed(b"".join(stream)))
 
 
 def test_zeros_mean_nothing() -> None:
-    assert Decoder().feed(bytes(1000)) == []
+    assert FrameDecoder().feed(bytes(1000)) == []
 
 
 @pytest.mark.parametrize(
     ("wire", "reason"),
     [
-        (b"\x09abc\0", Reason.COBS),
-        (cobs_encode(b"\x04\x01\x00\x00\x79") + b"\0", Reason.LENGTH),
-        (cobs_encode(b"\x01\x01\x03\x00\x10\x00\xaa\xbb") + b"\0", Reason.LENGTH),
-        (cobs_encode(b"\x04\x01\x00\x00\x01\x78") + b"\0", Reason.CRC),
-        (cobs_encode(b"x" * (LONGEST_FRAME + 1)) + b"\0", Reason.TOO_LONG),
+        (b"\x09abc\0", BadFrameReason.COBS),
+        (cobs_encode(b"\x04\x01\x00\x00\x79") + b"\0", BadFrameReason.LENGTH),
+        (cobs_encode(b"\x01\x01\x03\x00\x10\x00\xaa\xbb") + b"\0", BadFrameReason.LENGTH),
+        (cobs_encode(b"\x04\x01\x00\x00\x01\x78") + b"\0", BadFrameReason.CRC),
+        (cobs_encode(b"x" * (LONGEST_FRAME + 1)) + b"\0", BadFrameReason.TOO_LONG),
     ],
 )
-def test_reasons(wire: bytes, reason: Reason) -> None:
+def test_reasons(wire: bytes, reason: BadFrameReason) -> None:
     good = protocol.hello(9)
-    assert Decoder().feed(wire + encode(good)) == [Bad(reason), good]
+    assert FrameDecoder().feed(wire + encode(good)) == [BadFrame(reason), good]
 
 
 def test_endless_noise_is_one_event_and_no_memory() -> None:
-    decoder, noise = Decoder(), b"\x55" * 4096
+    decoder, noise = FrameDecoder(), b"\x55" * 4096
     events = decoder.feed(noise)
     tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]
@@ -168,14 +169,14 @@ def test_endless_noise_is_one_event_and_no_memory() -> None:
         events += decoder.feed(noise)
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
-    assert events == [Bad(Reason.TOO_LONG)]
+    assert events == [BadFrame(BadFrameReason.TOO_LONG)]
     assert grown < 4096
     assert decoder.feed(b"\0" + encode(protocol.hello(3))) == [protocol.hello(3)]
 
 
 @pytest.mark.parametrize("kind", READERS)
 @given(data=st.data())
-def test_a_reader_believes_only_what_it_can_say_again(kind: int, data: st.DataObject) -> None:
+def test_parsed_frames_re_encode_identically(kind: int, data: st.DataObject) -> None:
     mask = data.draw(st.sampled_from([0, 1, 3, 5, 0xFF]) | WORD)
     word = st.integers(0, 20) | st.sampled_from([30, 255, 256, 1000, 4095, 4096, 10_001]) | WORD
     words = data.draw(st.lists(word, min_size=mask.bit_count(), max_size=mask.bit_count()))
@@ -189,7 +190,7 @@ def test_a_reader_believes_only_what_it_can_say_again(kind: int, data: st.DataOb
 
 @pytest.mark.parametrize("kind", READERS)
 @given(frame=frames())
-def test_a_reader_refuses_frames_of_another_type(kind: int, frame: Frame) -> None:
+def test_parsers_refuse_frames_of_another_type(kind: int, frame: Frame) -> None:
     if frame.type != kind:
         with pytest.raises(ProtocolError, match="is no"):
             READERS[kind](frame)
@@ -197,10 +198,10 @@ def test_a_reader_refuses_frames_of_another_type(kind: int, frame: Frame) -> Non
 
 @given(st.dictionaries(st.integers(0, 15), st.integers(0, 4095)), BYTE)
 def test_arm_and_state_carry_counts(counts: dict[int, int], seq: int) -> None:
-    assert protocol.arm(seq, counts).items() == counts
+    assert protocol.arm(seq, counts).word_by_bit() == counts
     assert protocol.state_of(protocol.state(seq, counts)) == counts
     asked = protocol.read(seq, counts)
-    assert (set(protocol.bits_of(asked.mask)), asked.words) == (set(counts), ())
+    assert (set(bits_of(asked.mask)), asked.words) == (set(counts), ())
 
 
 @pytest.mark.parametrize(
@@ -223,29 +224,29 @@ def test_impossible_frames_are_errors_that_name_the_number(make: Callable[[], Fr
         make()
 
 
-def test_another_version_is_told_as_such() -> None:
+def test_another_protocol_version_is_named() -> None:
     words = (2, 14972, 0, 30, 1000, 0, 0, 0)
     with pytest.raises(ProtocolError, match="speaks protocol 2, this software 1"):
         protocol.info_of(Frame(FrameType.INFO, 1, 0xFF, words))
 
 
-def test_words_are_left_out_of_two_types_alone() -> None:
-    assert {kind for kind in range(256) if words_of(kind, 0xFFFF) == 0} == WITHOUT_WORDS
+def test_only_two_frame_types_have_no_words() -> None:
+    assert {kind for kind in range(256) if word_count(kind, 0xFFFF) == 0} == WITHOUT_WORDS
 
 
-def test_noise_and_damage_crash_nothing_and_nothing_lies() -> None:
-    tally = fuzz(100_000, seed=20)
-    assert tally.strings == 100_000
-    assert not tally.lies
-    assert tally.frames > 10_000
-    assert tally.forged <= 12, "damage passes far more often than a checksum of 16 bits lets it"
+def test_noise_and_damage_are_handled_without_undetected_errors() -> None:
+    result = fuzz(100_000, seed=20)
+    assert result.counts["strings"] == 100_000
+    assert not result.violations
+    assert result.counts["frames"] > 10_000
+    assert result.counts["forged"] <= 12, "damage passes far more often than a checksum of 16 bits lets it"
 
 
 @pytest.mark.parametrize("bits", [1, 2, 3, 8])
 def test_flipped_bits_are_found_as_often_as_the_checksum_promises(bits: int) -> None:
-    tally = flips(10_000, bits, seed=bits)
-    assert not tally.lies
-    assert tally.forged <= 3
+    result = flips(10_000, bits, seed=bits)
+    assert not result.violations
+    assert result.counts["forged"] <= 3
 
 
 def test_every_single_flipped_bit_of_a_frame_is_found() -> None:
@@ -254,9 +255,9 @@ def test_every_single_flipped_bit_of_a_frame_is_found() -> None:
         wire = encode(protocol.arm(rng.randrange(256), {channel: rng.randrange(4096) for channel in range(9)}))
         for bit in range(8 * (len(wire) - 1)):
             number = int.from_bytes(wire, "big") ^ 1 << bit + 8
-            events = Decoder().feed(number.to_bytes(len(wire), "big"))
+            events = FrameDecoder().feed(number.to_bytes(len(wire), "big"))
             assert events
-            assert all(isinstance(event, Bad) for event in events), wire.hex()
+            assert all(isinstance(event, BadFrame) for event in events), wire.hex()
 
 
 def test_flips_turn_over_as_many_bits_as_asked() -> None:

@@ -1,4 +1,4 @@
-"""The simulated servos and the arm on them: finite speed, dead band, no force without a pulse, heat, the true TCP."""
+"""Simulated servos and arm: finite speed, dead band, no torque without pulses, heating, the true TCP."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrmd.link import protocol
+from lrmd.link.frames import Frame, FrameDecoder, encode
 from lrmd.sim.arm import SimulatedArm
-from lrmd.sim.board import Board
-from lrmd.sim.control_queries import answer
+from lrmd.sim.board import SimulatedBoard
+from lrmd.sim.control_queries import answer_query
 from lrmd.sim.pca9685_chip import Pca9685Chip
-from lrmd.sim.servo import BIG, SMALL, ServoKind, approach, sinking, warmed
+from lrmd.sim.servo import LARGE_SERVO, SMALL_SERVO, ServoKind, backdrive_speed, remaining_travel, winding_rise
 from lrmd.sim.simulation import Simulation
 from tests.support.random_arms import random_arm
 
@@ -36,7 +37,7 @@ seconds = st.floats(0.0, 1.0)
 
 
 class Rig:
-    """A board with an arm, a clock, and a host that speaks to it."""
+    """A board with an arm, a clock and a host."""
 
     def __init__(
         self, truth: Model, start: Sequence[float] | None = None, dead_band: float = 0.0, clock: PwmClock = CLOCK
@@ -45,17 +46,17 @@ class Rig:
         self.tables = [joint.servo for joint in arm.joints]
         channels = {name: channel for channel, name in enumerate(arm.joint_names)}
         self.arm = SimulatedArm(truth, channels, start, dead_band=dead_band)
-        self.link = Simulation(Board(Pca9685Chip(clock.oscillator_hz), Random(1)), self.arm, Random(1))
+        self.link = Simulation(SimulatedBoard(Pca9685Chip(clock.oscillator_hz), Random(1)), self.arm, Random(1))
         self.clock, self.now = clock, 0
         self.send(protocol.setup(0, clock.prescale, 10_000))
 
-    def send(self, frame: protocol.Frame) -> None:
-        (reply,) = protocol.Decoder().feed(self.link.feed(protocol.encode(frame), self.now))
-        assert isinstance(reply, protocol.Frame)
+    def send(self, frame: Frame) -> None:
+        (reply,) = FrameDecoder().feed(self.link.feed(encode(frame), self.now))
+        assert isinstance(reply, Frame)
         protocol.ack_of(reply)
 
     def command(self, q: Sequence[float], tables: Sequence[ServoTable] | None = None) -> list[float]:
-        """Sends angles through `tables`; returns the ones that the rounded counts stand for on the servos' own."""
+        """Sends angles through `tables`; returns the angles of the rounded counts by the servos' own tables."""
         used = tables or self.tables
         pulses = [float(table.pulse_of(angle)) for table, angle in zip(used, q, strict=True) if table]
         counts = [int(count) for count in self.clock.counts_of(pulses)]
@@ -85,47 +86,46 @@ def bent(rover: Arm) -> Model:
 
 
 @given(st.floats(-3.0, 3.0), seconds, seconds, kinds, st.floats(0.0, 0.01))
-def test_two_steps_are_one_long_one(left: float, a: float, b: float, kind: ServoKind, band: float) -> None:
-    stepwise = approach(approach(left, a, kind, band), b, kind, band)
-    assert stepwise == pytest.approx(approach(left, a + b, kind, band), abs=1e-8)
+def test_two_steps_equal_one_long_step(left: float, a: float, b: float, kind: ServoKind, band: float) -> None:
+    stepwise = remaining_travel(remaining_travel(left, a, kind, band), b, kind, band)
+    assert stepwise == pytest.approx(remaining_travel(left, a + b, kind, band), abs=1e-8)
 
 
 @given(st.floats(-3.0, 3.0), seconds, kinds, st.floats(0.0, 0.01))
-def test_never_faster_than_its_speed_never_past_the_target(
-    left: float, dt: float, kind: ServoKind, band: float
-) -> None:
-    after = approach(left, dt, kind, band)
+def test_speed_limit_without_overshoot(left: float, dt: float, kind: ServoKind, band: float) -> None:
+    after = remaining_travel(left, dt, kind, band)
     assert after * left >= 0.0
     assert abs(left) - kind.speed * dt - 1e-8 <= abs(after) <= abs(left)
     if abs(left) <= band:
         assert after == left
 
 
-def test_a_long_way_takes_the_time_of_the_catalogue() -> None:
+def test_long_travel_takes_the_catalogue_time() -> None:
     way, dt = math.radians(60.0), 0.1
-    assert way - approach(way, dt, BIG, 0.0) == pytest.approx(math.radians(60.0) / 0.15 * dt)
-    assert approach(way, 10.0, BIG, 0.0) == 0.0
+    assert way - remaining_travel(way, dt, LARGE_SERVO, 0.0) == pytest.approx(math.radians(60.0) / 0.15 * dt)
+    assert remaining_travel(way, 10.0, LARGE_SERVO, 0.0) == 0.0
 
 
 @given(st.floats(-2.0, 2.0), st.floats(0.0, 0.5))
-def test_sinks_with_the_load_once_it_beats_the_friction(torque: float, more: float) -> None:
-    speed = sinking(torque, SMALL)
+def test_back_driven_once_the_load_exceeds_the_friction(torque: float, more: float) -> None:
+    speed = backdrive_speed(torque, SMALL_SERVO)
     assert speed * torque >= 0.0
-    if abs(torque) <= SMALL.friction:
+    if abs(torque) <= SMALL_SERVO.friction:
         assert speed == 0.0
-    if abs(torque) > SMALL.friction + 0.01:
+    if abs(torque) > SMALL_SERVO.friction + 0.01:
         assert speed != 0.0
-    assert abs(sinking(torque + math.copysign(more, torque), SMALL)) >= abs(speed)
+    assert abs(backdrive_speed(torque + math.copysign(more, torque), SMALL_SERVO)) >= abs(speed)
 
 
 @given(st.floats(0.0, 200.0), st.floats(0.0, 0.5), st.floats(0.0, 0.5), st.floats(0.0, 5000.0), st.floats(0.0, 5000.0))
 def test_heat_is_monotone_in_load_and_time(rise: float, torque: float, more: float, a: float, b: float) -> None:
-    end = SMALL.rise * torque**2
-    once = warmed(rise, torque, a, SMALL)
+    end = SMALL_SERVO.rise * torque**2
+    once = winding_rise(rise, torque, a, SMALL_SERVO)
     assert min(rise, end) - 1e-9 <= once <= max(rise, end) + 1e-9
-    assert warmed(rise, torque + more, a, SMALL) >= once - 1e-9
-    assert warmed(once, torque, b, SMALL) == pytest.approx(warmed(rise, torque, a + b, SMALL), abs=1e-9)
-    assert abs(warmed(once, torque, b, SMALL) - end) <= abs(once - end) + 1e-9
+    assert winding_rise(rise, torque + more, a, SMALL_SERVO) >= once - 1e-9
+    twice = winding_rise(once, torque, b, SMALL_SERVO)
+    assert twice == pytest.approx(winding_rise(rise, torque, a + b, SMALL_SERVO), abs=1e-9)
+    assert abs(twice - end) <= abs(once - end) + 1e-9
 
 
 # The arm
@@ -140,7 +140,7 @@ def test_settles_to_the_tcp_of_its_model(rover: Arm) -> None:
         rig.wait(1.5)
         assert not rig.arm.moving
         np.testing.assert_allclose(rig.arm.q, real, atol=1e-8)
-        np.testing.assert_allclose(rig.arm.rest().tcp[-1], equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8)
+        np.testing.assert_allclose(rig.arm.equilibrium().tcp[-1], equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8)
 
 
 @given(st.integers(0, 1000), st.integers(1, 10))
@@ -150,10 +150,10 @@ def test_any_number_of_joints(seed: int, joints: int) -> None:
     rig = Rig(truth)
     real = rig.command(np.random.default_rng(seed).uniform(-1.9, 1.9, joints).tolist())
     rig.wait(2.0)
-    np.testing.assert_allclose(rig.arm.rest().tcp[-1], equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8)
+    np.testing.assert_allclose(rig.arm.equilibrium().tcp[-1], equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8)
 
 
-def test_moves_at_finite_speed_and_the_same_however_often_one_looks(rover: Arm) -> None:
+def test_moves_at_finite_speed_independent_of_the_step_size(rover: Arm) -> None:
     truth = model_of(rover, ())
     often, seldom = Rig(truth), Rig(truth)
     for rig in (often, seldom):
@@ -165,7 +165,7 @@ def test_moves_at_finite_speed_and_the_same_however_often_one_looks(rover: Arm) 
         often.wait(0.005)
         step = np.subtract(often.arm.q, before)
         assert np.all(step > 0.0)
-        assert np.all(step <= BIG.speed * 0.005 + 1e-12)
+        assert np.all(step <= LARGE_SERVO.speed * 0.005 + 1e-12)
         before = often.arm.q
     seldom.wait(0.2)
     np.testing.assert_allclose(often.arm.q, seldom.arm.q, atol=1e-9)
@@ -199,7 +199,7 @@ def test_without_pulses_it_sinks_and_its_energy_falls(lawful: Arm) -> None:
         after, q_after = torque_and_q()
         work = float(0.5 * (torque + after) @ (q_after - q))  # gravity's: minus the change of potential energy
         assert work >= -1e-4
-        assert np.all(np.abs(q_after - q) <= BIG.speed * 0.05 + 1e-12)
+        assert np.all(np.abs(q_after - q) <= LARGE_SERVO.speed * 0.05 + 1e-12)
         fallen += work
         torque, q = after, q_after
     assert fallen > 0.1
@@ -209,7 +209,7 @@ def test_without_pulses_it_sinks_and_its_energy_falls(lawful: Arm) -> None:
         assert stopped or abs(load) <= servo.kind.friction + 2e-3
 
 
-def test_silence_of_the_host_makes_the_arm_limp(rover: Arm) -> None:
+def test_silence_of_the_host_unpowers_the_arm(rover: Arm) -> None:
     rig = Rig(model_of(rover, ()))
     rig.command([0.3, 1.2, 0.3, 0.3, 0.3, 0.3])
     rig.wait(2.0)
@@ -218,17 +218,17 @@ def test_silence_of_the_host_makes_the_arm_limp(rover: Arm) -> None:
     assert rig.arm.q == held
     rig.wait(0.2)
     rig.wait(2.0)
-    assert all(servo.limp for servo in rig.arm.servos)
+    assert all(servo.unpowered for servo in rig.arm.servos)
     assert rig.arm.q[1] != held[1]
 
 
-def test_noise_on_the_line_is_no_pulse_for_a_servo(rover: Arm) -> None:
+def test_too_short_pulses_leave_a_servo_unpowered(rover: Arm) -> None:
     rig = Rig(model_of(rover, ()))
     short = int(rig.clock.counts_of(100e-6))
     rig.send(protocol.arm(1, {0: short, 1: int(rig.clock.counts_of(1500e-6))}))
     rig.wait(1.0)
-    assert rig.arm.servos[0].limp
-    assert not rig.arm.servos[1].limp
+    assert rig.arm.servos[0].unpowered
+    assert not rig.arm.servos[1].unpowered
 
 
 def test_end_stops_hold(rover: Arm) -> None:
@@ -239,7 +239,7 @@ def test_end_stops_hold(rover: Arm) -> None:
         assert joint.upper < servo.angle <= joint.upper + math.radians(5.0) + 1e-12
 
 
-def test_other_servo_tables_than_the_arm_file_says_show(rover: Arm) -> None:
+def test_wrong_servo_tables_shift_the_angles(rover: Arm) -> None:
     stretched = [ServoTable(j.servo.angle, tuple(1.02 * p for p in j.servo.pulse)) for j in rover.joints if j.servo]
     true_arm = replace(rover, joints=tuple(replace(j, servo=t) for j, t in zip(rover.joints, stretched, strict=True)))
     nominal = [joint.servo for joint in rover.joints if joint.servo]
@@ -260,7 +260,7 @@ def test_hidden_hysteresis_depends_on_where_it_comes_from(rover: Arm) -> None:
         rig.wait(2.0)
         rig.command([0.2] * 6)
         rig.wait(2.0)
-        seen.append(rig.arm.rest().tcp[-1])
+        seen.append(rig.arm.equilibrium().tcp[-1])
     ways = np.zeros((2, 6))
     ways[:, 1] = 1.0, -1.0
     q = np.tile(rig.arm.q, (2, 1))
@@ -277,7 +277,7 @@ def test_hidden_sessions_and_drift_follow_power_and_time(rover: Arm) -> None:
     rig = Rig(truth)
 
     def turned() -> float:
-        a, b = rig.arm.rest().tcp[-1], equilibrium(plain, poses_of(rig.arm.q)).tcp[0]
+        a, b = rig.arm.equilibrium().tcp[-1], equilibrium(plain, poses_of(rig.arm.q)).tcp[0]
         return float(np.linalg.norm(a - b))
 
     def hold(seconds: int) -> None:
@@ -305,9 +305,9 @@ def test_load_bends_the_arm_and_heats_the_servos(rover: Arm) -> None:
             rig.wait(1.0)
 
     hold(60)
-    light, cool = rig.arm.rest().tcp[-1], [rig.arm.temperature(servo) for servo in rig.arm.servos]
-    rig.arm.load(0.1)
-    heavy = rig.arm.rest().tcp[-1]
+    light, cool = rig.arm.equilibrium().tcp[-1], [rig.arm.temperature(servo) for servo in rig.arm.servos]
+    rig.arm.set_payload(0.1)
+    heavy = rig.arm.equilibrium().tcp[-1]
     np.testing.assert_allclose(heavy, equilibrium(truth, poses_of(rig.arm.q, 0.1)).tcp[0], atol=1e-8)
     assert heavy[2] < light[2] - 1e-3
     hold(60)
@@ -319,9 +319,9 @@ def test_load_bends_the_arm_and_heats_the_servos(rover: Arm) -> None:
     assert rig.arm.temperature(rig.arm.servos[1]) < warm[1]
 
 
-def test_an_overloaded_wrist_melts_and_hangs(rover: Arm) -> None:
+def test_overloaded_wrist_servo_burns_out(rover: Arm) -> None:
     rig = Rig(model_of(rover, ()))
-    rig.arm.load(0.3)
+    rig.arm.set_payload(0.3)
     # joint 4 level with the ground and all the load on it
     loads = equilibrium(rig.arm.truth, poses_of(np.random.default_rng(0).uniform(-1.5, 1.5, (500, 6)), 0.3))
     worst = int(np.argmax(np.abs(loads.joint_torque[:, 3])))
@@ -338,24 +338,24 @@ def test_an_overloaded_wrist_melts_and_hangs(rover: Arm) -> None:
     for _ in range(5):
         rig.command(q)
         rig.wait(1.0)
-    assert rig.arm.servos[3].limp
+    assert rig.arm.servos[3].unpowered
     assert rig.arm.q[3] != held
 
 
-def test_tracker_noise_is_as_wide_as_told_and_the_true_tcp_has_none(rover: Arm) -> None:
+def test_tracker_noise_has_the_given_deviation_and_the_true_tcp_none(rover: Arm) -> None:
     truth = model_of(rover, effects_at(rover, "measurement_frame"), {"measurement_frame.frame.scale_z_mm_per_m": 0.01})
     rig = Rig(truth)
-    true = answer(rig.link, "tcp", rig.now, Random(1), 3e-4)
+    true = answer_query(rig.link, "tcp", rig.now, Random(1), 3e-4)
     random = Random(5)
-    seen = [answer(rig.link, "measure", rig.now, random, 3e-4) for _ in range(2000)]
+    seen = [answer_query(rig.link, "measure", rig.now, random, 3e-4) for _ in range(2000)]
     z = np.array([float(str(one["z_mm"])) for one in seen])
     where = float(str(true["z_mm"]))
     assert z.std() == pytest.approx(0.3, rel=0.1)
     assert z.mean() == pytest.approx(where * 1.01, abs=0.03)
-    assert answer(rig.link, "tcp", rig.now, random, 3e-4) == true
+    assert answer_query(rig.link, "tcp", rig.now, random, 3e-4) == true
 
 
-def test_what_cannot_be_simulated_is_refused(rover: Arm) -> None:
+def test_invalid_simulations_are_refused(rover: Arm) -> None:
     joints = {name: channel for channel, name in enumerate(rover.joint_names)}
     with pytest.raises(LrmError, match="quantisation"):
         SimulatedArm(model_of(rover, effects_at(rover, "quantisation")), joints)
@@ -370,4 +370,4 @@ def test_what_cannot_be_simulated_is_refused(rover: Arm) -> None:
     with pytest.raises(LrmError, match="angles"):
         SimulatedArm(model_of(rover, ()), joints, start=[0.0])
     with pytest.raises(LrmError, match="payload"):
-        SimulatedArm(model_of(rover, ()), joints).load(float("nan"))
+        SimulatedArm(model_of(rover, ()), joints).set_payload(float("nan"))

@@ -1,4 +1,4 @@
-"""The simulated board: the chip's registers, what frames do, silence, faults on the line."""
+"""Simulated board: chip registers, effects of frames, silence timeout, fault injection."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from hypothesis import strategies as st
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.errors import LrmError
 from lrmd.link import pca9685, protocol
+from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode, word_count
 from lrmd.link.pca9685 import ALL_OFF_H, AUTO_INCREMENT, LED0, MODE1, PRESCALE, RESTART, SLEEP
-from lrmd.link.protocol import ErrorCode, Frame, FrameType, Status
-from lrmd.sim.board import Board
+from lrmd.link.protocol import BoardStatus, ErrorCode
+from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.faults import (
     BitFlip,
     BrownOut,
-    Calm,
     ChipSilence,
+    ClearFrameFaults,
     DoubledFrames,
     Fault,
     HangUp,
+    LineStall,
     LostFrames,
-    Planned,
-    Stall,
+    ScheduledFault,
     parse_fault,
 )
-from lrmd.sim.pca9685_chip import NoAnswer, Pca9685Chip
+from lrmd.sim.pca9685_chip import I2cNoAcknowledge, Pca9685Chip
 from lrmd.sim.simulation import Simulation
 
 MS, SECOND = 1_000_000, 1_000_000_000
@@ -41,7 +42,7 @@ def running(oscillator_hz: float = 25e6, prescale: int = 121) -> Pca9685Chip:
     chip = Pca9685Chip(oscillator_hz)
     now = 0
     for step in pca9685.start_sequence(prescale):
-        if isinstance(step, pca9685.Pause):
+        if isinstance(step, pca9685.BusPause):
             now += round(step.seconds * 1e9)
         else:
             chip.write(step.register, step.data, now)
@@ -53,21 +54,21 @@ def widths(chip: Pca9685Chip) -> list[int | None]:
 
 
 def frames(data: bytes) -> list[Frame]:
-    events = protocol.Decoder().feed(data)
+    events = FrameDecoder().feed(data)
     assert all(isinstance(event, Frame) for event in events)
     return [event for event in events if isinstance(event, Frame)]
 
 
-def say(board: Board | Simulation, frame: Frame, now: int = 0) -> Frame:
-    (reply,) = frames(board.feed(protocol.encode(frame), now))
+def say(board: SimulatedBoard | Simulation, frame: Frame, now: int = 0) -> Frame:
+    (reply,) = frames(board.feed(encode(frame), now))
     return reply
 
 
-def new_board(seed: int = 1) -> Board:
-    return Board(Pca9685Chip(), Random(seed))
+def new_board(seed: int = 1) -> SimulatedBoard:
+    return SimulatedBoard(Pca9685Chip(), Random(seed))
 
 
-def set_up_board(seed: int = 1) -> Board:
+def set_up_board(seed: int = 1) -> SimulatedBoard:
     board = new_board(seed)
     protocol.ack_of(say(board, protocol.setup(0, 121, 1000)))
     return board
@@ -127,7 +128,7 @@ def test_one_transaction_never_shows_a_pulse_between(channel: int, before: int, 
     assert seen == {before, torn, after}  # byte by byte, a servo may see a pulse that nobody asked for
 
 
-def test_addresses_count_up_only_where_told_and_roll_over() -> None:
+def test_auto_increment_only_when_enabled_and_wraps_around() -> None:
     chip = Pca9685Chip()
     chip.write(LED0, b"\x01\x02\x03", 0)
     assert chip.read(LED0)[0] == 3
@@ -139,13 +140,13 @@ def test_addresses_count_up_only_where_told_and_roll_over() -> None:
 
 @pytest.mark.parametrize("register", [0x46, 0xF9, 0xFF])
 def test_registers_that_do_not_exist_do_not_answer(register: int) -> None:
-    with pytest.raises(NoAnswer):
+    with pytest.raises(I2cNoAcknowledge):
         Pca9685Chip().write(register, b"\0", 0)
-    with pytest.raises(NoAnswer):
+    with pytest.raises(I2cNoAcknowledge):
         Pca9685Chip().read(register)
 
 
-def test_full_off_outdoes_everything_and_full_on_is_no_pulse() -> None:
+def test_full_off_overrides_everything_and_full_on_is_no_pulse() -> None:
     chip = running()
     chip.write(LED0, bytes((0, 0x10, 0, 0x11)), SECOND)
     assert chip.width(0) is None
@@ -164,7 +165,7 @@ def test_late_start_wraps_round_the_period(on: int, off: int) -> None:
     assert chip.width(0) == ((off - on) % 4096 or None)
 
 
-def test_channels_restart_only_when_told_and_not_before_the_oscillator_runs() -> None:
+def test_channels_restart_only_on_command_and_not_before_the_oscillator_runs() -> None:
     chip = running()
     chip.write(LED0, pca9685.channel_bytes(300), SECOND)
     chip.write(MODE1, bytes((AUTO_INCREMENT | SLEEP,)), SECOND)
@@ -191,7 +192,7 @@ def test_outputs_are_what_was_armed_and_others_stay(wanted: dict[int, int]) -> N
     expected = before | wanted
     assert protocol.state_of(say(board, protocol.read(3, range(16)))) == expected
     assert widths(board.chip) == [expected[channel] or None for channel in range(16)]
-    assert bool(protocol.ack_of(reply).status & Status.PULSING) == any(expected.values())
+    assert bool(protocol.ack_of(reply).status & BoardStatus.PULSING) == any(expected.values())
 
 
 @given(counts, counts)
@@ -213,7 +214,7 @@ def test_no_output_is_ever_anything_but_old_or_new(old: dict[int, int], new: dic
 
 
 strange = st.builds(
-    lambda kind, seq, mask, words: Frame(kind, seq, mask, tuple(words[: protocol.words_of(kind, mask)])),
+    lambda kind, seq, mask, words: Frame(kind, seq, mask, tuple(words[: word_count(kind, mask)])),
     st.sampled_from([*FrameType, 0, 0x55, 0xFF]),
     st.integers(0, 255),
     st.integers(0, 65535) | st.sampled_from([0, 1, 2, 3]),
@@ -247,13 +248,13 @@ def test_a_refused_frame_has_had_no_effect(several: list[Frame], ready: bool) ->
         (protocol.arm(9, {0: 300}), ErrorCode.NOT_SET_UP, None),
     ],
 )
-def test_refusals_say_why(frame: Frame, code: ErrorCode, index: int | None) -> None:
+def test_error_codes_name_the_reason(frame: Frame, code: ErrorCode, index: int | None) -> None:
     refusal = protocol.error_of(say(new_board(), frame))
     assert (refusal.code, refusal.index) == (code, index)
 
 
 def test_bad_bytes_are_answered_too() -> None:
-    wire = bytearray(protocol.encode(protocol.hello(1)))
+    wire = bytearray(encode(protocol.hello(1)))
     wire[-2] ^= 1
     board = new_board()
     for data, code in [
@@ -271,10 +272,10 @@ def test_the_same_prescale_goes_on_pulsing_and_another_one_stops_first() -> None
     board = set_up_board()
     say(board, protocol.arm(1, {0: 300, 7: 400}))
     ack = protocol.ack_of(say(board, protocol.setup(2, 121, 2000)))
-    assert ack.status == Status.PULSING | Status.SET_UP
+    assert ack.status == BoardStatus.PULSING | BoardStatus.SET_UP
     assert board.chip.width(7) == 400
     ack = protocol.ack_of(say(board, protocol.setup(3, 60, 2000)))
-    assert ack.status == Status.SET_UP
+    assert ack.status == BoardStatus.SET_UP
     assert widths(board.chip) == [None] * 16
     assert protocol.state_of(say(board, protocol.read(4, [0, 7]))) == {0: 0, 7: 0}
     say(board, protocol.arm(5, {0: 300}))
@@ -294,11 +295,12 @@ def test_silence_stops_the_pulses_at_the_timeout_and_not_before(silence_ms: int)
     board.tick(due)
     assert widths(board.chip) == [None] * 16
     assert board.deadline is None
-    assert board.status == Status.SILENCED
+    assert board.status == BoardStatus.SILENCED
     for counts in ({0: 0}, {0: 300}):  # latched: no ARM wakes a sagged arm
         assert protocol.error_of(say(board, protocol.arm(3, counts), due)).code == ErrorCode.NOT_SET_UP
-    assert protocol.ack_of(say(board, protocol.setup(4, 121, silence_ms), due)).status == Status.SET_UP
-    assert protocol.ack_of(say(board, protocol.arm(5, {0: 300}), due)).status == Status.PULSING | Status.SET_UP
+    assert protocol.ack_of(say(board, protocol.setup(4, 121, silence_ms), due)).status == BoardStatus.SET_UP
+    reply = say(board, protocol.arm(5, {0: 300}), due)
+    assert protocol.ack_of(reply).status == BoardStatus.PULSING | BoardStatus.SET_UP
 
 
 def test_a_late_frame_finds_the_pulses_stopped() -> None:
@@ -307,7 +309,7 @@ def test_a_late_frame_finds_the_pulses_stopped() -> None:
     assert protocol.state_of(say(board, protocol.read(2, [0, 1]), 2 * SECOND)) == {0: 0, 1: 0}
 
 
-def test_info_counts_and_tells() -> None:
+def test_info_reports_the_counters() -> None:
     board = set_up_board()
     say(board, protocol.arm(1, {0: 9999 % 4096}))
     say(board, Frame(0x55, 2, 0))
@@ -316,7 +318,7 @@ def test_info_counts_and_tells() -> None:
     assert info.simulated
 
 
-def test_power_cycle_forgets_everything_but_not_twice_the_same_number() -> None:
+def test_power_cycle_clears_the_state_and_changes_the_boot_number() -> None:
     board = set_up_board()
     say(board, protocol.arm(1, {0: 300}))
     boots = [board.boot]
@@ -330,22 +332,22 @@ def test_power_cycle_forgets_everything_but_not_twice_the_same_number() -> None:
     assert protocol.error_of(say(board, protocol.arm(2, {0: 300}))).code == ErrorCode.NOT_SET_UP
 
 
-def test_chip_that_does_not_answer_is_told_and_the_outputs_stop_all_the_same() -> None:
+def test_unresponsive_chip_is_reported_and_the_outputs_stop() -> None:
     board = set_up_board()
     say(board, protocol.arm(1, {0: 300}))
     board.chip.answers = False
     for frame in (protocol.arm(2, {0: 310}), protocol.read(3, [0]), protocol.hello(4), protocol.setup(5, 60, 100)):
         assert protocol.error_of(say(board, frame)).code == ErrorCode.CHIP
-    assert board.status & Status.CHIP_FAULT
+    assert board.status & BoardStatus.CHIP_FAULT
     assert board.silence_ms == 1000
     board.tick(SECOND)  # the pin, not the bus
     assert board.chip.width(0) is None
     board.chip.answers = True
     board.tick(SECOND + 10 * MS)
-    assert board.status == Status.SILENCED
+    assert board.status == BoardStatus.SILENCED
 
 
-def test_chip_that_lost_its_settings_is_noticed() -> None:
+def test_reset_chip_is_detected() -> None:
     board = set_up_board()
     board.chip.power_cycle()
     assert protocol.error_of(say(board, protocol.arm(1, {0: 300}))).code == ErrorCode.CHIP
@@ -362,16 +364,16 @@ def with_faults(*faults: str, seed: int = 2) -> Simulation:
 
 
 def test_no_flipped_bit_of_a_frame_ever_moves_the_arm_elsewhere() -> None:
-    wire = protocol.encode(protocol.arm(1, {channel: 310 + channel for channel in range(9)}))
+    wire = encode(protocol.arm(1, {channel: 310 + channel for channel in range(9)}))
     for bit in range(8 * len(wire)):
         board = set_up_board()
         say(board, protocol.arm(0, {channel: 300 + channel for channel in range(9)}))
-        spoilt = bytearray(wire)
-        spoilt[bit // 8] ^= 1 << bit % 8
-        board.feed(bytes(spoilt), 1)
+        corrupted = bytearray(wire)
+        corrupted[bit // 8] ^= 1 << bit % 8
+        board.feed(bytes(corrupted), 1)
         assert [board.chip.width(channel) for channel in range(9)] == [300 + channel for channel in range(9)]
         say(board, protocol.hello(2)) if bit // 8 < len(wire) - 1 else board.feed(b"\0", 1)
-        assert protocol.ack_of(say(board, protocol.arm(3, {0: 321}))).status & Status.PULSING
+        assert protocol.ack_of(say(board, protocol.arm(3, {0: 321}))).status & BoardStatus.PULSING
 
 
 @pytest.mark.parametrize(
@@ -385,22 +387,22 @@ def test_no_flipped_bit_of_a_frame_ever_moves_the_arm_elsewhere() -> None:
         ("double 1 both", [4, 4, 4], [301, 302, 303]),
     ],
 )
-def test_frames_are_lost_and_doubled_where_told(fault: str, answers: list[int], left: list[int | None]) -> None:
+def test_frames_are_lost_and_doubled_as_specified(fault: str, answers: list[int], left: list[int | None]) -> None:
     link = with_faults(fault)
-    replies = [frames(link.feed(protocol.encode(protocol.arm(n, {n: 300 + n})), n)) for n in (1, 2, 3)]
+    replies = [frames(link.feed(encode(protocol.arm(n, {n: 300 + n})), n)) for n in (1, 2, 3)]
     assert [len(several) for several in replies] == answers
     assert [link.board.chip.width(channel) for channel in (1, 2, 3)] == left
 
 
 @pytest.mark.parametrize("kind", ["flip", "lose", "double"])
-def test_rates_are_rates_until_it_is_calm(kind: str) -> None:
+def test_fault_rates_hold_until_cleared(kind: str) -> None:
     link = with_faults(f"{kind} 0.2")
     odd = 0
     for n in range(2000):
-        replies = link.feed(protocol.encode(protocol.arm(n % 256, {0: 300})), n)
+        replies = link.feed(encode(protocol.arm(n % 256, {0: 300})), n)
         odd += [event.type for event in frames(replies)] != [FrameType.ACK]
     assert 320 < odd < 720
-    link.begin(Calm(), 0)
+    link.begin(ClearFrameFaults(), 0)
     link.feed(b"\0", 0)
     for n in range(200):
         say(link, protocol.arm(n, {0: 300}))
@@ -409,7 +411,7 @@ def test_rates_are_rates_until_it_is_calm(kind: str) -> None:
 def test_faults_repeat_with_their_seed() -> None:
     def course(seed: int) -> bytes:
         link = with_faults("flip 0.1", "lose 0.1 both", "double 0.1 out", seed=seed)
-        return b"".join(link.feed(protocol.encode(protocol.arm(n, {0: 300 + n})), n) for n in range(200))
+        return b"".join(link.feed(encode(protocol.arm(n, {0: 300 + n})), n) for n in range(200))
 
     assert course(1) == course(1) != course(2)
 
@@ -417,8 +419,8 @@ def test_faults_repeat_with_their_seed() -> None:
 def test_a_stall_delivers_late_and_silence_has_stopped_the_pulses_meanwhile() -> None:
     link = with_faults("stall 2 at 1")
     say(link, protocol.arm(1, {0: 300}), SECOND - 1)
-    assert link.feed(protocol.encode(protocol.hello(2)), SECOND) == b""
-    assert link.feed(protocol.encode(protocol.arm(3, {1: 301})), SECOND + MS) == b""
+    assert link.feed(encode(protocol.hello(2)), SECOND) == b""
+    assert link.feed(encode(protocol.arm(3, {1: 301})), SECOND + MS) == b""
     assert link.deadline == SECOND - 1 + SECOND
     assert link.tick(2 * SECOND) == b""
     assert link.board.chip.width(0) is None
@@ -427,12 +429,12 @@ def test_a_stall_delivers_late_and_silence_has_stopped_the_pulses_meanwhile() ->
     assert link.board.chip.width(1) is None
 
 
-def test_a_hang_up_takes_the_device_away_and_loses_what_was_on_its_way() -> None:
+def test_hang_up_removes_the_device_and_loses_bytes_in_transit() -> None:
     link = with_faults("hangup 0.5 at 1")
     say(link, protocol.arm(1, {0: 300}), SECOND - 1)
     boot = link.board.boot
     assert link.present
-    assert link.feed(protocol.encode(protocol.arm(2, {0: 400})), SECOND) == b""
+    assert link.feed(encode(protocol.arm(2, {0: 400})), SECOND) == b""
     assert not link.present
     assert link.deadline == SECOND + SECOND // 2
     link.tick(SECOND + SECOND // 2)
@@ -444,13 +446,13 @@ def test_a_hang_up_takes_the_device_away_and_loses_what_was_on_its_way() -> None
 def test_a_brown_out_shows_in_the_boot_number() -> None:
     link = with_faults("brownout 0.2 at 1")
     boot = protocol.ack_of(say(link, protocol.arm(1, {0: 300}))).boot
-    assert link.feed(protocol.encode(protocol.arm(2, {0: 300})), SECOND) == b""
+    assert link.feed(encode(protocol.arm(2, {0: 300})), SECOND) == b""
     assert widths(link.board.chip) == [None] * 16
     after = say(link, protocol.arm(3, {0: 300}), SECOND + 200 * MS)
     assert protocol.error_of(after).code == ErrorCode.NOT_SET_UP
     info = protocol.info_of(say(link, protocol.hello(4), SECOND + 200 * MS))
     assert info.boot != boot
-    assert info.status == Status(0)
+    assert info.status == BoardStatus(0)
 
 
 def test_a_silent_chip_comes_back() -> None:
@@ -458,26 +460,26 @@ def test_a_silent_chip_comes_back() -> None:
     say(link, protocol.arm(1, {0: 300}), SECOND - 1)
     assert protocol.error_of(say(link, protocol.arm(2, {0: 301}), SECOND)).code == ErrorCode.CHIP
     assert link.board.chip.width(0) == 300
-    assert not protocol.ack_of(say(link, protocol.arm(3, {0: 302}), SECOND + 100 * MS)).status & Status.CHIP_FAULT
+    assert not protocol.ack_of(say(link, protocol.arm(3, {0: 302}), SECOND + 100 * MS)).status & BoardStatus.CHIP_FAULT
     assert link.board.chip.width(0) == 302
 
 
 FAULTS: list[tuple[str, Fault]] = [
     ("flip 0.01", BitFlip(rate=0.01)),
-    ("lose frame 7 both", LostFrames(frame=7, way="both")),
-    ("double 1 out", DoubledFrames(rate=1.0, way="out")),
-    ("stall 0.5", Stall(0.5)),
+    ("lose frame 7 both", LostFrames(frame=7, direction="both")),
+    ("double 1 out", DoubledFrames(rate=1.0, direction="out")),
+    ("stall 0.5", LineStall(0.5)),
     ("hangup 2", HangUp(2.0)),
     ("brownout 0", BrownOut(0.0)),
     ("chip 1", ChipSilence(1.0)),
-    ("calm", Calm()),
+    ("calm", ClearFrameFaults()),
 ]
 
 
 @pytest.mark.parametrize(("text", "fault"), FAULTS)
-def test_faults_read_as_they_are_written(text: str, fault: Fault) -> None:
-    assert parse_fault(text) == Planned(fault)
-    assert parse_fault(f"{text} at 2.5") == Planned(fault, 2.5)
+def test_faults_parse_to_their_values(text: str, fault: Fault) -> None:
+    assert parse_fault(text) == ScheduledFault(fault)
+    assert parse_fault(f"{text} at 2.5") == ScheduledFault(fault, 2.5)
 
 
 @pytest.mark.parametrize(
@@ -495,18 +497,18 @@ def test_faults_read_as_they_are_written(text: str, fault: Fault) -> None:
         ("stall 1 at x", "number"),
     ],
 )
-def test_a_fault_that_cannot_be_read_says_what_would_be_right(text: str, word: str) -> None:
+def test_invalid_fault_names_the_valid_syntax(text: str, word: str) -> None:
     with pytest.raises(LrmError, match=word):
         parse_fault(text)
 
 
 @given(st.binary(max_size=300), st.lists(st.integers(0, 300), max_size=5))
 @settings(max_examples=200)
-def test_any_bytes_in_any_pieces_are_survived(data: bytes, cuts: list[int]) -> None:
+def test_any_bytes_in_any_chunks_are_handled(data: bytes, cuts: list[int]) -> None:
     link = with_faults("flip 0.2 both", "double 0.2 both", "lose 0.2 both")
     edges = [0, *sorted(cuts), len(data)]
     for a, b in pairwise(edges):
         link.feed(data[a:b], 0)
-    link.begin(Calm(), 0)
+    link.begin(ClearFrameFaults(), 0)
     link.feed(b"\0\0", 0)
     assert protocol.info_of(say(link, protocol.hello(1))).simulated

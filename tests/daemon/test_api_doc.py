@@ -15,22 +15,22 @@ import msgpack
 import pytest
 
 import lrmd
-from lrmd.api.publisher import Telling
-from lrmd.api.supervisor import Child
+from lrmd.api.publisher import StatePublisher
+from lrmd.api.supervisor import ChildProcess
 from lrmd.api.zenoh_server import COMMANDS, REQUESTS
-from lrmd.client.rover import Rover
+from lrmd.client import Rover
 from lrmd.config import load_config
-from lrmd.control.ramp_faults import TRIPS
 from lrmd.control.state_machine import Mode, Trigger
+from lrmd.control.updates import FAULT_RESPONSES
 from lrmd.messages.control import LONGEST, Header, Message, unpack
-from lrmd.ramp.shared_memory import Shared
+from lrmd.ramp.shared_memory import SharedRecords
 from tests.conftest import ROOT
-from tests.support.in_memory_daemon import CONFIG, World
+from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.message_schemas import every_message
 
 TEXT = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 MESSAGES = every_message()
-SOURCES = [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(Path(lrmd.__path__[0]).glob("*.py"))]
+SOURCES = [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(Path(lrmd.__path__[0]).rglob("*.py"))]
 
 UNITS = {
     "rad": "rad", "rad_per_s": "rad/s", "us": "µs", "ms": "ms", "ns": "ns", "s": "s", "kg": "kg", "m": "m", "nm": "N·m",
@@ -178,7 +178,7 @@ def literals(pattern: str) -> set[str]:
 
 def states() -> set[str]:
     config = load_config(CONFIG)
-    return set(Telling(config, World(config).core, Shared.create(), Child("ramp", print), Child("ik", print)).states)
+    return set(StatePublisher(config, SimulatedDaemon(config).core, SharedRecords.create(), ChildProcess("ramp", print), ChildProcess("ik", print)).states)
 
 
 def test_every_key_is_in_the_table_with_its_message() -> None:
@@ -207,7 +207,7 @@ def codes_in(node: ast.expr) -> set[str]:
         return {node.value}
     if isinstance(node, ast.JoinedStr):
         (last,) = [part.value for part in node.values if isinstance(part, ast.Constant)]
-        children = [call.args[0] for call in calls("Child")]
+        children = [call.args[0] for call in calls("ChildProcess")]
         return {f"{child.value}{last}" for child in children if isinstance(child, ast.Constant)}
     return set()
 
@@ -215,7 +215,7 @@ def codes_in(node: ast.expr) -> set[str]:
 def raised() -> dict[str, bool]:
     """Every code of an error reply, and whether it is retryable."""
     found = {}
-    for call in calls("Refused", "ErrorReply"):
+    for call in calls("RequestError", "ErrorReply", "__init__"):
         given = {k.arg: k.value for k in call.keywords}
         retry = given.get("retryable")
         code = given.get("code", call.args[0] if call.args else None)
@@ -232,9 +232,9 @@ def test_every_error_code_is_told_with_whether_to_try_again() -> None:
 
 def test_every_event_is_told_with_its_level() -> None:
     told = {row[0].strip("`"): row[1] for row in rows(TEXT, "event")}
-    trips = {what.code for what in TRIPS.values()}
-    found = set(trips)
-    for call in calls("happened", "_happened", "Happening"):
+    fault_count = {what.code for what in FAULT_RESPONSES.values()}
+    found = set(fault_count)
+    for call in calls("emit", "_emit", "ControllerEvent"):
         codes = codes_in(call.args[0])
         found |= codes
         if isinstance(call.args[1], ast.Constant):
@@ -244,8 +244,8 @@ def test_every_event_is_told_with_its_level() -> None:
 
 def test_every_fault_is_told() -> None:
     told = {row[0].strip("`") for row in rows(TEXT, "fault")}
-    leads = {what.code for what in TRIPS.values() if what.trigger in (Trigger.FAILED, Trigger.OUTPUTS_LOST)}
-    stopped = {what.code for what in TRIPS.values() if what.trigger is Trigger.STOPPED}
+    leads = {what.code for what in FAULT_RESPONSES.values() if what.trigger in (Trigger.FAILED, Trigger.OUTPUTS_LOST)}
+    stopped = {what.code for what in FAULT_RESPONSES.values() if what.trigger is Trigger.STOPPED}
     fixed = {code for call in calls("add_fault") for code in codes_in(call.args[0])}
     assert leads | fixed <= told <= leads | fixed | stopped
 

@@ -11,7 +11,7 @@ import pytest
 
 from lrmd.config import load_config
 from lrmd.control.state_machine import TABLE, Mode, Trigger
-from lrmd.thermal.model import Thermal
+from lrmd.safety.thermal_model import ThermalModel
 from tests.conftest import ROOT
 from tests.support.in_memory_daemon import CONFIG
 
@@ -64,7 +64,7 @@ def test_the_numbers_are_those_of_the_shipped_configuration() -> None:
 
 def test_the_times_until_a_servo_is_warm_hot_and_too_hot_are_the_models() -> None:
     config = load_config(CONFIG)
-    model = Thermal.of(config)
+    model = ThermalModel.of(config)
     ((_, rows),) = tables("held without a break, from cold")
     for what, *times in rows:
         joint, tau = what.removesuffix(" N·m").split(", ")

@@ -25,11 +25,11 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrmd.config import Config, load_config
-from lrmd.errors import Refused
+from lrmd.errors import RequestError
+from lrmd.ik.deployed_model import deploy
 from lrmd.ik.service import IkService, goal_of, solver_of
 from lrmd.messages.control import Message, MessageError, unpack
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
-from lrmd.safety.deployed_model import deploy
 from tests.math.test_collision import sampled_distance
 from tests.soak.fuzz_ik import fuzz
 from tests.support.in_memory_daemon import CONFIG
@@ -318,7 +318,8 @@ def test_an_overloaded_arm_is_promised_no_rest_that_it_may_not_come_to(seed: int
 
 
 def test_made_up_questions_break_nothing() -> None:
-    assert fuzz(120, 3).violations == []
+    result, _ = fuzz(120, 3)
+    assert result.violations == []
 
 
 def test_forward_says_where_the_bent_arm_is() -> None:
@@ -384,7 +385,7 @@ def test_what_nobody_wants_any_more_is_given_up_between_two_goals(code: str) -> 
 
     def goes_on() -> None:
         if next(looked) > 3:
-            raise Refused(code, "no longer wanted")
+            raise RequestError(code, "no longer wanted")
 
     questions: list[Callable[[], object]] = [
         lambda: service().inverse(IkRequest(goals=[GoalEntry(position_m=[0.2, 0.1, 0.3])] * 50), goes_on),
@@ -392,7 +393,7 @@ def test_what_nobody_wants_any_more_is_given_up_between_two_goals(code: str) -> 
     ]
     for question in questions:
         looked = itertools.count(1)
-        with pytest.raises(Refused) as caught:
+        with pytest.raises(RequestError) as caught:
             question()
         assert caught.value.code == code
         assert next(looked) == 5, "it looks once before every goal, and no more once it was told"

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from lrmd.config import load_config
 from lrmd.messages.control import MessageError, MetricsState, pack, unpack
 from lrmd.ramp.shared_memory import BUCKET_NS, BUCKETS
-from tests.support.in_memory_daemon import CONFIG, World
-from tests.support.in_memory_zenoh import Daemon
+from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.in_memory_zenoh import InMemoryDaemon
 
 LATENESS = st.integers(0, 3_000_000) | st.integers(0, 200_000) | st.sampled_from([0, 4999, 5000, 2_554_999, 2_555_000])
 """ns"""
@@ -22,18 +22,18 @@ LAST_EDGE_US = (BUCKETS - 1) * BUCKET_NS / 1000
 
 
 @pytest.fixture(scope="module")
-def daemon() -> Daemon:
-    return Daemon(World(load_config(CONFIG)))
+def daemon() -> InMemoryDaemon:
+    return InMemoryDaemon(SimulatedDaemon(load_config(CONFIG)))
 
 
-def told(daemon: Daemon, late: list[int]) -> MetricsState:
+def told(daemon: InMemoryDaemon, late: list[int]) -> MetricsState:
     """What the daemon says after ticks that were so late (ns)."""
     daemon.shared.lateness[:] = memoryview(bytes(8 * BUCKETS)).cast("Q")
     for ns in late:
         daemon.shared.lateness[min(ns // BUCKET_NS, BUCKETS - 1)] += 1
-    core = daemon.world.core
-    core.observe(replace(daemon.world.report, latest=max(late, default=0)), daemon.world.now)
-    (answer,) = daemon.wire.get("lrm/rover/state/metrics")
+    core = daemon.sim.core
+    core.observe(replace(daemon.sim.report, max_late_ns=max(late, default=0)), daemon.sim.now)
+    (answer,) = daemon.session.get("lrm/rover/state/metrics")
     assert answer.ok is not None
     return unpack(MetricsState, answer.ok.payload.to_bytes())
 
@@ -44,7 +44,7 @@ def bucket(m: MetricsState, us: float) -> int:
 
 
 @given(st.lists(LATENESS, min_size=1, max_size=300))
-def test_every_tick_is_counted_once_in_the_bucket_between_its_edges(daemon: Daemon, late: list[int]) -> None:
+def test_every_tick_is_counted_once_in_the_bucket_between_its_edges(daemon: InMemoryDaemon, late: list[int]) -> None:
     m = told(daemon, late)
     counts = [0] * len(m.late_counts)
     for ns in late:
@@ -56,7 +56,7 @@ def test_every_tick_is_counted_once_in_the_bucket_between_its_edges(daemon: Daem
 
 @given(st.lists(LATENESS, min_size=1, max_size=300))
 def test_percentiles_lie_in_the_bucket_that_the_histogram_says_and_bound_the_ticks(
-    daemon: Daemon, late: list[int]
+    daemon: InMemoryDaemon, late: list[int]
 ) -> None:
     m = told(daemon, late)
     for share, p in ((0.5, m.late_p50_us), (0.99, m.late_p99_us), (0.999, m.late_p999_us)):
@@ -71,7 +71,7 @@ def test_percentiles_lie_in_the_bucket_that_the_histogram_says_and_bound_the_tic
             assert p == m.late_max_us >= exact
 
 
-def test_the_histogram_is_small_and_ends_where_the_ramp_stops_telling_apart(daemon: Daemon) -> None:
+def test_the_histogram_is_small_and_ends_where_the_ramp_stops_telling_apart(daemon: InMemoryDaemon) -> None:
     m = told(daemon, [])
     assert m.late_upper_us[-1] == LAST_EDGE_US
     assert {150.0, 500.0} < set(m.late_upper_us), "the edges by which the ramp is judged"
@@ -81,7 +81,7 @@ def test_the_histogram_is_small_and_ends_where_the_ramp_stops_telling_apart(daem
     assert len(pack(many)) < 1000
 
 
-def test_a_largest_that_lags_behind_the_counts_is_not_below_them(daemon: Daemon) -> None:
+def test_a_largest_that_lags_behind_the_counts_is_not_below_them(daemon: InMemoryDaemon) -> None:
     """A ramp that is killed between the two writes has counted a tick and not told its lateness."""
     told(daemon, [1000])
     daemon.shared.lateness[BUCKETS - 1] += 1
@@ -101,7 +101,7 @@ def test_a_largest_that_lags_behind_the_counts_is_not_below_them(daemon: Daemon)
         ({"late_upper_us": [math.inf]}, "late_upper_us.0: input should be a finite number"),
     ],
 )
-def test_a_histogram_that_does_not_fit_together_is_refused(daemon: Daemon, changes: dict, words: str) -> None:
+def test_a_histogram_that_does_not_fit_together_is_refused(daemon: InMemoryDaemon, changes: dict, words: str) -> None:
     whole = told(daemon, [0] * 785).model_copy(update={"late_upper_us": [5.0], "late_counts": [785, 0]})
     assert unpack(MetricsState, pack(whole)) == whole
     with pytest.raises(MessageError, match=words):

@@ -15,25 +15,25 @@ from hypothesis import strategies as st
 from lrm_math.errors import LrmError
 from lrmd.cli import app
 from lrmd.cli import text as cli_text
-from lrmd.cli.angles import angle_of, angles_of
-from lrmd.client.rover import Interrupted, Rover
+from lrmd.cli.parsing import parse_angle, parse_angles
+from lrmd.client import MotionInterrupted, Rover
 from lrmd.config import load_config
 from lrmd.control.state_machine import Mode
 from lrmd.messages.control import Event, FaultEntry, FaultsState, MessageError, ThermalState
 from lrmd.ramp.shared_memory import BUCKETS
 from tests.conftest import ROOT
-from tests.support.in_memory_daemon import CONFIG, World
-from tests.support.in_memory_zenoh import Daemon
+from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.in_memory_zenoh import InMemoryDaemon
 
 ZERO = "0,0,0,0,0,0"
 NOBODY = "tcp/127.0.0.1:1"
 
 
 @pytest.fixture
-def daemon() -> Iterator[Daemon]:
-    world = World(load_config(CONFIG))
-    world.run(30)
-    daemon = Daemon(world)
+def daemon() -> Iterator[InMemoryDaemon]:
+    sim = SimulatedDaemon(load_config(CONFIG))
+    sim.run(30)
+    daemon = InMemoryDaemon(sim)
     with daemon.reachable():
         yield daemon
 
@@ -87,23 +87,23 @@ def refuses(typed: Typed) -> Callable[..., str]:
 
 @given(value=st.floats(-1000, 1000), unit=st.sampled_from(["", "deg", "°", " deg", "DEG"]), pad=st.sampled_from("  "))
 def test_degrees_are_understood_with_and_without_their_name(value: float, unit: str, pad: str) -> None:
-    assert angle_of(f"{pad}{value!r}{unit}{pad}") == math.radians(value)
+    assert parse_angle(f"{pad}{value!r}{unit}{pad}") == math.radians(value)
 
 
 @given(value=st.floats(-20, 20))
 def test_radians_keep_every_digit(value: float) -> None:
-    assert angle_of(f"{value!r}rad") == value
+    assert parse_angle(f"{value!r}rad") == value
 
 
 @given(values=st.lists(st.floats(-180, 180), min_size=1, max_size=9))
 def test_several_angles_stand_between_commas(values: list[float]) -> None:
-    assert angles_of(",".join(f"{v!r}" for v in values)) == [math.radians(v) for v in values]
+    assert parse_angles(",".join(f"{v!r}" for v in values)) == [math.radians(v) for v in values]
 
 
 @given(text=st.text(max_size=12))
 def test_a_word_is_a_finite_angle_or_an_error_that_shows_how(text: str) -> None:
     try:
-        angle = angle_of(text)
+        angle = parse_angle(text)
     except LrmError as error:
         said = str(error)
     else:
@@ -117,17 +117,17 @@ def test_a_word_is_a_finite_angle_or_an_error_that_shows_how(text: str) -> None:
 )
 def test_what_is_no_angle_is_refused(text: str) -> None:
     with pytest.raises(LrmError, match="should be like 30deg"):
-        angle_of(text)
+        parse_angle(text)
 
 
 # ---- a day with an arm
 
 
-def test_arm_move_look_and_disarm(daemon: Daemon, does: Callable[..., str]) -> None:
+def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., str]) -> None:
     assert does("state").startswith("disarmed (started)\n")
     assert does("arm", "--q", ZERO) == "armed: joint1, joint2, joint3, joint4, joint5, joint6\n"
     assert does("move", "--joint", "2", "10deg", "--joint", "3", "-10deg", "--speed", "0.9").startswith("there, after ")
-    core = daemon.world.core
+    core = daemon.sim.core
     assert core.angles(core.position)[1:3] == pytest.approx([math.radians(10), math.radians(-10)], abs=1e-5)
     looked = does("state", "--metrics")
     assert "armed (arrived)" in looked
@@ -141,19 +141,19 @@ def test_arm_move_look_and_disarm(daemon: Daemon, does: Callable[..., str]) -> N
     assert does("hold") == "holding\n"
     assert core.mode is Mode.HOLDING
     assert does("relax", "joint6") == "relaxed\n"
-    daemon.world.run(6)
-    assert daemon.world.report.outputs == 0b011111
+    daemon.sim.run(6)
+    assert daemon.sim.report.outputs == 0b011111
     assert does("disarm") == "disarmed\n"
-    daemon.world.run(6)
-    assert not daemon.world.report.outputs
+    daemon.sim.run(6)
+    assert not daemon.sim.report.outputs
     log = does("logs")
     assert "holding -> disarmed: disarmed" in log
     assert log.index("arming -> armed") < log.index("moving -> armed: arrived")
     assert does("info").splitlines()[0] == "rover: arm lrm-rover, lrm-arm 0.1.0, tick 6.5 ms, model nominal"
-    assert daemon.world.core.lease is None, "every command gave its lease back"
+    assert daemon.sim.core.lease is None, "every command gave its lease back"
 
 
-def test_metrics_show_how_late_the_ticks_were(daemon: Daemon, does: Callable[..., str]) -> None:
+def test_metrics_show_how_late_the_ticks_were(daemon: InMemoryDaemon, does: Callable[..., str]) -> None:
     assert does("state", "--metrics").splitlines()[-1].strip() == "us", "no ticks, no bars"
     for us, ticks in {12: 60, 97: 30, 103: 9, 40_000: 1}.items():
         daemon.shared.lateness[min(us // 5, BUCKETS - 1)] = ticks
@@ -165,21 +165,21 @@ def test_metrics_show_how_late_the_ticks_were(daemon: Daemon, does: Callable[...
     assert {bar[0]: bar[3] for bar in bars if bar[0] in ("60", "80", "100")} == {"60": "0", "80": "30", "100": "9"}
 
 
-def test_gripper_pan_and_tilt(daemon: Daemon, does: Callable[..., str]) -> None:
+def test_gripper_pan_and_tilt(daemon: InMemoryDaemon, does: Callable[..., str]) -> None:
     does("arm", "--at", "gripper", "0", "--at", "pan", "0", "--at", "tilt", "-.1rad")
     does("gripper", "-5")
     does("pan-tilt", "3", "-4deg", "--each")
-    core = daemon.world.core
+    core = daemon.sim.core
     angles = dict(zip(core.config.names, core.angles(core.position), strict=True))
     wanted = {"gripper": -5, "pan": 3, "tilt": -4}
     assert {n: math.degrees(angles[n]) for n in wanted} == pytest.approx(wanted, abs=1e-2)
 
 
-def test_estop_and_reset(daemon: Daemon, does: Callable[..., str], refuses: Callable[..., str]) -> None:
+def test_estop_and_reset(daemon: InMemoryDaemon, does: Callable[..., str], refuses: Callable[..., str]) -> None:
     does("arm", "--q", ZERO)
     assert does("estop", "--why", "smoke " * 40 + "\033[31m") == "stopped: the pulses are off\n"
-    daemon.world.run(6)
-    assert not daemon.world.report.outputs, "an emergency stop stops, whatever the note says"
+    daemon.sim.run(6)
+    assert not daemon.sim.report.outputs, "an emergency stop stops, whatever the note says"
     looked = does("state")
     assert looked.startswith("estop (")
     assert "fault estop: emergency stop: smoke" in looked
@@ -187,37 +187,37 @@ def test_estop_and_reset(daemon: Daemon, does: Callable[..., str], refuses: Call
     assert does("reset") == "disarmed\n"
 
 
-def test_arming_without_a_pose_says_what_is_needed(daemon: Daemon, does, refuses) -> None:
+def test_arming_without_a_pose_says_what_is_needed(daemon: InMemoryDaemon, does, refuses) -> None:
     assert "(no pose is stored)" in refuses("arm")
     does("arm", "--q", "0,5,0,0,0,0")
     does("disarm")
-    daemon.world.run(6)
-    daemon.world.core.stored = daemon.world.core.saved(10**18)
+    daemon.sim.run(6)
+    daemon.sim.core.stored = daemon.sim.core.saved(10**18)
     line = refuses("arm")
     assert "where the arm stands" in line
     assert "joint2 5.0" in line
     does("arm", "--stored", "--servo", "joint2")
-    assert daemon.world.report.outputs == 0b10
+    assert daemon.sim.report.outputs == 0b10
 
 
-def test_ctrl_c_holds(daemon: Daemon, typed: Typed, does: Callable[..., str]) -> None:
+def test_ctrl_c_holds(daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]) -> None:
     does("arm", "--q", ZERO)
     with mock.patch.object(Rover, "_wait", side_effect=KeyboardInterrupt):
         code, _, err = typed("move", "--joint", "1", "40deg")
     assert (code, err) == (1, "held\n")
-    assert daemon.world.core.mode is Mode.HOLDING
+    assert daemon.sim.core.mode is Mode.HOLDING
 
 
-def test_a_motion_that_ends_early_is_exit_code_1(daemon: Daemon, typed: Typed, does: Callable[..., str]) -> None:
+def test_a_motion_that_ends_early_is_exit_code_1(daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]) -> None:
     does("arm", "--q", ZERO)
 
-    def brown_out(_: Daemon, tail: str, before=Daemon.state) -> object:
+    def brown_out(_: InMemoryDaemon, tail: str, before=InMemoryDaemon.state) -> object:
         if tail == "state/mode":
-            daemon.world.board.power_cycle(daemon.world.now)
-            daemon.world.outputs = daemon.world._pulses()
+            daemon.sim.board.power_cycle(daemon.sim.now)
+            daemon.sim.outputs = daemon.sim._pulses()
         return before(daemon, tail)
 
-    with mock.patch.object(Daemon, "state", brown_out):
+    with mock.patch.object(InMemoryDaemon, "state", brown_out):
         code, out, err = typed("move", "--joint", "1", "40deg")
     assert (code, out) == (1, "")
     assert err == "lrm: the motion ended before its goal: fault (the board lost its power; the arm is limp)\n"
@@ -291,14 +291,14 @@ def test_words_that_are_wrong_without_a_daemon(refuses: Callable[..., str], word
     ],
 )
 def test_what_cannot_be_done_is_told_in_one_line(
-    daemon: Daemon, does, refuses, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: list[str], match: str
+    daemon: InMemoryDaemon, does, refuses, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: list[str], match: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     does("arm", "--q", ZERO)
-    before = daemon.world.core.position
+    before = daemon.sim.core.position
     assert match in refuses(*words)
-    daemon.world.run(50)
-    assert daemon.world.core.position == before
+    daemon.sim.run(50)
+    assert daemon.sim.core.position == before
     assert list(tmp_path.iterdir()) == []
 
 
@@ -331,7 +331,7 @@ def test_waiting_ends_when_the_goal_cannot_be_reached_any_more() -> None:
         rover.arm("given", {"joint1": 0.0})
         rover.move({"joint1": 0.5}, wait=False)
         rover.hold()
-        with pytest.raises(Interrupted, match="holding"):
+        with pytest.raises(MotionInterrupted, match="holding"):
             rover._wait(("armed",), ("moving",), 1.0)
 
 
@@ -378,9 +378,9 @@ def test_an_event_shows_its_time_to_the_millisecond() -> None:
     assert line.endswith("joint4 is hot")
 
 
-def test_heat_is_told_with_the_time_that_is_left(daemon: Daemon) -> None:
-    telling = daemon._telling
-    joints = telling.states["state/joints"]()
+def test_heat_is_told_with_the_time_that_is_left(daemon: InMemoryDaemon) -> None:
+    publisher = daemon._publisher
+    joints = publisher.states["state/joints"]()
     n = len(joints.names)
     heat = ThermalState(
         **HEADER, names=joints.names, temperature_c=[72.0] * n, tau_nm=[0.3] * n, level=["warm"] * n,
@@ -400,7 +400,7 @@ def test_a_fault_shows_what_it_is_and_since_when() -> None:
 
 
 def test_the_examples_of_the_help_text_are_commands() -> None:
-    lines = [line.split("   ")[0].split() for line in app.TEXT.splitlines() if line.startswith("  lrm ")]
+    lines = [line.split("   ")[0].split() for line in app.DESCRIPTION.splitlines() if line.startswith("  lrm ")]
     assert len(lines) >= 5
     for words in lines:
         app.parser().parse_args(words[1:])

@@ -28,8 +28,8 @@ from lrmd.messages.control import (
     unpack,
 )
 from lrmd.messages.kinematics import IkAnswer, IkReply
-from tests.support.in_memory_daemon import CONFIG, World
-from tests.support.in_memory_zenoh import Daemon
+from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.in_memory_zenoh import InMemoryDaemon
 from tests.support.message_schemas import contents, every_message
 
 MESSAGES = every_message()
@@ -201,22 +201,22 @@ def test_the_longest_message_that_the_limits_allow_is_read() -> None:
 
 
 @pytest.fixture(scope="module")
-def daemon() -> Daemon:
-    world = World(load_config(CONFIG))
-    world.run(30)
-    return Daemon(world)
+def daemon() -> InMemoryDaemon:
+    sim = SimulatedDaemon(load_config(CONFIG))
+    sim.run(30)
+    return InMemoryDaemon(sim)
 
 
-def told(daemon: Daemon, key: str, payload: bytes) -> ErrorReply:
+def told(daemon: InMemoryDaemon, key: str, payload: bytes) -> ErrorReply:
     """The one error that a query is answered with."""
-    answers = daemon.wire.get(key, payload)
+    answers = daemon.session.get(key, payload)
     assert len(answers) == 1
     assert answers[0].err is not None
     return unpack(ErrorReply, answers[0].err.payload.to_bytes())
 
 
 @pytest.mark.parametrize("tail", REQUESTS)
-def test_a_bad_request_gets_an_error_reply_that_names_the_field(daemon: Daemon, tail: str) -> None:
+def test_a_bad_request_gets_an_error_reply_that_names_the_field(daemon: InMemoryDaemon, tail: str) -> None:
     reply = told(daemon, f"lrm/rover/{tail}", msgpack.packb({"surprise": 1, **FULL[REQUESTS[tail].__name__]}))
     assert reply.code == "bad_message"
     assert "surprise" in reply.msg
@@ -225,31 +225,31 @@ def test_a_bad_request_gets_an_error_reply_that_names_the_field(daemon: Daemon, 
 
 @pytest.mark.parametrize("pattern", ["lrm/*/{}", "lrm/rover/**", "lrm/**/{}"])
 @pytest.mark.parametrize("tail", [*REQUESTS, "rpc/estop"])
-def test_a_request_to_several_at_once_is_not_carried_out(daemon: Daemon, tail: str, pattern: str) -> None:
+def test_a_request_to_several_at_once_is_not_carried_out(daemon: InMemoryDaemon, tail: str, pattern: str) -> None:
     content = msgpack.packb(FULL.get(REQUESTS.get(tail, Message).__name__, {}))
-    before = daemon.world.core.mode, daemon.world.core.lease
-    answers = daemon.wire.get(pattern.format(tail), content)
+    before = daemon.sim.core.mode, daemon.sim.core.lease
+    answers = daemon.session.get(pattern.format(tail), content)
     errors = [unpack(ErrorReply, a.err.payload.to_bytes()) for a in answers if a.err is not None]
     assert {e.code for e in errors} == {"wildcard"}
     assert any(tail in e.msg for e in errors)
-    assert (daemon.world.core.mode, daemon.world.core.lease) == before
+    assert (daemon.sim.core.mode, daemon.sim.core.lease) == before
 
 
-def test_states_may_be_asked_for_together(daemon: Daemon) -> None:
-    keys = {a.ok.key_expr for a in daemon.wire.get("lrm/*/state/*") if a.ok is not None}
+def test_states_may_be_asked_for_together(daemon: InMemoryDaemon) -> None:
+    keys = {a.ok.key_expr for a in daemon.session.get("lrm/*/state/*") if a.ok is not None}
     assert keys == {f"lrm/rover/state/{name}" for name in ("joints", "mode", "faults", "thermal", "metrics")}
 
 
-def test_a_command_that_cannot_be_read_is_an_event(daemon: Daemon) -> None:
+def test_a_command_that_cannot_be_read_is_an_event(daemon: InMemoryDaemon) -> None:
     heard: list[bytes] = []
-    daemon.wire.declare_subscriber("lrm/rover/event/refused", lambda sample: heard.append(sample.payload.to_bytes()))
-    daemon.wire.put("lrm/rover/cmd/jog", b"\xc1")
+    daemon.session.declare_subscriber("lrm/rover/event/refused", lambda sample: heard.append(sample.payload.to_bytes()))
+    daemon.session.put("lrm/rover/cmd/jog", b"\xc1")
     assert len(heard) == 1
     assert b"bad_message" in heard[0]
     assert b"cmd/jog" in heard[0]
 
 
-def test_a_fault_in_the_daemon_is_told_and_not_silence(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(daemon, "carry_out", lambda *_: 1 / 0)
+def test_a_fault_in_the_daemon_is_told_and_not_silence(daemon: InMemoryDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(daemon, "handle", lambda *_: 1 / 0)
     reply = told(daemon, "lrm/rover/rpc/hold", b"")
     assert (reply.code, reply.retryable) == ("internal", False)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from lrm_math.errors import LrmError
-from lrmd.control.state_machine import LIVE, TABLE, Mode, Trigger, follow
+from lrmd.control.state_machine import LIVE, TABLE, Mode, Trigger, next_mode
 from lrmd.messages.control import (
     ArmRequest,
     DisarmRequest,
@@ -24,7 +24,7 @@ from lrmd.messages.control import (
     ResetRequest,
 )
 from lrmd.ramp.shared_memory import LinkState
-from tests.support.in_memory_daemon import World, config_at
+from tests.support.in_memory_daemon import SimulatedDaemon, config_at
 
 SECOND = 1_000_000_000
 TICK = 6_500_000
@@ -36,18 +36,18 @@ def config(tmp_path_factory):
 
 
 @pytest.fixture
-def world(config) -> World:
-    w = World(config)
+def sim(config) -> SimulatedDaemon:
+    w = SimulatedDaemon(config)
     w.run(30)
     assert w.ramp.link is LinkState.READY
     return w
 
 
-def lease(w: World) -> str:
+def lease(w: SimulatedDaemon) -> str:
     return w.core.handle(LeaseRequest(action="acquire", holder="test", take=True), w.now).lease.token
 
 
-def keep(w: World, token: str, ticks: int) -> None:
+def keep(w: SimulatedDaemon, token: str, ticks: int) -> None:
     """Lets time pass with a client that keeps its lease alive."""
     for _ in range(ticks):
         if w.ticks % 15 == 0:
@@ -55,7 +55,7 @@ def keep(w: World, token: str, ticks: int) -> None:
         w.tick()
 
 
-def armed(w: World, q: float = 0.0) -> str:
+def armed(w: SimulatedDaemon, q: float = 0.0) -> str:
     token = lease(w)
     request = ArmRequest(lease=token, where="given", q_rad={f"joint{i}": q for i in range(1, 7)})
     seconds = w.core.handle(request, w.now).seconds
@@ -64,189 +64,189 @@ def armed(w: World, q: float = 0.0) -> str:
     return token
 
 
-def commanded(w: World, joint: int) -> float:
+def commanded(w: SimulatedDaemon, joint: int) -> float:
     return w.core.angles(w.ramp.position)[joint - 1]
 
 
-def test_it_boots_disarmed_with_outputs_off(world: World) -> None:
-    assert world.core.mode is Mode.DISARMED
-    assert all(pulse is None for pulse in world.outputs.values())
+def test_it_boots_disarmed_with_outputs_off(sim: SimulatedDaemon) -> None:
+    assert sim.core.mode is Mode.DISARMED
+    assert all(pulse is None for pulse in sim.outputs.values())
 
 
-def test_arming_without_knowing_where_the_arm_stands_is_refused(world: World) -> None:
+def test_arming_without_knowing_where_the_arm_stands_is_refused(sim: SimulatedDaemon) -> None:
     with pytest.raises(LrmError, match="where the arm stands"):
-        world.core.handle(ArmRequest(lease=lease(world)), world.now)
+        sim.core.handle(ArmRequest(lease=lease(sim)), sim.now)
 
 
-def test_arming_switches_one_servo_on_after_the_other_where_it_stands(world: World) -> None:
-    token = lease(world)
-    world.core.handle(ArmRequest(lease=token, where="given", q_rad={f"joint{i}": 0.5 for i in range(1, 7)}), world.now)
+def test_arming_switches_one_servo_on_after_the_other_where_it_stands(sim: SimulatedDaemon) -> None:
+    token = lease(sim)
+    sim.core.handle(ArmRequest(lease=token, where="given", q_rad={f"joint{i}": 0.5 for i in range(1, 7)}), sim.now)
     counts = []
     for _ in range(250):
-        keep(world, token, 1)
-        counts.append(sum(pulse is not None for pulse in world.outputs.values()))
+        keep(sim, token, 1)
+        counts.append(sum(pulse is not None for pulse in sim.outputs.values()))
     assert counts[-1] == 6
     jumps = [b - a for a, b in itertools.pairwise(counts)]
     assert max(jumps) == 1
-    assert commanded(world, 3) == pytest.approx(0.5, abs=1e-6)
+    assert commanded(sim, 3) == pytest.approx(0.5, abs=1e-6)
 
 
-def test_a_move_ends_at_its_target(world: World) -> None:
-    token = armed(world)
-    seconds = world.core.handle(
-        MoveRequest(lease=token, waypoints=[{"joint1": 0.4}, {"joint1": 0.1, "joint5": -0.3}]), world.now
+def test_a_move_ends_at_its_target(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    seconds = sim.core.handle(
+        MoveRequest(lease=token, waypoints=[{"joint1": 0.4}, {"joint1": 0.1, "joint5": -0.3}]), sim.now
     ).seconds
-    keep(world, token, int(seconds * SECOND / TICK) + 30)
-    assert world.core.mode is Mode.ARMED
-    assert commanded(world, 1) == pytest.approx(0.1, abs=1e-6)
-    assert commanded(world, 5) == pytest.approx(-0.3, abs=1e-6)
+    keep(sim, token, int(seconds * SECOND / TICK) + 30)
+    assert sim.core.mode is Mode.ARMED
+    assert commanded(sim, 1) == pytest.approx(0.1, abs=1e-6)
+    assert commanded(sim, 5) == pytest.approx(-0.3, abs=1e-6)
 
 
-def test_a_lost_lease_holds_within_half_a_second(world: World) -> None:
-    token = armed(world)
-    world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), world.now)
-    world.core.handle(LeaseRequest(action="renew", lease=token), world.now)
-    start = world.now
-    while world.ramp.moving or world.core.mode is Mode.MOVING:
-        world.tick()
-    assert world.now - start <= SECOND // 2
-    assert world.core.mode is Mode.HOLDING
-    assert 0 < commanded(world, 1) < 1.5
+def test_a_lost_lease_holds_within_half_a_second(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
+    sim.core.handle(LeaseRequest(action="renew", lease=token), sim.now)
+    start = sim.now
+    while sim.ramp.moving or sim.core.mode is Mode.MOVING:
+        sim.tick()
+    assert sim.now - start <= SECOND // 2
+    assert sim.core.mode is Mode.HOLDING
+    assert 0 < commanded(sim, 1) < 1.5
 
 
-def test_a_jog_that_is_not_renewed_holds(world: World) -> None:
-    token = armed(world)
-    world.core.handle(JogRequest(lease=token, rate_rad_per_s={"joint2": -0.1}), world.now)
-    keep(world, token, 60)
-    assert world.core.mode is Mode.MOVING
-    assert commanded(world, 2) == pytest.approx(-0.1 * 60 * TICK / SECOND, rel=0.2)
-    keep(world, token, 40)
-    assert world.core.mode is Mode.HOLDING
+def test_a_jog_that_is_not_renewed_holds(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    sim.core.handle(JogRequest(lease=token, rate_rad_per_s={"joint2": -0.1}), sim.now)
+    keep(sim, token, 60)
+    assert sim.core.mode is Mode.MOVING
+    assert commanded(sim, 2) == pytest.approx(-0.1 * 60 * TICK / SECOND, rel=0.2)
+    keep(sim, token, 40)
+    assert sim.core.mode is Mode.HOLDING
 
 
-def test_a_jog_stops_where_nobody_can_tell_whether_the_way_is_free(world: World) -> None:
+def test_a_jog_stops_where_nobody_can_tell_whether_the_way_is_free(sim: SimulatedDaemon) -> None:
     """A guard may fail in another way than by a collision: the sagging arm does not settle, say."""
-    token = armed(world)
+    token = armed(sim)
 
     def unsure(*_: object) -> None:
         raise LrmError("the arm does not settle")
 
-    world.core.handle(JogRequest(lease=token, rate_rad_per_s={"joint2": -0.1}), world.now)
-    keep(world, token, 20)
-    assert world.core.mode is Mode.MOVING
-    world.core.way.guard = unsure
-    keep(world, token, 20)
-    assert world.core.mode is Mode.HOLDING
-    assert [h.text for h in world.core.happenings if h.code == "jog_stopped"] == ["the arm does not settle"]
+    sim.core.handle(JogRequest(lease=token, rate_rad_per_s={"joint2": -0.1}), sim.now)
+    keep(sim, token, 20)
+    assert sim.core.mode is Mode.MOVING
+    sim.core.motion_check.guard = unsure
+    keep(sim, token, 20)
+    assert sim.core.mode is Mode.HOLDING
+    assert [h.text for h in sim.core.events if h.code == "jog_stopped"] == ["the arm does not settle"]
     with pytest.raises(LrmError, match="does not settle"):
-        world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.1}]), world.now)
-    assert world.core.mode is Mode.HOLDING
+        sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.1}]), sim.now)
+    assert sim.core.mode is Mode.HOLDING
 
 
-def test_an_emergency_stop_takes_two_ticks_at_most(world: World) -> None:
-    armed(world)
-    world.rung = True
-    world.core.estop(world.now, "test")
-    world.run(2)
-    assert all(pulse is None for pulse in world.outputs.values())
-    world.run(10)
-    assert world.core.mode is Mode.ESTOP
-    world.core.handle(ResetRequest(lease=lease(world)), world.now)
-    world.run(100)
-    assert world.core.mode is Mode.DISARMED
-    assert all(pulse is None for pulse in world.outputs.values())
+def test_an_emergency_stop_takes_two_ticks_at_most(sim: SimulatedDaemon) -> None:
+    armed(sim)
+    sim.estop_requested = True
+    sim.core.estop(sim.now, "test")
+    sim.run(2)
+    assert all(pulse is None for pulse in sim.outputs.values())
+    sim.run(10)
+    assert sim.core.mode is Mode.ESTOP
+    sim.core.handle(ResetRequest(lease=lease(sim)), sim.now)
+    sim.run(100)
+    assert sim.core.mode is Mode.DISARMED
+    assert all(pulse is None for pulse in sim.outputs.values())
 
 
-def test_a_lost_stop_frame_is_sent_again(world: World) -> None:
-    armed(world)
-    world.lost_in = 5
-    world.rung = True
-    world.core.estop(world.now, "test")
-    world.run(8)
-    assert all(pulse is None for pulse in world.outputs.values())
+def test_a_lost_stop_frame_is_sent_again(sim: SimulatedDaemon) -> None:
+    armed(sim)
+    sim.lost_in = 5
+    sim.estop_requested = True
+    sim.core.estop(sim.now, "test")
+    sim.run(8)
+    assert all(pulse is None for pulse in sim.outputs.values())
 
 
-def test_a_ramp_that_was_killed_takes_over_what_the_board_puts_out_and_stays(world: World) -> None:
-    token = armed(world)
-    world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), world.now)
-    keep(world, token, 50)
-    world.restart_ramp()
-    keep(world, token, 5)
-    there = commanded(world, 1)
-    assert world.core.mode is Mode.HOLDING
-    keep(world, token, 100)
-    assert commanded(world, 1) == there > 0
-    assert sum(pulse is not None for pulse in world.outputs.values()) == 6
+def test_a_ramp_that_was_killed_takes_over_what_the_board_puts_out_and_stays(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
+    keep(sim, token, 50)
+    sim.restart_ramp()
+    keep(sim, token, 5)
+    there = commanded(sim, 1)
+    assert sim.core.mode is Mode.HOLDING
+    keep(sim, token, 100)
+    assert commanded(sim, 1) == there > 0
+    assert sum(pulse is not None for pulse in sim.outputs.values()) == 6
 
 
 @pytest.mark.parametrize("seconds", [0.3, 0.8, 3.0])
-def test_a_ramp_that_was_stopped_never_wakes_a_sagged_arm(world: World, seconds: float) -> None:
-    token = armed(world)
-    world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), world.now)
-    keep(world, token, 50)
-    world.stop_ramp(int(seconds * SECOND))
-    silent = [pulse is None for pulse in world.outputs.values()]
-    world.run(200)
+def test_a_ramp_that_was_stopped_never_wakes_a_sagged_arm(sim: SimulatedDaemon, seconds: float) -> None:
+    token = armed(sim)
+    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
+    keep(sim, token, 50)
+    sim.stop_ramp(int(seconds * SECOND))
+    silent = [pulse is None for pulse in sim.outputs.values()]
+    sim.run(200)
     if all(silent):
-        assert world.core.mode is Mode.FAULT
-        assert all(pulse is None for pulse in world.outputs.values())
+        assert sim.core.mode is Mode.FAULT
+        assert all(pulse is None for pulse in sim.outputs.values())
     else:
-        assert not world.ramp.moving
+        assert not sim.ramp.moving
 
 
-def test_a_brown_out_is_a_fault_and_a_reset_moves_nothing(world: World) -> None:
-    armed(world)
-    world.board.power_cycle(world.now)
-    world.run(60)
-    assert world.core.mode is Mode.FAULT
-    assert "board_restarted" in world.core.faults
-    world.core.handle(ResetRequest(lease=lease(world)), world.now)
-    world.run(100)
-    assert world.core.mode is Mode.DISARMED
-    assert all(pulse is None for pulse in world.outputs.values())
+def test_a_brown_out_is_a_fault_and_a_reset_moves_nothing(sim: SimulatedDaemon) -> None:
+    armed(sim)
+    sim.board.power_cycle(sim.now)
+    sim.run(60)
+    assert sim.core.mode is Mode.FAULT
+    assert "board_restarted" in sim.core.faults
+    sim.core.handle(ResetRequest(lease=lease(sim)), sim.now)
+    sim.run(100)
+    assert sim.core.mode is Mode.DISARMED
+    assert all(pulse is None for pulse in sim.outputs.values())
 
 
-def test_a_stall_lengthens_a_move_and_the_arm_still_arrives(world: World) -> None:
-    token = armed(world)
-    seconds = world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.4}]), world.now).seconds
-    keep(world, token, 20)
-    world.stall = 8
-    keep(world, token, int(seconds * SECOND / TICK) + 30)
-    assert commanded(world, 1) == pytest.approx(0.4, abs=1e-6)
-    assert world.core.mode is Mode.ARMED
+def test_a_stall_lengthens_a_move_and_the_arm_still_arrives(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    seconds = sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.4}]), sim.now).seconds
+    keep(sim, token, 20)
+    sim.stall = 8
+    keep(sim, token, int(seconds * SECOND / TICK) + 30)
+    assert commanded(sim, 1) == pytest.approx(0.4, abs=1e-6)
+    assert sim.core.mode is Mode.ARMED
 
 
-def test_an_unplugged_board_that_comes_back_stands_still_until_it_is_reset(world: World) -> None:
-    token = armed(world)
-    world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), world.now)
-    keep(world, token, 30)
-    world.unplugged = 20
-    keep(world, token, 60)
-    assert world.core.mode is Mode.FAULT
-    assert world.ramp.link is LinkState.READY
-    there = commanded(world, 1)
-    world.core.handle(ResetRequest(lease=token), world.now)
-    keep(world, token, 60)
-    assert world.core.mode is Mode.HOLDING
-    assert commanded(world, 1) == there
+def test_an_unplugged_board_that_comes_back_stands_still_until_it_is_reset(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
+    keep(sim, token, 30)
+    sim.unplugged = 20
+    keep(sim, token, 60)
+    assert sim.core.mode is Mode.FAULT
+    assert sim.ramp.link is LinkState.READY
+    there = commanded(sim, 1)
+    sim.core.handle(ResetRequest(lease=token), sim.now)
+    keep(sim, token, 60)
+    assert sim.core.mode is Mode.HOLDING
+    assert commanded(sim, 1) == there
 
 
-def test_a_silent_api_freezes_the_ramp(world: World) -> None:
-    token = armed(world)
-    world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), world.now)
-    keep(world, token, 9)
-    world.api_stopped = True
-    world.run(80)
-    assert not world.ramp.moving
-    world.api_stopped = False
-    world.run(9)
-    assert world.core.mode is Mode.HOLDING
+def test_a_silent_api_freezes_the_ramp(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
+    keep(sim, token, 9)
+    sim.api_stopped = True
+    sim.run(80)
+    assert not sim.ramp.moving
+    sim.api_stopped = False
+    sim.run(9)
+    assert sim.core.mode is Mode.HOLDING
 
 
-def test_the_pose_of_a_pulsing_board_is_taken_over_without_a_step(world: World) -> None:
-    armed(world, q=0.7)
-    later = World(world.config, now=world.now)
-    later.board, later.outputs = world.board, world.outputs
+def test_the_pose_of_a_pulsing_board_is_taken_over_without_a_step(sim: SimulatedDaemon) -> None:
+    armed(sim, q=0.7)
+    later = SimulatedDaemon(sim.config, now=sim.now)
+    later.board, later.outputs = sim.board, sim.outputs
     later.run(10)
     token = lease(later)
     later.core.handle(ArmRequest(lease=token, where="board"), later.now)
@@ -257,34 +257,34 @@ def test_the_pose_of_a_pulsing_board_is_taken_over_without_a_step(world: World) 
     assert sum(pulse is not None for pulse in later.outputs.values()) == 6
 
 
-def test_hot_servos_derate_then_rest_then_stop(world: World) -> None:
-    token = armed(world)
-    world.torque = (0.0, 0.0, 0.0, 0.25, 0.0, 0.0)
+def test_hot_servos_derate_then_rest_then_stop(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    sim.torque = (0.0, 0.0, 0.0, 0.25, 0.0, 0.0)
     modes = []
     for _ in range(3000):
-        world.now += SECOND
-        world.core.handle(LeaseRequest(action="acquire", holder="test", take=True), world.now)
-        world.board._heard = world.ramp._spoke = world.ramp._answered = world.now
-        world.run(6)
-        modes.append(world.core.mode)
-        if "too_hot" in world.core.faults:
+        sim.now += SECOND
+        sim.core.handle(LeaseRequest(action="acquire", holder="test", take=True), sim.now)
+        sim.board._last_arm = sim.ramp._last_sent = sim.ramp._last_reply = sim.now
+        sim.run(6)
+        modes.append(sim.core.mode)
+        if "too_hot" in sim.core.faults:
             break
-    codes = [h.code for h in world.core.happenings]
+    codes = [h.code for h in sim.core.events]
     assert codes.index("servo_warm") < codes.index("servo_hot") < codes.index("servo_too_hot")
     assert Mode.MOVING in modes
-    world.run(20)
-    assert world.core.mode is Mode.FAULT
-    assert all(pulse is None for pulse in world.outputs.values())
+    sim.run(20)
+    assert sim.core.mode is Mode.FAULT
+    assert all(pulse is None for pulse in sim.outputs.values())
     assert token
 
 
-def test_a_warm_servo_takes_no_pose_that_loads_it_more(world: World) -> None:
-    token = armed(world)
-    world.core.heat.temperature = (75.0, *world.core.heat.temperature[1:])
-    world.core.way.torques = lambda q, _: (q[0], 0, 0, 0, 0, 0)
+def test_a_warm_servo_takes_no_pose_that_loads_it_more(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    sim.core.thermal.temperature = (75.0, *sim.core.thermal.temperature[1:])
+    sim.core.motion_check.torques = lambda q, _: (q[0], 0, 0, 0, 0, 0)
     with pytest.raises(LrmError, match="75 degC"):
-        world.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.5}]), world.now)
-    world.core.handle(MoveRequest(lease=token, waypoints=[{"joint2": 0.5}]), world.now)
+        sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.5}]), sim.now)
+    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint2": 0.5}]), sim.now)
 
 
 def test_every_mode_can_be_left_and_only_resets_leave_fault_and_estop() -> None:
@@ -292,46 +292,46 @@ def test_every_mode_can_be_left_and_only_resets_leave_fault_and_estop() -> None:
         for trigger in Trigger:
             if (mode, trigger) not in TABLE:
                 with pytest.raises(LrmError, match=mode):
-                    follow(mode, trigger)
+                    next_mode(mode, trigger)
                 continue
-            after = follow(mode, trigger)
-            assert after in (Mode.FAULT, Mode.ESTOP) or trigger in (Trigger.RESET_LIMP, Trigger.RESET_STANDING)
+            after = next_mode(mode, trigger)
+            assert after in (Mode.FAULT, Mode.ESTOP) or trigger in (Trigger.RESET_OUTPUTS_OFF, Trigger.RESET_OUTPUTS_ON)
     for mode in Mode:
-        assert follow(mode, Trigger.ESTOP) is Mode.ESTOP
+        assert next_mode(mode, Trigger.ESTOP) is Mode.ESTOP
 
 
 ANGLE = st.floats(-2.0, 2.0)
 JOINT = st.integers(1, 6).map(lambda n: f"joint{n}")
 
 
-class Daemon(RuleBasedStateMachine):
-    """Anything that clients, cables, boards and processes may do, in any order. `World` checks every tick."""
+class InMemoryDaemon(RuleBasedStateMachine):
+    """Anything that clients, cables, boards and processes may do, in any order. `SimulatedDaemon` checks every tick."""
 
     @initialize(hz=st.sampled_from([50.0, 330.0]), seed=st.integers(0, 2**32))
     def begin(self, hz: float, seed: int) -> None:
-        self.world = World(CONFIGS[hz], seed=seed)
+        self.sim = SimulatedDaemon(CONFIGS[hz], seed=seed)
         self.token = "none"
-        self.world.run(10)
+        self.sim.run(10)
 
     def ask(self, request) -> None:
         with suppress(LrmError):
-            self.world.core.handle(request, self.world.now)
+            self.sim.core.handle(request, self.sim.now)
 
     @rule(ticks=st.integers(1, 120))
     def wait(self, ticks: int) -> None:
-        self.world.run(ticks)
+        self.sim.run(ticks)
 
     @rule(ticks=st.integers(1, 120))
     def wait_with_a_living_client(self, ticks: int) -> None:
         for _ in range(ticks):
-            if self.world.ticks % 20 == 0:
+            if self.sim.ticks % 20 == 0:
                 self.ask(LeaseRequest(action="renew", lease=self.token))
-            self.world.tick()
+            self.sim.tick()
 
     @rule(take=st.booleans())
     def take_lease(self, take: bool) -> None:
         try:
-            done = self.world.core.handle(LeaseRequest(action="acquire", holder="x", take=take), self.world.now)
+            done = self.sim.core.handle(LeaseRequest(action="acquire", holder="x", take=take), self.sim.now)
             self.token = done.lease.token
         except LrmError:
             pass
@@ -346,9 +346,9 @@ class Daemon(RuleBasedStateMachine):
         self.take_lease(True)
         self.ask(ArmRequest(lease=self.token, where="given", q_rad={f"joint{i}": 0.0 for i in range(1, 7)}))
         for _ in range(250):
-            if self.world.ticks % 20 == 0:
+            if self.sim.ticks % 20 == 0:
                 self.ask(LeaseRequest(action="renew", lease=self.token))
-            self.world.tick()
+            self.sim.tick()
 
     @rule(
         way=st.lists(st.dictionaries(JOINT, ANGLE, min_size=1, max_size=6), min_size=1, max_size=3),
@@ -374,9 +374,9 @@ class Daemon(RuleBasedStateMachine):
 
     @rule()
     def estop(self) -> None:
-        w = self.world
+        w = self.sim
         undisturbed = not (w.stall or w.lost_in or w.unplugged) and w.ramp.link is LinkState.READY
-        w.rung = True
+        w.estop_requested = True
         w.core.estop(w.now, "x")
         w.run(2)
         if undisturbed and w.ramp.link is LinkState.READY:
@@ -384,41 +384,41 @@ class Daemon(RuleBasedStateMachine):
 
     @rule(frames=st.integers(1, 20), where=st.sampled_from(["lost_in", "lost_out", "stall", "unplugged"]))
     def disturb(self, frames: int, where: str) -> None:
-        setattr(self.world, where, frames)
+        setattr(self.sim, where, frames)
 
     @rule()
     def brown_out(self) -> None:
-        self.world.board.power_cycle(self.world.now)
-        self.world.outputs = self.world._pulses()
+        self.sim.board.power_cycle(self.sim.now)
+        self.sim.outputs = self.sim._pulses()
 
     @rule()
     def kill_ramp(self) -> None:
-        self.world.restart_ramp()
+        self.sim.restart_ramp()
 
     @rule(seconds=st.floats(0.01, 2.5))
     def stop_ramp(self, seconds: float) -> None:
-        self.world.stop_ramp(int(seconds * SECOND))
+        self.sim.stop_ramp(int(seconds * SECOND))
 
     @rule(jump=st.integers(-3 * SECOND, 3 * SECOND))
     def late_ticks(self, jump: int) -> None:
         """The machine was busy, for whatever time: only forward, since the clock is monotonic."""
-        self.world.now += abs(jump)
-        self.world.board.tick(self.world.now)
-        self.world.outputs = self.world._pulses()
+        self.sim.now += abs(jump)
+        self.sim.board.tick(self.sim.now)
+        self.sim.outputs = self.sim._pulses()
 
     @rule(stopped=st.booleans())
     def stop_api(self, stopped: bool) -> None:
-        self.world.api_stopped = stopped
+        self.sim.api_stopped = stopped
 
-    @precondition(lambda self: hasattr(self, "world"))
+    @precondition(lambda self: hasattr(self, "sim"))
     @invariant()
     def modes_say_what_is_true(self) -> None:
-        w = self.world
+        w = self.sim
         if w.core.mode is Mode.DISARMED and not w.api_stopped and w.report.order == w.core.order.number:
-            assert not (w.report.outputs and w.report.taken)
+            assert not (w.report.outputs and w.report.order_accepted)
         if w.core.mode in (Mode.FAULT, Mode.ESTOP, Mode.DISARMED):
             assert not w.core.orders.waypoints
-        assert all(math.isfinite(T) for T in w.core.heat.temperature)
+        assert all(math.isfinite(T) for T in w.core.thermal.temperature)
         assert w.core.mode in (*LIVE, Mode.DISARMED, Mode.FAULT, Mode.ESTOP)
 
 
@@ -431,7 +431,7 @@ def test_state_machine(tmp_path_factory) -> None:
     for hz in (50.0, 330.0):
         CONFIGS[hz] = config_at(hz, tmp_path_factory.mktemp("c"))
     run_state_machine_as_test(
-        Daemon,
+        InMemoryDaemon,
         settings=settings(
             max_examples=60, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck)
         ),

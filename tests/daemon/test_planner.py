@@ -23,16 +23,16 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
-from lrmd.errors import Refused
-from lrmd.ik.planner import Way
+from lrmd.errors import RequestError
+from lrmd.ik.deployed_model import DeployedModel
+from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
 from lrmd.messages.control import ArmRequest, LeaseRequest, MessageError, MoveRequest
 from lrmd.messages.kinematics import GoalEntry, PlanRequest
 from lrmd.safety.collision_guard import guard_of
-from lrmd.safety.deployed_model import Deployed
 from tests.math.test_chain import link_matrices
 from tests.math.test_collision import sampled_distance
-from tests.support.in_memory_daemon import CONFIG, World
+from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
 
 TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 START, END = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
@@ -40,20 +40,20 @@ LOAD = 0.0663
 
 
 @dataclass(frozen=True)
-class Place:
+class DaemonSetup:
     """An arm with a post where its tool stands half way from START to END, and a model of how it sags."""
 
     config: Config
     model: Model
     service: IkService
 
-    def planned(self, seed: int = 0, payload: float = 0.0, end: Array = END) -> Way | str:
+    def planned(self, seed: int = 0, payload: float = 0.0, end: Array = END) -> JointPath | str:
         ask = PlanRequest(from_rad=START.tolist(), to_rad=end.tolist(), seed=seed, payload_kg=payload)
         return self.service.plan(ask, patient())
 
     def way(self, seed: int = 0, payload: float = 0.0, end: Array = END) -> Array:
         found = self.planned(seed, payload, end)
-        assert isinstance(found, Way), found
+        assert isinstance(found, JointPath), found
         return np.array(found.waypoints)
 
     def sagging(self, q: Array, payload: float) -> Array:
@@ -68,12 +68,12 @@ def patient(looks: int = 400) -> Callable[[], None]:
 
     def goes_on() -> None:
         if next(counter) >= looks:
-            raise Refused("deadline", "too many attempts", retryable=True)
+            raise RequestError("deadline", "too many attempts", retryable=True)
 
     return goes_on
 
 
-def place_of(name: str, folder: Path, size: tuple[float, float, float] = (0.03, 0.03, 0.15)) -> Place:
+def place_of(name: str, folder: Path, size: tuple[float, float, float] = (0.03, 0.03, 0.15)) -> DaemonSetup:
     path = folder / f"{name}.toml"
     text = CONFIG.read_text(encoding="utf-8").replace('arm = "lrm-rover"', f'arm = "{name}"')
     if name == "lrm-lab":
@@ -87,32 +87,32 @@ def place_of(name: str, folder: Path, size: tuple[float, float, float] = (0.03, 
     known = dict(zip(thesis.keys, thesis.values.tolist(), strict=True))
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"), known)
     config = replace(config, arm=arm)
-    return Place(config, model, IkService(config, Deployed(model, None, "model.toml", "00" * 32, ())))
+    return DaemonSetup(config, model, IkService(config, DeployedModel(model, None, "model.toml", "00" * 32, ())))
 
 
 @pytest.fixture(scope="module", params=["lrm-lab", "lrm-rover"])
-def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Place:
+def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> DaemonSetup:
     return place_of(request.param, tmp_path_factory.mktemp("arm"))
 
 
-def daemon_at(place: Place) -> tuple[World, str]:
+def daemon_at(place: DaemonSetup) -> tuple[SimulatedDaemon, str]:
     """The daemon's core at START, armed, with the guard that it has in earnest."""
-    world = World(place.config)
-    world.core.way.guard = guard_of(place.config.arm, place.model) or world.core.way.guard
-    world.run(30)
-    lease = world.core.handle(LeaseRequest(action="acquire", holder="test"), world.now).lease
+    sim = SimulatedDaemon(place.config)
+    sim.core.motion_check.guard = guard_of(place.config.arm, place.model) or sim.core.motion_check.guard
+    sim.run(30)
+    lease = sim.core.handle(LeaseRequest(action="acquire", holder="test"), sim.now).lease
     assert lease is not None
     names = place.config.names
     stands = {name: float(q) for name, q in zip(names, START, strict=False)}
-    world.core.handle(ArmRequest(lease=lease.token, where="given", q_rad=stands), world.now)
-    while world.core.mode is Mode.ARMING:
-        world.core.handle(LeaseRequest(action="renew", lease=lease.token), world.now)
-        world.run(15)
-    assert world.core.mode is Mode.ARMED
-    return world, lease.token
+    sim.core.handle(ArmRequest(lease=lease.token, where="given", q_rad=stands), sim.now)
+    while sim.core.mode is Mode.ARMING:
+        sim.core.handle(LeaseRequest(action="renew", lease=lease.token), sim.now)
+        sim.run(15)
+    assert sim.core.mode is Mode.ARMED
+    return sim, lease.token
 
 
-def named(place: Place, q: Array) -> dict[str, float]:
+def named(place: DaemonSetup, q: Array) -> dict[str, float]:
     return {name: float(angle) for name, angle in zip(place.config.names, q, strict=False)}
 
 
@@ -121,21 +121,21 @@ def densely(way: Array, step: float = 0.01) -> Array:
     return np.concatenate(pieces)
 
 
-def test_the_daemon_refuses_the_straight_way_and_takes_the_planned_one(place: Place) -> None:
-    world, token = daemon_at(place)
-    with pytest.raises(Refused) as caught:
-        world.core.handle(MoveRequest(lease=token, waypoints=[named(place, END)]), world.now)
+def test_the_daemon_refuses_the_straight_way_and_takes_the_planned_one(place: DaemonSetup) -> None:
+    sim, token = daemon_at(place)
+    with pytest.raises(RequestError) as caught:
+        sim.core.handle(MoveRequest(lease=token, waypoints=[named(place, END)]), sim.now)
     assert caught.value.code == "collision"
     assert "post" in caught.value.detail["bodies"]
     assert 0 < caught.value.detail["fraction"] < 1
     assert caught.value.detail["distance_m"] < place.config.arm.shapes.margin
-    world.core.handle(LeaseRequest(action="renew", lease=token), world.now)
+    sim.core.handle(LeaseRequest(action="renew", lease=token), sim.now)
     waypoints = [named(place, q) for q in place.way(1, LOAD)[1:]]
-    assert (world.core.handle(MoveRequest(lease=token, waypoints=waypoints), world.now).seconds or 0.0) > 0.0
+    assert (sim.core.handle(MoveRequest(lease=token, waypoints=waypoints), sim.now).seconds or 0.0) > 0.0
 
 
 @pytest.mark.parametrize("payload", [0.0, LOAD])
-def test_the_way_keeps_clear_rigid_and_sagging(place: Place, payload: float) -> None:
+def test_the_way_keeps_clear_rigid_and_sagging(place: DaemonSetup, payload: float) -> None:
     way = place.way(0, payload)
     np.testing.assert_array_equal(way[[0, -1]], [START, END])
     q, margin = densely(way), place.config.arm.shapes.margin
@@ -147,7 +147,7 @@ def test_the_way_keeps_clear_rigid_and_sagging(place: Place, payload: float) -> 
         assert min(sampled_distance(place.config.arm, pose, name, "post", 30) for name in tools) >= margin
 
 
-def test_every_piece_is_straight_in_angles_and_in_pulses(place: Place) -> None:
+def test_every_piece_is_straight_in_angles_and_in_pulses(place: DaemonSetup) -> None:
     """Half way between two waypoints in angles is half way in pulses, to a nanosecond."""
     tables = [servo.table for servo in place.config.servos[: place.config.dof]]
     for before, after in pairwise(place.way()):
@@ -156,21 +156,21 @@ def test_every_piece_is_straight_in_angles_and_in_pulses(place: Place) -> None:
             assert float(table.pulse_of(0.5 * (a + b))) == pytest.approx(middle, abs=1e-9)
 
 
-def test_the_same_seed_finds_the_same_way(place: Place) -> None:
+def test_the_same_seed_finds_the_same_way(place: DaemonSetup) -> None:
     assert place.planned(5) == place.planned(5)
 
 
-def test_a_way_to_a_goal_ends_with_the_tool_there(place: Place) -> None:
+def test_a_way_to_a_goal_ends_with_the_tool_there(place: DaemonSetup) -> None:
     rest = equilibrium(place.model, poses_of(END[None], LOAD))
     tool = frames(place.model.chain, rest.slots, 1)[0, -1]
     goal = GoalEntry(position_m=tool[:3, 3].tolist(), approach=tool[:3, 2].tolist())
     found = place.service.plan(PlanRequest(from_rad=START.tolist(), goal=goal, payload_kg=LOAD), patient())
-    assert isinstance(found, Way), found
+    assert isinstance(found, JointPath), found
     ends = equilibrium(place.model, poses_of(np.array(found.waypoints[-1:]), LOAD))
     np.testing.assert_allclose(ends.true_tcp[0], tool[:3, 3], atol=1e-6)
 
 
-def test_where_no_way_can_be_the_reason_is_told(place: Place) -> None:
+def test_where_no_way_can_be_the_reason_is_told(place: DaemonSetup) -> None:
     inside = 0.5 * (START + END)
     into = place.planned(end=inside)
     assert isinstance(into, str)
@@ -183,18 +183,18 @@ def test_where_no_way_can_be_the_reason_is_told(place: Place) -> None:
     assert "joint 2" in outside
     assert "limits" in outside
     far = PlanRequest(from_rad=START.tolist(), goal=GoalEntry(position_m=[3.0, 0.0, 0.0]))
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(RequestError) as caught:
         place.service.plan(far, patient())
     assert caught.value.code == "out_of_reach"
 
 
-def test_a_search_ends_when_nobody_waits_any_more(place: Place) -> None:
-    with pytest.raises(Refused) as caught:
+def test_a_search_ends_when_nobody_waits_any_more(place: DaemonSetup) -> None:
+    with pytest.raises(RequestError) as caught:
         place.service.plan(PlanRequest(from_rad=START.tolist(), to_rad=END.tolist()), patient(0))
     assert caught.value.code == "deadline"
 
 
-def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(place: Place) -> None:
+def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(place: DaemonSetup) -> None:
     """With a margin between the distances that the rigid arm and the bent one have in some pose."""
     scene, rng = Scene.of(place.config.arm), np.random.default_rng(0)
     some = rng.uniform(*scene.limits, (300, place.config.dof))
@@ -204,13 +204,13 @@ def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(pla
     assert sunk < apart - 5e-3
     shapes = replace(place.config.arm.shapes, margin=0.5 * (apart + sunk))
     config = replace(place.config, arm=replace(place.config.arm, shapes=shapes))
-    service = IkService(config, Deployed(place.model, None, "model.toml", "00" * 32, ()))
+    service = IkService(config, DeployedModel(place.model, None, "model.toml", "00" * 32, ()))
     ask = PlanRequest(from_rad=end.tolist(), to_rad=end.tolist(), payload_kg=LOAD)
     found = service.plan(ask, patient())
     assert isinstance(found, str)
     assert "as the arm sags" in found
 
 
-def test_a_plan_from_another_arm_is_refused(place: Place) -> None:
+def test_a_plan_from_another_arm_is_refused(place: DaemonSetup) -> None:
     with pytest.raises(MessageError, match="from_rad: 5 angles"):
         place.service.plan(PlanRequest(from_rad=[0.0] * 5, to_rad=[0.0] * 6), patient())

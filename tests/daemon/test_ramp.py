@@ -8,7 +8,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrmd.ramp.shared_memory import BUCKETS, HERE, LinkState, Order, Report, Shared, Trip
+from lrmd.ramp.shared_memory import BUCKETS, HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport, SharedRecords
 from lrmd.ramp.stepping import Pace, move, next_due
 
 PULSE = st.integers(500_000, 2_500_000)
@@ -84,23 +84,23 @@ def test_however_late_ticks_come_there_are_never_more_than_periods_passed(delays
 
 
 def test_orders_and_reports_come_out_of_shared_memory_as_they_went_in() -> None:
-    shared = Shared.create()
-    assert shared.order() is None
-    assert shared.report() is None
-    order = Order(7, 123, 3, 0b101, Pace.EACH, (1,) * 16, (HERE,) * 16, (1000,) * 16)
-    report = Report(9, -5, 7, link=LinkState.READY, trip=Trip.ESTOP, moving=True, position=(4,) * 16)
-    shared.post(order)
-    shared.tell(report)
-    other = Shared(os.dup(shared.descriptor))
-    assert other.order() == order
-    assert other.report() == report
+    shared = SharedRecords.create()
+    assert shared.read_order() is None
+    assert shared.read_report() is None
+    order = RampOrder(7, 123, 3, 0b101, Pace.EACH, (1,) * 16, (HOLD_PULSE,) * 16, (1000,) * 16)
+    report = RampReport(9, -5, 7, link=LinkState.READY, fault=RampFault.ESTOP, moving=True, position=(4,) * 16)
+    shared.write_order(order)
+    shared.write_report(report)
+    other = SharedRecords(os.dup(shared.descriptor))
+    assert other.read_order() == order
+    assert other.read_report() == report
     assert len(shared.lateness) == BUCKETS
 
 
 @given(st.binary(min_size=1, max_size=64), st.integers(0, 150))
 def test_a_torn_record_is_never_read(noise: bytes, at: int) -> None:
-    shared = Shared.create()
-    order = Order(7, 123, 3, 0b101, Pace.EACH, (1,) * 16, (2,) * 16, (3,) * 16)
-    shared.post(order)
+    shared = SharedRecords.create()
+    order = RampOrder(7, 123, 3, 0b101, Pace.EACH, (1,) * 16, (2,) * 16, (3,) * 16)
+    shared.write_order(order)
     os.pwrite(shared.descriptor, noise, at)
-    assert shared.order() in (None, order)
+    assert shared.read_order() in (None, order)

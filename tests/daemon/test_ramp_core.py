@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from lrmd.config import Config, load_config
 from lrmd.link import protocol
-from lrmd.link.protocol import FrameType
-from lrmd.ramp.core import Board, RampCore
-from lrmd.ramp.shared_memory import HERE, LinkState, Order, Trip
+from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
+from lrmd.ramp.core import BoardSettings, RampCore
+from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampFault, RampOrder
 from lrmd.ramp.stepping import Pace
-from lrmd.sim.board import Board as SimulatedBoard
+from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from tests.support.in_memory_daemon import CONFIG
 
@@ -29,38 +29,39 @@ def config() -> Config:
     return load_config(CONFIG)
 
 
-class Line:
+class FrameLogEntry:
     """A ramp and a board, tick by tick; `sent` are the frames of the last tick."""
 
     def __init__(self, config: Config) -> None:
         self.now = 10**9
         self.board = SimulatedBoard(Pca9685Chip(), Random(1), self.now)
-        self.ramp = RampCore(Board.of(config))
+        self.ramp = RampCore(BoardSettings.of(config))
         self.ramp.opened(self.now)
         self.back = b""
-        self.sent: list[protocol.Frame] = []
+        self.sent: list[Frame] = []
 
-    def tick(self, order: Order | None = None, pause: int = TICK, estop: bool = False) -> None:
+    def tick(self, order: RampOrder | None = None, pause: int = TICK, estop: bool = False) -> None:
         self.now += pause
         out = self.ramp.tick(self.now, self.now, order, self.back, estop)
-        self.sent = [f for f in protocol.Decoder().feed(out) if isinstance(f, protocol.Frame)]
+        self.sent = [f for f in FrameDecoder().feed(out) if isinstance(f, Frame)]
         self.back = self.board.feed(out, self.now)
 
-    def ready(self) -> Line:
+    def ready(self) -> FrameLogEntry:
         for _ in range(5):
             self.tick()
         assert self.ramp.link is LinkState.READY
         return self
 
-    def order(self, number: int = 1, **changes) -> Order:
-        base = Order(number, self.now, self.ramp.trips, 0b1, Pace.TOGETHER, (MIDDLE,) * 16, (HERE,) * 16, (1000,) * 16)
+    def order(self, number: int = 1, **changes) -> RampOrder:
+        rows = (MIDDLE,) * 16, (HOLD_PULSE,) * 16, (1000,) * 16
+        base = RampOrder(number, self.now, self.ramp.fault_count, 0b1, Pace.TOGETHER, *rows)
         return replace(base, **changes)
 
 
 def test_a_new_order_switches_on_at_its_pose_and_moves(config: Config) -> None:
-    line = Line(config).ready()
+    line = FrameLogEntry(config).ready()
     line.tick(line.order())
-    assert line.sent[0].items()[0] == round(MIDDLE * 1e-9 / config.clock.count_s)
+    assert line.sent[0].word_by_bit()[0] == round(MIDDLE * 1e-9 / config.clock.count_s)
     order = line.order(2, target=(MIDDLE + 5_000,) * 16)
     for _ in range(6):
         line.tick(order)
@@ -70,20 +71,20 @@ def test_a_new_order_switches_on_at_its_pose_and_moves(config: Config) -> None:
 
 @pytest.mark.parametrize("missed", [1, 2, 7])
 def test_an_order_made_before_the_last_trip_is_dropped(config: Config, missed: int) -> None:
-    line = Line(config).ready()
-    line.tick(line.order(trips=line.ramp.trips - missed))
-    assert not line.ramp.taken
+    line = FrameLogEntry(config).ready()
+    line.tick(line.order(fault_count=line.ramp.fault_count - missed))
+    assert not line.ramp.order_accepted
     assert line.ramp.outputs == 0
     line.tick(line.order(2))
-    assert line.ramp.taken
+    assert line.ramp.order_accepted
 
 
 def test_an_emergency_stop_voids_the_order_under_way(config: Config) -> None:
-    line = Line(config).ready()
+    line = FrameLogEntry(config).ready()
     order = line.order(target=(MIDDLE + 50_000,) * 16)
     line.tick(order)
     line.tick(order, estop=True)
-    assert line.ramp.trip is Trip.ESTOP
+    assert line.ramp.fault is RampFault.ESTOP
     assert set(line.sent[0].words) == {0}
     stale = replace(order, number=2)
     for _ in range(5):
@@ -102,15 +103,15 @@ def test_an_emergency_stop_voids_the_order_under_way(config: Config) -> None:
     ],
 )
 def test_an_order_outside_the_limits_is_refused_whole(config: Config, changes: dict) -> None:
-    line = Line(config).ready()
+    line = FrameLogEntry(config).ready()
     line.tick(line.order(**changes))
-    assert (line.ramp.trip, line.ramp.taken, line.ramp.outputs) == (Trip.REFUSED, False, 0)
+    assert (line.ramp.fault, line.ramp.order_accepted, line.ramp.outputs) == (RampFault.REFUSED, False, 0)
     line.tick()
     assert line.board.chip.pulse(0) is None
 
 
 def test_after_a_pause_of_its_own_it_asks_before_it_sends_pulses(config: Config) -> None:
-    line = Line(config).ready()
+    line = FrameLogEntry(config).ready()
     for _ in range(3):
         line.tick(line.order())
     assert line.sent[0].type == FrameType.ARM
@@ -121,25 +122,25 @@ def test_after_a_pause_of_its_own_it_asks_before_it_sends_pulses(config: Config)
 @given(register=st.integers(200, 400), seed=st.integers(0, 100))
 @settings(max_examples=40, deadline=None)
 def test_it_takes_over_exactly_what_the_board_puts_out(config: Config, register: int, seed: int) -> None:
-    line = Line(config).ready()
+    line = FrameLogEntry(config).ready()
     line.tick(line.order())
     line.tick()
     report = line.ramp.report(0, line.now, 0, 0, 1, False)
-    line.board.feed(protocol.encode(protocol.arm(seed, {0: register})), line.now)
-    line.ramp, line.back = RampCore(Board.of(config), report), b""
+    line.board.feed(encode(protocol.arm(seed, {0: register})), line.now)
+    line.ramp, line.back = RampCore(BoardSettings.of(config), report), b""
     line.ramp.opened(line.now)
     line.ready()
     line.tick()
     assert line.sent[0].type == FrameType.ARM
-    assert line.sent[0].items()[0] == register
+    assert line.sent[0].word_by_bit()[0] == register
     assert line.ramp.position[0] == pytest.approx(register * config.clock.count_s * 1e9, abs=4_882)
     assert not line.ramp.moving
 
 
 def test_a_board_with_another_prescale_is_left_to_fall_silent_before_it_is_set_up(config: Config) -> None:
-    line = Line(config)
-    line.board.feed(protocol.encode(protocol.setup(1, 60, 1000)), line.now)
-    line.board.feed(protocol.encode(protocol.arm(2, {0: 300})), line.now)
+    line = FrameLogEntry(config)
+    line.board.feed(encode(protocol.setup(1, 60, 1000)), line.now)
+    line.board.feed(encode(protocol.arm(2, {0: 300})), line.now)
     for _ in range(50):
         line.tick()
         assert line.board.chip.pulse(0) is not None
@@ -155,8 +156,8 @@ def test_a_clock_that_is_not_the_real_one_drives_no_real_board(
     config: Config, kind: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("lrmd.sim.board.SIMULATED", kind)
-    line = Line(config)
-    line.ramp = RampCore(Board.of(config, speed=2.0))
+    line = FrameLogEntry(config)
+    line.ramp = RampCore(BoardSettings.of(config, speed=2.0))
     line.ramp.opened(line.now)
     for _ in range(20):
         line.tick(line.order())
@@ -167,7 +168,7 @@ def test_a_clock_that_is_not_the_real_one_drives_no_real_board(
 @given(st.lists(st.binary(max_size=60), max_size=30))
 @settings(max_examples=60, deadline=None)
 def test_no_bytes_from_the_port_can_stop_it_or_switch_anything_on(config: Config, noise: list[bytes]) -> None:
-    line = Line(config).ready()
+    line = FrameLogEntry(config).ready()
     for data in noise:
         line.back = data
         line.tick()

@@ -15,7 +15,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MICROSECOND, load_arm, read_arm
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.errors import LrmError
-from lrmd.cli.servo_calibration import Stopped, walk_through, with_table
+from lrmd.cli.servo_calibration import CalibrationAborted, calibrate_servo, replace_table
 from lrmd.messages.control import InfoState, JointsState
 from tests.conftest import ROOT
 
@@ -62,7 +62,7 @@ class FakeRover:
         )  # fmt: skip
 
 
-class Person:
+class ScriptedOperator:
     """Answers from a list, and reads what is said."""
 
     def __init__(self, *words: str) -> None:
@@ -78,10 +78,10 @@ class Person:
         self.heard.append(text)
 
 
-def walked(rover: FakeRover, output: Path, angles_deg: list[float], *words: str, arm: str = "lrm-rover") -> Person:
-    person = Person(*words)
+def walked(rover: FakeRover, output: Path, angles_deg: list[float], *words: str, arm: str = "lrm-rover") -> ScriptedOperator:
+    person = ScriptedOperator(*words)
     angles = [math.radians(a) for a in angles_deg]
-    walk_through(rover, rover.name, arm, output, angles, person.ask, person.say)
+    calibrate_servo(rover, rover.name, arm, output, angles, person.ask, person.say)
     assert next(person._words, None) is None, "not every word was asked for"
     return person
 
@@ -134,7 +134,7 @@ def test_a_wrong_word_is_explained_and_asked_again(tmp_path: Path, word: str) ->
 
 
 def test_q_stops_and_nothing_is_written(tmp_path: Path) -> None:
-    with pytest.raises(Stopped, match="nothing was written"):
+    with pytest.raises(CalibrationAborted, match="nothing was written"):
         walked(FakeRover(), tmp_path / "arm.toml", [-90, 0, 90], "", "+3", "q")
     assert list(tmp_path.iterdir()) == []
 
@@ -168,7 +168,7 @@ def test_what_cannot_end_well_is_said_before_the_arm_moves(
 
 def test_a_servo_that_the_daemon_does_not_have_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LrmError, match="unknown servo 'joint7'; valid: joint1, joint2"):
-        walk_through(FakeRover(), "joint7", "lrm-rover", tmp_path / "arm.toml", [0.0, 1.0], Person().ask, print)
+        calibrate_servo(FakeRover(), "joint7", "lrm-rover", tmp_path / "arm.toml", [0.0, 1.0], ScriptedOperator().ask, print)
 
 
 def expected(arm: Arm, servo: str, table: ServoTable) -> Arm:
@@ -194,12 +194,12 @@ def test_only_that_servos_table_changes(tmp_path: Path, arm: str, servo: str) ->
     )
     if servo == "gripper" and not dict(before.auxiliary_servos):
         with pytest.raises(LrmError, match=r"\[auxiliary_servo.gripper\] first"):
-            with_table(text, servo, table)
+            replace_table(text, servo, table)
         return
     path = tmp_path / "arm.toml"
-    path.write_text(with_table(text, servo, table), encoding="utf-8")
+    path.write_text(replace_table(text, servo, table), encoding="utf-8")
     assert read_arm(path) == expected(before, servo, table)
     kept = [line for line in text.splitlines() if line.lstrip().startswith("#")]
     assert [line for line in path.read_text(encoding="utf-8").splitlines() if line.lstrip().startswith("#")] == kept
-    again = with_table(path.read_text(encoding="utf-8"), servo, table)
+    again = replace_table(path.read_text(encoding="utf-8"), servo, table)
     assert again == path.read_text(encoding="utf-8"), "writing the same table twice changes nothing"

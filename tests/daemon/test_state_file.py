@@ -13,14 +13,14 @@ from lrm_math.errors import FileError
 from lrmd.control import lease
 from lrmd.control.lease import Lease, LeaseError
 from lrmd.persistence import state_file
-from lrmd.persistence.state_file import Saved
+from lrmd.persistence.state_file import StoredState
 
 MS = 1_000_000
 NAMES = st.text(min_size=1, max_size=12)
 
 
-def saved(pulse: int = 1_500_000, mode: str = "armed") -> Saved:
-    return Saved(
+def saved(pulse: int = 1_500_000, mode: str = "armed") -> StoredState:
+    return StoredState(
         saved_wall_ns=1, boots=3, mode=mode, still=True, pulse_ns={"joint1": pulse}, temperature_c={"joint1": 40.0}
     )
 
@@ -32,12 +32,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @given(
     state=st.builds(
-        Saved, saved_wall_ns=st.integers(0, 2**62), boots=st.integers(0, 10**9), mode=NAMES, still=st.booleans(),
+        StoredState, saved_wall_ns=st.integers(0, 2**62), boots=st.integers(0, 10**9), mode=NAMES, still=st.booleans(),
         pulse_ns=st.dictionaries(NAMES, st.integers(0, 20_000_000), max_size=16),
         temperature_c=st.dictionaries(NAMES, st.floats(-50, 300), max_size=16),
     )
 )  # fmt: skip
-def test_what_was_saved_is_what_is_loaded(folder: Path, state: Saved) -> None:
+def test_what_was_saved_is_what_is_loaded(folder: Path, state: StoredState) -> None:
     state_file.save(folder, state)
     assert state_file.load(folder) == state
     assert [p.name for p in folder.iterdir()] == [state_file.NAME]
@@ -108,7 +108,7 @@ def test_a_damaged_file_is_an_error_or_still_a_state(folder: Path, cut: int, fli
     except FileError as error:
         damaged = str(error)
     else:
-        assert isinstance(state, Saved)
+        assert isinstance(state, StoredState)
         assert all(0 <= pulse <= 20_000_000 for pulse in state.pulse_ns.values())
         return
     assert "is damaged" in damaged

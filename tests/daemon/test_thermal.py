@@ -9,14 +9,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from lrmd.config import Config, load_config
-from lrmd.errors import Refused
-from lrmd.persistence.state_file import Saved
-from lrmd.thermal.model import Heat, Thermal
-from lrmd.thermal.monitor import HeatWatch
+from lrmd.errors import RequestError
+from lrmd.persistence.state_file import StoredState
+from lrmd.safety.thermal_model import ThermalLevel, ThermalModel
+from lrmd.safety.thermal_monitor import ThermalMonitor
 from tests.support.in_memory_daemon import CONFIG
 
 SECOND = 1_000_000_000
-MODEL = Thermal.of(load_config(CONFIG))
+MODEL = ThermalModel.of(load_config(CONFIG))
 N = len(MODEL.rise)
 TEMPERATURES = st.lists(st.floats(-20, 150), min_size=N, max_size=N)
 TORQUES = st.lists(st.floats(-2, 2), min_size=N, max_size=N)
@@ -68,7 +68,7 @@ def test_no_time_changes_nothing_and_long_after_nothing_is_left_of_the_start(T: 
 @given(st.floats(25, 140), st.floats(25, 140), st.floats(-1, 1))
 def test_the_time_to_a_limit_is_when_it_is_reached(limit: float, T: float, tau: float) -> None:
     rise = 1490.0
-    one = Thermal(25.0, 900.0, (rise,), (70.0, 85.0, 95.0))
+    one = ThermalModel(25.0, 900.0, (rise,), (70.0, 85.0, 95.0))
     seconds = one.seconds_to(limit, T, tau, rise)
     assert seconds >= 0
     assert (seconds == 0) is (limit <= T)
@@ -82,10 +82,10 @@ def test_the_time_to_a_limit_is_when_it_is_reached(limit: float, T: float, tau: 
 def test_each_limit_means_one_level_more(config: Config) -> None:
     t = config.thermal
     for limit, below, level in [
-        (t.derate_c, Heat.COOL, Heat.WARM), (t.rest_c, Heat.WARM, Heat.HOT), (t.off_c, Heat.HOT, Heat.TOO_HOT)
+        (t.derate_c, ThermalLevel.COOL, ThermalLevel.WARM), (t.rest_c, ThermalLevel.WARM, ThermalLevel.HOT), (t.off_c, ThermalLevel.HOT, ThermalLevel.TOO_HOT)
     ]:  # fmt: skip
-        assert MODEL.heat(limit - 1e-9) is below
-        assert MODEL.heat(limit) is level
+        assert MODEL.level(limit - 1e-9) is below
+        assert MODEL.level(limit) is level
 
 
 def test_the_melted_mount_of_the_source_would_not_have_melted() -> None:
@@ -99,17 +99,17 @@ def test_the_melted_mount_of_the_source_would_not_have_melted() -> None:
     assert MODEL.seconds_to(MODEL.limits[2], MODEL.ambient, 0.31, joint4) < melts, "ASA softens near 100 degC"
 
 
-def stored(T: float, seconds_ago: float) -> Saved:
-    return Saved(
+def stored(T: float, seconds_ago: float) -> StoredState:
+    return StoredState(
         saved_wall_ns=int(1e18 - seconds_ago * SECOND), boots=1, mode="armed", still=True, pulse_ns={},
         temperature_c={"joint4": T},
     )  # fmt: skip
 
 
 def test_a_restart_forgets_no_heat(config: Config) -> None:
-    at_once = HeatWatch(config, stored(90.0, 0.0), 0, 10**18).temperature
-    later = HeatWatch(config, stored(90.0, 900.0), 0, 10**18).temperature
-    clock_set_back = HeatWatch(config, stored(90.0, -9e5), 0, 10**18).temperature
+    at_once = ThermalMonitor(config, stored(90.0, 0.0), 0, 10**18).temperature
+    later = ThermalMonitor(config, stored(90.0, 900.0), 0, 10**18).temperature
+    clock_set_back = ThermalMonitor(config, stored(90.0, -9e5), 0, 10**18).temperature
     assert at_once[3] == clock_set_back[3] == 90.0
     assert later[3] == pytest.approx(25 + 65 / math.e)
     assert at_once[0] == config.thermal.ambient_c
@@ -117,7 +117,7 @@ def test_a_restart_forgets_no_heat(config: Config) -> None:
 
 @given(st.lists(st.floats(0.05, 50), min_size=1, max_size=20))
 def test_the_watch_agrees_with_the_model_however_often_it_looks(steps: list[float]) -> None:
-    watch = HeatWatch(load_config(CONFIG), None, 0, 0)
+    watch = ThermalMonitor(load_config(CONFIG), None, 0, 0)
     tau, now = [0.3] * N, 0
     for step in steps:
         now += int(step * SECOND)
@@ -126,34 +126,34 @@ def test_the_watch_agrees_with_the_model_however_often_it_looks(steps: list[floa
 
 
 def test_every_level_is_told_once_on_the_way_up_and_once_on_the_way_down(config: Config) -> None:
-    watch, now, seen = HeatWatch(config, None, 0, 0), 0, []
+    watch, now, seen = ThermalMonitor(config, None, 0, 0), 0, []
     for tau in (0.31, 0.0):
         for _ in range(4000):
             now += SECOND
             assert watch.due(now)
             seen += [c.after for c in watch.update(now, [0, 0, 0, tau] + [0] * (N - 4))]
-    up = [Heat.WARM, Heat.HOT, Heat.TOO_HOT]
-    assert seen == [*up, Heat.HOT, Heat.WARM, Heat.COOL]
+    up = [ThermalLevel.WARM, ThermalLevel.HOT, ThermalLevel.TOO_HOT]
+    assert seen == [*up, ThermalLevel.HOT, ThermalLevel.WARM, ThermalLevel.COOL]
 
 
 def test_a_warm_servo_may_be_loaded_less_but_not_more(config: Config) -> None:
-    watch = HeatWatch(config, stored(75.0, 0.0), 0, 10**18)
+    watch = ThermalMonitor(config, stored(75.0, 0.0), 0, 10**18)
     now = [0.0, 0.0, 0.0, -0.2] + [0.0] * (N - 4)
     for load, allowed in [(-0.2, True), (0.2, True), (0.1, True), (0.21, False), (-0.3, False)]:
         then = [5.0, 0.0, 0.0, load] + [0.0] * (N - 4)
         if allowed:
-            watch.check(now, then)
+            watch.check_load(now, then)
             continue
-        with pytest.raises(Refused, match="joint4") as caught:
-            watch.check(now, then)
+        with pytest.raises(RequestError, match="joint4") as caught:
+            watch.check_load(now, then)
         assert caught.value.retryable
 
 
 def test_hot_in_counts_down(config: Config) -> None:
-    watch = HeatWatch(config, None, 0, 0)
+    watch = ThermalMonitor(config, None, 0, 0)
     tau = [0, 0, 0, 0.31] + [0] * (N - 4)
     watch.update(SECOND, tau)
-    first = watch.hot_in
+    first = watch.time_to_hot
     watch.update(101 * SECOND, tau)
-    assert first[3] - watch.hot_in[3] == pytest.approx(100.0)
+    assert first[3] - watch.time_to_hot[3] == pytest.approx(100.0)
     assert math.isinf(first[0])

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.conftest import ROOT
+from tests.support.commands import stderr_of
+
 HEADER = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm"
 ROWS = [
     f"{i},{i},{2 * i % 90},{-i},{3 * i % 90},{-2 * i % 90},{i % 50},{200 + i},{10 + i},{300 - i}" for i in range(1, 61)
@@ -17,18 +19,17 @@ ROWS = [
 LAB = (ROOT / "config" / "arms" / "lrm-lab.toml").read_text()
 
 
-def run(*words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "lrm_ident.cli.app", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-
-
-def assert_one_clear_line(done: subprocess.CompletedProcess[str], *words: str) -> None:
-    assert done.returncode == 2, done.stdout + done.stderr
-    lines = done.stderr.strip().splitlines()
-    assert len(lines) == 1, done.stderr
-    assert lines[0].startswith("error: ")
+def assert_names(stderr: str, *words: str) -> None:
     for word in words:
-        assert word in lines[0], f"'{word}' is not in: {lines[0]}"
+        assert word in stderr, f"'{word}' is not in: {stderr}"
+
+
+def test_the_process_itself_ends_with_the_line_and_exit_code_2() -> None:
+    command = [sys.executable, "-m", "lrm_ident", "fit", "nothing.csv", "--arm", "lrm-lab"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert_names(done.stderr, "error: ", "no such file")
 
 
 def edited(row: int, column: int, text: str) -> list[str]:
@@ -65,8 +66,8 @@ def test_measurements(tmp_path: Path, name: str) -> None:
     data = tmp_path / "data.csv"
     data.write_text("\n".join(lines) + "\n")
     output, json = tmp_path / "model.toml", tmp_path / "out.json"
-    done = run("fit", data, "--arm", "lrm-lab", "--parameters", "option1", "-o", output, "--json", json)
-    assert_one_clear_line(done, *words)
+    stderr = stderr_of("fit", data, "--arm", "lrm-lab", "--parameters", "option1", "-o", output, "--json", json)
+    assert_names(stderr, *words)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["data.csv"]
 
 
@@ -97,7 +98,7 @@ def test_arms(tmp_path: Path, name: str) -> None:
     arm.write_text(change(LAB))
     data.write_text("\n".join([HEADER, *ROWS]) + "\n")
     output = tmp_path / "model.toml"
-    assert_one_clear_line(run("fit", data, "--arm", arm, "-o", output), "arm.toml", *words)
+    assert_names(stderr_of("fit", data, "--arm", arm, "-o", output), "arm.toml", *words)
     assert not output.exists()
 
 
@@ -131,7 +132,7 @@ def test_models(tmp_path: Path, name: str, command: str) -> None:
     model.write_text(text)
     data.write_text("\n".join([HEADER, *ROWS]) + "\n")
     output = tmp_path / "out"
-    assert_one_clear_line(run(command, model, data, "--json" if command == "compare" else "-o", output), *words)
+    assert_names(stderr_of(command, model, data, "--json" if command == "compare" else "-o", output), *words)
     assert not output.exists()
 
 
@@ -154,7 +155,7 @@ def test_models(tmp_path: Path, name: str, command: str) -> None:
 def test_command_lines(tmp_path: Path, words: list[str], said: str) -> None:
     data = tmp_path / "data.csv"
     data.write_text("\n".join([HEADER, *ROWS]) + "\n")
-    assert_one_clear_line(run(*(word.format(data=data) for word in words)), said)
+    assert_names(stderr_of(*(word.format(data=data) for word in words)), said)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["data.csv"]
 
 
@@ -167,4 +168,4 @@ def test_metadata(tmp_path: Path) -> None:
         ('schema = "lrm/measurements/1"\narm = "lrm-lab"\nstart_q_deg = [0, 0]\n', ("data.toml", "start_q_deg", "6")),
     ]:
         beside.write_text(text)
-        assert_one_clear_line(run("fit", data), *words)
+        assert_names(stderr_of("fit", data), *words)

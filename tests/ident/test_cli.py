@@ -12,26 +12,20 @@ import numpy as np
 import pytest
 
 from lrm_ident import synthetic
-from lrm_ident.data.csv_table import read_table
-
-ROOT = Path(__file__).resolve().parents[2]
-EXAMPLE = ROOT / "lrm_ident" / "examples" / "hidden-play.csv"
-
-
-def run(*words: object) -> str:
-    command = [sys.executable, "-m", "lrm_ident.cli.app", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+from lrm_ident.data.csv_table import read_csv
+from tests.conftest import EXAMPLE, ROOT
+from tests.support.commands import stdout_of
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a model fitted to the shipped example."""
+    """A folder with a model that a process of its own fitted to the shipped example."""
     folder = tmp_path_factory.mktemp("work")
-    said = run("fit", EXAMPLE, "-o", folder / "model.toml", "--json", folder / "fit.json")
-    assert "held out" in said
-    assert "Model written" in said
+    words = ("fit", EXAMPLE, "-o", folder / "model.toml", "--json", folder / "fit.json")
+    done = subprocess.run([sys.executable, "-m", "lrm_ident", *words], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert "held out" in done.stdout
+    assert "Model written" in done.stdout
     return folder
 
 
@@ -56,7 +50,8 @@ def test_the_model_file_tells_where_it_comes_from(folder: Path) -> None:
 
 
 def test_compare_repeats_the_fits_figures(folder: Path) -> None:
-    said = run("compare", folder / "model.toml", EXAMPLE, "--json", folder / "c.json", "--figure", folder / "c.svg")
+    outputs = ("--json", folder / "c.json", "--figure", folder / "c.svg")
+    said = stdout_of("compare", folder / "model.toml", EXAMPLE, *outputs)
     assert "torque of joint 2" in said
     fitted = json.loads((folder / "fit.json").read_text())["error"]
     compared = json.loads((folder / "c.json").read_text())
@@ -74,9 +69,9 @@ def test_compare_repeats_the_fits_figures(folder: Path) -> None:
 
 
 def test_predict_gives_the_residuals_of_compare(folder: Path) -> None:
-    run("predict", folder / "model.toml", EXAMPLE, "-o", folder / "p.csv", "--json", folder / "p.json")
-    predicted = read_table(folder / "p.csv", ["x_mm", "tau1_Nm", "tau6_Nm", "tau_base_Nm"])
-    seen = read_table(EXAMPLE, ["x_mm"])
+    stdout_of("predict", folder / "model.toml", EXAMPLE, "-o", folder / "p.csv", "--json", folder / "p.json")
+    predicted = read_csv(folder / "p.csv", ["x_mm", "tau1_Nm", "tau6_Nm", "tau_base_Nm"])
+    seen = read_csv(EXAMPLE, ["x_mm"])
     away = [predicted.numbers(f"{axis}_mm") - seen.numbers(f"{axis}_mm") for axis in "xyz"]
     rms = float(np.sqrt(np.mean(np.sum(np.square(away), axis=0))))
     assert rms == pytest.approx(json.loads((folder / "fit.json").read_text())["error"]["fit"]["rms_mm"], abs=1e-4)
@@ -86,7 +81,7 @@ def test_predict_gives_the_residuals_of_compare(folder: Path) -> None:
 def test_a_fit_can_start_from_a_model_and_grow(folder: Path) -> None:
     grown = folder / "grown.toml"
     start = ["--start", folder / "model.toml"]
-    run("fit", EXAMPLE, *start, "--effects", "offsets,compliance,backlash@joint2", "-o", grown)
+    stdout_of("fit", EXAMPLE, *start, "--effects", "offsets,compliance,backlash@joint2", "-o", grown)
     tables = tomllib.loads(grown.read_text())
     assert tables["effects"] == ["offsets", "compliance", "backlash@joint2"]
     assert "backlash.joint2.tau0_Nm" in tables["parameters"]
@@ -94,7 +89,8 @@ def test_a_fit_can_start_from_a_model_and_grow(folder: Path) -> None:
 
 
 def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Path) -> None:
-    said = run("auto", folder / "model.toml", EXAMPLE, "-o", folder / "best.toml", "--json", folder / "course.json")
+    outputs = ("-o", folder / "best.toml", "--json", folder / "course.json")
+    said = stdout_of("auto", folder / "model.toml", EXAMPLE, *outputs)
     assert "chosen anew in every fold" in said
     course = json.loads((folder / "course.json").read_text())
     assert [step["added"] for step in course["steps"]] == ["", "backlash@joint2"]
@@ -108,14 +104,14 @@ def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Pa
 
 def test_an_arm_of_ones_own(folder: Path) -> None:
     (folder / "mine.toml").write_text((ROOT / "config" / "arms" / "lrm-lab.toml").read_text())
-    run("fit", EXAMPLE, "--arm", folder / "mine.toml", "--parameters", "option3", "-o", folder / "own.toml")
+    stdout_of("fit", EXAMPLE, "--arm", folder / "mine.toml", "--parameters", "option3", "-o", folder / "own.toml")
     assert tomllib.loads((folder / "own.toml").read_text())["arm"] == "mine.toml"
-    run("compare", folder / "own.toml", EXAMPLE)
+    stdout_of("compare", folder / "own.toml", EXAMPLE)
 
 
 @pytest.mark.parametrize("command", ["", "fit", "compare", "predict"])
 def test_help_teaches(command: str) -> None:
-    said = run(*([command] if command else []), "--help")
+    said = stdout_of(*([command] if command else []), "--help")
     assert "Usage" in said
     assert len(said) > 400
 

@@ -10,14 +10,14 @@ from typing import cast
 import numpy as np
 import pytest
 
-from lrm_ident.data.csv_table import read_table
+from lrm_ident.data.csv_table import read_csv
 from lrm_ident.data.measurements import Measurements, directions, load_poses
-from lrm_ident.design.candidate_poses import Rules, broken_rules, combinations, levels_of
-from lrm_ident.design.discrimination import LEVEL, SURE, separation
-from lrm_ident.design.pose_design import Design, Task, design
-from lrm_ident.design.pose_selection import choose
+from lrm_ident.design.candidate_poses import ClearanceRules, candidate_grid, parse_levels, violated_rules
+from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, discrimination_of
+from lrm_ident.design.pose_design import DesignProblem, PoseDesign, design
+from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.fit.levenberg_marquardt import bounds_of, fit, no_bounds
-from lrm_ident.fit.parameter_sets import TABLE_4_5, chosen
+from lrm_ident.fit.parameter_sets import TABLE_4_5, select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.effects import effects_at
@@ -25,7 +25,7 @@ from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
-from tests.support.commands import does, refuses
+from tests.support.commands import stderr_of, stdout_of
 
 MEASURED_LEVELS = "-100,0,100; joint2=-50,0,50; joint6=-50,0,50"
 RIVALS = ("backlash@joint2", "nonlinear_stiffness@joint2")
@@ -36,68 +36,68 @@ def model_45(arm: Arm) -> Model:
 
 
 def offered(arm: Arm, count: int = 400, loads: tuple[float, ...] = (0.0,)) -> Poses:
-    q = combinations(arm, levels_of(arm, "4")).q
+    q = candidate_grid(arm, parse_levels(arm, "4")).q
     rows = np.random.default_rng(0).choice(len(q), count, replace=False)
     return poses_of(np.tile(q[rows], (len(loads), 1)), np.repeat(loads, count))
 
 
-def task(arm: Arm, rivals: tuple[str, ...] = (), **other: object) -> Task:
+def task(arm: Arm, rivals: tuple[str, ...] = (), **other: object) -> DesignProblem:
     effects = tuple(effect for name in rivals for effect in effects_at(arm, name))
-    usual = Task(model_45(arm), TABLE_4_5, effects, 40, "O1", 3e-4, None, 4, 1, 0)
+    usual = DesignProblem(model_45(arm), TABLE_4_5, effects, 40, "O1", 3e-4, None, 4, 1, 0)
     return replace(usual, **other)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
-def separating(lab: Arm) -> Design:
+def separating(lab: Arm) -> PoseDesign:
     return design(task(lab, RIVALS), offered(lab))
 
 
 def test_levels_in_words(lab: Arm) -> None:
-    five = levels_of(lab, "5; joint2=-50,0,50; joint6=2")
+    five = parse_levels(lab, "5; joint2=-50,0,50; joint6=2")
     assert np.degrees(five[0]) == pytest.approx([-100, -50, 0, 50, 100])
     assert np.degrees(five[1]) == pytest.approx([-50, 0, 50])
     assert np.degrees(five[5]) == pytest.approx([-100, 100])
     with pytest.raises(UnknownName, match="joint7"):
-        levels_of(lab, "joint7=3")
+        parse_levels(lab, "joint7=3")
     for words in ("many", "-100,120", "", "2.5"):
         with pytest.raises(LrmError, match="joint 1"):
-            levels_of(lab, words)
+            parse_levels(lab, words)
 
 
 @pytest.mark.parametrize("name", ["lab", "rover"])
 def test_candidates_keep_clear(name: str, request: pytest.FixtureRequest) -> None:
     arm = cast(Arm, request.getfixturevalue(name))
-    found = combinations(arm, levels_of(arm, "3; joint2=-50,0,50"), Rules(floor=0.02))
+    found = candidate_grid(arm, parse_levels(arm, "3; joint2=-50,0,50"), ClearanceRules(floor=0.02))
     assert 0 < len(found.q) < found.tried == 729
     assert clearance(Scene.of(arm), found.q).distance.min() >= 0.03
     tcp = equilibrium(model_of(arm, ()), poses_of(found.q)).tcp
     assert tcp[:, 2].min() >= 0.02
     base = np.array([arm.base.x, arm.base.y, arm.base.z])
     assert np.linalg.norm(tcp - base, axis=1).min() >= 0.16
-    assert not any(rows.any() for rows in broken_rules(arm, found.q, Rules(floor=0.02)).values())
+    assert not any(rows.any() for rows in violated_rules(arm, found.q, ClearanceRules(floor=0.02)).values())
 
 
 def test_an_arm_without_shapes_keeps_its_tip_away_from_its_lines(lab: Arm) -> None:
     bare = replace(lab, shapes=type(lab.shapes)())
-    found = combinations(bare, levels_of(bare, "3"))
+    found = candidate_grid(bare, parse_levels(bare, "3"))
     assert 0 < len(found.q) < 729
-    assert list(found.refused) == ["the TCP within 160 mm of an inner link"]
+    assert list(found.rejected) == ["the TCP within 160 mm of an inner link"]
 
 
 def test_rules_that_nothing_keeps_and_too_many_levels(lab: Arm) -> None:
     with pytest.raises(LrmError, match="none of 64"):
-        combinations(lab, levels_of(lab, "2"), Rules(floor=2.0))
+        candidate_grid(lab, parse_levels(lab, "2"), ClearanceRules(floor=2.0))
     with pytest.raises(LrmError, match="fewer levels"):
-        combinations(lab, levels_of(lab, "12"))
+        candidate_grid(lab, parse_levels(lab, "12"))
 
 
 def test_the_measured_poses_keep_the_distance_of_bodies(real: Measurements, lab: Arm) -> None:
-    broken = broken_rules(lab, real.poses.q, Rules())
+    broken = violated_rules(lab, real.poses.q, ClearanceRules())
     assert not broken["bodies within 30 mm"].any()
     assert not broken["the TCP within 160 mm of an inner link"].any()
 
 
-def test_a_design_can_be_measured_as_it_stands(separating: Design) -> None:
+def test_a_design_can_be_measured_as_it_stands(separating: PoseDesign) -> None:
     found = separating
     assert len(found.rows) == 40
     assert len(found.poses) == 44
@@ -118,39 +118,39 @@ def test_loads_are_changed_once_each(lab: Arm) -> None:
     assert len(np.unique(found.poses.payload)) == 2
 
 
-def test_designed_poses_tell_more_than_blind_ones(lab: Arm, separating: Design) -> None:
+def test_designed_poses_tell_more_than_blind_ones(lab: Arm, separating: PoseDesign) -> None:
     plain = design(task(lab), offered(lab))
-    assert plain.after.tcp < plain.blind_after.tcp
-    assert plain.index.O1 > plain.blind.O1
-    assert plain.after.apart is None
-    apart, blind = separating.after.apart, separating.blind_after.apart
+    assert plain.after.tcp < plain.random_after.tcp
+    assert plain.observability.O1 > plain.random_baseline.O1
+    assert plain.after.discrimination is None
+    apart, blind = separating.after.discrimination, separating.random_after.discrimination
     assert apart is not None
     assert blind is not None
     assert apart.cosine < blind.cosine
     for ours, theirs in zip(apart.rivals, blind.rivals, strict=True):
-        assert ours.least is not None
-        assert theirs.least is None or ours.least < theirs.least
+        assert ours.detectable_size is not None
+        assert theirs.detectable_size is None or ours.detectable_size < theirs.detectable_size
     assert plain.after.tcp <= separating.after.tcp
 
 
 def test_poses_at_hand_are_built_upon(lab: Arm) -> None:
     have = offered(lab, 60)
-    some = design(task(lab, RIVALS, have=have, count=10, first=61), offered(lab))
-    more = design(task(lab, RIVALS, have=have, count=30, first=61), offered(lab))
+    some = design(task(lab, RIVALS, measured=have, count=10, first_number=61), offered(lab))
+    more = design(task(lab, RIVALS, measured=have, count=30, first_number=61), offered(lab))
     assert some.before is not None
     assert some.number[0] == 61
-    assert np.all(some.after.errors < some.before.errors)
+    assert np.all(some.after.standard_errors < some.before.standard_errors)
     assert more.after.tcp < some.after.tcp < some.before.tcp
     assert more.before is not None
-    np.testing.assert_allclose(more.before.errors, some.before.errors)
+    np.testing.assert_allclose(more.before.standard_errors, some.before.standard_errors)
 
 
 def test_a_side_is_chosen_where_it_matters(lab: Arm) -> None:
     found = design(task(lab, ("hysteresis@joint2", "coupling@joint2<-joint3")), offered(lab, 200))
     sides = found.poses.direction[:, 1]  # type: ignore[index]
     assert min(np.count_nonzero(sides > 0), np.count_nonzero(sides < 0)) >= 15
-    assert found.after.apart is not None
-    assert all(rival.power > 0.99 for rival in found.after.apart.rivals)
+    assert found.after.discrimination is not None
+    assert all(rival.power > 0.99 for rival in found.after.discrimination.rivals)
 
 
 def test_expected_errors_are_what_fits_scatter_by(lab: Arm) -> None:
@@ -173,20 +173,20 @@ def test_effects_of_the_size_named_are_found_as_often_as_said(lab: Arm) -> None:
     rng = np.random.default_rng(1)
     effects = effects_at(lab, "backlash@joint2") + effects_at(lab, "coupling@joint2<-joint3")
     fitted, one, other = (rng.normal(size=(60, k)) for k in (10, 1, 1))
-    told = separation(effects, fitted, [one, other], noise=0.5).rivals[0]
-    assert told.least is not None
+    told = discrimination_of(effects, fitted, [one, other], noise=0.5).rivals[0]
+    assert told.detectable_size is not None
     hits, draws = 0, 2000
     known, wide = np.concatenate([fitted, other], axis=1), np.concatenate([fitted, other, one], axis=1)
     for _ in range(draws):
-        seen = told.least * one[:, 0] + rng.normal(0, 0.5, 60)
+        seen = told.detectable_size * one[:, 0] + rng.normal(0, 0.5, 60)
         left = [float(np.linalg.lstsq(columns, seen, rcond=None)[1][0]) for columns in (known, wide)]
         hits += (left[0] - left[1]) / (left[1] / (60 - 12)) > 7.194  # F(1, 48) at 1 %
-    assert pytest.approx(0.01) == LEVEL
-    assert hits / draws == pytest.approx(SURE, abs=0.03)
+    assert pytest.approx(0.01) == TEST_LEVEL
+    assert hits / draws == pytest.approx(TARGET_POWER, abs=0.03)
 
 
 def test_rivals_that_nothing_can_tell_apart(lab: Arm) -> None:
-    q = combinations(lab, levels_of(lab, MEASURED_LEVELS)).q
+    q = candidate_grid(lab, parse_levels(lab, MEASURED_LEVELS)).q
     with pytest.raises(LrmError, match="servo_gain@joint2 and eccentricity@joint2 apart; offer more levels"):
         design(task(lab, ("servo_gain@joint2", "eccentricity@joint2")), poses_of(q))
     with pytest.raises(LrmError, match="fitted already"):
@@ -200,15 +200,15 @@ def test_rivals_that_nothing_can_tell_apart(lab: Arm) -> None:
 def test_identification_on_chosen_real_poses(real: Measurements, lab: Arm) -> None:
     """Constrained sets identify physically; with bounds in the fit any set does."""
     model = model_45(lab)
-    model = replace(model, free=chosen(model, "option1"))
+    model = replace(model, free=select_parameters(model, "option1"))
     for seed in range(2):
-        found = choose(model, real, 34, physical=True, seed=seed)
-        free, bounded = found.identified
-        assert not bounded.broken
-        assert not free.broken
-        assert found.value.value("O1") <= found.best_possible_o1
-        assert bounded.on_rest is not None
-        assert bounded.on_all.mean < 9e-3 < bounded.on_all.max
+        found = select_poses(model, real, 34, physical=True, seed=seed)
+        free, bounded = found.fits
+        assert not bounded.violated_bounds
+        assert not free.violated_bounds
+        assert found.observability.value("O1") <= found.o1_upper_bound
+        assert bounded.error_rest is not None
+        assert bounded.error_all.mean < 9e-3 < bounded.error_all.max
     limits = bounds_of(model, model.free)
     values = np.array([bounded.fit.model.value(key) for key in model.free])
     assert np.all((values >= limits.lower) & (values <= limits.upper))
@@ -228,31 +228,31 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
         "--parameters",
         "option1",
     ]
-    said = does("design", "lrm-lab", *words, "-o", poses, "--json", tmp_path / "d.json", "--figure", figure)
+    said = stdout_of("design", "lrm-lab", *words, "-o", poses, "--json", tmp_path / "d.json", "--figure", figure)
     assert "told from everything else" in said
-    table = read_table(poses, ["pose", "q1_deg", "payload_g", "approach", "repeat_of"])
+    table = read_csv(poses, ["pose", "q1_deg", "payload_g", "approach", "repeat_of"])
     assert len(table.rows) == 35
     assert set(table.numbers("approach")) == {-1.0, 1.0}
     assert len(load_poses(poses, lab)) == 35
-    assert len(read_table(figure.with_suffix(".csv"), ["what", "unit", "with_these"]).rows) == 28 + 2
+    assert len(read_csv(figure.with_suffix(".csv"), ["what", "unit", "with_these"]).rows) == 28 + 2
     told = json.loads((tmp_path / "d.json").read_text())
     assert told["schema"] == "lrm/design/1"
     assert [rival["effect"] for rival in told["with_these"]["separate"]] == list(RIVALS)
     (tmp_path / "m.toml").write_text('schema = "lrm/model/1"\narm = "lrm-lab"\neffects = ["offsets", "compliance"]\n')
-    does("predict", tmp_path / "m.toml", poses, "-o", tmp_path / "p.csv")
+    stdout_of("predict", tmp_path / "m.toml", poses, "-o", tmp_path / "p.csv")
     more = tmp_path / "more.csv"
-    does("design", "lrm-lab", "--poses", poses, "--have", poses, "-n", "3", "--repeats", "0", "-o", more)
-    assert read_table(more, ["pose"]).numbers("pose").tolist() == [36, 37, 38]
+    stdout_of("design", "lrm-lab", "--poses", poses, "--have", poses, "-n", "3", "--repeats", "0", "-o", more)
+    assert read_csv(more, ["pose"]).numbers("pose").tolist() == [36, 37, 38]
 
 
 def test_choosing_among_the_shipped_measurements(tmp_path: Path) -> None:
     example = Path(__file__).resolve().parents[2] / "lrm_ident" / "examples" / "hidden-play.csv"
     words = ["-o", tmp_path / "few.csv", "--json", tmp_path / "c.json", "--figure", tmp_path / "c.png"]
-    does("choose-poses", example, "--arm", "lrm-lab", "-n", "40", *words)
+    stdout_of("choose-poses", example, "--arm", "lrm-lab", "-n", "40", *words)
     told = json.loads((tmp_path / "c.json").read_text())
-    assert read_table(tmp_path / "few.csv", ["x_mm"]).numbers("pose").tolist() == told["poses"]
+    assert read_csv(tmp_path / "few.csv", ["x_mm"]).numbers("pose").tolist() == told["poses"]
     assert told["observability"]["O1"] <= told["o1_no_choice_exceeds"]
-    assert np.count_nonzero(read_table(tmp_path / "c.csv", ["chosen"]).numbers("chosen")) == 40
+    assert np.count_nonzero(read_csv(tmp_path / "c.csv", ["chosen"]).numbers("chosen")) == 40
 
 
 @pytest.mark.parametrize(
@@ -272,11 +272,11 @@ def test_choosing_among_the_shipped_measurements(tmp_path: Path) -> None:
     ],
 )
 def test_bad_words_get_one_line_and_write_nothing(tmp_path: Path, words: list[str], said: str) -> None:
-    assert said in refuses(*(word.format(folder=tmp_path) for word in words))
+    assert said in stderr_of(*(word.format(folder=tmp_path) for word in words))
     assert not list(tmp_path.iterdir())
 
 
-def test_a_pose_file_keeps_the_order_in_which_it_was_measured(separating: Design) -> None:
+def test_a_pose_file_keeps_the_order_in_which_it_was_measured(separating: PoseDesign) -> None:
     """Random order: no joint's angle runs with it, so that a drift is not taken for an error of a joint."""
     order = np.arange(len(separating.poses))
     for joint in range(6):

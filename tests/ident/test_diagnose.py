@@ -15,20 +15,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident.data.data_audit import audit
-from lrm_ident.data.error_stats import figures
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, load_measurements, load_poses
-from lrm_ident.diagnosis.add_effect import add_effects, follow_advice
+from lrm_ident.diagnosis.add_effect import add_effects, run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
-from lrm_ident.diagnosis.diagnosis_report import Report, advise
-from lrm_ident.diagnosis.inject_recover import Plan, may_show
-from lrm_ident.diagnosis.inject_recover import run as run_trials
-from lrm_ident.diagnosis.linearised_fit import bench, coincidence, paired
-from lrm_ident.diagnosis.residual_structure import noise_floor, structure
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
+from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
+from lrm_ident.diagnosis.linearised_fit import linearise, paired_z, principal_cosine
+from lrm_ident.diagnosis.residual_structure import noise_floor, residual_structure
 from lrm_ident.effect_plugins import catalogue_with, effects_in
-from lrm_ident.fit.cross_validation import blocks, held_out
+from lrm_ident.fit.cross_validation import held_out_residual, joint_space_folds
 from lrm_ident.fit.identifiability import fit_identifiable
 from lrm_ident.fit.levenberg_marquardt import fit
-from lrm_ident.fit.parameter_sets import chosen
+from lrm_ident.fit.parameter_sets import select_parameters
 from lrm_ident.plots.diagnosis import draw_report
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
@@ -50,9 +49,9 @@ def case_data(name: str, folder: Path, arm: Arm, poses: int = 300) -> Measuremen
     return load_measurements(write_case(CASES[name], 11, poses, folder), arm)
 
 
-def first_class(report: Report) -> set[str]:
+def first_class(report: DiagnosisReport) -> set[str]:
     assert report.first is not None
-    return {report.first.scored.name, *report.first.rivals}
+    return {report.first.scored.name, *report.first.equivalent}
 
 
 @pytest.mark.parametrize(
@@ -72,7 +71,7 @@ def test_a_hidden_effect_is_named_added_and_the_error_falls_to_the_floor(
     tmp_path: Path, lab: Arm, case: str, truth: str
 ) -> None:
     data = case_data(case, tmp_path, lab)
-    report = advise(diagnose(base_fit(lab, data), data))
+    report = build_report(diagnose(base_fit(lab, data), data))
     assert report.verdict == "effect_missing"
     assert truth in first_class(report)
     assert report.first is not None
@@ -82,7 +81,7 @@ def test_a_hidden_effect_is_named_added_and_the_error_falls_to_the_floor(
 
 def test_nothing_hidden_nothing_named(tmp_path: Path, lab: Arm) -> None:
     data = case_data("nothing", tmp_path, lab)
-    report = advise(diagnose(base_fit(lab, data), data))
+    report = build_report(diagnose(base_fit(lab, data), data))
     assert report.verdict == "nothing_missing"
     assert {advice.verdict for advice in report.ranking} == {"no_evidence"}
 
@@ -101,8 +100,8 @@ def test_structure_without_a_name_then_the_users_own_effect_from_the_docs(tmp_pa
     data = load_measurements(data_file, lab)
     found = diagnose(base_fit(lab, data), data)
     assert found.verdict == "unexplained_structure"
-    assert found.anatomy[0][0].joint == 2
-    assert set(found.anatomy[0][0].follows) == {"q1", "q4"}
+    assert found.unexplained.ranking[0][0].joint == 2
+    assert set(found.unexplained.ranking[0][0].covariates) == {"q1", "q4"}
 
     def run(*words: object) -> None:
         command = [sys.executable, "-m", "lrm_ident.cli.app", *map(str, words)]
@@ -124,12 +123,12 @@ def test_structure_without_a_name_then_the_users_own_effect_from_the_docs(tmp_pa
 
 def test_auto_finds_two_hidden_effects_and_stops(tmp_path: Path, lab: Arm) -> None:
     data = case_data("play2+gain1", tmp_path, lab)
-    course = follow_advice(base_fit(lab, data), data)
+    course = run_auto(base_fit(lab, data), data)
     added = [step.added for step in course.steps[1:]]
     assert "backlash@joint2" in added
     assert any(name in added for name in ("servo_gain@joint1", "eccentricity@joint1", "cable_spring@joint1"))
-    assert figures(held_out(course.model, data)).rms < 1.3 * FLOOR
-    assert course.last.verdict == "nothing_missing"
+    assert error_stats(held_out_residual(course.model, data)).rms < 1.3 * FLOOR
+    assert course.diagnosis.verdict == "nothing_missing"
 
 
 def test_wrong_measurements_are_named_and_not_explained(tmp_path: Path, lab: Arm) -> None:
@@ -138,7 +137,7 @@ def test_wrong_measurements_are_named_and_not_explained(tmp_path: Path, lab: Arm
     wrong = [10, 77, 200]
     tcp[wrong] += np.array([[0.1, 0, 0], [0, 0.08, 0], [0, 0, -0.12]])
     spoiled = replace(data, tcp=tcp)
-    report = advise(diagnose(base_fit(lab, spoiled), spoiled))
+    report = build_report(diagnose(base_fit(lab, spoiled), spoiled))
     assert set(report.diagnosis.outliers) == {int(data.pose[row]) for row in wrong}
     assert "backlash@joint3" in first_class(report)
 
@@ -156,12 +155,12 @@ def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
 
 def test_gain_is_never_called_against_eccentricity_on_three_levels(real: Measurements, lab: Arm) -> None:
     model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
-    found = diagnose(replace(model, free=chosen(model, "option1")), real)
-    for scored in found.path:
+    found = diagnose(replace(model, free=select_parameters(model, "option1")), real)
+    for scored in found.selected:
         kind, place = scored.name.split("@")
         if kind in ("servo_gain", "eccentricity"):
             other = {"servo_gain": "eccentricity", "eccentricity": "servo_gain"}[kind]
-            assert f"{other}@{place}" in found.rivals[scored.name]
+            assert f"{other}@{place}" in found.equivalent[scored.name]
 
 
 def test_an_effect_that_is_there_already_cannot_be_added_twice(tmp_path: Path, lab: Arm) -> None:
@@ -178,8 +177,8 @@ def test_linear_held_out_is_what_refitting_in_each_fold_gives(seed: int) -> None
     rng = np.random.default_rng(seed)
     A, C, r = rng.normal(size=(90, 5)), rng.normal(size=(90, 3)), rng.normal(size=90)
     folds = np.array_split(rng.permutation(30), 5)
-    on = bench(A, r, folds, 1e-9)
-    told = on.explain(on.prepare(C)).held_out
+    linear = linearise(A, r, folds, 1e-9)
+    told = linear.explain(linear.project(C)).held_out
     projected = r - A @ np.linalg.lstsq(A, r)[0]
     for poses in folds:
         test = (3 * poses[:, None] + np.arange(3)).reshape(-1)
@@ -194,18 +193,18 @@ def test_linear_held_out_is_what_refitting_in_each_fold_gives(seed: int) -> None
 def test_coincidence_is_a_cosine_between_spaces(seed: int) -> None:
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(60, 3))
-    assert coincidence(A, A @ rng.normal(size=(3, 3))) == pytest.approx(1.0)
-    assert coincidence(A[:, :1], A) == pytest.approx(1.0)
+    assert principal_cosine(A, A @ rng.normal(size=(3, 3))) == pytest.approx(1.0)
+    assert principal_cosine(A[:, :1], A) == pytest.approx(1.0)
     B = rng.normal(size=(60, 3))
     B -= A @ np.linalg.lstsq(A, B)[0]
-    assert coincidence(A, B) == pytest.approx(0.0, abs=1e-9)
+    assert principal_cosine(A, B) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_paired_is_a_z_score() -> None:
     rng = np.random.default_rng(0)
-    same = [paired(rng.normal(1, 0.1, 200), rng.normal(1, 0.1, 200)) for _ in range(300)]
+    same = [paired_z(rng.normal(1, 0.1, 200), rng.normal(1, 0.1, 200)) for _ in range(300)]
     assert np.std(same) == pytest.approx(1.0, abs=0.15)
-    assert paired(np.full(50, 1.0) + rng.normal(0, 0.1, 50), np.full(50, 2.0)) > 10
+    assert paired_z(np.full(50, 1.0) + rng.normal(0, 0.1, 50), np.full(50, 2.0)) > 10
 
 
 def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
@@ -226,10 +225,10 @@ def test_pure_noise_has_no_structure(seed: int) -> None:
     rng = np.random.default_rng(seed)
     q, basis = rng.uniform(-1, 1, (80, 6)), np.linalg.qr(rng.normal(size=(240, 10)))[0]
     noise = rng.normal(size=240)
-    found = structure(q, noise - basis @ (basis.T @ noise), basis)
+    found = residual_structure(q, noise - basis @ (basis.T @ noise), basis)
     assert found.p_value > 1e-4
     smooth = np.repeat(np.sin(2 * q[:, 0]) * np.cos(q[:, 1]), 3) * 3
-    assert structure(q, noise + smooth, np.zeros((240, 0))).p_value < 1e-3
+    assert residual_structure(q, noise + smooth, np.zeros((240, 0))).p_value < 1e-3
 
 
 def test_every_effect_explains_itself(lab: Arm) -> None:
@@ -265,10 +264,10 @@ def test_a_users_file_that_cannot_be_taken(tmp_path: Path, code: str, said: str)
 def test_blocks_of_the_diagnosis_are_those_of_the_held_out_error(real: Measurements, lab: Arm) -> None:
     """The linear held-out error of the fitted model is close to the one from refitting every fold in full."""
     model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
-    fitted = fit(replace(model, free=chosen(model, "option1")), real).model
-    linear = float(np.sqrt(diagnose(fitted, real).before.mean()))
-    assert linear == pytest.approx(figures(held_out(fitted, real)).rms, rel=0.02)
-    assert len(np.unique(blocks(real.poses.q, real.repeat_of))) == 10
+    fitted = fit(replace(model, free=select_parameters(model, "option1")), real).model
+    linear = float(np.sqrt(diagnose(fitted, real).squared_held_out.mean()))
+    assert linear == pytest.approx(error_stats(held_out_residual(fitted, real)).rms, rel=0.02)
+    assert len(np.unique(joint_space_folds(real.poses.q, real.repeat_of))) == 10
 
 
 def test_an_installed_package_can_offer_effects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,8 +284,8 @@ def test_an_installed_package_can_offer_effects(tmp_path: Path, monkeypatch: pyt
 
 
 def test_selftest_tells_what_a_plan_could_find(lab: Arm) -> None:
-    plan = Plan("lrm-lab", load_poses(ROOT / "lrm_ident" / "examples" / "hidden-play.csv", lab), 3e-4, 0, None)
-    names, refused = may_show(plan, "backlash@joint[23]")
+    plan = InjectionPlan("lrm-lab", load_poses(ROOT / "lrm_ident" / "examples" / "hidden-play.csv", lab), 3e-4, 0, None)
+    names, refused = detectable_effects(plan, "backlash@joint[23]")
     assert names == ["backlash@joint2", "backlash@joint3"]
     assert any(effect.id == "session" for effect, _ in refused)
     assert [trial.outcome for trial in run_trials(plan, names)] == ["found", "found"]
@@ -295,5 +294,5 @@ def test_selftest_tells_what_a_plan_could_find(lab: Arm) -> None:
 @pytest.mark.parametrize("figure", ["named", "nameless"])
 def test_a_diagnosis_can_be_drawn(tmp_path: Path, lab: Arm, figure: str) -> None:
     data = case_data({"named": "play3", "nameless": "sum-q1-q4"}[figure], tmp_path, lab, 150)
-    draw_report(advise(diagnose(base_fit(lab, data), data)), tmp_path / "why.png")
+    draw_report(build_report(diagnose(base_fit(lab, data), data)), tmp_path / "why.png")
     assert (tmp_path / "why.png").read_bytes().startswith(b"\x89PNG")

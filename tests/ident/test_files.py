@@ -11,7 +11,7 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.data.csv_table import table_text
+from lrm_ident.data.csv_table import csv_text
 from lrm_ident.data.measurements import Measurements, directions, load_measurements, load_poses, measurements_csv
 from lrm_ident.fit.model_history import model_text
 from lrm_math.arm.arm import Arm, Placement
@@ -161,12 +161,12 @@ def test_measurement_files(
 
 @given(st.lists(st.tuples(finite, finite), min_size=1, max_size=20))
 def test_tables_keep_their_digits(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]]) -> None:
-    from lrm_ident.data.csv_table import read_table
+    from lrm_ident.data.csv_table import read_csv
 
     columns = np.array(rows)
     path = tmp_path_factory.mktemp("table") / "t.csv"
-    path.write_text(table_text([("a", columns[:, 0], 6), ("b_mm", columns[:, 1], 3)]))
-    table = read_table(path, ["b_mm"])
+    path.write_text(csv_text([("a", columns[:, 0], 6), ("b_mm", columns[:, 1], 3)]))
+    table = read_csv(path, ["b_mm"])
     np.testing.assert_allclose(table.numbers("a"), columns[:, 0], atol=5.1e-7)
     np.testing.assert_allclose(table.numbers("b_mm"), columns[:, 1], atol=5.1e-4)
 

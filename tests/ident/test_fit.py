@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident import synthetic
-from lrm_ident.data.error_stats import figures
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, load_measurements
-from lrm_ident.fit.cross_validation import blocks, held_out
+from lrm_ident.fit.cross_validation import held_out_residual, joint_space_folds
 from lrm_ident.fit.error_breakdown import compare, try_held_out
-from lrm_ident.fit.identifiability import fit_identifiable, identifiable
-from lrm_ident.fit.levenberg_marquardt import NotConverged, bounds_of, fit, no_bounds
+from lrm_ident.fit.identifiability import fit_identifiable, select_identifiable
+from lrm_ident.fit.levenberg_marquardt import FitNotConverged, bounds_of, fit, no_bounds
 from lrm_ident.fit.loss import LOSSES, Cauchy, Huber, robust_scale
-from lrm_ident.fit.parameter_sets import THESIS_OPTIONS, chosen
+from lrm_ident.fit.parameter_sets import THESIS_OPTIONS, select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
@@ -46,11 +46,11 @@ def random_truth(arm: Arm, seed: int, option: str = "option1") -> Model:
     empty = base_model(arm)
     rng = np.random.default_rng(seed)
     values = {}
-    for key in chosen(empty, option):
+    for key in select_parameters(empty, option):
         parameter = empty.parameters[empty.position(key)]
         size = rng.uniform(0.2, 1.0) if parameter.lower == 0.0 else rng.uniform(-0.6, 0.6)
         values[key] = size * parameter.typical
-    return replace(model_of(arm, empty.effects, values), free=chosen(empty, option))
+    return replace(model_of(arm, empty.effects, values), free=select_parameters(empty, option))
 
 
 def random_poses(seed: int, count: int = 150) -> Poses:
@@ -63,7 +63,7 @@ def random_poses(seed: int, count: int = 150) -> Poses:
 def test_exact_data_give_the_parameters_back(lab: Arm, seed: int) -> None:
     truth, poses = random_truth(lab, seed), random_poses(seed)
     result = fit(replace(base_model(lab), free=truth.free), measured(poses, equilibrium(truth, poses).tcp))
-    assert figures(result.residual).max < 1e-8
+    assert error_stats(result.residual).max < 1e-8
     for key, typical in zip(result.model.keys, [p.typical for p in result.model.parameters], strict=True):
         assert result.model.value(key) == pytest.approx(truth.value(key), abs=1e-5 * typical), key
 
@@ -85,14 +85,14 @@ def test_noisy_data_give_them_back_within_their_standard_errors(lab: Arm, seed: 
 def test_an_arm_of_the_generator_is_fitted_to_the_noise(lab: Arm, seed: int) -> None:
     """Rigid errors in all six directions of every body, springs, two loads; nothing hidden."""
     rig = synthetic.load_arm(LAB_FILE)
-    q = synthetic.poses(rig, 300, seed)
+    q = synthetic.random_poses(rig, 300, seed)
     payload = np.tile([0.0, 0.0663], 150)
-    tcp = synthetic.measure(rig, synthetic.Truth.random(rig, seed), q, payload, 3e-4, seed)
+    tcp = synthetic.measure(rig, synthetic.GroundTruth.random(rig, seed), q, payload, 3e-4, seed)
     model = base_model(lab)
     result = fit_identifiable(model, measured(poses_of(q, payload), tcp), model.keys).fit
     assert 2.8e-4 < result.sigma < 3.4e-4
-    left_out = figures(held_out(result.model, measured(poses_of(q, payload), tcp)))
-    assert figures(result.residual).rms < left_out.rms < 1.3 * np.sqrt(3) * 3e-4
+    left_out = error_stats(held_out_residual(result.model, measured(poses_of(q, payload), tcp)))
+    assert error_stats(result.residual).rms < left_out.rms < 1.3 * np.sqrt(3) * 3e-4
 
 
 def test_the_shipped_example_names_its_hidden_joint(lab: Arm) -> None:
@@ -104,7 +104,7 @@ def test_the_shipped_example_names_its_hidden_joint(lab: Arm) -> None:
     loose = model_of(lab, (*model.effects, *effects_at(lab, "backlash@joint2")))
     keys = [key for key, parameter in zip(loose.keys, loose.parameters, strict=True) if parameter.fixed is None]
     better = fit_identifiable(loose, data, keys).fit
-    before, after = (figures(held_out(f.model, data)).rms for f in (plain, better))
+    before, after = (error_stats(held_out_residual(f.model, data)).rms for f in (plain, better))
     assert after < 0.3 * before
     assert np.degrees(better.model.value("backlash.joint2.b_rad")) == pytest.approx(2.3, abs=0.4)
 
@@ -112,7 +112,7 @@ def test_the_shipped_example_names_its_hidden_joint(lab: Arm) -> None:
 def test_held_parameters_move_the_tcp_as_their_combination_says(lab: Arm) -> None:
     poses = random_poses(3, 100)
     rest = equilibrium(random_truth(lab, 3), poses)
-    result = identifiable(rest, rest.model.keys, 3e-4)
+    result = select_identifiable(rest, rest.model.keys, 3e-4)
     assert {"offsets.base.gamma_rad", "offsets.tool.beta_rad"} <= {held.key for held in result.held}
     unit = {key: p.si for key, p in zip(rest.model.keys, rest.model.parameters, strict=True)}
     for held in result.held:
@@ -128,7 +128,7 @@ def test_held_parameters_move_the_tcp_as_their_combination_says(lab: Arm) -> Non
 
 def test_kept_and_held_are_all(lab: Arm) -> None:
     rest = equilibrium(random_truth(lab, 4), random_poses(4, 100))
-    result = identifiable(rest, rest.model.keys, 1e-3)
+    result = select_identifiable(rest, rest.model.keys, 1e-3)
     assert sorted([*result.kept, *(held.key for held in result.held)]) == sorted(rest.model.keys)
 
 
@@ -201,10 +201,10 @@ def test_too_few_poses(lab: Arm) -> None:
 
 
 def test_a_fit_that_does_not_converge_says_so(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lrm_ident.fit.levenberg_marquardt.MOST_STEPS", 2)
+    monkeypatch.setattr("lrm_ident.fit.levenberg_marquardt.MAX_STEPS", 2)
     truth, poses = random_truth(lab, 9), random_poses(9)
     data = measured(poses, equilibrium(truth, poses).tcp)
-    with pytest.raises(NotConverged, match="did not converge"):
+    with pytest.raises(FitNotConverged, match="did not converge"):
         fit(replace(base_model(lab), free=truth.free), data)
     assert try_held_out(replace(base_model(lab), free=truth.free), data).residual is None
 
@@ -217,20 +217,20 @@ def test_blocks_part_the_poses_evenly_and_keep_repetitions_together(
     q = rng.uniform(-1, 1, (count, joints))
     twice = np.concatenate([q, q[: count // 3]])
     number = np.arange(len(twice))
-    fold = blocks(twice, number, folds)
+    fold = joint_space_folds(twice, number, folds)
     assert set(fold.tolist()) == set(range(folds))
     np.testing.assert_array_equal(fold[count:], fold[: count // 3])
     sizes = np.bincount(fold[:count])
     assert sizes.max() - sizes.min() <= 2
     chained = number.copy()
     chained[1], chained[2] = 0, 1
-    named = blocks(twice, chained, folds) if count > folds + 2 else None
+    named = joint_space_folds(twice, chained, folds) if count > folds + 2 else None
     if named is not None:
         assert named[0] == named[1]
 
 
 def test_blocks_are_neighbourhoods(real: Measurements) -> None:
-    fold = blocks(real.poses.q, real.repeat_of)
+    fold = joint_space_folds(real.poses.q, real.repeat_of)
     within = np.mean([real.poses.q[fold == f].std(axis=0).mean() for f in range(10)])
     shuffled = np.random.default_rng(0).permutation(fold)
     assert within < 0.85 * np.mean([real.poses.q[shuffled == f].std(axis=0).mean() for f in range(10)])
@@ -242,10 +242,10 @@ def test_held_out_poses_are_never_seen(lab: Arm) -> None:
     tcp = equilibrium(truth, poses).tcp + np.random.default_rng(1).normal(0, 3e-4, (120, 3))
     model = replace(base_model(lab), free=truth.free)
     data = measured(poses, tcp)
-    first = blocks(poses.q, data.repeat_of) == 0
+    first = joint_space_folds(poses.q, data.repeat_of) == 0
     moved = tcp.copy()
     moved[first] += 0.01
-    a, b = held_out(model, data), held_out(model, measured(poses, moved))
+    a, b = held_out_residual(model, data), held_out_residual(model, measured(poses, moved))
     np.testing.assert_allclose(b[first] - a[first], 0.01, atol=1e-9)
 
 
@@ -253,7 +253,7 @@ PUBLISHED = {"option1": 5.87, "option2": 15.1, "option3": 16.3, "option4": 6.74,
 
 
 def test_nominal_error_of_the_real_data(real: Measurements, lab: Arm) -> None:
-    error = figures(real.tcp - equilibrium(model_of(lab, ()), real.poses).tcp)
+    error = error_stats(real.tcp - equilibrium(model_of(lab, ()), real.poses).tcp)
     assert error.mean * 1e3 == pytest.approx(27.52, abs=0.01)
     assert error.max * 1e3 == pytest.approx(60.31, abs=0.02)
 
@@ -261,8 +261,9 @@ def test_nominal_error_of_the_real_data(real: Measurements, lab: Arm) -> None:
 @pytest.mark.parametrize("option", THESIS_OPTIONS)
 def test_the_thesis_options_on_the_real_data(real: Measurements, lab: Arm, option: str) -> None:
     model = base_model(lab)
-    result = fit(replace(model, free=chosen(model, option)), real, no_bounds(chosen(model, option)))
-    error = figures(result.residual)
+    keys = select_parameters(model, option)
+    result = fit(replace(model, free=keys), real, no_bounds(keys))
+    error = error_stats(result.residual)
     digits = 2 if PUBLISHED[option] < 10 else 1
     assert round(error.mean * 1e3, digits) == PUBLISHED[option]
     if option == "option1":
@@ -272,6 +273,7 @@ def test_the_thesis_options_on_the_real_data(real: Measurements, lab: Arm, optio
 
 def test_the_identifiable_part_does_better_on_held_out_real_poses(real: Measurements, lab: Arm) -> None:
     model = base_model(lab)
-    option1 = fit(replace(model, free=chosen(model, "option1")), real)
+    option1 = fit(replace(model, free=select_parameters(model, "option1")), real)
     default = fit_identifiable(model, real, model.keys).fit
-    assert figures(held_out(default.model, real)).rms < 0.8 * figures(held_out(option1.model, real)).rms
+    before, after = (error_stats(held_out_residual(found.model, real)).rms for found in (option1, default))
+    assert after < 0.8 * before

@@ -15,36 +15,36 @@ import pytest
 
 from lrm_ident import synthetic
 from lrm_ident.synthetic import (
+    ArmDescription,
     BaseRocking,
     BaseWarmUp,
     CablePull,
     CoupledJoint,
     EccentricShaft,
-    Effect,
     EntangledJoint,
     FrictionLag,
+    GroundTruth,
     HardeningSpring,
+    HiddenEffect,
     LinkBending,
     OneSidedGain,
-    Rig,
     Schedule,
     SessionStep,
     SkewTracker,
     SoftPlay,
-    Truth,
     WarmUp,
     WrongBody,
     WrongLoad,
+    base_displacement_to_deviations,
     measure,
-    name_base_errors,
-    poses,
+    random_poses,
     true_state,
 )
 from lrm_ident.synthetic.chain import zero_configuration
 from lrm_ident.synthetic.screws import Array
 from validation.hidden_effects import confusion
 from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, OUTSIDE, SINGLE, TRIPLE
-from validation.hidden_effects.confusion import Outcome
+from validation.hidden_effects.confusion import CaseOutcome
 from validation.hidden_effects.data import ARM_FILE, measured_poses, true_arm, write_case
 from validation.hidden_effects.tables import report
 
@@ -75,90 +75,96 @@ PLACE = re.compile(
 
 
 @pytest.fixture(scope="module")
-def rig() -> Rig:
+def arm() -> ArmDescription:
     return synthetic.load_arm(ARM_FILE)
 
 
 @pytest.fixture(scope="module")
-def stiff(rig: Rig) -> Truth:
-    return Truth.nominal(rig)
+def stiff(arm: ArmDescription) -> GroundTruth:
+    return GroundTruth.nominal(arm)
 
 
-def angles(rig: Rig, truth: Truth, effect: Effect, q: Array, schedule: Schedule | None = None) -> Array:
+def angles(
+    arm: ArmDescription, truth: GroundTruth, effect: HiddenEffect, q: Array, schedule: Schedule | None = None
+) -> Array:
     """(P, N): what the effect adds to the joints of a rigid arm."""
-    return true_state(rig, replace(truth, effects=(effect,)), q, 0.05, schedule).joints_rad
+    return true_state(arm, replace(truth, effects=(effect,)), q, 0.05, schedule).joints_rad
 
 
 def test_the_list_of_effects_is_complete() -> None:
-    kinds = {v for v in vars(synthetic).values() if isinstance(v, type) and issubclass(v, Effect) and v is not Effect}
+    kinds = {
+        v
+        for v in vars(synthetic).values()
+        if isinstance(v, type) and issubclass(v, HiddenEffect) and v is not HiddenEffect
+    }
     assert {type(effect) for effect in OF_SIZE_ZERO} == kinds
 
 
 @pytest.mark.parametrize("effect", OF_SIZE_ZERO, ids=lambda effect: type(effect).__name__)
-def test_size_zero_changes_nothing(rig: Rig, effect: Effect) -> None:
-    q, truth = poses(rig, 15, 1), Truth.random(rig, 1)
+def test_size_zero_changes_nothing(arm: ArmDescription, effect: HiddenEffect) -> None:
+    q, truth = random_poses(arm, 15, 1), GroundTruth.random(arm, 1)
     plan = Schedule(60.0 * np.arange(15.0), np.array([1.0, 2.0, 2.0] * 5), np.zeros(6))
-    seen = [measure(rig, replace(truth, effects=e), q, 0.05, schedule=plan) for e in ((), (effect,))]
+    seen = [measure(arm, replace(truth, effects=e), q, 0.05, schedule=plan) for e in ((), (effect,))]
     np.testing.assert_allclose(seen[1], seen[0], atol=1e-13)
 
 
 @pytest.mark.parametrize("name", [*SINGLE, *OUTSIDE])
-def test_cases_have_a_size_worth_finding(rig: Rig, name: str) -> None:
-    truth = true_arm(CASES[name], 0, rig)
-    q, load, plan = measured_poses(CASES[name], 0, 300, rig)
-    seen = [measure(rig, replace(truth, effects=e), q, load, schedule=plan) for e in (truth.effects, ())]
+def test_cases_have_a_size_worth_finding(arm: ArmDescription, name: str) -> None:
+    truth = true_arm(CASES[name], 0, arm)
+    q, load, plan = measured_poses(CASES[name], 0, 300, arm)
+    seen = [measure(arm, replace(truth, effects=e), q, load, schedule=plan) for e in (truth.effects, ())]
     change = np.sqrt(np.mean(np.sum((seen[1] - seen[0]) ** 2, axis=1)))
     assert 0.0005 < change < 0.006, f"{change * 1e3:.2f} mm"
 
 
-def test_base_bends_about_its_beta_axis(rig: Rig) -> None:
+def test_base_bends_about_its_beta_axis(arm: ArmDescription) -> None:
     """Beta and a deflection add up, whatever alpha and gamma are."""
-    q = poses(rig, 10, 2)
+    q = random_poses(arm, 10, 2)
     names = {"base.alpha_rad": 0.3, "base.beta_rad": -0.2, "base.gamma_rad": 0.5}
     soft = replace(
-        Truth.nominal(rig),
+        GroundTruth.nominal(arm),
         deviations=synthetic.Deviations.named(6, names),
         base_compliance_rad_per_nm=0.02,
     )
-    bent = true_state(rig, soft, q)
+    bent = true_state(arm, soft, q)
     for row, angle in enumerate(bent.base_rad):
         turned = synthetic.Deviations.named(6, names | {"base.beta_rad": -0.2 + float(angle)})
-        rigid = true_state(rig, replace(soft, deviations=turned, base_compliance_rad_per_nm=0.0), q[row : row + 1])
+        rigid = true_state(arm, replace(soft, deviations=turned, base_compliance_rad_per_nm=0.0), q[row : row + 1])
         np.testing.assert_allclose(rigid.tcp_m[0], bent.tcp_m[row], atol=1e-12)
         np.testing.assert_allclose(rigid.base_moment_nm[0], bent.base_moment_nm[row], atol=1e-12)
 
 
-def test_naming_the_base_errors_leaves_the_rigid_arm_as_it_is(rig: Rig) -> None:
-    truth = Truth.random(rig, 3)
-    named = name_base_errors(rig, truth)
+def test_naming_the_base_errors_leaves_the_rigid_arm_as_it_is(arm: ArmDescription) -> None:
+    truth = GroundTruth.random(arm, 3)
+    named = base_displacement_to_deviations(arm, truth)
     assert not any(named.displacements[0])
-    before, after = zero_configuration(rig, truth), zero_configuration(rig, named)
+    before, after = zero_configuration(arm, truth), zero_configuration(arm, named)
     for name in ("joint_axes", "joint_points", "centres", "tcp"):
         np.testing.assert_allclose(getattr(after, name), getattr(before, name), atol=1e-14)
     np.testing.assert_allclose(after.ends[0].axes, before.ends[0].axes, atol=1e-14)
     assert after.base_axis[0] == pytest.approx(0.0, abs=1e-15)  # x is where alpha turns about
 
 
-def test_drift_follows_the_clock_and_sessions_their_number(rig: Rig, stiff: Truth) -> None:
+def test_drift_follows_the_clock_and_sessions_their_number(arm: ArmDescription, stiff: GroundTruth) -> None:
     q, when = np.zeros((4, 6)), np.array([0.0, 600.0, 1800.0, 1e6])
     plan = Schedule(when, np.array([1.0, 1.0, 2.0, 3.0]), np.zeros(6))
-    warm = angles(rig, stiff, WarmUp(2, 0.01, 1800.0), q, plan)
+    warm = angles(arm, stiff, WarmUp(2, 0.01, 1800.0), q, plan)
     np.testing.assert_allclose(warm[:, 1], 0.01 * np.array([0.0, 1 - math.exp(-1 / 3), 1 - math.exp(-1), 1.0]))
     assert not np.delete(warm, 1, axis=1).any()
-    steps = angles(rig, stiff, SessionStep(3, (0.0, 0.01, -0.02)), q, plan)
+    steps = angles(arm, stiff, SessionStep(3, (0.0, 0.01, -0.02)), q, plan)
     np.testing.assert_allclose(steps[:, 2], [0.0, 0.0, 0.01, -0.02])
     tilting = replace(stiff, effects=(BaseWarmUp((0.0, 0.01, 0.0), (500.0, 2000.0)),))
-    moved = true_state(rig, tilting, q, schedule=plan).tcp_m - true_state(rig, stiff, q).tcp_m
+    moved = true_state(arm, tilting, q, schedule=plan).tcp_m - true_state(arm, stiff, q).tcp_m
     size = np.linalg.norm(moved, axis=1)
     assert size[0] == pytest.approx(0.0, abs=1e-12)
     assert np.all(np.diff(size) > 0.0)
-    lever = true_state(rig, stiff, q[:1]).tcp_m[0] - zero_configuration(rig, stiff).ends[0].origin
+    lever = true_state(arm, stiff, q[:1]).tcp_m[0] - zero_configuration(arm, stiff).ends[0].origin
     assert size[3] == pytest.approx(0.01 * np.linalg.norm(lever[[0, 2]]), rel=1e-4)
 
 
-def test_hardening_spring_keeps_its_slope_at_zero_and_gets_stiffer(rig: Rig) -> None:
-    truth = replace(Truth.nominal(rig), joint_compliance_rad_per_nm=(0.0, 0.08, 0.0, 0.0, 0.0, 0.0))
-    state = true_state(rig, replace(truth, effects=(HardeningSpring(2, 0.006, 0.1),)), poses(rig, 200, 4))
+def test_hardening_spring_keeps_its_slope_at_zero_and_gets_stiffer(arm: ArmDescription) -> None:
+    truth = replace(GroundTruth.nominal(arm), joint_compliance_rad_per_nm=(0.0, 0.08, 0.0, 0.0, 0.0, 0.0))
+    state = true_state(arm, replace(truth, effects=(HardeningSpring(2, 0.006, 0.1),)), random_poses(arm, 200, 4))
     tau, angle = state.tau_nm[:, 1], state.joints_rad[:, 1]
     order = np.argsort(tau)
     slope = np.diff(angle[order]) / np.diff(tau[order])
@@ -168,109 +174,109 @@ def test_hardening_spring_keeps_its_slope_at_zero_and_gets_stiffer(rig: Rig) -> 
     assert slope[middle > 0.4].max() < 0.04
 
 
-def test_one_sided_gain_acts_on_one_side(rig: Rig, stiff: Truth) -> None:
+def test_one_sided_gain_acts_on_one_side(arm: ArmDescription, stiff: GroundTruth) -> None:
     q = np.deg2rad(np.outer([-90.0, -1.0, 0.0, 90.0], np.ones(6)))
     for side, near, far in ((1, 3, 0), (-1, 0, 3)):
-        extra = angles(rig, stiff, OneSidedGain(4, side, 0.03, 0.1), q)[:, 3]
+        extra = angles(arm, stiff, OneSidedGain(4, side, 0.03, 0.1), q)[:, 3]
         assert extra[2] == 0.0
         assert extra[near] / q[near, 3] == pytest.approx(0.03, rel=0.05)
         assert abs(extra[far]) < 0.03 * 0.1
 
 
-def test_eccentric_shaft_is_the_angle_from_the_other_centre(rig: Rig, stiff: Truth) -> None:
+def test_eccentric_shaft_is_the_angle_from_the_other_centre(arm: ArmDescription, stiff: GroundTruth) -> None:
     """Seen from a centre at distance e, the point at angle q stands at arg(exp(iq) - e exp(i phase))."""
-    q, e, phase = poses(rig, 30, 5), 0.3, 2.5
-    extra = angles(rig, stiff, EccentricShaft(2, e, phase), q)[:, 1]
+    q, e, phase = random_poses(arm, 30, 5), 0.3, 2.5
+    extra = angles(arm, stiff, EccentricShaft(2, e, phase), q)[:, 1]
     seen = np.exp(1j * q[:, 1]) - e * np.exp(1j * phase)
     start = 1.0 - e * np.exp(1j * phase)
     np.testing.assert_allclose(np.exp(1j * (q[:, 1] + extra)), seen / np.abs(seen) * np.conj(start) / abs(start))
 
 
-def test_friction_lags_behind_the_last_move(rig: Rig, stiff: Truth) -> None:
+def test_friction_lags_behind_the_last_move(arm: ArmDescription, stiff: GroundTruth) -> None:
     q = np.zeros((5, 6))
     q[:, 0] = np.deg2rad([30.0, 60.0, 60.0, -20.0, -20.5])
-    lag = angles(rig, stiff, FrictionLag(1, 0.02, math.radians(2.0)), q)[:, 0]
+    lag = angles(arm, stiff, FrictionLag(1, 0.02, math.radians(2.0)), q)[:, 0]
     np.testing.assert_allclose(lag[:4], [-0.01, -0.01, -0.01, 0.01], rtol=1e-6)
     assert lag[4] == pytest.approx(0.01)
     q[4, 0] = math.radians(-19.5)
-    turned = angles(rig, stiff, FrictionLag(1, 0.02, math.radians(2.0)), q)[4, 0]
+    turned = angles(arm, stiff, FrictionLag(1, 0.02, math.radians(2.0)), q)[4, 0]
     assert turned == pytest.approx(0.01 * (2.0 * math.exp(-0.25) - 1.0))
 
 
-def test_a_cable_pulls_back_where_it_is_tight(rig: Rig, stiff: Truth) -> None:
+def test_a_cable_pulls_back_where_it_is_tight(arm: ArmDescription, stiff: GroundTruth) -> None:
     q = np.deg2rad(np.outer([-90.0, 0.0, 45.0, 90.0], [0, 0, 0, 1, 0, 0]))
     effect = CablePull(4, 1, 0.0, 0.1, 3.0)
-    pull = true_state(rig, replace(stiff, effects=(effect,)), q).tau_nm - true_state(rig, stiff, q).tau_nm
+    pull = true_state(arm, replace(stiff, effects=(effect,)), q).tau_nm - true_state(arm, stiff, q).tau_nm
     assert not pull[:2].any()
     assert not np.delete(pull, 3, axis=1).any()
     assert 2.0 < pull[3, 3] / pull[2, 3] < 3.0
     assert pull[3, 3] < -0.1 * math.pi / 2.0
     # a rigid joint does not feel it; it reaches the angle by the compliance
-    assert not angles(rig, stiff, effect, q).any()
+    assert not angles(arm, stiff, effect, q).any()
     soft = replace(stiff, joint_compliance_rad_per_nm=(0.0, 0.0, 0.0, 0.08, 0.0, 0.0))
-    state = true_state(rig, replace(soft, effects=(effect,)), q)
+    state = true_state(arm, replace(soft, effects=(effect,)), q)
     np.testing.assert_allclose(state.joints_rad[:, 3], 0.08 * state.tau_nm[:, 3], atol=1e-12)
 
 
-def test_coupled_and_entangled_joints_follow_the_others(rig: Rig, stiff: Truth) -> None:
-    q = poses(rig, 20, 6)
-    coupled = angles(rig, stiff, CoupledJoint(3, 2, 0.02, 1.5), q)
+def test_coupled_and_entangled_joints_follow_the_others(arm: ArmDescription, stiff: GroundTruth) -> None:
+    q = random_poses(arm, 20, 6)
+    coupled = angles(arm, stiff, CoupledJoint(3, 2, 0.02, 1.5), q)
     np.testing.assert_allclose(coupled[:, 2], 0.03 * np.sin(q[:, 1] / 1.5))
-    total = angles(rig, stiff, EntangledJoint(3, (1, 4), 0.02, "sum"), q)
+    total = angles(arm, stiff, EntangledJoint(3, (1, 4), 0.02, "sum"), q)
     np.testing.assert_allclose(total[:, 2], 0.02 * np.sin(q[:, 0] + q[:, 3]))
-    product = angles(rig, stiff, EntangledJoint(3, (1, 4), 0.02, "product"), q)
+    product = angles(arm, stiff, EntangledJoint(3, (1, 4), 0.02, "product"), q)
     np.testing.assert_allclose(product[:, 2], 0.02 * np.sin(q[:, 0]) * np.sin(q[:, 3]))
     for extra in (coupled, total, product):
         assert not np.delete(extra, 2, axis=1).any()
 
 
-def test_rocking_base_turns_by_its_moment(rig: Rig, stiff: Truth) -> None:
+def test_rocking_base_turns_by_its_moment(arm: ArmDescription, stiff: GroundTruth) -> None:
     """Softly about the base's y axis it is what the base's own compliance is."""
-    q = poses(rig, 15, 7)
-    own = true_state(rig, replace(stiff, base_compliance_rad_per_nm=0.01), q, 0.05)
-    rocking = true_state(rig, replace(stiff, effects=(BaseRocking(0.01, (0.0, 1.0, 0.0)),)), q, 0.05)
+    q = random_poses(arm, 15, 7)
+    own = true_state(arm, replace(stiff, base_compliance_rad_per_nm=0.01), q, 0.05)
+    rocking = true_state(arm, replace(stiff, effects=(BaseRocking(0.01, (0.0, 1.0, 0.0)),)), q, 0.05)
     np.testing.assert_allclose(rocking.tcp_m, own.tcp_m, atol=1e-12)
-    other = true_state(rig, replace(stiff, effects=(BaseRocking(0.01, (1.0, 0.0, 0.0)),)), q, 0.05)
+    other = true_state(arm, replace(stiff, effects=(BaseRocking(0.01, (1.0, 0.0, 0.0)),)), q, 0.05)
     assert np.abs(other.tcp_m - own.tcp_m).max() > 1e-3
 
 
-def test_a_heavier_load_is_the_load_it_is(rig: Rig) -> None:
-    q, truth = poses(rig, 20, 8), Truth.random(rig, 8)
+def test_a_heavier_load_is_the_load_it_is(arm: ArmDescription) -> None:
+    q, truth = random_poses(arm, 20, 8), GroundTruth.random(arm, 8)
     said = np.tile([0.0, 0.0663], 10)
-    state = true_state(rig, replace(truth, effects=(WrongLoad(0.015),)), q, said)
-    honest = true_state(rig, truth, q, np.where(said > 0.0, said + 0.015, 0.0))
+    state = true_state(arm, replace(truth, effects=(WrongLoad(0.015),)), q, said)
+    honest = true_state(arm, truth, q, np.where(said > 0.0, said + 0.015, 0.0))
     np.testing.assert_allclose(state.tcp_m, honest.tcp_m, atol=1e-12)
 
 
-def test_wrong_centres_are_those_of_a_rig_with_the_centres_moved(rig: Rig) -> None:
-    q, truth = poses(rig, 10, 9), Truth.random(rig, 9)
+def test_wrong_centres_are_those_of_a_rig_with_the_centres_moved(arm: ArmDescription) -> None:
+    q, truth = random_poses(arm, 10, 9), GroundTruth.random(arm, 9)
     shift = (0.01, -0.02, 0.03)
 
-    def described(name: str, mass_kg: float, com_m: Array) -> Rig:
+    def described(name: str, mass_kg: float, com_m: Array) -> ArmDescription:
         x, y, z = com_m.tolist()
-        bodies = [replace(b, mass_kg=mass_kg, com_m=(x, y, z)) if b.name == name else b for b in rig.bodies]
-        return replace(rig, bodies=tuple(bodies))
+        bodies = [replace(b, mass_kg=mass_kg, com_m=(x, y, z)) if b.name == name else b for b in arm.bodies]
+        return replace(arm, bodies=tuple(bodies))
 
-    link = next(body for body in rig.bodies if body.name == "link 2")
-    wrong = true_state(rig, replace(truth, effects=(WrongBody("link 2", 0.4, shift),)), q, 0.05)
+    link = next(body for body in arm.bodies if body.name == "link 2")
+    wrong = true_state(arm, replace(truth, effects=(WrongBody("link 2", 0.4, shift),)), q, 0.05)
     right = true_state(described("link 2", 1.4 * link.mass_kg, np.array(link.com_m) + shift), truth, q, 0.05)
     np.testing.assert_allclose(wrong.tcp_m, right.tcp_m, atol=1e-12)
 
-    screw = next(body for body in rig.bodies if body.carries_payload)
+    screw = next(body for body in arm.bodies if body.carries_payload)
     load, whole = 0.05 + 0.01, screw.mass_kg + 0.05 + 0.01
     common = (screw.mass_kg * np.array(screw.com_m) + load * (np.array(screw.com_m) + shift)) / whole
-    hung = true_state(rig, replace(truth, effects=(WrongLoad(0.01, shift),)), q, 0.05)
+    hung = true_state(arm, replace(truth, effects=(WrongLoad(0.01, shift),)), q, 0.05)
     by_hand = true_state(described(screw.name, whole, common), truth, q, 0.0)
     np.testing.assert_allclose(hung.tcp_m, by_hand.tcp_m, atol=1e-12)
     np.testing.assert_allclose(hung.base_moment_nm, by_hand.base_moment_nm, atol=1e-12)
 
 
-def test_skew_tracker_stretches_leans_and_turns(rig: Rig, stiff: Truth) -> None:
-    q = poses(rig, 10, 10)
-    tcp = true_state(rig, stiff, q).tcp_m
+def test_skew_tracker_stretches_leans_and_turns(arm: ArmDescription, stiff: GroundTruth) -> None:
+    q = random_poses(arm, 10, 10)
+    tcp = true_state(arm, stiff, q).tcp_m
 
     def seen(effect: SkewTracker) -> Array:
-        return measure(rig, replace(stiff, effects=(effect,)), q)
+        return measure(arm, replace(stiff, effects=(effect,)), q)
 
     np.testing.assert_allclose(seen(SkewTracker(NONE, (0.01, 0.0, -0.02), NONE)), tcp * [1.01, 1.0, 0.98])
     turned = seen(SkewTracker((0.0, 0.0, math.pi / 2.0), NONE, NONE))
@@ -311,17 +317,17 @@ def test_case_files_repeat_and_are_mixed(tmp_path: Path) -> None:
 
 
 def test_outcomes_are_judged() -> None:
-    right = Outcome("play2", 0, "effect_missing", ("backlash@joint2", "nonlinear_stiffness@joint2"))
+    right = CaseOutcome("play2", 0, "effect_missing", ("backlash@joint2", "nonlinear_stiffness@joint2"))
     assert (right.hit, right.confident, right.confidently_wrong) == (True, False, False)
-    wrong = Outcome("play2", 1, "effect_missing", ("backlash@joint3",))
+    wrong = CaseOutcome("play2", 1, "effect_missing", ("backlash@joint3",))
     assert (wrong.hit, wrong.confident, wrong.confidently_wrong) == (False, True, True)
-    assert Outcome("play2+gain1", 0, "effect_missing", ("servo_gain@joint1",)).hit
-    assert Outcome("nothing", 0, "nothing_missing").hit
-    assert Outcome("sum-q1-q4", 0, "unexplained_structure").hit
-    assert not Outcome("sum-q1-q4", 0, "effect_missing", ("coupling@joint3<-joint1",)).hit
-    assert not Outcome("nothing", 0, trouble="it broke").hit
-    assert Outcome("nothing", 0, before_mm=confusion.FLOOR_MM).ratio == pytest.approx(1.0)
-    text = report([right, wrong, Outcome("nothing", 0, trouble="it | broke")], 300)
+    assert CaseOutcome("play2+gain1", 0, "effect_missing", ("servo_gain@joint1",)).hit
+    assert CaseOutcome("nothing", 0, "nothing_missing").hit
+    assert CaseOutcome("sum-q1-q4", 0, "unexplained_structure").hit
+    assert not CaseOutcome("sum-q1-q4", 0, "effect_missing", ("coupling@joint3<-joint1",)).hit
+    assert not CaseOutcome("nothing", 0, trouble="it broke").hit
+    assert CaseOutcome("nothing", 0, before_mm=confusion.FLOOR_MM).ratio == pytest.approx(1.0)
+    text = report([right, wrong, CaseOutcome("nothing", 0, trouble="it | broke")], 300)
     assert "| play2 | backlash@joint2 | 1/2 |" in text
     assert "| backlash | · | 1 | 1 | · |" in text  # nothing missing, backlash, at another place, failed
     assert "1 × it / broke" in text
@@ -355,7 +361,7 @@ def test_examine_follows_the_contract(tmp_path: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(confusion, "_tool", tool)
     outcome = confusion.examine("play2", 0, 20, tmp_path)
-    assert outcome == Outcome(
+    assert outcome == CaseOutcome(
         "play2", 0, "effect_missing", ("backlash@joint2", "coupling@joint2<-joint1"), 2.0, 0.6, 2.5, ""
     )
     monkeypatch.setattr(confusion, "_fit_and_name", lambda *_: 1 / 0)

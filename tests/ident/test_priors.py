@@ -16,8 +16,8 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fit.identifiability import fit_identifiable
 from lrm_ident.fit.levenberg_marquardt import Fit, fit, no_bounds
 from lrm_ident.fit.loss import loss_named
-from lrm_ident.fit.parameter_sets import chosen
-from lrm_ident.fit.priors import Prior, PriorFile, load_prior, prior_of_typical_sizes, shipped_priors, to_prior
+from lrm_ident.fit.parameter_sets import select_parameters
+from lrm_ident.fit.priors import Prior, PriorFile, load_prior, shipped_priors, to_prior
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at
@@ -28,8 +28,14 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_covariance
 from tests.conftest import EXAMPLE
-from tests.support.commands import does, part_of_example, refuses
+from tests.support.commands import part_of_example, stderr_of, stdout_of
 from validation.interval_coverage import all_with_prior, option_1
+
+
+def prior_of_typical_sizes(model: Model, sizes: float = 1.0) -> Prior:
+    """Zero-mean prior whose standard deviations are `sizes` typical sizes."""
+    file = PriorFile(schema="lrm/prior/1", name=f"{sizes:g} typical sizes", other_sd=sizes)
+    return to_prior(Path(file.name), file, model)
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +48,8 @@ def whole(lab: Arm) -> Model:
 def measured(seed: int, count: int, noise: float = 3e-4) -> Measurements:
     """Random poses of a random arm of the independent generator."""
     rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
-    q = synthetic.poses(rig, count, seed)
-    tcp = synthetic.measure(rig, synthetic.Truth.random(rig, seed), q, 0.0, noise, seed)
+    q = synthetic.random_poses(rig, count, seed)
+    tcp = synthetic.measure(rig, synthetic.GroundTruth.random(rig, seed), q, 0.0, noise, seed)
     number = np.arange(1, count + 1)
     return Measurements(poses_of(q), number, tcp, None, noise, number, Path("synthetic"), "")
 
@@ -75,19 +81,19 @@ def test_the_covariance_is_that_of_the_posterior(whole: Model) -> None:
     ours, theirs = (matrix / np.outer(scale, scale) for matrix in (found.covariance, np.linalg.inv(precision)))
     np.testing.assert_allclose(ours, theirs, atol=5e-3)
     assert np.all(found.standard_error <= prior.sd_of(whole.free) * 1.003)
-    assert found.decided == pytest.approx(np.trace(np.linalg.solve(precision, told)), rel=1e-3)
-    assert found.decided < len(whole.free) - 10  # the 45 hold at least ten combinations that move nothing
+    assert found.effective_parameters == pytest.approx(np.trace(np.linalg.solve(precision, told)), rel=1e-3)
+    assert found.effective_parameters < len(whole.free) - 10  # the 45 hold at least ten combinations that move nothing
 
 
 def test_a_prior_that_knows_nothing_changes_nothing(whole: Model) -> None:
     data = measured(5, 80)
-    model = replace(whole, free=chosen(whole, "option1"))
+    model = replace(whole, free=select_parameters(whole, "option1"))
     plain = fit(model, data)
     vague = fit(model, data, prior=prior_of_typical_sizes(model, 1e4))
     moved = np.array([vague.model.value(k) - plain.model.value(k) for k in model.free])
     assert np.abs(moved / np.maximum(plain.standard_error, 1e-12)).max() < 0.01
     np.testing.assert_allclose(vague.standard_error, plain.standard_error, rtol=1e-2)
-    assert vague.decided == pytest.approx(plain.decided, abs=0.01)
+    assert vague.effective_parameters == pytest.approx(plain.effective_parameters, abs=0.01)
 
 
 def test_a_prior_that_knows_everything_is_believed(whole: Model) -> None:
@@ -95,7 +101,7 @@ def test_a_prior_that_knows_everything_is_believed(whole: Model) -> None:
     found = fit(whole, data, no_bounds(whole.free), prior=sure)
     typical = np.array([parameter.typical for parameter in whole.parameters])
     assert np.abs(found.model.values / typical).max() < 1e-5
-    assert found.decided < 0.01
+    assert found.effective_parameters < 0.01
 
 
 @pytest.mark.parametrize("loss", ["huber", "cauchy"])
@@ -118,8 +124,8 @@ def test_it_predicts_no_worse_than_elimination(whole: Model) -> None:
     for seed in range(4):
         data = measured(seed, 45)
         rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
-        q = synthetic.poses(rig, 200, seed + 500)
-        truth = synthetic.measure(rig, synthetic.Truth.random(rig, seed), q)
+        q = synthetic.random_poses(rig, 200, seed + 500)
+        truth = synthetic.measure(rig, synthetic.GroundTruth.random(rig, seed), q)
         for found in (
             fit(whole, data, prior=prior),
             fit_identifiable(replace(whole, free=()), data, whole.keys).fit,
@@ -150,7 +156,7 @@ def test_data_without_noise_are_no_trouble(whole: Model) -> None:
 
 def test_fewer_poses_than_parameters_will_do_but_not_too_few(whole: Model) -> None:
     prior = prior_of_typical_sizes(whole)
-    assert fit(whole, measured(1, 20), prior=prior).decided < 45
+    assert fit(whole, measured(1, 20), prior=prior).effective_parameters < 45
     with pytest.raises(LrmError, match="measure at least 16 poses"):
         fit(whole, measured(1, 15), prior=prior)
     with pytest.raises(LrmError, match="measure at least 45 poses"):
@@ -201,13 +207,13 @@ def test_patterns_that_fit_nothing_are_named(whole: Model) -> None:
 def test_a_wrong_prior_is_one_line(tmp_path: Path, fault: str) -> None:
     path = tmp_path / "prior.toml"
     path.write_text(f'schema = "lrm/prior/1"\nname = "x"\n[parameters]\n"offsets.base.x_mm" = {{ {fault} }}\n')
-    assert "prior.toml" in refuses("fit", EXAMPLE, "--prior", path, "-o", tmp_path / "m.toml")
+    assert "prior.toml" in stderr_of("fit", EXAMPLE, "--prior", path, "-o", tmp_path / "m.toml")
     assert not (tmp_path / "m.toml").exists()
 
 
 def test_the_commands_know_the_prior(tmp_path: Path) -> None:
     model, data = tmp_path / "map.toml", part_of_example(tmp_path, 90)
-    said = does("fit", data, "--prior", "printed", "-o", model, "--json", tmp_path / "fit.json")
+    said = stdout_of("fit", data, "--prior", "printed", "-o", model, "--json", tmp_path / "fit.json")
     assert "elimination" in said
     tables = json.loads((tmp_path / "fit.json").read_text())
     assert tables["parameters"] == len(tables["prior"]["parameters"]) == 45
@@ -216,17 +222,17 @@ def test_the_commands_know_the_prior(tmp_path: Path) -> None:
     assert covariance is not None
     assert len(covariance.keys) > 40
     assert 'prior = "printed"' in model.read_text()
-    does("compare", model, data, "--json", tmp_path / "compare.json")
+    stdout_of("compare", model, data, "--json", tmp_path / "compare.json")
     error = json.loads((tmp_path / "compare.json").read_text())["error"]
     assert error["held_out"]["rms_mm"] == pytest.approx(tables["error"]["held_out"]["rms_mm"], rel=1e-3)
-    does("add", model, data, "servo_gain@joint2", "-o", tmp_path / "more.toml")
+    stdout_of("add", model, data, "servo_gain@joint2", "-o", tmp_path / "more.toml")
     assert tables["poses"] == 90
 
 
 def test_poses_too_few_for_elimination_are_enough_for_a_prior(tmp_path: Path) -> None:
     data = part_of_example(tmp_path, 20)
-    refuses("fit", data, "-o", tmp_path / "none.toml")
-    said = does("fit", data, "--prior", "printed", "-o", tmp_path / "map.toml", "--json", tmp_path / "fit.json")
+    stderr_of("fit", data, "-o", tmp_path / "none.toml")
+    said = stdout_of("fit", data, "--prior", "printed", "-o", tmp_path / "map.toml", "--json", tmp_path / "fit.json")
     assert "there is none: 20 poses" in " ".join(said.split())
     assert "20 poses" in json.loads((tmp_path / "fit.json").read_text())["prior"]["elimination"]["reason"]
     assert load_covariance(tmp_path / "map.toml") is not None

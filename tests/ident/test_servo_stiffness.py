@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements, load_measurements
 from lrm_ident.data.servo_stiffness import GRAVITY, ServoTest, load_servo_test, stiffness
-from lrm_ident.data.tracker_alignment import Tracked, align, mean_turn, measurements_from, rotation_of
+from lrm_ident.data.tracker_alignment import TrackerReadings, align, mean_quaternion, measurements_from, rotation_of
 from lrm_ident.fit.identifiability import fit_identifiable
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
@@ -24,7 +24,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
-from tests.support.commands import does, refuses
+from tests.support.commands import stderr_of, stdout_of
 
 EXAMPLES = ROOT / "lrm_ident" / "examples"
 THERE_AND_BACK = np.array([0, 1, 2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0]) * 0.87
@@ -102,7 +102,8 @@ def test_the_shipped_example_is_read_within_its_errors(tmp_path: Path) -> None:
     found = stiffness(load_servo_test(EXAMPLES / "one-servo.csv"))
     assert abs(found.slope - truth["k_rad_per_Nm"]) < 3 * found.slope_error
     assert abs(np.degrees(found.loop) - truth["loop_deg"]) < 3 * np.degrees(found.loop_error)  # type: ignore[arg-type]
-    said = does("stiffness", EXAMPLES / "one-servo.csv", "--json", tmp_path / "s.json", "--figure", tmp_path / "s.svg")
+    outputs = ("--json", tmp_path / "s.json", "--figure", tmp_path / "s.svg")
+    said = stdout_of("stiffness", EXAMPLES / "one-servo.csv", *outputs)
     assert "play or friction" in said
     assert (tmp_path / "s.svg").stat().st_size > 1000
 
@@ -118,7 +119,7 @@ def test_alignment_does_not_depend_on_where_the_tracker_stands(turn: tuple[float
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     tcp = place + R @ (known + deviation)
     signs = rng.choice([-1.0, 1.0], (10, 1))
-    found = align(Tracked(np.tile(place, (10, 1)), signs * q, np.tile(tcp, (10, 1))), known)
+    found = align(TrackerReadings(np.tile(place, (10, 1)), signs * q, np.tile(tcp, (10, 1))), known)
     np.testing.assert_allclose(found.deviation, deviation, atol=1e-12)
     np.testing.assert_allclose(found.error, 0.0, atol=1e-12)
 
@@ -126,7 +127,7 @@ def test_alignment_does_not_depend_on_where_the_tracker_stands(turn: tuple[float
 def test_quaternions_turn_as_they_should() -> None:
     half = np.sqrt(0.5)
     np.testing.assert_allclose(rotation_of(np.array([half, 0, 0, half])) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
-    mean = mean_turn(np.array([[1, 0.01, 0, 0], [-1, 0.01, 0, 0]]) / np.hypot(1, 0.01))
+    mean = mean_quaternion(np.array([[1, 0.01, 0, 0], [-1, 0.01, 0, 0]]) / np.hypot(1, 0.01))
     np.testing.assert_allclose(np.abs(mean), [1, 0, 0, 0], atol=1e-12)
 
 
@@ -137,7 +138,7 @@ def test_stated_errors_of_the_alignment_are_honest() -> None:
         q = np.array([1.0, 0, 0, 0]) + rng.normal(0, 3e-4, (40, 4))
         base = rng.normal(0, 1.5e-4, (40, 3))
         tcp = known + deviation + rng.normal(0, 2.5e-4, (40, 3))
-        found = align(Tracked(base, q / np.linalg.norm(q, axis=1)[:, None], tcp), known)
+        found = align(TrackerReadings(base, q / np.linalg.norm(q, axis=1)[:, None], tcp), known)
         inside.append(np.abs(found.deviation - deviation) < 2.02 * found.error)
     assert 0.91 < np.mean(inside) < 0.98
 
@@ -159,7 +160,7 @@ def test_raw_readings_become_measurements(tmp_path: Path, lab: Arm) -> None:
     data = load_measurements(tmp_path / "data.csv", lab)
     np.testing.assert_allclose(data.tcp, truth, atol=1e-7)
     np.testing.assert_allclose(data.poses.q, q, atol=1e-8)
-    assert tracked.base_wander() == 0.0
+    assert tracked.base_scatter() == 0.0
     path.write_text(path.read_text().replace("0.6,0.0,0.8", "0.6,0.0,0.9"))
     with pytest.raises(FileError, match="quaternion"):
         measurements_from(path, lab, deviation)
@@ -167,10 +168,10 @@ def test_raw_readings_become_measurements(tmp_path: Path, lab: Arm) -> None:
 
 def test_align_is_a_command(tmp_path: Path) -> None:
     fixture = EXAMPLES / "fixture.csv"
-    said = does("align", fixture, "--known-mm", "245,0,40", "--json", tmp_path / "a.json")
+    said = stdout_of("align", fixture, "--known-mm", "245,0,40", "--json", tmp_path / "a.json")
     assert "noise_sd_mm" in said
     for words in (["--known-mm", "245,0"], ["--known-mm", "245,0,nan"], ["--known-mm", "1,2,3", "--raw", "x.csv"]):
-        assert refuses("align", fixture, *words)
+        assert stderr_of("align", fixture, *words)
 
 
 @settings(max_examples=5)
@@ -183,7 +184,7 @@ def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:
     rng = np.random.default_rng(seed)
     off = {"joint2.theta_rad": rng.normal(0, 0.02), "base.z_m": rng.normal(0, 0.003), "tool.z_m": rng.normal(0, 0.002)}
     truth = replace(
-        synthetic.Truth.nominal(rig),
+        synthetic.GroundTruth.nominal(rig),
         deviations=synthetic.Deviations.named(2, off),
         base_compliance_rad_per_nm=0.02,
         joint_compliance_rad_per_nm=(0.08, 0.06),
@@ -194,6 +195,6 @@ def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
     found = fit_identifiable(model, data, model.keys).fit
     assert 2.7e-4 < found.sigma < 3.3e-4
-    elsewhere = synthetic.poses(rig, 200, seed + 1)
+    elsewhere = synthetic.random_poses(rig, 200, seed + 1)
     missed = synthetic.measure(rig, truth, elsewhere) - equilibrium(found.model, poses_of(elsewhere)).tcp
     assert np.sqrt((missed**2).mean()) < 1e-4  # a third of the noise of one reading

@@ -15,11 +15,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrm_ident.workspace.arm_variants import lengthened, variant
-from lrm_ident.workspace.capability_map import Capability, capability, pose_solver
+from lrm_ident.workspace.arm_variants import lengthened, parse_variant
+from lrm_ident.workspace.capability_map import CapabilityMap, capability_map, pose_solver
 from lrm_ident.workspace.orientation_grid import directions, rotations
-from lrm_ident.workspace.presets import study_of
-from lrm_ident.workspace.voxel_grid import Grid, area_named, ball_of, grid_around
+from lrm_ident.workspace.presets import default_study
+from lrm_ident.workspace.voxel_grid import VoxelGrid, bounding_ball, grid_around, parse_area
 from lrm_math.arm.arm import Arm, Joint, Placement
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -28,7 +28,7 @@ from lrm_math.errors import LrmError, UnknownName
 from lrm_math.ik.goal import pose
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
-from tests.support.commands import does, refuses
+from tests.support.commands import stderr_of, stdout_of
 
 TOOLS = rotations(directions(12), 4)
 COARSE = 0.09
@@ -66,8 +66,8 @@ def random_angles(arm: Arm, count: int) -> Array:
     return np.random.default_rng(4).uniform(low, high, (count, arm.dof))
 
 
-def plain(arm: Arm, step: float = COARSE, tools: Array = TOOLS) -> Capability:
-    return capability(arm, grid_around([arm], step), tools)
+def plain(arm: Arm, step: float = COARSE, tools: Array = TOOLS) -> CapabilityMap:
+    return capability_map(arm, grid_around([arm], step), tools)
 
 
 @pytest.mark.parametrize("count", [12, 42, 162])
@@ -151,7 +151,7 @@ def test_a_symmetric_arm_has_a_symmetric_map(rover: Arm, clear: bool) -> None:
     assert other[:, :3, 3] == pytest.approx(original[:, :3, 3] @ MIRROR), "the arm is not symmetric"
     assert other[:, :3, :3] == pytest.approx(MIRROR @ original[:, :3, :3] @ MIRROR), "the arm is not symmetric"
     grid = grid_around([rover], COARSE)
-    found = capability(rover, grid, TOOLS, Scene.of(rover) if clear else None)
+    found = capability_map(rover, grid, TOOLS, Scene.of(rover) if clear else None)
     assert found.index.any()
     by_axis = grid.by_axis(found.index)
     assert grid.axis(1) == pytest.approx(-grid.axis(1)[::-1])
@@ -162,7 +162,7 @@ def test_a_map_turns_with_its_arm(rover: Arm) -> None:
     bare = replace(rover, base=replace(rover.base, beta=0.0))
     round_about = replace(bare, base=replace(bare.base, x=-bare.base.x, y=-bare.base.y, gamma=math.pi))
     grid = grid_around([bare, round_about], COARSE)
-    one, other = (grid.by_axis(capability(arm, grid, TOOLS).index) for arm in (bare, round_about))
+    one, other = (grid.by_axis(capability_map(arm, grid, TOOLS).index) for arm in (bare, round_about))
     assert one.any()
     assert np.array_equal(one, other[::-1, ::-1])
 
@@ -181,8 +181,8 @@ def test_an_arm_twice_the_size_has_the_same_map(scale: float) -> None:
     )
     other = replace(rover, base=placed(rover.base), joints=joints, tool=placed(rover.tool))
     grid = grid_around([rover], 0.12)
-    scaled = capability(other, replace(grid, step=grid.step * scale), TOOLS)
-    assert np.array_equal(scaled.index, capability(rover, grid, TOOLS).index)
+    scaled = capability_map(other, replace(grid, step=grid.step * scale), TOOLS)
+    assert np.array_equal(scaled.index, capability_map(rover, grid, TOOLS).index)
 
 
 def test_forward_sampling_never_leaves_the_map(rover: Arm) -> None:
@@ -205,7 +205,7 @@ def test_the_orientation_of_a_forward_pose_can_be_taken_there(rover: Arm) -> Non
     for T in at(rover, random_angles(rover, 60))[:, -1]:
         step = 0.05
         around = replace(rover, base=replace(rover.base, **dict(zip("xyz", _shifted(rover, T, step), strict=True))))
-        found = capability(around, Grid(step, (0, 0, 0), (1, 1, 1)), T[None, None, :3, :3])
+        found = capability_map(around, VoxelGrid(step, (0, 0, 0), (1, 1, 1)), T[None, None, :3, :3])
         assert found.index.tolist() == [1.0]
 
 
@@ -220,23 +220,23 @@ def test_shapes_and_margins_only_take_away(rover: Arm) -> None:
     grid = grid_around([rover], COARSE)
     scene = Scene.of(rover)
     maps = [
-        capability(rover, grid, TOOLS),
-        *(capability(rover, grid, TOOLS, scene, margin) for margin in (0.0, 0.03, 0.1)),
+        capability_map(rover, grid, TOOLS),
+        *(capability_map(rover, grid, TOOLS, scene, margin) for margin in (0.0, 0.03, 0.1)),
     ]
     for looser, tighter in pairwise(maps):
         assert (tighter.index <= looser.index).all()
         assert tighter.volume < looser.volume
-    assert np.array_equal(capability(rover, grid, TOOLS, scene).index, maps[2].index)
+    assert np.array_equal(capability_map(rover, grid, TOOLS, scene).index, maps[2].index)
     below = grid.centres[:, 2] < 0
     assert maps[0].index[below].any()
     assert not maps[1].index[below].any(), "inside the ground"
     with pytest.raises(LrmError, match="margin"):
-        capability(rover, grid, TOOLS, scene, -0.01)
+        capability_map(rover, grid, TOOLS, scene, -0.01)
 
 
 def test_every_branch_gets_its_chance_to_keep_clear(rover: Arm) -> None:
     """A goal counts if any of its branches is clear; asked goal by goal, of the solver that answers single goals."""
-    cells = Grid(COARSE, (-1, -2, 2), (5, 4, 4))
+    cells = VoxelGrid(COARSE, (-1, -2, 2), (5, 4, 4))
     scene, solver = Scene.of(rover), pose_solver(rover)
     taken = np.zeros((len(cells), *TOOLS.shape[:2]), dtype=np.bool_)
     first_only = taken.copy()
@@ -248,23 +248,23 @@ def test_every_branch_gets_its_chance_to_keep_clear(rover: Arm) -> None:
         clear = [clearance(scene, branch.q).distance[0] >= scene.margin for branch in branches]
         taken[place], first_only[place] = any(clear), bool(clear) and clear[0]
     assert (taken & ~first_only).any(), "no goal here needs a second branch"
-    found = capability(rover, cells, TOOLS, scene)
+    found = capability_map(rover, cells, TOOLS, scene)
     assert found.index == pytest.approx(taken.mean(axis=(1, 2)))
     assert found.directions == pytest.approx(taken.any(axis=2).mean(axis=1))
 
 
 def test_nothing_leaves_the_ball(rover: Arm, lab: Arm) -> None:
     for arm in (rover, lab, shell_arm(TOOL_LENGTH)):
-        centre, radius = ball_of(arm)
+        centre, radius = bounding_ball(arm)
         away = np.linalg.norm(at(arm, random_angles(arm, 3000))[:, -1, :3, 3] - centre, axis=1)
         assert away.max() <= radius + 1e-12
-    assert ball_of(shell_arm(TOOL_LENGTH))[1] == pytest.approx(UPPER + FORE + TOOL_LENGTH)
+    assert bounding_ball(shell_arm(TOOL_LENGTH))[1] == pytest.approx(UPPER + FORE + TOOL_LENGTH)
 
 
 def test_areas(rover: Arm) -> None:
     found = plain(rover)
-    everything = area_named("all=-2000:2000,-2000:2000,-2000:2000")
-    half = [area_named("left=-2000:2000,0:2000,-2000:2000"), area_named("right=-2000:2000,-2000:0,-2000:2000")]
+    everything = parse_area("all=-2000:2000,-2000:2000,-2000:2000")
+    half = [parse_area("left=-2000:2000,0:2000,-2000:2000"), parse_area("right=-2000:2000,-2000:0,-2000:2000")]
     assert found.within(everything).index == pytest.approx(found.index.mean())
     assert found.within(everything).covered * len(found.grid) * found.grid.cell_volume == pytest.approx(found.volume)
     assert found.score(half) == pytest.approx(np.mean([found.within(area).index for area in half]))
@@ -273,7 +273,7 @@ def test_areas(rover: Arm) -> None:
         found.score([])
     for words in ("far=5000:5100,0:100,0:100", "tiny=1:2,1:2,1:2"):
         with pytest.raises(LrmError, match=r"far|tiny"):
-            found.within(area_named(words))
+            found.within(parse_area(words))
     for words in (
         "ground",
         "ground=1:2,1:2",
@@ -283,7 +283,7 @@ def test_areas(rover: Arm) -> None:
         "g=0:1e3,0:1,0:1",
     ):
         with pytest.raises(LrmError, match="area"):
-            area_named(words)
+            parse_area(words)
 
 
 @pytest.mark.parametrize("link", range(1, 7))
@@ -309,7 +309,7 @@ def test_a_longer_link_is_longer_and_nothing_else(rover: Arm, link: int) -> None
 
 def test_shapes_stretch_with_their_link(rover: Arm) -> None:
     """Capsules that reach from joint to joint still do; the fingers keep their place between wrist and TCP."""
-    changed = variant(rover, "link1+15mm,link2+20mm,link3-10mm,link4-20mm,link5+5mm").arm
+    changed = parse_variant(rover, "link1+15mm,link2+20mm,link3-10mm,link4-20mm,link5+5mm").arm
     stands = at(changed, np.zeros((1, 6)))[0]
     for capsule in changed.shapes.capsules[:5]:
         start, end = (
@@ -318,7 +318,7 @@ def test_shapes_stretch_with_their_link(rover: Arm) -> None:
         assert start == pytest.approx(stands[capsule.frame - 1, :3, 3], abs=1e-9)
         assert end == pytest.approx(stands[capsule.frame, :3, 3], abs=1e-9)
     bare = replace(rover, tool=replace(rover.tool, z=0.0))
-    grown = variant(bare, "tool_z_mm=50").arm
+    grown = parse_variant(bare, "tool_z_mm=50").arm
     for was, now in zip(bare.shapes.capsules, grown.shapes.capsules, strict=True):
         assert (*now.start, *now.end) == pytest.approx((*was.start, *was.end), abs=1e-12), (
             "no length, nothing to stretch"
@@ -331,7 +331,7 @@ def test_shapes_stretch_with_their_link(rover: Arm) -> None:
 
 
 def test_variants_in_words(rover: Arm) -> None:
-    found = variant(rover, " base_beta_deg=45, link2-10mm ,joint3_d_mm=50,tool_z_mm=100.5,joint4_theta_deg=-5")
+    found = parse_variant(rover, " base_beta_deg=45, link2-10mm ,joint3_d_mm=50,tool_z_mm=100.5,joint4_theta_deg=-5")
     arm = found.arm
     assert math.degrees(arm.base.beta) == pytest.approx(45)
     assert arm.joints[1].extra_z == pytest.approx(0.09351)
@@ -340,29 +340,29 @@ def test_variants_in_words(rover: Arm) -> None:
     assert found.name == "base_beta_deg=45,link2-10mm,joint3_d_mm=50,tool_z_mm=100.5,joint4_theta_deg=-5"
     for words in ("link9+1mm", "joint9_d_mm=1", "base_d_mm=1", "joint1_x_mm=1", "joint1_d_deg=1", "nothing_x_mm=0"):
         with pytest.raises(UnknownName):
-            variant(rover, words)
+            parse_variant(rover, words)
     for words in ("", "link2", "link2+1", "link2=5mm", "base_beta_deg=nan", "base_beta_deg=400", "link2-200mm", "a,b"):
         with pytest.raises(LrmError):
-            variant(rover, words)
+            parse_variant(rover, words)
     with pytest.raises(LrmError, match="joint2_a_mm"):
-        variant(
+        parse_variant(
             replace(rover, joints=(rover.joints[0], replace(rover.joints[1], a=0.1), *rover.joints[2:])), "link2+1mm"
         )
 
 
 def test_the_thesis_study_can_be_read(rover: Arm) -> None:
     """2 tilts, 3 lengths of link 2, 3 of link 4: 18 arms, the shipped one among them."""
-    study = study_of(rover.name)
-    arms = [rover, *(variant(rover, words).arm for words in study.variants)]
+    study = default_study(rover.name)
+    arms = [rover, *(parse_variant(rover, words).arm for words in study.variants)]
     shapes = {(round(math.degrees(a.base.beta)), a.joints[1].extra_z, a.joints[3].extra_z) for a in arms}
     assert len(shapes) == len(arms) == 18
-    assert study_of("of my own").variants == ()
+    assert default_study("of my own").variants == ()
 
 
 def test_the_command(tmp_path: Path) -> None:
     result, picture = tmp_path / "reach.json", tmp_path / "reach.svg"
     words = ("--variant", "base_beta_deg=45", "--variant", "link2-10mm,link4-20mm", "--step-mm", 90, "--directions", 12)
-    said = does("reach", "lrm-rover", *words, "--json", result, "--figure", picture)
+    said = stdout_of("reach", "lrm-rover", *words, "--json", result, "--figure", picture)
     assert "goals/s" in said
     assert all(name in said for name in ("as it is", "base_beta_deg=45", "link2-10mm,link4-20mm"))
     found = json.loads(result.read_text())
@@ -381,13 +381,14 @@ def test_the_command(tmp_path: Path) -> None:
 
 def test_the_command_without_shapes_or_variants(tmp_path: Path, lab: Arm) -> None:
     result = tmp_path / "reach.json"
-    does("reach", "lrm-lab", "--no-collisions", "--step-mm", 120, "--directions", 12, "--rolls", 1, "--json", result)
+    grid = ("--step-mm", 120, "--directions", 12, "--rolls", 1)
+    stdout_of("reach", "lrm-lab", "--no-collisions", *grid, "--json", result)
     found = json.loads(result.read_text())
     assert [each["name"] for each in found["variants"]] == ["as it is"]
     assert found["collisions"] is False
     grid = grid_around([lab], 0.12)
     assert found["variants"][0]["volume_l"] == pytest.approx(
-        capability(lab, grid, rotations(directions(12), 1)).volume * 1e3
+        capability_map(lab, grid, rotations(directions(12), 1)).volume * 1e3
     )
 
 
@@ -415,15 +416,15 @@ def test_the_command_without_shapes_or_variants(tmp_path: Path, lab: Arm) -> Non
 )
 def test_bad_input_is_one_clear_line(words: tuple[str, ...], says: str, tmp_path: Path) -> None:
     result = tmp_path / "reach.json"
-    complained = refuses("reach", *words, "--json", result)
+    complained = stderr_of("reach", *words, "--json", result)
     assert re.search(says, complained), complained
     assert not result.exists()
 
 
 def test_a_figure_does_not_write_over_the_json(tmp_path: Path) -> None:
-    assert "different names" in refuses(
+    assert "different names" in stderr_of(
         "reach", "lrm-rover", "--figure", tmp_path / "a.png", "--json", tmp_path / "a.csv", "--step-mm", 90
     )
     words = ("reach", "lrm-lab", "--step-mm", 120, "--json", tmp_path / "b.json")
-    assert "cannot draw" in refuses(*words, "--figure", tmp_path / "a.xyz")
+    assert "cannot draw" in stderr_of(*words, "--figure", tmp_path / "a.xyz")
     assert not list(tmp_path.iterdir())

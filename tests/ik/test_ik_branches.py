@@ -13,10 +13,10 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.newton import WEIGHTS
-from lrm_math.ik.solver_context import Ask, Found
+from lrm_math.ik.solver_context import CommandBatch, IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import settle
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.ik.test_ik_calibrated import EXACT, MODELS, Array, goal_of, reachable, solver
 from tests.support.random_arms import arms
@@ -28,23 +28,23 @@ NEAR_A_FOLD = 1.5e-3
 
 def beside_folds(name: str, count: int) -> tuple[Array, Array]:
     """Commands (N, n) whose poses (N, 4, 4) have a second solution nearby, and those poses."""
-    deployment = solver(name).deployment
-    linkage = deployment.compensation.linkage
-    q, tools = reachable(deployment.model, count, 31, PAYLOAD)
-    rest = deployment.standing(Ask(Goal((0.0, 0.0, 0.0)), PAYLOAD), q, 0)
-    J = linkage.jacobian(linkage.place(rest.reached.amounts))[:, :, linkage.joints]
+    context = solver(name).context
+    linkage = context.joint_laws.linkage
+    q, tools = reachable(context.model, count, 31, PAYLOAD)
+    rest = context.at_rest(IkQuery(Goal((0.0, 0.0, 0.0)), PAYLOAD), q, 0)
+    J = linkage.jacobian(linkage.forward(rest.reached.amounts))[:, :, linkage.joints]
     near = np.linalg.svd(WEIGHTS * J)[1][:, -1] < NEAR_A_FOLD
     return q[near], tools[near]
 
 
-def is_among(q: Array, found: Found | None, name: str) -> bool:
+def is_among(q: Array, found: CommandBatch | None, name: str) -> bool:
     """Whether a command (n,) is among those found within the limits."""
     if found is None:
         return False
-    return bool((np.abs(found.q[solver(name).deployment.usable(found)] - q).max(axis=1) < 1e-4).any())
+    return bool((np.abs(found.q[solver(name).context.within_limits(found)] - q).max(axis=1) < 1e-4).any())
 
 
-def missed(name: str, q: Array, found: list[Found | None]) -> int:
+def missed(name: str, q: Array, found: list[CommandBatch | None]) -> int:
     """Of how many commands (N, n) the answers do not have them."""
     return sum(not is_among(own, some, name) for own, some in zip(q, found, strict=True))
 
@@ -54,44 +54,44 @@ def test_beside_a_fold_both_ways_are_found(name: str) -> None:
     """The command that a goal was made from is known beforehand, and nothing that was reckoned tells it."""
     q, tools = beside_folds(name, 1200)
     assert len(q) >= 100
-    deployment, asks = solver(name).deployment, [Ask(goal_of(tool), PAYLOAD) for tool in tools]
-    every = [every_branch(deployment, ask) for ask in asks]
+    context, asks = solver(name).context, [IkQuery(goal_of(tool), PAYLOAD) for tool in tools]
+    every = [every_branch(context, query) for query in asks]
     few = missed(name, q, every)
     assert few <= 0.05 * len(q)
-    assert few < 0.6 * missed(name, q, [Direct().find(deployment, ask) for ask in asks])
+    assert few < 0.6 * missed(name, q, [Direct().find(context, query) for query in asks])
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_list_is_nearly_whole_and_every_way_leads_there(name: str) -> None:
-    deployment = solver(name).deployment
-    q, tools = reachable(deployment.model, 300, 32, PAYLOAD)
-    every = [every_branch(deployment, Ask(goal_of(tool), PAYLOAD)) for tool in tools]
+    context = solver(name).context
+    q, tools = reachable(context.model, 300, 32, PAYLOAD)
+    every = [every_branch(context, IkQuery(goal_of(tool), PAYLOAD)) for tool in tools]
     assert missed(name, q, every) <= 0.02 * len(q)
     owner = [i for i, found in enumerate(every) if found is not None for _ in found.q]
     commands = np.concatenate([found.q for found in every if found is not None])
-    use = deployment.band.holds(commands, 0.0)
-    rest = settle(deployment.model, poses_of(commands[use], PAYLOAD), tolerance=1e-12)
-    off = frames(deployment.model.chain, rest.slots, int(use.sum()))[:, -1] - tools[np.array(owner)[use]]
+    use = context.bounds.contains(commands, 0.0)
+    rest = solve_equilibrium(context.model, poses_of(commands[use], PAYLOAD), tolerance=1e-12)
+    off = frames(context.model.chain, rest.slots, int(use.sum()))[:, -1] - tools[np.array(owner)[use]]
     assert np.abs(off[:, :3, 3]).max() <= EXACT
     assert np.abs(off[:, :3, :3]).max() <= 1e-8
 
 
 def test_a_position_alone_has_no_end_of_ways() -> None:
     """So what the direct method finds is answered."""
-    deployment = solver("table_b2").deployment
-    _, tools = reachable(deployment.model, 1, 33, PAYLOAD)
-    ask = Ask(Goal(tuple(tools[0, :3, 3].tolist())), PAYLOAD)
-    found, alone = every_branch(deployment, ask), Direct().find(deployment, ask)
+    context = solver("table_b2").context
+    _, tools = reachable(context.model, 1, 33, PAYLOAD)
+    query = IkQuery(Goal(tuple(tools[0, :3, 3].tolist())), PAYLOAD)
+    found, alone = every_branch(context, query), Direct().find(context, query)
     assert found is not None
     assert alone is not None
     np.testing.assert_array_equal(found.q, alone.q)
 
 
 def test_where_there_is_no_way_none_is_made_up() -> None:
-    deployment = solver("table_b2").deployment
+    context = solver("table_b2").context
     assert (
         every_branch(
-            deployment, Ask(Goal((5.0, 0.0, 0.0), rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))))
+            context, IkQuery(Goal((5.0, 0.0, 0.0), rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))))
         )
         is None
     )
@@ -102,13 +102,13 @@ def test_where_there_is_no_way_none_is_made_up() -> None:
 def test_arms_of_any_shape_lose_nothing_by_it(arm: Arm) -> None:
     """With and without a closed form: what the direct method finds, and perhaps more."""
     model = model_of(arm, effects_at(arm, "compliance"), {})
-    deployment = CalibratedSolver.of(model).deployment
+    context = CalibratedSolver.of(model).context
     _, tools = reachable(model, 3, 34, PAYLOAD)
     for tool in tools:
-        ask = Ask(goal_of(tool), PAYLOAD)
-        direct, every = Direct().find(deployment, ask), every_branch(deployment, ask)
+        query = IkQuery(goal_of(tool), PAYLOAD)
+        direct, every = Direct().find(context, query), every_branch(context, query)
         assert (direct is None) == (every is None)
         if direct is not None and every is not None:
             assert len(every.q) >= len(direct.q)
             np.testing.assert_array_equal(every.q[: len(direct.q)], direct.q)
-            assert bool(every.reached.met.all())
+            assert bool(every.reached.converged.all())

@@ -19,16 +19,16 @@ from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Verdict
-from lrm_math.ik.batch_equilibrium import settled
+from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.joint_laws import Compensation
+from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.pulse_rounding import Rounding
 from lrm_math.ik.reply import NotConverged, Solved, Unsolved
-from lrm_math.ik.solver_context import Ask
+from lrm_math.ik.solver_context import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance
@@ -95,7 +95,9 @@ def reachable(model: Model, count: int, seed: int, payload: float) -> tuple[Arra
     """Commands (N, n) all over the limits and the tool frames (N, 4, 4) that they give."""
     rng = np.random.default_rng(seed)
     lower, upper = ([getattr(joint, end) for joint in model.arm.joints] for end in ("lower", "upper"))
-    rest, _ = settled(model, poses_of(rng.uniform(lower, upper, (count, model.arm.dof)), payload), tolerance=1e-13)
+    rest, _ = batch_equilibrium(
+        model, poses_of(rng.uniform(lower, upper, (count, model.arm.dof)), payload), tolerance=1e-13
+    )
     return rest.poses.q, frames(model.chain, rest.slots, len(rest.poses))[:, -1]
 
 
@@ -109,7 +111,7 @@ def in_limits(arm: Arm, q: Array) -> bool:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_direct_solves_what_the_calibrated_arm_reaches(name: str) -> None:
-    model, payload = solver(name).deployment.model, 0.04
+    model, payload = solver(name).context.model, 0.04
     q, tools = reachable(model, 250, 11, payload)
     replies = [solver(name).solve(goal_of(tool), payload, method=Direct()) for tool in tools]
     solved = [reply for reply in replies if isinstance(reply, Solved)]
@@ -133,7 +135,7 @@ def test_direct_solves_what_the_calibrated_arm_reaches(name: str) -> None:
 @pytest.mark.parametrize("name", ["table_b2", "lab"])
 def test_cube_comes_within_its_grid_and_the_polish_does_the_rest(name: str) -> None:
     payload = 0.0663
-    _, tools = reachable(solver(name).deployment.model, 60, 12, payload)
+    _, tools = reachable(solver(name).context.model, 60, 12, payload)
     replies = [solver(name).solve(goal_of(tool), payload) for tool in tools]
     assert all(isinstance(reply, Solved) and reply.method == "cube" for reply in replies)
     solved = [reply for reply in replies if isinstance(reply, Solved)]
@@ -145,9 +147,9 @@ def test_cube_comes_within_its_grid_and_the_polish_does_the_rest(name: str) -> N
 
 def test_a_finer_cube_comes_closer() -> None:
     solve = solver("table_b2")
-    _, tools = reachable(solve.deployment.model, 12, 13, 0.0)
-    asks = [Ask(goal_of(tool)) for tool in tools]
-    hits = [[Cube(points=points).search(solve.deployment, ask) for ask in asks] for points in (5, 15)]
+    _, tools = reachable(solve.context.model, 12, 13, 0.0)
+    asks = [IkQuery(goal_of(tool)) for tool in tools]
+    hits = [[Cube(points=points).search(solve.context, query) for query in asks] for points in (5, 15)]
     assert all(hit is not None for some in hits for hit in some)
     coarse, fine = (np.median([hit.error for hit in some if hit is not None]) for some in hits)
     assert fine < coarse
@@ -162,7 +164,7 @@ def test_a_cube_that_is_none(bad: dict[str, float]) -> None:
 def test_the_thesis_first_method_stalls() -> None:
     """The first correction helps, the loop then loses it again: the aim is mirrored, not improved."""
     solve = solver("table_b2")
-    _, tools = reachable(solve.deployment.model, 60, 14, 0.0663)
+    _, tools = reachable(solve.context.model, 60, 14, 0.0663)
     replies = [solve.solve(goal_of(tool), 0.0663, method=Iterative(enough=1e-4)) for tool in tools]
     stalled = [np.array(reply.errors) for reply in replies if isinstance(reply, NotConverged)]
     assert len(stalled) >= 0.95 * len(tools)
@@ -187,7 +189,7 @@ def test_any_goal_gets_a_command_within_the_limits_or_says_how_far_off_it_is(
     w, x, y, z = np.array(turn) / np.linalg.norm(turn)
     R = np.eye(3) + 2 * (w * _skew(x, y, z) + _skew(x, y, z) @ _skew(x, y, z))
     goal = {"pose": pose(position, R), "point": point(position), "along": point_along(position, R[:, 2])}[kind]
-    solve, arm = solver(name), solver(name).deployment.model.arm
+    solve, arm = solver(name), solver(name).context.model.arm
     reply = solve.solve(goal, payload, method=Direct())
     if isinstance(reply, Solved):
         assert in_limits(arm, np.array([branch.q for branch in reply.branches]))
@@ -203,7 +205,7 @@ def test_any_goal_gets_a_command_within_the_limits_or_says_how_far_off_it_is(
     assert reply.nearest.distance + reply.nearest.angle > 0.0
     assert (reply.verdict is Verdict.OUTSIDE_LIMITS) == bool(reply.beyond) == (reply.violation is not None)
     if kind == "point":
-        tips = reachable(solve.deployment.model, 300, 5, payload)[1][:, :3, 3]
+        tips = reachable(solve.context.model, 300, 5, payload)[1][:, :3, 3]
         assert np.linalg.norm(tips - goal.position, axis=1).min() >= reply.nearest.distance - 1e-6
 
 
@@ -214,7 +216,7 @@ def _skew(x: float, y: float, z: float) -> Array:
 @pytest.mark.parametrize("name", MODELS)
 def test_positions_and_approach_directions_of_reachable_poses(name: str) -> None:
     solve = solver(name)
-    _, tools = reachable(solve.deployment.model, 12, 15, 0.0)
+    _, tools = reachable(solve.context.model, 12, 15, 0.0)
     for tool in tools:
         assert isinstance(solve.solve(point(tool[:3, 3]), method=Direct()), Solved)
         along = solve.solve(point_along(tool[:3, 3], tool[:3, 2]), method=Direct())
@@ -225,7 +227,7 @@ def test_positions_and_approach_directions_of_reachable_poses(name: str) -> None
 @pytest.mark.parametrize("name", MODELS)
 def test_near_comes_first_and_tells_the_side_to_arrive_from(name: str) -> None:
     """What is promised holds for the move that is made: the model, told the direction of the move, agrees."""
-    model, rng = solver(name).deployment.model, np.random.default_rng(16)
+    model, rng = solver(name).context.model, np.random.default_rng(16)
     q, tools = reachable(model, 25, 16, 0.0)
     for own, tool in zip(q, tools, strict=True):
         near = own + rng.normal(0, 0.02, len(own))
@@ -249,26 +251,26 @@ def test_the_linkage_is_the_chain(arm: Arm, seed: int, payload: float) -> None:
     model = model.with_values(0.1 * model.values)
     poses = poses_of(np.random.default_rng(seed).uniform(-1.7, 1.7, (3, arm.dof)), payload)
     rest = equilibrium(model, poses, tolerance=1e-14)
-    linkage = Compensation(model).linkage
+    linkage = JointLaws(model).linkage
     amounts = np.array([np.broadcast_to(rest.slots[k], 3) for k in linkage.slots]).T
-    placed = linkage.place(amounts)
-    np.testing.assert_allclose(placed.tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
-    loads = linkage.loads(placed, linkage.burden(model.weights(payload)))
+    state = linkage.forward(amounts)
+    np.testing.assert_allclose(state.tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
+    loads = linkage.loads(state, linkage.mass_moments(model.weights(payload)))
     expected = rest.loads_on(linkage.slots.tolist())
     np.testing.assert_allclose(loads.tau.T, expected, atol=1e-11)
-    J, h = linkage.jacobian(placed), 1e-6
+    J, h = linkage.jacobian(state), 1e-6
     for v in range(len(linkage.slots)):
         step = h * (np.arange(len(linkage.slots)) == v)
-        up, down = (linkage.place(amounts + way * step).tcp for way in (1, -1))
+        up, down = (linkage.forward(amounts + way * step).tcp for way in (1, -1))
         np.testing.assert_allclose(J[:, :3, v], (up - down)[:, :3, 3] / (2 * h), atol=1e-8)
-        spin = ((up - down)[:, :3, :3] / (2 * h)) @ placed.tcp[:, :3, :3].transpose(0, 2, 1)
+        spin = ((up - down)[:, :3, :3] / (2 * h)) @ state.tcp[:, :3, :3].transpose(0, 2, 1)
         turn = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
         np.testing.assert_allclose(J[:, 3:, v], turn, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_one_pose_with_floats_is_a_batch_with_arrays(name: str) -> None:
-    model = solver(name).deployment.model
+    model = solver(name).context.model
     q, _ = reachable(model, 20, 17, 0.05)
     side = np.random.default_rng(17).choice([-1.0, 0.0, 1.0], q.shape)
     poses = Poses(q, np.full(len(q), 0.05), side)
@@ -283,17 +285,17 @@ def test_one_pose_with_floats_is_a_batch_with_arrays(name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_commands_are_what_makes_joints_stand_where_they_stand(name: str) -> None:
     """Compensation undoes the model's own equilibrium, direction of arrival and cables included."""
-    model = solver(name).deployment.model
+    model = solver(name).context.model
     q, _ = reachable(model, 20, 18, 0.03)
     side = np.random.default_rng(18).choice([-1.0, 1.0], q.shape)
     poses = Poses(q, np.full(len(q), 0.03), side)
     rest = equilibrium(model, poses, tolerance=1e-14)
-    compensation = solver(name).deployment.compensation
-    linkage = compensation.linkage
+    joint_laws = solver(name).context.joint_laws
+    linkage = joint_laws.linkage
     amounts = np.array([np.broadcast_to(rest.slots[k], len(q)) for k in linkage.slots]).T
-    tau = linkage.loads(linkage.place(amounts), compensation.burden(float(poses.payload[0]))).tau
+    tau = linkage.loads(linkage.forward(amounts), joint_laws.mass_moments(float(poses.payload[0]))).tau
     guess = replace(poses, q=np.zeros_like(q))
-    np.testing.assert_allclose(compensation.command(guess, tau, amounts[:, linkage.joints]), q, atol=1e-9)
+    np.testing.assert_allclose(joint_laws.command(guess, tau, amounts[:, linkage.joints]), q, atol=1e-9)
 
 
 @settings(max_examples=15)
@@ -350,8 +352,8 @@ def test_spread_is_what_scattered_parameters_do() -> None:
     root = np.diag([3e-4, 5e-4, 1e-4]) @ np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.5, 0.9]])
     solve = CalibratedSolver.of(model, covariance=Covariance(keys, root @ root.T))
     q = [0.3, -0.4, 0.5, 0.6, -0.7, 0.2]
-    spread = solve.forward(q, 0.05).spread
-    assert spread is not None
+    uncertainty = solve.forward(q, 0.05).uncertainty
+    assert uncertainty is not None
     columns = [model.position(key) for key in keys]
     tips = []
     for noise in np.random.default_rng(0).normal(size=(400, 3)):
@@ -359,8 +361,8 @@ def test_spread_is_what_scattered_parameters_do() -> None:
         values[columns] += root @ noise
         tips.append(equilibrium(model.with_values(values), poses_of(q, 0.05)).true_tcp[0])
     scatter = np.cov(np.array(tips).T)
-    assert spread.sd == pytest.approx(math.sqrt(np.trace(scatter)), rel=0.12)
-    np.testing.assert_allclose(spread.covariance, scatter, atol=0.2 * np.trace(scatter))
+    assert uncertainty.sd == pytest.approx(math.sqrt(np.trace(scatter)), rel=0.12)
+    np.testing.assert_allclose(uncertainty.covariance, scatter, atol=0.2 * np.trace(scatter))
 
 
 def test_what_is_not_known_is_not_zero() -> None:

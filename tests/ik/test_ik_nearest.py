@@ -19,16 +19,16 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.ik.answer import Nearest, Verdict
-from lrm_math.ik.batch_equilibrium import settled
+from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose
-from lrm_math.ik.library import ball_of
+from lrm_math.ik.library import reach_ball
 from lrm_math.ik.nearest import nearest
-from lrm_math.ik.newton import LEVER
-from lrm_math.ik.pose_error import farness
+from lrm_math.ik.newton import CHAR_LENGTH
+from lrm_math.ik.pose_error import pose_error
 from lrm_math.ik.reply import Solved, Unsolved
-from lrm_math.ik.solver_context import Ask
+from lrm_math.ik.solver_context import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model, model_of
@@ -75,18 +75,18 @@ def goal_of(form: str, position: tuple[float, ...], turn: tuple[float, ...]) -> 
 
 def tools(model: Model, q: Array, payload: float) -> Array:
     """(M, 4, 4), the tool's frames at those of the commands (N, n) where the arm settles."""
-    rest, rows = settled(model, Poses(q, np.full(len(q), payload)))
+    rest, rows = batch_equilibrium(model, Poses(q, np.full(len(q), payload)))
     return frames(model.chain, rest.slots, len(rows))[:, -1]
 
 
 def error(found: Nearest) -> float:
     """m, turns weighed as they are when least squares are sought."""
-    return math.hypot(found.distance, LEVER * found.angle)
+    return math.hypot(found.distance, CHAR_LENGTH * found.angle)
 
 
 def find(name: str, goal: Goal, starts: Sequence[tuple[float, ...]] = ()) -> Nearest:
     """The nearest with a load."""
-    return nearest(solver(name).deployment, Ask(goal, LOAD), np.array(starts).reshape(-1, 6))
+    return nearest(solver(name).context, IkQuery(goal, LOAD), np.array(starts).reshape(-1, 6))
 
 
 @given(form=st.sampled_from(FORMS), position=positions, turn=turns, there=turns)
@@ -102,9 +102,9 @@ def test_how_far_a_tool_is_off_is_its_distance_and_its_least_turn(
         "along": math.acos(np.clip(T[:3, 2] @ R.as_matrix()[:, 2], -1.0, 1.0)),
         "point": 0.0,
     }[form]
-    off = farness(T[None], goal)
+    off = pose_error(T[None], goal)
     assert off.angle[0] == pytest.approx(angle, abs=1e-7)
-    assert off.square[0] == pytest.approx(math.dist(position, T[:3, 3]) ** 2 + (LEVER * angle) ** 2, rel=1e-6)
+    assert off.square[0] == pytest.approx(math.dist(position, T[:3, 3]) ** 2 + (CHAR_LENGTH * angle) ** 2, rel=1e-6)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -114,16 +114,16 @@ def test_how_far_a_tool_is_off_is_its_distance_and_its_least_turn(
 def test_slopes_and_curvatures_are_those_of_finite_differences(
     name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...], row: int
 ) -> None:
-    deployment, goal = solver(name).deployment, goal_of(form, position, turn)
-    linkage = deployment.compensation.linkage
-    here, h = deployment.library.amounts[[row]], 1e-5
+    context, goal = solver(name).context, goal_of(form, position, turn)
+    linkage = context.joint_laws.linkage
+    here, h = context.library.amounts[[row]], 1e-5
 
     def slopes(amounts: Array) -> tuple[float, Array, Array]:
-        placed = linkage.place(amounts)
-        off, J = farness(placed.tcp, goal), linkage.jacobian(placed)[:, :, linkage.joints]
+        state = linkage.forward(amounts)
+        off, J = pose_error(state.tcp, goal), linkage.jacobian(state)[:, :, linkage.joints]
         return 0.5 * float(off.square[0]), -(off.pull[:, None] @ J)[0, 0], off.curvature(J)[0]
 
-    if farness(linkage.place(here).tcp, goal).angle[0] > 3.1:
+    if pose_error(linkage.forward(here).tcp, goal).angle[0] > 3.1:
         return  # which way round half a turn goes is nobody's to say
     _, gradient, curvature = slopes(here)
     for i, v in enumerate(linkage.joints):
@@ -145,8 +145,8 @@ def test_no_command_takes_the_tool_out_of_the_ball_around_the_arm(
     typical = np.array([p.typical for p in model.parameters])
     model = replace(model, values=model.values + size * rng.uniform(0.0, 1.0, len(typical)) * typical)
     q = rng.uniform(-math.pi, math.pi, (200, arm.dof))
-    ball, at = ball_of(model), tools(model, q, load)[:, :3, 3]
-    assert all(ball.holds(position) for position in at.tolist())
+    ball, at = reach_ball(model), tools(model, q, load)[:, :3, 3]
+    assert all(ball.contains(position) for position in at.tolist())
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -156,15 +156,15 @@ def test_no_command_takes_the_tool_out_of_the_ball_around_the_arm(
 def test_nearest_is_within_the_limits_where_it_says_and_no_pose_at_random_is_nearer(
     name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]
 ) -> None:
-    deployment, goal = solver(name).deployment, goal_of(form, position, turn)
+    context, goal = solver(name).context, goal_of(form, position, turn)
     found = find(name, goal)
-    lower, upper = deployment.limits.lower, deployment.limits.upper
+    lower, upper = context.limits.lower, context.limits.upper
     assert all(low <= x <= high for low, x, high in zip(lower, found.q, upper, strict=True))
-    there = farness(tools(deployment.model, np.array([found.q]), LOAD), goal)
+    there = pose_error(tools(context.model, np.array([found.q]), LOAD), goal)
     assert math.sqrt(there.square[0]) == pytest.approx(error(found), abs=1e-7)
     q = np.random.default_rng(1).uniform(lower, upper, (1000, len(lower)))
-    q = np.concatenate([q, deployment.library.q[deployment.library.closest(goal, 50)]])
-    others = farness(tools(deployment.model, q, LOAD), goal)
+    q = np.concatenate([q, context.library.q[context.library.closest(goal, 50)]])
+    others = pose_error(tools(context.model, q, LOAD), goal)
     assert error(found) <= math.sqrt(others.square.min()) + SETTLED
 
 
@@ -192,10 +192,10 @@ def test_on_the_way_to_the_nearest_point_it_stays_as_near_at_least(
 
 @pytest.mark.parametrize("name", MODELS)
 def test_goals_at_poses_are_taken_wherever_they_are(name: str) -> None:
-    deployment, rng = solver(name).deployment, np.random.default_rng(7)
-    limits = deployment.limits
+    context, rng = solver(name).context, np.random.default_rng(7)
+    limits = context.limits
     q = np.concatenate([rng.uniform(limits.lower, limits.upper, (40, 6)), np.array(limits.lower)[None]])
-    for tool in tools(deployment.model, q, LOAD):
+    for tool in tools(context.model, q, LOAD):
         for goal in (point(tool[:3, 3]), point_along(tool[:3, 3], tool[:3, 2]), pose(tool[:3, 3], tool[:3, :3])):
             assert isinstance(solver(name).solve(goal, LOAD, method=Direct()), Solved)
 
@@ -206,8 +206,8 @@ def test_goals_at_poses_are_taken_wherever_they_are(name: str) -> None:
 def test_a_goal_out_of_the_ball_is_at_least_as_far_as_the_ball_and_pushed_outwards_no_further_than_that(
     name: str, way: tuple[float, ...], beyond: float
 ) -> None:
-    deployment = solver(name).deployment
-    ball = deployment.library.around
+    context = solver(name).context
+    ball = context.library.reach_ball
     outwards = np.array(way) / math.hypot(*way)
     at = [np.array(ball.centre) + (ball.radius + d) * outwards for d in (0.001, 0.001 + beyond)]
     replies = [solver(name).solve(point(position), LOAD, method=Direct()) for position in at]
@@ -219,7 +219,7 @@ def test_a_goal_out_of_the_ball_is_at_least_as_far_as_the_ball_and_pushed_outwar
 
 
 def test_the_nominal_arm_stretches_to_its_whole_length() -> None:
-    ball = solver("nominal").deployment.library.around
+    ball = solver("nominal").context.library.reach_ball
     for elevation in (0.6, 0.9, 1.2):
         for azimuth in (-0.8, 0.0, 0.8):
             way = (
@@ -233,8 +233,8 @@ def test_the_nominal_arm_stretches_to_its_whole_length() -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_starts_never_make_it_further(name: str) -> None:
-    deployment, rng = solver(name).deployment, np.random.default_rng(2)
+    context, rng = solver(name).context, np.random.default_rng(2)
     for _ in range(5):
-        ask = Ask(goal_of("pose", tuple(rng.uniform(-0.5, 0.5, 3)), tuple(rng.normal(size=4))), LOAD)
+        query = IkQuery(goal_of("pose", tuple(rng.uniform(-0.5, 0.5, 3)), tuple(rng.normal(size=4))), LOAD)
         starts = rng.uniform(-4.0, 4.0, (3, 6))
-        assert error(nearest(deployment, ask, starts)) <= error(nearest(deployment, ask, np.empty((0, 6))))
+        assert error(nearest(context, query, starts)) <= error(nearest(context, query, np.empty((0, 6))))

@@ -14,12 +14,12 @@ from lrm_math.arm.arm import Arm, Joint, Placement
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Answer, Verdict
+from lrm_math.ik.answer import NominalAnswer, Verdict
 from lrm_math.ik.closed_form import ClosedForm
 from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.nominal import solver_of
 from lrm_math.ik.numerical import Numerical
-from lrm_math.ik.screw_axes import lines_of
+from lrm_math.ik.screw_axes import screw_axes_of
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from tests.support.random_arms import random_arm
@@ -68,7 +68,7 @@ def apart(a: Array, b: Array) -> Array:
     return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
 
 
-def check_takes(arm: Arm, goal: Goal, answer: Answer) -> None:
+def check_takes(arm: Arm, goal: Goal, answer: NominalAnswer) -> None:
     """Every branch keeps the limits and takes the goal to a nanometre and a nanoradian."""
     assert answer.branches
     for branch in answer:
@@ -133,7 +133,7 @@ def test_eaik_knows_the_same_branches(arm: Arm, seed: int) -> None:
     """EAIK (Ostermeier et al. 2024) solves the same arms by other means, without limits."""
     eaik = pytest.importorskip("eaik.IK_HP", reason="EAIK is not installed")
     arm = replace_limits(arm, -math.pi, math.pi)
-    lines = lines_of(arm)
+    lines = screw_axes_of(arm)
     ways = np.vstack([lines.point[:1], np.diff(lines.point, axis=0), lines.position - lines.point[-1]])
     robot = eaik.HPRobot(lines.axis.copy(), ways)
     for q in angles(arm, seed, 3):
@@ -262,9 +262,9 @@ def test_what_is_called_nearest_is_reachable_and_nothing_is_nearer(kind: str, se
     solver = solver_of(arm)
     rng = np.random.default_rng(seed)
     p, R = tool(arm, angles(arm, seed, 1))
-    far = p[0] + 0.4 * (p[0] - lines_of(arm).point[1]) / np.linalg.norm(p[0] - lines_of(arm).point[1]) * rng.uniform(
-        1, 3
-    )
+    far = p[0] + 0.4 * (p[0] - screw_axes_of(arm).point[1]) / np.linalg.norm(
+        p[0] - screw_axes_of(arm).point[1]
+    ) * rng.uniform(1, 3)
     goal = {"pose": pose(far, R[0]), "point": point(far), "point_along": point_along(far, R[0][:, 2])}[kind]
     answer = solver.solve(goal)
     assert answer.verdict in (Verdict.OUT_OF_REACH, Verdict.OUTSIDE_LIMITS)
@@ -283,7 +283,7 @@ def test_what_is_called_nearest_is_reachable_and_nothing_is_nearer(kind: str, se
 
 
 def test_out_of_reach_by_the_length_of_the_stretched_arm(lab: Arm) -> None:
-    shoulder = lines_of(lab).point[1]
+    shoulder = screw_axes_of(lab).point[1]
     wrist = 103.505e-3 + 43.06953e-3 + 107.75e-3 + 43.25e-3 + 73.27e-3
     out = np.array([math.sin(math.pi / 3), 0.0, math.cos(math.pi / 3)])
     answer = solver_of(lab).solve(point(shoulder + (wrist + 0.05) * out))

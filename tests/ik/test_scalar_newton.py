@@ -15,14 +15,14 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
-from lrm_math.ik.batch_equilibrium import settled
+from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import pose
-from lrm_math.ik.joint_laws import Compensation
-from lrm_math.ik.newton import EVERY_BRANCH, Aim, reach
-from lrm_math.ik.scalar_linkage import OneLinkage, matrices, screws
-from lrm_math.ik.scalar_pose import OnePose
-from lrm_math.ik.solver_context import Ask, Deployment
+from lrm_math.ik.joint_laws import JointLaws
+from lrm_math.ik.newton import EVERY_BRANCH, Target, newton_solve
+from lrm_math.ik.scalar_linkage import ScalarLinkage, jacobian_rows, matrices
+from lrm_math.ik.scalar_pose import SinglePose
+from lrm_math.ik.solver_context import IkQuery, SolverContext
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
@@ -42,16 +42,16 @@ def giving(arm: Arm, seed: int, size: float = 0.3) -> Model:
 
 
 @lru_cache
-def deployment(name: str) -> Deployment:
+def context(name: str) -> SolverContext:
     model = load_model(TABLE_B2) if name == "table_b2" else giving(load_arm("lrm-lab"), 5)
-    return CalibratedSolver.of(model).deployment
+    return CalibratedSolver.of(model).context
 
 
 def tools(model: Model, count: int, seed: int, payload: float) -> Array:
     """(N, 4, 4), tool frames at commands all over the limits."""
     lower, upper = ([getattr(joint, end) for joint in model.arm.joints] for end in ("lower", "upper"))
     q = np.random.default_rng(seed).uniform(lower, upper, (count, model.arm.dof))
-    rest, _ = settled(model, poses_of(q, payload), tolerance=1e-13)
+    rest, _ = batch_equilibrium(model, poses_of(q, payload), tolerance=1e-13)
     return frames(model.chain, rest.slots, len(rest.poses))[:, -1]
 
 
@@ -59,18 +59,18 @@ def tools(model: Model, count: int, seed: int, payload: float) -> Array:
 @given(arms, st.integers(0, 100), st.floats(0.0, 0.1))
 def test_one_arm_stands_as_many_do(arm: Arm, seed: int, payload: float) -> None:
     model = giving(arm, seed)
-    linkage = Compensation(model).linkage
-    burden = linkage.burden(model.weights(payload))
+    linkage = JointLaws(model).linkage
+    mass_moments = linkage.mass_moments(model.weights(payload))
     amounts = np.random.default_rng(seed).uniform(-1.7, 1.7, (1, len(linkage.slots)))
-    many = linkage.place(amounts)
-    one = OneLinkage.of(linkage)
+    many = linkage.forward(amounts)
+    one = ScalarLinkage.of(linkage)
     assert one is not None
-    cargo = one.cargo(burden)
-    stand = one.stand(amounts[0].tolist(), cargo)
-    np.testing.assert_allclose(matrices([stand.tcp]), many.tcp, atol=1e-12)
-    every = screws(stand, range(len(linkage.slots)), 1.0)
+    bodies = one.scalar_moments(mass_moments)
+    state = one.forward(amounts[0].tolist(), bodies)
+    np.testing.assert_allclose(matrices([state.tcp]), many.tcp, atol=1e-12)
+    every = jacobian_rows(state, range(len(linkage.slots)), 1.0)
     np.testing.assert_allclose(every.T[None], linkage.jacobian(many), atol=1e-12)
-    np.testing.assert_allclose(stand.tau, linkage.loads(many, burden).tau[:, 0], atol=1e-12)
+    np.testing.assert_allclose(state.tau, linkage.loads(many, mass_moments).tau[:, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["lrm-rover", "lrm-lab"])
@@ -78,32 +78,34 @@ def test_slopes_are_how_loads_change(name: str) -> None:
     """Against central differences, on arms some of whose joints count bodies that they do not move."""
     model = giving(load_arm(name), 1)
     assert chain_of(model.arm).counted != chain_of(model.arm).moved
-    linkage = Compensation(model).linkage
-    burden = linkage.burden(model.weights(0.08))
+    linkage = JointLaws(model).linkage
+    mass_moments = linkage.mass_moments(model.weights(0.08))
     here, h = np.random.default_rng(2).uniform(-1.5, 1.5, (1, len(linkage.slots))), 1e-5
-    placed = linkage.place(here)
-    slopes = linkage.slopes(placed, burden, linkage.loads(placed, burden))[:, :, 0]
+    state = linkage.forward(here)
+    load_derivatives = linkage.load_derivatives(state, mass_moments, linkage.loads(state, mass_moments))[:, :, 0]
     for v in range(len(linkage.slots)):
         step = h * (np.arange(len(linkage.slots)) == v)
-        up, down = (linkage.loads(linkage.place(here + way * step), burden).tau[:, 0] for way in (1, -1))
-        np.testing.assert_allclose(slopes[:, v], (up - down) / (2 * h), atol=2e-8)
+        up, down = (linkage.loads(linkage.forward(here + way * step), mass_moments).tau[:, 0] for way in (1, -1))
+        np.testing.assert_allclose(load_derivatives[:, v], (up - down) / (2 * h), atol=2e-8)
 
 
 @pytest.mark.parametrize("name", ["table_b2", "lab"])
 def test_one_after_the_other_leads_where_all_together_lead(name: str) -> None:
     """What is found within the limits all at once is found one by one, but for a few where two branches nearly meet."""
-    there, payload = deployment(name), 0.05
-    assert there.one_start is not None
+    there, payload = context(name), 0.05
+    assert there.scalar_newton is not None
     found = lost = 0
     for tool in tools(there.model, 150, 3, payload):
-        ask = Ask(pose(tool[:3, 3], tool[:3, :3]), payload)
-        start = there.start_at(ask, there.likeness.seeds(ask.goal, None))
-        one, _ = there.solve_from(ask, start)
-        poses = there.poses(ask, start[:, there.compensation.linkage.joints])
-        burden = there.compensation.burden(payload)
-        all_at_once = reach(there.compensation, Aim.of(ask.goal), burden, poses, start, there.band, EVERY_BRANCH)
-        many = there.commands(ask, all_at_once.take(all_at_once.met))
-        mine, theirs = one.q[there.usable(one)], many.q[there.usable(many)]
+        query = IkQuery(pose(tool[:3, 3], tool[:3, :3]), payload)
+        start = there.start_amounts(query, there.equivalent_arm.seeds(query.goal, None))
+        one, _ = there.solve_from(query, start)
+        poses = there.poses(query, start[:, there.joint_laws.linkage.joints])
+        mass_moments = there.joint_laws.mass_moments(payload)
+        all_at_once = newton_solve(
+            there.joint_laws, Target.of(query.goal), mass_moments, poses, start, there.bounds, EVERY_BRANCH
+        )
+        many = there.commands(query, all_at_once.take(all_at_once.converged))
+        mine, theirs = one.q[there.within_limits(one)], many.q[there.within_limits(many)]
         np.testing.assert_allclose(one.reached.tcp - tool, 0.0, atol=1e-9)
         for q in theirs:
             again = len(mine) > 0 and np.abs(mine - q).max(axis=1).min() < 1e-6
@@ -115,10 +117,10 @@ def test_one_after_the_other_leads_where_all_together_lead(name: str) -> None:
 def test_one_pose_is_poses_of_length_one() -> None:
     rng = np.random.default_rng(0)
     q, side = rng.uniform(-1.5, 1.5, (1, 6)), rng.choice([-1.0, 1.0], (1, 6))
-    one, poses = OnePose(q, np.array([0.05]), side), Poses(q, np.array([0.05]), side)
+    one, poses = SinglePose(q, np.array([0.05]), side), Poses(q, np.array([0.05]), side)
     assert [one.angle(i) for i in range(6)] == [poses.angle(i) for i in range(6)]
     assert [one.approach(i) for i in range(6)] == [poses.approach(i) for i in range(6)]
-    assert OnePose(q, np.array([0.05])).approach(3) == 0.0
+    assert SinglePose(q, np.array([0.05])).approach(3) == 0.0
     assert one.carried == poses.carried
     assert one.turned_to(np.zeros(6)).angle(2) == 0.0
     assert one.turned_to(np.zeros(6)).approach(2) == side[0, 2]
@@ -127,22 +129,22 @@ def test_one_pose_is_poses_of_length_one() -> None:
 
 def test_two_poses_are_not_one() -> None:
     with pytest.raises(LrmError, match="one row"):
-        OnePose(np.zeros((2, 6)), np.zeros(2))
+        SinglePose(np.zeros((2, 6)), np.zeros(2))
 
 
 @pytest.mark.parametrize("name", ["table_b2", "lab"])
 def test_pulled_seeds_take_the_goal_pulled_inwards(name: str) -> None:
     """The look-alike takes them; they lie between the goal and the arm's middle; none is one of those known."""
-    likeness = deployment(name).likeness
-    chain = chain_of(likeness.arm)
-    for tool in tools(deployment(name).model, 30, 4, 0.0):
+    equivalent_arm = context(name).equivalent_arm
+    chain = chain_of(equivalent_arm.arm)
+    for tool in tools(context(name).model, 30, 4, 0.0):
         goal = pose(tool[:3, 3], tool[:3, :3])
-        known = likeness.seeds(goal, None).numbers[:1]
-        seeds = likeness.pulled(goal, known)
+        known = equivalent_arm.seeds(goal, None).numbers[:1]
+        seeds = equivalent_arm.retracted(goal, known)
         assert not set(known) & set(seeds.numbers)
         for q in seeds.q:
             at = frames(chain, chain.values(q.tolist()), 1)[0, -1]
             np.testing.assert_allclose(at[:3, :3], tool[:3, :3], atol=1e-8)
-            way, pulled = likeness.middle - tool[:3, 3], at[:3, 3] - tool[:3, 3]
-            np.testing.assert_allclose(np.cross(way, pulled), 0.0, atol=1e-8)
-            assert -1e-8 <= way @ pulled <= 0.2 * (way @ way)
+            way, retracted = equivalent_arm.middle - tool[:3, 3], at[:3, 3] - tool[:3, 3]
+            np.testing.assert_allclose(np.cross(way, retracted), 0.0, atol=1e-8)
+            assert -1e-8 <= way @ retracted <= 0.2 * (way @ way)

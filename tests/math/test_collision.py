@@ -37,12 +37,12 @@ seeds = st.integers(0, 10_000)
 
 
 def along(a: Array, b: Array, count: int) -> Array:
-    """Points of a line, ends included."""
+    """Points of a segment, ends included."""
     return np.asarray(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a))
 
 
 def rotation(rng: np.random.Generator) -> Array:
-    """A turn of any kind (3, 3)."""
+    """A random rotation matrix (3, 3)."""
     return np.asarray((turn(0, rng.uniform(-3, 3)) @ turn(1, rng.uniform(-3, 3)) @ turn(2, rng.uniform(-3, 3)))[:3, :3])
 
 
@@ -56,7 +56,7 @@ def angles_of(R: Array) -> tuple[float, float, float]:
 
 
 def shaped_arm(seed: int, joints: int) -> Arm:
-    """An arm of any shape with three capsules per link anywhere near it, and boxes around it in both frames."""
+    """A random arm with three capsules per link near it, and boxes around it in both frames."""
     rng = np.random.default_rng(seed)
 
     def near() -> tuple[float, float, float]:
@@ -86,7 +86,7 @@ shaped_arms = st.builds(shaped_arm, seeds, st.integers(2, 8))
 
 def in_world(arm: Arm, box: Box) -> Array:
     """Frame (4, 4) of a box's centre."""
-    T = turn(0, box.turn[0]) @ turn(1, box.turn[1]) @ turn(2, box.turn[2])
+    T = turn(0, box.rotation[0]) @ turn(1, box.rotation[1]) @ turn(2, box.rotation[2])
     T[:3, 3] = box.centre
     return np.asarray(link_matrices(arm, np.zeros(arm.dof))[0] @ T if box.in_base else T)
 
@@ -117,7 +117,7 @@ def sampled_distance(arm: Arm, q: Array, first: str, second: str, count: int = 2
 
 
 @given(points, points, points, points)
-def test_lines_against_sampled_points(a: Array, b: Array, c: Array, d: Array) -> None:
+def test_segment_distance_against_sampled_points(a: Array, b: Array, c: Array, d: Array) -> None:
     ours = float(segment_to_segment(a, b, c, d))
     sampled = np.linalg.norm(along(a, b, 80)[:, None] - along(c, d, 80), axis=-1).min()
     spacing = (np.linalg.norm(b - a) + np.linalg.norm(d - c)) / 79
@@ -125,7 +125,7 @@ def test_lines_against_sampled_points(a: Array, b: Array, c: Array, d: Array) ->
 
 
 @given(points, points, edges)
-def test_line_and_box_against_sampled_points(a: Array, b: Array, half: Array) -> None:
+def test_segment_to_box_against_sampled_points(a: Array, b: Array, half: Array) -> None:
     ours = float(segment_to_box(a, b, half))
     outside = np.maximum(np.abs(along(a, b, 2000)) - half, 0.0)
     sampled = np.linalg.norm(outside, axis=1).min()
@@ -133,14 +133,14 @@ def test_line_and_box_against_sampled_points(a: Array, b: Array, half: Array) ->
 
 
 @given(points, points, points, points)
-def test_lines_do_not_know_which_is_first(a: Array, b: Array, c: Array, d: Array) -> None:
+def test_segment_distance_is_symmetric(a: Array, b: Array, c: Array, d: Array) -> None:
     ours = segment_to_segment(a, b, c, d)
     for other in (segment_to_segment(c, d, a, b), segment_to_segment(b, a, c, d), segment_to_segment(a, b, d, c)):
         assert float(other) == pytest.approx(float(ours), abs=1e-7)
 
 
 @given(points, points, points, points, seeds)
-def test_lines_moved_together_keep_their_distance(a: Array, b: Array, c: Array, d: Array, seed: int) -> None:
+def test_segment_distance_is_invariant_to_rigid_motion(a: Array, b: Array, c: Array, d: Array, seed: int) -> None:
     rng = np.random.default_rng(seed)
     R, p = rotation(rng), rng.normal(0, 1, 3)
     moved = segment_to_segment(*(R @ x + p for x in (a, b, c, d)))
@@ -148,26 +148,26 @@ def test_lines_moved_together_keep_their_distance(a: Array, b: Array, c: Array, 
 
 
 @given(points, points, points, points, st.floats(0, 1), st.floats(0, 1))
-def test_lines_that_meet_have_no_distance(a: Array, b: Array, c: Array, d: Array, s: float, t: float) -> None:
+def test_intersecting_segments_have_distance_zero(a: Array, b: Array, c: Array, d: Array, s: float, t: float) -> None:
     meeting = (a + s * (b - a)) - (c + t * (d - c))
     assert float(segment_to_segment(a, b, c + meeting, d + meeting)) == pytest.approx(0.0, abs=1e-7)
 
 
 @given(edges, seeds, points)
-def test_a_line_through_a_box_has_no_distance(half: Array, seed: int, b: Array) -> None:
+def test_a_segment_through_a_box_has_distance_zero(half: Array, seed: int, b: Array) -> None:
     inside = np.random.default_rng(seed).uniform(-half, half)
     assert float(segment_to_box(inside, b, half)) == pytest.approx(0.0, abs=1e-12)
     assert float(segment_to_box(2 * inside - b, b, half)) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(points, points, edges)
-def test_points_are_lines_of_no_length(a: Array, c: Array, half: Array) -> None:
+def test_segments_of_length_zero_are_points(a: Array, c: Array, half: Array) -> None:
     assert float(segment_to_segment(a, a, c, c)) == pytest.approx(float(np.linalg.norm(a - c)), abs=1e-12)
     expected = np.linalg.norm(np.maximum(np.abs(a) - half, 0.0))
     assert float(segment_to_box(a, a, half)) == pytest.approx(float(expected), abs=1e-12)
 
 
-def test_parallel_lines_by_hand() -> None:
+def test_parallel_segments_by_hand() -> None:
     a, b = np.array([0.0, 0, 0]), np.array([1.0, 0, 0])
     for start, end, expected in (
         ([0.2, 3, 0], [0.7, 3, 0], 3.0),
@@ -179,8 +179,8 @@ def test_parallel_lines_by_hand() -> None:
 
 @settings(max_examples=40)
 @given(shaped_arms, seeds)
-def test_coal(arm: Arm, seed: int) -> None:
-    """Every pair of every arm that does not touch, measured by the library beneath pinocchio's collision checks."""
+def test_distances_against_coal(arm: Arm, seed: int) -> None:
+    """Distance of every pair that does not overlap, against the collision library of pinocchio."""
     coal: Any = pytest.importorskip("coal", reason="coal is not installed (extra 'bench')")
     scene = Scene.of(arm)
     q = np.random.default_rng(seed).uniform(-2, 2, arm.dof)
@@ -209,7 +209,7 @@ def test_coal(arm: Arm, seed: int) -> None:
 
 @settings(max_examples=25)
 @given(shaped_arms, seeds)
-def test_clearance_is_the_least_distance_of_bodies_that_may_touch(arm: Arm, seed: int) -> None:
+def test_clearance_is_the_least_distance_of_checked_pairs(arm: Arm, seed: int) -> None:
     q = np.random.default_rng(seed).uniform(-2, 2, (2, arm.dof))
     found = clearance(Scene.of(arm), q)
     frame = {c.name: c.frame for c in arm.shapes.capsules} | {b.name: 0 for b in arm.shapes.boxes}
@@ -229,7 +229,7 @@ def test_clearance_is_the_least_distance_of_bodies_that_may_touch(arm: Arm, seed
 
 
 @given(shaped_arms, seeds)
-def test_moving_arm_and_surroundings_together_changes_nothing(arm: Arm, seed: int) -> None:
+def test_clearance_is_invariant_to_motion_of_arm_and_obstacles_together(arm: Arm, seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = rng.uniform(-2, 2, (3, arm.dof))
     T = np.eye(4)
@@ -238,7 +238,7 @@ def test_moving_arm_and_surroundings_together_changes_nothing(arm: Arm, seed: in
 
     def moved(box: Box) -> Box:
         place = T @ in_world(arm, replace(box, in_base=False))
-        return box if box.in_base else replace(box, centre=tuple(place[:3, 3].tolist()), turn=angles_of(place[:3, :3]))
+        return box if box.in_base else replace(box, centre=tuple(place[:3, 3].tolist()), rotation=angles_of(place[:3, :3]))
 
     elsewhere = replace(
         arm,
@@ -261,7 +261,7 @@ def test_one_pose_equals_the_batch(arm: Arm, seed: int) -> None:
 
 
 def test_overlap_is_negative_and_grows_with_depth(lab: Arm) -> None:
-    """A box before the round end of link 6 (radius 25 mm), until its face has come to the middle of that end."""
+    """A box moved into the round end of link 6 (radius 25 mm), until its face reaches the middle of that end."""
     (link,) = (c for c in lab.shapes.capsules if c.name == "link 6")
     x, y, z = link_matrices(lab, np.zeros(6))[-1][:3, 3].tolist()
     for away, expected in ((0.060, 0.015), (0.044, -0.001), (0.030, -0.015), (0.020, -0.025), (0.0, -0.025)):
@@ -278,10 +278,10 @@ def test_home_is_free(name: str, request: pytest.FixtureRequest) -> None:
 
 
 @pytest.mark.parametrize("name", ["lab", "rover"])
-def test_each_joint_alone_may_turn_as_far_as_its_servo_was_calibrated(
+def test_each_joint_alone_is_free_over_its_calibrated_range(
     name: str, request: pytest.FixtureRequest
 ) -> None:
-    """Thesis Table 3.1: to 100 degrees either way. So links without surroundings and target must not meet there."""
+    """Thesis Table 3.1: 100 degrees in both directions, so the links without obstacles must not collide there."""
     arm = request.getfixturevalue(name)
     links = tuple(c for c in arm.shapes.capsules if not c.name.startswith("target"))
     names = {c.name for c in links}
@@ -293,16 +293,16 @@ def test_each_joint_alone_may_turn_as_far_as_its_servo_was_calibrated(
         assert clearance(scene, q).distance.min() > arm.shapes.margin, f"joint {joint + 1}"
 
 
-def test_the_measured_poses_were_really_reached(lab: Arm, real: Measurements) -> None:
-    """All 393, by more than the margin: nothing of the shipped shapes is fatter than the arm and its rig."""
+def test_the_measured_poses_are_free(lab: Arm, real: Measurements) -> None:
+    """All 393, by more than the margin: no shipped shape is larger than the arm and its rig."""
     found = clearance(Scene.of(lab), real.poses.q)
     assert len(found.distance) == 393
     worst = found.distance.argmin()
     assert found.distance[worst] > lab.shapes.margin, (found.first[worst], found.second[worst])
 
 
-def test_an_arm_that_sags_is_closer_to_the_ground(rover: Arm) -> None:
-    """Frames of the elastic equilibrium: the ground comes nearer by what the lowest body sinks, here the gripper."""
+def test_elastic_deflection_reduces_the_distance_to_the_ground(rover: Arm) -> None:
+    """Elastic frames: the distance to the ground falls by the deflection of the lowest body, the gripper."""
     model = model_of(
         rover, effects_at(rover, "compliance"), {f"compliance.joint{i}.k_rad_per_Nm": 0.05 for i in (2, 4)}
     )
@@ -323,18 +323,18 @@ def test_an_arm_that_sags_is_closer_to_the_ground(rover: Arm) -> None:
 
 
 @given(shaped_arms, seeds)
-def test_no_distance_changes_faster_than_the_bound(arm: Arm, seed: int) -> None:
+def test_distances_change_no_faster_than_the_motion_bound(arm: Arm, seed: int) -> None:
     scene = Scene.of(arm)
     rng = np.random.default_rng(seed)
     q = rng.uniform(-3, 3, (6, arm.dof))
     nudged = q + rng.choice([1e-3, 0.1, 1.0], (6, 1)) * rng.uniform(-1, 1, q.shape) * (rng.random(q.shape) < 0.6)
     change = np.abs(scene.distances(scene.frames(nudged)) - scene.distances(scene.frames(q)))
-    assert (change <= np.abs(nudged - q) @ scene.sweep.T + 1e-7).all()
+    assert (change <= np.abs(nudged - q) @ scene.motion_bound.T + 1e-7).all()
 
 
 @settings(max_examples=60)
 @given(shaped_arms, seeds, st.sampled_from([0.0, 0.005, 0.03]))
-def test_a_move_is_judged_as_dense_sampling_does(arm: Arm, seed: int, margin: float) -> None:
+def test_check_move_agrees_with_dense_sampling(arm: Arm, seed: int, margin: float) -> None:
     scene = Scene.of(arm)
     rng = np.random.default_rng(seed)
     q0 = rng.uniform(-2, 2, arm.dof)
@@ -350,13 +350,13 @@ def test_a_move_is_judged_as_dense_sampling_does(arm: Arm, seed: int, margin: fl
     else:
         assert move.distance < margin + RESOLUTION
         assert 0.0 <= move.proven <= move.fraction <= 1.0
-        assert abs(move.fraction - move.proven) * float((scene.sweep @ np.abs(q1 - q0)).max()) <= 2 * RESOLUTION
+        assert abs(move.fraction - move.proven) * float((scene.motion_bound @ np.abs(q1 - q0)).max()) <= 2 * RESOLUTION
 
 
 @settings(max_examples=20)
 @given(st.floats(-1.2, 1.2), st.floats(0.1, 0.9))
-def test_nothing_is_too_thin_to_be_seen(lab: Arm, where: float, height: float) -> None:
-    """A grain of a tenth of a millimetre on the way of a thread, which samples would step over."""
+def test_thin_obstacles_are_detected(lab: Arm, where: float, height: float) -> None:
+    """An obstacle of 0.1 mm on the path of a thin capsule, which sampling would miss."""
     q = np.array([where, 1.2, 0.0, 0.0, 0.0, 0.0])
     thread = Capsule("thread", 6, (0.0, 0.0, 0.0), (0.0, -0.2, 0.0), 1e-4)
     a, b = axis_in_world(thread, link_matrices(lab, q))
@@ -366,7 +366,7 @@ def test_nothing_is_too_thin_to_be_seen(lab: Arm, where: float, height: float) -
     assert move.fraction == pytest.approx((where + 1.7) / 3.4, abs=0.01)
 
 
-def test_a_refusal_says_what_where_and_how_close(rover: Arm) -> None:
+def test_a_refusal_names_bodies_fraction_and_distance(rover: Arm) -> None:
     q1 = np.radians([0.0, 80.0, 0.0, 60.0, 0.0, 0.0])
     move = check_move(Scene.of(rover), np.zeros(6), q1)
     assert not move.free
@@ -376,7 +376,7 @@ def test_a_refusal_says_what_where_and_how_close(rover: Arm) -> None:
     assert check_move(Scene.of(rover), np.zeros(6), move.proven * q1).free
 
 
-def test_a_gripper_may_be_allowed_to_touch_the_ground(rover: Arm) -> None:
+def test_allowed_pairs_may_collide(rover: Arm) -> None:
     q = np.radians([0.0, 80.0, 0.0, 60.0, 0.0, 0.0])
     strict = Scene.of(rover)
     allowed = Scene.of(rover, allow=[("fingers", "ground"), ("ground", "palm"), ("link 6", "ground")])
@@ -414,13 +414,13 @@ def test_bad_shapes_in_a_file_are_one_clear_line(tmp_path: Path, fault: str) -> 
         assert word in str(caught.value)
 
 
-def test_an_arm_without_shapes_loads_but_cannot_be_called_free(lab: Arm) -> None:
+def test_a_scene_needs_shapes(lab: Arm) -> None:
     with pytest.raises(LrmError, match="capsule"):
         Scene.of(replace(lab, shapes=Shapes()))
 
 
 @pytest.mark.parametrize("q", [[0.0] * 5, [[0.0] * 7], [0.0, 0.0, math.nan, 0.0, 0.0, 0.0]])
-def test_angles_that_are_none(lab: Arm, q: list[float]) -> None:
+def test_invalid_angles(lab: Arm, q: list[float]) -> None:
     scene = Scene.of(lab)
     with pytest.raises(LrmError, match="finite"):
         clearance(scene, q)
@@ -429,12 +429,12 @@ def test_angles_that_are_none(lab: Arm, q: list[float]) -> None:
 
 
 @pytest.mark.parametrize("margin", [-0.01, math.nan, math.inf])
-def test_margins_that_are_none(lab: Arm, margin: float) -> None:
+def test_invalid_margins(lab: Arm, margin: float) -> None:
     with pytest.raises(LrmError, match="margin"):
         check_move(Scene.of(lab), np.zeros(6), np.ones(6), margin)
 
 
-def test_frames_that_are_none(lab: Arm) -> None:
+def test_invalid_frames(lab: Arm) -> None:
     with pytest.raises(LrmError, match="frames"):
         clearance_of(Scene.of(lab), np.zeros((1, 7, 4, 4)))
     with pytest.raises(LrmError, match="finite"):

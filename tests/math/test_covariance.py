@@ -1,4 +1,4 @@
-"""How surely parameters are known travels with the model: from the fit to the file and back."""
+"""Covariance of the parameters: from the fit to the model file and back."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements, load_measurements
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.fit.error_breakdown import HeldOut
+from lrm_ident.fit.error_breakdown import HeldOutResidual
 from lrm_ident.fit.levenberg_marquardt import Fit, fit
-from lrm_ident.fit.model_history import model_file, model_text, undone
-from lrm_ident.fit.parameter_sets import chosen
+from lrm_ident.fit.model_history import model_file, model_text, undo_step
+from lrm_ident.fit.parameter_sets import select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError
@@ -25,7 +25,7 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, load_covariance, load_model
 from lrm_math.toml_file import read_toml
 from tests.conftest import EXAMPLE
-from tests.support.commands import does, part_of_example
+from tests.support.commands import part_of_example, stdout_of
 
 
 @pytest.fixture(scope="module")
@@ -38,17 +38,17 @@ def measured(lab: Arm) -> Measurements:
 def fitted(lab: Arm, measured: Measurements) -> Fit:
     """The thesis's option 1 of the shipped example."""
     model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
-    return fit(Model(lab, model.effects, model.values, chosen(model, "option1")), measured)
+    return fit(Model(lab, model.effects, model.values, select_parameters(model, "option1")), measured)
 
 
 def written(fit: Fit, data: Measurements, path: Path) -> ModelFile:
-    file = model_file(fit, data, HeldOut(None, "not asked for"), "lrm-lab", "fit", "squared")
+    file = model_file(fit, data, HeldOutResidual(None, "not asked for"), "lrm-lab", "fit", "squared")
     path.write_text(model_text(file))
     return file
 
 
 @given(seed=st.integers(0, 1000), size=st.integers(1, 12))
-def test_any_covariance_survives_its_table(lab: Arm, seed: int, size: int) -> None:
+def test_covariance_table_round_trip(lab: Arm, seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)
     model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
     keys = [model.keys[i] for i in np.sort(rng.choice(len(model.keys), size, replace=False))]
@@ -76,12 +76,12 @@ def test_the_fits_covariance_is_in_its_file(fitted: Fit, measured: Measurements,
 def test_undo_restores_every_byte(fitted: Fit, measured: Measurements, lab: Arm, tmp_path: Path) -> None:
     before = written(fitted, measured, tmp_path / "model.toml")
     more = add_effects(fitted.model, measured, effects_at(lab, "servo_gain@joint2"))
-    after = model_file(more, measured, HeldOut(None, ""), "lrm-lab", "add", "squared", before.history)
+    after = model_file(more, measured, HeldOutResidual(None, ""), "lrm-lab", "add", "squared", before.history)
     (tmp_path / "after.toml").write_text(model_text(after))
     read = read_toml(tmp_path / "after.toml", ModelFile)
     assert read.covariance is not None
     assert read.covariance.keys != before.covariance.keys
-    assert model_text(undone(read)) == (tmp_path / "model.toml").read_text()
+    assert model_text(undo_step(read)) == (tmp_path / "model.toml").read_text()
 
 
 def test_files_without_covariance_still_load(fitted: Fit, measured: Measurements, tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_files_without_covariance_still_load(fitted: Fit, measured: Measurements
         (lambda t: t["correlation"].__setitem__(0, 1.5), "contradict"),
     ],
 )
-def test_a_wrong_covariance_is_one_line(
+def test_an_invalid_covariance_is_a_file_error(
     fitted: Fit, measured: Measurements, tmp_path: Path, fault: object, said: str
 ) -> None:
     path = tmp_path / "model.toml"
@@ -118,10 +118,10 @@ def test_a_wrong_covariance_is_one_line(
 
 def test_every_command_that_fits_writes_it(tmp_path: Path) -> None:
     data = part_of_example(tmp_path, 90)
-    does("fit", data, "--parameters", "option4", "-o", tmp_path / "a.toml")
-    does("add", tmp_path / "a.toml", data, "servo_gain@joint2", "-o", tmp_path / "b.toml")
-    does("auto", tmp_path / "a.toml", data, "--max-effects", 1, "--no-nested", "-o", tmp_path / "c.toml")
-    does("undo", tmp_path / "b.toml", "-o", tmp_path / "back.toml")
+    stdout_of("fit", data, "--parameters", "option4", "-o", tmp_path / "a.toml")
+    stdout_of("add", tmp_path / "a.toml", data, "servo_gain@joint2", "-o", tmp_path / "b.toml")
+    stdout_of("auto", tmp_path / "a.toml", data, "--max-effects", 1, "--no-nested", "-o", tmp_path / "c.toml")
+    stdout_of("undo", tmp_path / "b.toml", "-o", tmp_path / "back.toml")
     assert (tmp_path / "back.toml").read_bytes() == (tmp_path / "a.toml").read_bytes()
     for name in ("a", "b", "c"):
         covariance = load_covariance(tmp_path / f"{name}.toml")

@@ -69,14 +69,14 @@ def test_joint_angles(lab: Arm, seed: int) -> None:
     J = joint_jacobian(equilibrium(model, poses, tolerance=TIGHT))
     h = 1e-6
     for joint in range(6):
-        plus = equilibrium(model, poses.nudged(joint, h), tolerance=TIGHT).tcp
-        minus = equilibrium(model, poses.nudged(joint, -h), tolerance=TIGHT).tcp
+        plus = equilibrium(model, poses.perturbed(joint, h), tolerance=TIGHT).tcp
+        minus = equilibrium(model, poses.perturbed(joint, -h), tolerance=TIGHT).tcp
         difference = (plus - minus) / (2 * h)
         assert np.abs(J[:, :, joint] - difference).max() <= RELATIVE * np.abs(difference).max()
 
 
 class Wobble(Effect):
-    """A user's effect: no derivatives given, follows two joints and a load."""
+    """A user's effect without derivatives of its own that depends on two joints and a load."""
 
     id = "wobble"
     cause = "For this test."
@@ -101,7 +101,7 @@ def test_an_effect_without_derivatives_of_its_own(lab: Arm) -> None:
     assert_parameter_derivatives(model, poses)
     J = joint_jacobian(equilibrium(model, poses, tolerance=TIGHT))
     for joint in range(6):
-        plus, minus = (equilibrium(model, poses.nudged(joint, h), tolerance=TIGHT).tcp for h in (1e-6, -1e-6))
+        plus, minus = (equilibrium(model, poses.perturbed(joint, h), tolerance=TIGHT).tcp for h in (1e-6, -1e-6))
         np.testing.assert_allclose(J[:, :, joint], (plus - minus) / 2e-6, atol=2e-8)
 
 

@@ -40,7 +40,7 @@ def test_the_thesis_published_code(shared: Path, lab: Arm, column: str) -> None:
 
 
 def random_values(model: Model, seed: int) -> dict[str, float]:
-    """Deviations of the sizes seen, compliances of both signs excluded."""
+    """Deviations of typical sizes, compliances not negative."""
     rng = np.random.default_rng(seed)
     values = {}
     for key, parameter in zip(model.keys, model.parameters, strict=True):
@@ -52,14 +52,14 @@ def random_values(model: Model, seed: int) -> dict[str, float]:
 @pytest.mark.parametrize("arm_name", ["lrm-lab", "lrm-rover"])
 @pytest.mark.parametrize("seed", range(5))
 def test_the_generator_with_screws_and_world_frame_torques(arm_name: str, seed: int) -> None:
-    """Same parameters, two codes without a line in common: the same TCP and torques."""
+    """Same parameters in two independent implementations: the same TCP and torques."""
     path = ROOT / "config" / "arms" / f"{arm_name}.toml"
     model = thesis_model(read_arm(path), {})
     values = random_values(model, seed)
     rig = synthetic.load_arm(path)
     names = {key.removeprefix("offsets.").replace("_mm", "_m"): v for key, v in values.items() if key.startswith("off")}
     truth = replace(
-        synthetic.Truth.nominal(rig),
+        synthetic.GroundTruth.nominal(rig),
         deviations=synthetic.Deviations.named(6, names),
         base_compliance_rad_per_nm=values["compliance.base.k_rad_per_Nm"],
         joint_compliance_rad_per_nm=tuple(values[f"compliance.joint{i}.k_rad_per_Nm"] for i in range(1, 7)),
@@ -76,7 +76,7 @@ def test_the_generator_with_screws_and_world_frame_torques(arm_name: str, seed: 
 @settings(max_examples=20)
 @given(arms, st.integers(0, 100))
 def test_pinocchio(arm: Arm, seed: int) -> None:
-    """Gravity torques and TCP of rigid arms of any shape."""
+    """Gravity torques and TCP of random rigid arms."""
     pin = pytest.importorskip("pinocchio", reason="pinocchio is not installed (extra 'bench')")
 
     def se3(parts: list[tuple[str, int, float]]) -> object:

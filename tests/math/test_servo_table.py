@@ -1,4 +1,4 @@
-"""Level 1: tables and the chip's clock."""
+"""Level 1: servo tables and the PWM clock."""
 
 from __future__ import annotations
 

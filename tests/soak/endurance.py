@@ -1,9 +1,9 @@
-"""A day of the daemon's life: `python -m tests.soak.endurance [--hours 24] [--seed 0]`.
+"""Endurance test of the daemon: `python -m tests.soak.endurance [--hours 24] [--seed 0]`.
 
-The real core, ramp and board live on a simulated clock, tick by tick, with a client that moves the arm at random and
-with everything that happens to cables, boards and processes now and then. Every tick is checked as in the tests: no
-pulse outside its limits, no step above 1 us, nothing switched on unasked. A frame is bad if the ramp could not read it,
-or if the board refused it though there was no trouble lately.
+The real controller, ramp and board run on a simulated clock, tick by tick, with a client that moves the arm at random,
+and with random faults of cables, boards and processes. Every tick is checked as in the tests: no pulse outside its
+limits, no step above 1 us, nothing switched on without a request. A frame is bad if the ramp could not read it, or if
+the board refused it with no fault shortly before.
 """
 
 from __future__ import annotations
@@ -21,69 +21,69 @@ from pathlib import Path
 from random import Random
 
 from lrm_math.errors import LrmError
-from lrmd.control.state_machine import STANDING, Mode
+from lrmd.control.state_machine import STATIONARY, Mode
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, Message, MoveRequest, RelaxRequest, ResetRequest
-from tests.support.in_memory_daemon import World, config_at
+from tests.support.in_memory_daemon import SimulatedDaemon, config_at
 
 SECOND = 1_000_000_000
 RENEW = 20
-"""Ticks between two signs of life of the client, 130 ms."""
+"""Ticks between two renewals of the lease, 130 ms."""
 DECIDE = 200
-"""Ticks between two decisions of the client, 1.3 s."""
-TROUBLE = 1000
-"""Decisions between two troubles, on average: one in 20 minutes."""
-CALM = 8
-"""Decisions after a trouble until the board may refuse nothing any more."""
+"""Ticks between two actions of the client, 1.3 s."""
+FAULT_INTERVAL = 1000
+"""Actions between two faults, on average: one in 20 minutes."""
+RECOVERY = 8
+"""Actions after a fault until the board may refuse nothing any more."""
 JOINTS = tuple(f"joint{i}" for i in range(1, 7))
 
 
 @dataclass
-class Soak:
-    """The world, its client and what was counted. `lived`: ticks; `calm`: decisions since the last trouble."""
+class EnduranceRun:
+    """The simulated daemon, its client and the counts. `actions_since_fault`: actions of the client."""
 
-    world: World
+    sim: SimulatedDaemon
     random: Random
     token: str = "none"
-    lived: int = 0
-    calm: int = 0
+    ticks: int = 0
+    actions_since_fault: int = 0
     grown_kb: int = 0
     refused: int = 0
-    refused_in_calm: int = 0
-    trouble: Counter[str] = field(default_factory=Counter)
-    asked: Counter[str] = field(default_factory=Counter)
-    happened: Counter[str] = field(default_factory=Counter)
+    unexcused_refusals: int = 0
+    faults: Counter[str] = field(default_factory=Counter)
+    requests: Counter[str] = field(default_factory=Counter)
+    event_codes: Counter[str] = field(default_factory=Counter)
 
-    def run(self, ticks: int) -> None:
-        """Lives on for so many ticks. Raises `AssertionError` if a law is broken."""
+    def advance(self, ticks: int) -> None:
+        """Runs so many ticks. Raises `AssertionError` if an invariant is broken."""
         for _ in range(ticks):
-            if self.lived % RENEW == 0:
+            if self.ticks % RENEW == 0:
                 self._renew()
-            if self.lived % DECIDE == 0:
-                self._decide()
-            self.world.tick()
-            self.lived += 1
+            if self.ticks % DECIDE == 0:
+                self._act()
+            self.sim.tick()
+            self.ticks += 1
 
     @property
     def bad_frames(self) -> int:
-        """Frames that no trouble excuses."""
-        return self.world.ramp.bad_frames + self.refused_in_calm
+        """Frames that no fault excuses."""
+        return self.sim.ramp.bad_frames + self.unexcused_refusals
 
     def _ask(self, request: Message) -> None:
         name = type(request).__name__.removesuffix("Request").lower()
         try:
-            self.world.core.handle(request, self.world.now)
-            self.asked[name] += 1
+            self.sim.core.handle(request, self.sim.now)
+            self.requests[name] += 1
         except LrmError:
-            self.asked[f"{name} refused"] += 1
+            self.requests[f"{name} refused"] += 1
 
     def _renew(self) -> None:
         with suppress(LrmError):
-            self.world.core.handle(LeaseRequest(action="renew", lease=self.token), self.world.now)
+            self.sim.core.handle(LeaseRequest(action="renew", lease=self.token), self.sim.now)
 
-    def _decide(self) -> None:
-        self._listen()
+    def _act(self) -> None:
+        self._count_events()
         self._count_refused()
-        core, now = self.world.core, self.world.now
+        core, now = self.sim.core, self.sim.now
         if core.lease is None:
             done = core.handle(LeaseRequest(action="acquire", holder="soak", take=True), now)
             self.token = done.lease.token if done.lease else "none"
@@ -92,20 +92,20 @@ class Soak:
                 self._ask(ArmRequest(lease=self.token, where="given", q_rad=dict.fromkeys(JOINTS, 0.0)))
             case Mode.FAULT | Mode.ESTOP:
                 self._ask(ResetRequest(lease=self.token))
-            case mode if mode in STANDING:
+            case mode if mode in STATIONARY:
                 self._ask(self._motion())
-        if self.random.random() < 1 / TROUBLE:
-            self._disturb()
+        if self.random.random() < 1 / FAULT_INTERVAL:
+            self._inject_fault()
 
     def _count_refused(self) -> None:
-        before, self.refused = self.refused, self.world.ramp.board_errors
-        self.calm += 1
-        if self.calm > CALM:
-            self.refused_in_calm += self.refused - before
+        before, self.refused = self.refused, self.sim.ramp.board_errors
+        self.actions_since_fault += 1
+        if self.actions_since_fault > RECOVERY:
+            self.unexcused_refusals += self.refused - before
 
-    def _listen(self) -> None:
-        self.happened.update(h.code for h in self.world.core.happenings)
-        self.world.core.happenings.clear()
+    def _count_events(self) -> None:
+        self.event_codes.update(event.code for event in self.sim.core.events)
+        self.sim.core.events.clear()
 
     def _motion(self) -> Message:
         r = self.random
@@ -113,88 +113,88 @@ class Soak:
             return JogRequest(lease=self.token, rate_rad_per_s={r.choice(JOINTS): r.uniform(-0.25, 0.25)})
         if r.random() < 0.01:
             return RelaxRequest(lease=self.token)
-        way = [{j: r.uniform(-1.2, 1.2) for j in JOINTS if r.random() < 0.7} or {"joint1": 0.0} for _ in range(2)]
+        waypoints = [{j: r.uniform(-1.2, 1.2) for j in JOINTS if r.random() < 0.7} or {"joint1": 0.0} for _ in range(2)]
         pace = r.choice(("together", "each"))
-        return MoveRequest(lease=self.token, waypoints=way, pace=pace, speed=r.choice((0.3, 1.0, 1.0)))
+        return MoveRequest(lease=self.token, waypoints=waypoints, pace=pace, speed=r.choice((0.3, 1.0, 1.0)))
 
-    def _disturb(self) -> None:
-        name = self.random.choice(tuple(TROUBLES))
-        self.trouble[name] += 1
-        self.calm = 0
-        TROUBLES[name](self.world, self.random)
-
-
-def _estop(world: World, _: Random) -> None:
-    world.rung = True
-    world.core.estop(world.now, "soak")
+    def _inject_fault(self) -> None:
+        name = self.random.choice(tuple(FAULTS))
+        self.faults[name] += 1
+        self.actions_since_fault = 0
+        FAULTS[name](self.sim, self.random)
 
 
-def _brown_out(world: World, _: Random) -> None:
-    world.board.power_cycle(world.now)
+def _estop(sim: SimulatedDaemon, _: Random) -> None:
+    sim.estop_requested = True
+    sim.core.estop(sim.now, "soak")
 
 
-def _set(name: str, most: int) -> Callable[[World, Random], None]:
-    return lambda world, random: setattr(world, name, random.randint(1, most))
+def _brown_out(sim: SimulatedDaemon, _: Random) -> None:
+    sim.board.power_cycle(sim.now)
 
 
-TROUBLES: dict[str, Callable[[World, Random], None]] = {
+def _set(name: str, most: int) -> Callable[[SimulatedDaemon, Random], None]:
+    return lambda sim, random: setattr(sim, name, random.randint(1, most))
+
+
+FAULTS: dict[str, Callable[[SimulatedDaemon, Random], None]] = {
     "frames lost on the way to the board": _set("lost_in", 20),
     "frames lost on the way back": _set("lost_out", 20),
     "line stalled": _set("stall", 40),
     "unplugged": _set("unplugged", 300),
     "brown-out": _brown_out,
-    "ramp killed": lambda world, _: world.restart_ramp(),
-    "ramp stopped": lambda world, random: world.stop_ramp(random.randint(1, 2 * SECOND)),
+    "ramp killed": lambda sim, _: sim.restart_ramp(),
+    "ramp stopped": lambda sim, random: sim.stop_ramp(random.randint(1, 2 * SECOND)),
     "emergency stop": _estop,
 }
 
 
 def resident_kb() -> int:
-    """Memory (kB) that this process has in RAM, after all garbage is gone."""
+    """Resident memory of this process (kB) after garbage collection."""
     gc.collect()
     with open("/proc/self/statm", encoding="ascii") as file:
         return int(file.read().split()[1]) * 4
 
 
-def soak(hours: float, seed: int, say: Callable[[str], None]) -> Soak:
-    """Lives for so many simulated hours and says how it goes. Raises `AssertionError` if a law is broken."""
+def run_endurance(hours: float, seed: int, report: Callable[[str], None]) -> EnduranceRun:
+    """Runs for so many simulated hours with progress reports. Raises `AssertionError` if an invariant is broken."""
     with tempfile.TemporaryDirectory() as folder:
-        life = Soak(World(config_at(330.0, Path(folder)), seed=seed), Random(seed))
-    tick = life.world.config.tick
-    life.world.torque = (0.0, 0.3, 0.2, 0.1, 0.1, 0.0)
+        run = EnduranceRun(SimulatedDaemon(config_at(330.0, Path(folder)), seed=seed), Random(seed))
+    tick = run.sim.config.tick
+    run.sim.torque = (0.0, 0.3, 0.2, 0.1, 0.1, 0.0)
     total = round(hours * 3600 * SECOND / tick)
     part = max(1, total // 24)
-    life.run(min(DECIDE, total))
+    run.advance(min(DECIDE, total))
     start, first = time.perf_counter(), resident_kb()
-    while life.lived < total:
-        life.run(min(part, total - life.lived))
+    while run.ticks < total:
+        run.advance(min(part, total - run.ticks))
         now = resident_kb()
-        rate = life.lived / (time.perf_counter() - start)
-        say(
-            f"{life.lived * tick / SECOND / 3600:6.2f} h  {life.lived:>9} ticks  {rate:,.0f} ticks/s  "
-            f"{life.refused} refused, {life.bad_frames} bad  largest step {life.world.largest_step * 1e6:.2f} us  "
+        rate = run.ticks / (time.perf_counter() - start)
+        report(
+            f"{run.ticks * tick / SECOND / 3600:6.2f} h  {run.ticks:>9} ticks  {rate:,.0f} ticks/s  "
+            f"{run.refused} refused, {run.bad_frames} bad  largest step {run.sim.largest_step * 1e6:.2f} us  "
             f"{now / 1024:.1f} MB ({(now - first) / 1024:+.2f})"
         )
-    life.grown_kb = resident_kb() - first
-    return life
+    run.grown_kb = resident_kb() - first
+    return run
 
 
 def main() -> int:
-    """Prints the figures; exit code 1 if a law was broken or a frame was bad."""
+    """Prints the counts; exit code 1 if an invariant was broken or a frame was bad."""
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--hours", type=float, default=24.0, help="simulated (default: %(default)s)")
     p.add_argument("--seed", type=int, default=0)
     options = p.parse_args()
     try:
-        life = soak(options.hours, options.seed, lambda line: print(line, flush=True))
+        run = run_endurance(options.hours, options.seed, lambda line: print(line, flush=True))
     except AssertionError as error:
-        print(f"a law was broken: {error}", file=sys.stderr)
+        print(f"an invariant was broken: {error}", file=sys.stderr)
         return 1
-    for title, counts in (("asked", life.asked), ("troubles", life.trouble), ("told", life.happened)):
+    for title, counts in (("requests", run.requests), ("faults", run.faults), ("events", run.event_codes)):
         print(f"{title}: " + ", ".join(f"{name} {n}" for name, n in counts.most_common()))
-    growth = life.grown_kb / 1024
-    print(f"{life.lived} ticks, {life.bad_frames} bad frames, {growth:+.2f} MB (goal: 13.3 million, 0, at most 2 MB)")
-    return 1 if life.bad_frames else 0
+    growth = run.grown_kb / 1024
+    print(f"{run.ticks} ticks, {run.bad_frames} bad frames, {growth:+.2f} MB (goal: 13.3 million, 0, at most 2 MB)")
+    return 1 if run.bad_frames else 0
 
 
 if __name__ == "__main__":

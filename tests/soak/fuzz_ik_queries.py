@@ -1,4 +1,4 @@
-"""Made-up models and questions for `tests.soak.fuzz_ik`: messages that are in order, and such that are not."""
+"""Random models and queries for `tests.soak.fuzz_ik`: valid messages, and corruptions of them."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from bench.ik_calibrated import SMOOTH, TABLE_B2, with_effects
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
-from lrm_math.ik.batch_equilibrium import settled
+from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrmd.config import Config
+from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.service import IkService
-from lrmd.safety.deployed_model import Deployed
+from validation.calibrated_ik import SMOOTH, TABLE_B2, with_effects
 
 Content: TypeAlias = dict[str, Any]
 REACHABLE = 0.9
-"""Share of goals that the arm can have in some pose; it takes much longer to be sure that it cannot."""
+"""Share of goals that are reachable; proving that one is not takes much longer."""
 
 
-def some_model(rng: random.Random) -> Model:
+def random_model(rng: random.Random) -> Model:
     """The nominal arm, the thesis's, or one with effects of any kind and up to their typical size."""
     thesis, lab = load_model(TABLE_B2), load_arm("lrm-lab")
     kind = rng.randrange(6)
@@ -44,7 +44,7 @@ def some_model(rng: random.Random) -> Model:
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class ServiceUnderTest:
     """A service with its model, and the clock of its board."""
 
     service: IkService
@@ -52,30 +52,30 @@ class Subject:
     clock: PwmClock
 
 
-def some_subject(rng: random.Random, config: Config) -> Subject:
+def random_service(rng: random.Random, config: Config) -> ServiceUnderTest:
     """A daemon's service with any model, on a board of any frequency."""
-    model, clock = some_model(rng), PwmClock(rng.uniform(50.0, 330.0))
+    model, clock = random_model(rng), PwmClock(rng.uniform(50.0, 330.0))
     own = replace(config, arm=model.arm, clock=clock)
-    return Subject(IkService(own, Deployed(model, None, "fuzz", "00" * 32, ())), model, clock)
+    return ServiceUnderTest(IkService(own, DeployedModel(model, None, "fuzz", "00" * 32, ())), model, clock)
 
 
-def some_requests(rng: random.Random, model: Model, count: int) -> list[Content]:
-    """Messages that are in order. Where the arm comes to rest, for goals that it can have, is reckoned at once."""
-    contents = [some_request(rng, model) for _ in range(count)]
+def random_requests(rng: random.Random, model: Model, count: int) -> list[Content]:
+    """Valid messages. The equilibria that make their goals reachable are computed in one batch."""
+    contents = [random_request(rng, model) for _ in range(count)]
     owners = [content for content in contents for _ in range(rng.choice([1, 1, 1, 1, 2]))]
     loads = np.array([content["payload_kg"] for content in owners])
-    rest, rows = settled(model, Poses(np.array([some_angles(rng, model) for _ in owners]), loads))
+    rest, rows = batch_equilibrium(model, Poses(np.array([random_angles(rng, model) for _ in owners]), loads))
     tools: list[Array | None] = [None] * len(owners)
     if len(rows):
         for row, tool in zip(rows.tolist(), frames(model.chain, rest.slots, len(rows))[:, -1], strict=True):
             tools[row] = tool
     for content, tool in zip(owners, tools, strict=True):
-        content["goals"].append(some_goal(rng, tool if rng.random() < REACHABLE else None))
+        content["goals"].append(random_goal(rng, tool if rng.random() < REACHABLE else None))
     return contents
 
 
-def some_request(rng: random.Random, model: Model) -> Content:
-    """A message whose goals are still to be filled in."""
+def random_request(rng: random.Random, model: Model) -> Content:
+    """A message without goals yet."""
     payload = rng.choice([0.0, 0.0, 0.0663, rng.uniform(0, 0.2), rng.uniform(0, 2.0)])
     content: Content = {"goals": [], "payload_kg": payload}
     content["method"] = rng.choices(["direct", "cube", "iterative"], [8, 1, 1])[0]
@@ -83,11 +83,11 @@ def some_request(rng: random.Random, model: Model) -> Content:
     if content["method"] == "cube" and rng.random() < 0.8:
         content |= {"cube_side_m": 10 ** rng.uniform(-4, -0.7), "cube_points": rng.randint(2, 6)}
     if rng.random() < 0.5:
-        content["near_rad"] = some_angles(rng, model, rng.choice([1.0, 1.0, 3.0]))
+        content["near_rad"] = random_angles(rng, model, rng.choice([1.0, 1.0, 3.0]))
     return content
 
 
-def some_angles(rng: random.Random, model: Model, wide: float = 1.0) -> list[float]:
+def random_angles(rng: random.Random, model: Model, wide: float = 1.0) -> list[float]:
     """Angles all over the limits (times `wide`); now and then at them, or at zero, where axes line up."""
     out = []
     for joint in model.arm.joints:
@@ -96,8 +96,8 @@ def some_angles(rng: random.Random, model: Model, wide: float = 1.0) -> list[flo
     return out
 
 
-def some_goal(rng: random.Random, tool: Array | None) -> Content:
-    """Where the tool's frame is (4, 4), or anywhere."""
+def random_goal(rng: random.Random, tool: Array | None) -> Content:
+    """A goal at the tool frame (4, 4), or anywhere."""
     turn = rng.choice(["none", "rpy", "quaternion", "approach", "whole"])
     if tool is not None:
         goal: Content = {"position_m": tool[:3, 3].tolist()}
@@ -172,7 +172,7 @@ def _nothing(_: random.Random, c: Content) -> None:
     c["goals"] = []
 
 
-WRONGS: tuple[Callable[[random.Random, Content], None], ...] = (
+CORRUPTIONS: tuple[Callable[[random.Random, Content], None], ...] = (
     _millimetres, _degrees, _grams, _not_finite, _too_short, _wrong_joints, _no_unit_quaternion, _no_direction, _twice,
     _unknown, _another_type, _nothing,
 )  # fmt: skip

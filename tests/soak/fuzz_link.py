@@ -1,8 +1,8 @@
-"""Damaged and made-up bytes against the link's decoder and readers: `python -m tests.soak.fuzz_link [STRINGS] [SEED]`.
+"""Random and damaged bytes against the link's decoder and readers: `python -m tests.soak.fuzz_link [STRINGS] [SEED]`.
 
-Counts what may never be: an exception other than `ProtocolError`, and a lie, that is a frame that comes out although no
-piece of the input, from 0x00 to 0x00, is byte for byte that frame. Tells how often damage passes for a frame: stuffing
-turns one flipped bit into several, and those pass a checksum of 16 bits by chance.
+Violations are an exception other than `ProtocolError`, and a frame that comes out although no piece of the input, from
+0x00 to 0x00, is byte for byte that frame. Counts how often damage passes for a frame: stuffing turns one flipped
+bit into several, and those pass a checksum of 16 bits by chance.
 """
 
 from __future__ import annotations
@@ -10,10 +10,11 @@ from __future__ import annotations
 import random
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from lrmd.link import protocol
-from lrmd.link.protocol import Bad, Decoder, Frame, FrameType, ProtocolError, Status, encode
+from lrmd.link.frames import BadFrame, Frame, FrameDecoder, FrameType, ProtocolError, encode
+from lrmd.link.protocol import BoardStatus
+from tests.soak.fuzz_result import FuzzResult
 
 STRINGS = 1_000_000
 FLIPS = (1, 2, 3, 4, 8)
@@ -24,27 +25,17 @@ READERS: dict[int, Callable[[Frame], Frame]] = {
     FrameType.STATE: lambda f: protocol.state(f.seq, protocol.state_of(f)),
     FrameType.INFO: lambda f: protocol.info(f.seq, protocol.info_of(f)),
 }
-"""Reads a frame and says it again: an honest reader gives back what it was given."""
+"""Decodes a frame and encodes it again: it must come out as it was."""
 
 
-@dataclass
-class Tally:
-    """What came of the strings."""
-
-    strings: int = 0
-    frames: int = 0
-    forged: int = 0
-    lies: list[str] = field(default_factory=list)
-
-    def line(self) -> str:
-        """For people."""
-        return (
-            f"{self.strings} strings: {self.frames} frames came out, {self.forged} of them never sent; "
-            f"{len(self.lies)} lies"
-        )
+def summary(result: FuzzResult) -> str:
+    """One line for people."""
+    n = result.counts
+    frames = f"{n['frames']} frames came out, {n['forged']} of them never sent"
+    return f"{n['strings']} strings: {frames}; {len(result.violations)} lies"
 
 
-def some_frame(rng: random.Random) -> Frame:
+def random_frame(rng: random.Random) -> Frame:
     """A frame that a host or a board would send."""
     kind, seq = rng.choice(tuple(FrameType)), rng.randrange(256)
     counts = {channel: rng.randrange(4096) for channel in range(16) if rng.random() < 0.6}
@@ -58,17 +49,19 @@ def some_frame(rng: random.Random) -> Frame:
         case FrameType.HELLO:
             return protocol.hello(seq)
         case FrameType.ACK:
-            return protocol.ack(seq, Status(rng.randrange(16)), rng.randint(1, 65535))
+            return protocol.ack(seq, BoardStatus(rng.randrange(16)), rng.randint(1, 65535))
         case FrameType.ERROR:
             return protocol.error(seq, rng.choice(tuple(protocol.ErrorCode)), rng.randrange(16))
         case FrameType.STATE:
             return protocol.state(seq, counts)
-    some = protocol.Info(1, rng.randint(1, 65535), Status(rng.randrange(16)), 121, 1000, rng.randrange(65536), 0, 0)
-    return protocol.info(seq, some)
+    info = protocol.BoardInfo(
+        1, rng.randint(1, 65535), BoardStatus(rng.randrange(16)), 121, 1000, rng.randrange(65536), 0, 0
+    )
+    return protocol.info(seq, info)
 
 
 def flip(data: bytes, bits: int, rng: random.Random) -> bytes:
-    """`data` with so many different bits turned over."""
+    """`data` with `bits` different bits flipped."""
     number = int.from_bytes(data, "big")
     for bit in rng.sample(range(8 * len(data)), bits):
         number ^= 1 << bit
@@ -76,7 +69,7 @@ def flip(data: bytes, bits: int, rng: random.Random) -> bytes:
 
 
 def damaged(data: bytes, rng: random.Random) -> bytes:
-    """`data` after one of the things that happen to bytes on a line."""
+    """`data` after one line fault: flipped bits, a loss, an insertion, an overwrite, a repeat or a 0x00."""
     at, length = rng.randrange(len(data)), rng.choice((1, 1, 1, 2, 4, 8))
     match rng.randrange(6):
         case 0:
@@ -92,7 +85,7 @@ def damaged(data: bytes, rng: random.Random) -> bytes:
     return data[:at] + b"\0" + data[at:]
 
 
-def some_string(rng: random.Random, wires: list[bytes]) -> bytes:
+def random_string(rng: random.Random, wires: list[bytes]) -> bytes:
     """Noise, or a few frames with damage."""
     if rng.random() < 0.25:
         return rng.randbytes(rng.randrange(80))
@@ -102,23 +95,23 @@ def some_string(rng: random.Random, wires: list[bytes]) -> bytes:
     return text
 
 
-def check(text: bytes, sent: set[bytes], tally: Tally) -> None:
-    """Decodes and reads one string, and books what came out."""
-    tally.strings += 1
+def check(text: bytes, sent: set[bytes], result: FuzzResult) -> None:
+    """Decodes one string and counts what came out."""
+    result.counts["strings"] += 1
     try:
-        events = Decoder().feed(text + b"\0")
+        events = FrameDecoder().feed(text + b"\0")
         for event in events:
-            if isinstance(event, Bad):
+            if isinstance(event, BadFrame):
                 continue
-            tally.frames += 1
+            result.counts["frames"] += 1
             wire = encode(event)
-            tally.forged += wire not in sent
+            result.counts["forged"] += wire not in sent
             if wire[:-1] not in text.split(b"\0"):
-                tally.lies.append(f"{text.hex()}: {event}")
+                result.violations.append(f"{text.hex()}: {event}")
             if _misread(event):
-                tally.lies.append(f"{text.hex()}: misread {event}")
+                result.violations.append(f"{text.hex()}: misread {event}")
     except Exception as error:  # every kind is a finding here
-        tally.lies.append(f"{text.hex()}: {error!r}")
+        result.violations.append(f"{text.hex()}: {error!r}")
 
 
 def _misread(frame: Frame) -> bool:
@@ -129,36 +122,36 @@ def _misread(frame: Frame) -> bool:
         return False
 
 
-def fuzz(strings: int, seed: int = 0) -> Tally:
-    """So many random or damaged strings into the decoder and the readers."""
-    rng, tally = random.Random(seed), Tally()
-    wires = [encode(some_frame(rng)) for _ in range(2000)]
+def fuzz(strings: int, seed: int = 0) -> FuzzResult:
+    """Random and damaged strings into the decoder and the readers."""
+    rng, result = random.Random(seed), FuzzResult()
+    wires = [encode(random_frame(rng)) for _ in range(2000)]
     sent = set(wires)
     for _ in range(strings):
-        check(some_string(rng, wires), sent, tally)
-    return tally
+        check(random_string(rng, wires), sent, result)
+    return result
 
 
-def flips(strings: int, bits: int, seed: int = 0) -> Tally:
-    """Frames of nine channels with exactly `bits` bits turned over, the ending 0x00 included."""
-    rng, tally = random.Random(seed), Tally()
+def flips(strings: int, bits: int, seed: int = 0) -> FuzzResult:
+    """Frames of nine channels with exactly `bits` bits flipped, the ending 0x00 included."""
+    rng, result = random.Random(seed), FuzzResult()
     for _ in range(strings):
         wire = encode(protocol.arm(rng.randrange(256), {channel: rng.randint(150, 600) for channel in range(9)}))
-        check(flip(wire, bits, rng), {wire}, tally)
-    return tally
+        check(flip(wire, bits, rng), {wire}, result)
+    return result
 
 
 def main(strings: int = STRINGS, seed: int = 0) -> int:
-    """Prints the tallies; 1 if there was a lie."""
-    tally = fuzz(strings, seed)
-    print("random and damaged", tally.line())
-    lies = tally.lies
+    """Prints the counts; 1 if there was a violation."""
+    result = fuzz(strings, seed)
+    print("random and damaged", summary(result))
+    violations = result.violations
     for bits in FLIPS:
-        tally = flips(strings // 10, bits, seed)
-        print(f"{bits} bits of an ARM turned over", tally.line())
-        lies += tally.lies
-    print(*lies[:10], sep="\n")
-    return bool(lies)
+        result = flips(strings // 10, bits, seed)
+        print(f"{bits} bits of an ARM turned over", summary(result))
+        violations += result.violations
+    print(*violations[:10], sep="\n")
+    return bool(violations)
 
 
 if __name__ == "__main__":

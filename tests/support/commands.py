@@ -1,4 +1,4 @@
-"""Commands run in this process: as a person would type them, without the second that Python takes to start."""
+"""`lrm-ident` run in this process: no second spent on starting Python and importing scipy and matplotlib."""
 
 from __future__ import annotations
 
@@ -12,20 +12,19 @@ from lrm_ident.cli.app import main
 from tests.conftest import EXAMPLE
 
 
-def typed(*words: object) -> tuple[int, str, str]:
+def run_command(*words: object) -> tuple[int, str, str]:
     """Exit code, stdout and stderr of `lrm-ident WORDS`."""
-    said, complained = io.StringIO(), io.StringIO()
-    code = 0
+    stdout, stderr, code = io.StringIO(), io.StringIO(), 0
     with (
         mock.patch.object(sys, "argv", ["lrm-ident", *map(str, words)]),
-        contextlib.redirect_stdout(said),
-        contextlib.redirect_stderr(complained),
+        contextlib.redirect_stdout(stdout),
+        contextlib.redirect_stderr(stderr),
     ):
         try:
             main()
         except SystemExit as end:
             code = int(end.code or 0)
-    return code, said.getvalue(), complained.getvalue()
+    return code, stdout.getvalue(), stderr.getvalue()
 
 
 def part_of_example(folder: Path, poses: int) -> Path:
@@ -36,17 +35,17 @@ def part_of_example(folder: Path, poses: int) -> Path:
     return path
 
 
-def does(*words: object) -> str:
-    """What a command that succeeds prints."""
-    code, said, complained = typed(*words)
-    assert code == 0, complained
-    return said
+def stdout_of(*words: object) -> str:
+    """Stdout of a command that must succeed."""
+    code, stdout, stderr = run_command(*words)
+    assert code == 0, stderr
+    return stdout
 
 
-def refuses(*words: object) -> str:
-    """The one line of a command that takes its words or files for wrong."""
-    code, _, complained = typed(*words)
-    assert code == 2
-    assert len(complained.splitlines()) == 1, complained
-    assert complained.startswith("error: ")
-    return complained
+def stderr_of(*words: object) -> str:
+    """Stderr of a command that must end with exit code 2 and one line."""
+    code, stdout, stderr = run_command(*words)
+    assert code == 2, stdout + stderr
+    assert len(stderr.splitlines()) == 1, stderr
+    assert stderr.startswith("error: ")
+    return stderr

@@ -1,4 +1,4 @@
-"""The daemon and its simulated board as real processes, for tests and measurements: started, disturbed, always ended.
+"""The daemon and its simulated board as real processes, for tests and measurements; always ended.
 
 The daemon is started as systemd does it, with a notification socket, and both with files and a zenoh port of their own.
 """
@@ -19,49 +19,49 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Self
 
-from lrmd.client.rover import Rover
+from lrmd.client import Rover
 from lrmd.demo import free_port
 from lrmd.messages.zenoh_session import key
-from lrmd.sim.control_queries import Answer
-from lrmd.sim.control_socket import ask
+from lrmd.sim.control_queries import QueryReply
+from lrmd.sim.control_socket import query_board
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE = 10.0
-"""s: how long anything may take before a wait fails. Only what goes wrong waits this long."""
+TIMEOUT = 10.0
+"""s; only a failing wait takes this long."""
 SECOND = 1_000_000_000
 
 
-class TooLong(AssertionError):
-    """Something did not happen in time."""
+class WaitTimeout(AssertionError):
+    """A condition did not hold in time."""
 
 
-def wait_for(what: Callable[[], bool], why: str, seconds: float = PATIENCE, pause: float = 0.005) -> None:
-    """Waits until something is true. Raises `TooLong`."""
+def wait_for(condition: Callable[[], bool], what: str, seconds: float = TIMEOUT, pause: float = 0.005) -> None:
+    """Waits until a condition holds. Raises `WaitTimeout`."""
     end = time.monotonic() + seconds
-    while not what():
+    while not condition():
         if time.monotonic() > end:
-            raise TooLong(f"waited {seconds:g} s in vain: {why}")
+            raise WaitTimeout(f"not within {seconds:g} s: {what}")
         time.sleep(pause)
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where one daemon and its board live: a folder, and a port for zenoh on loopback."""
+class DaemonSetup:
+    """The files of one daemon and its board in a folder, and a port for zenoh on loopback."""
 
     folder: Path
     port: int
 
     @classmethod
-    def make(cls, folder: Path, changes: Mapping[str, str] | None = None) -> Place:
-        """A place with the shipped configuration, 330 Hz (a count shorter than a step) and a short stagger.
+    def make(cls, folder: Path, changes: Mapping[str, str] | None = None) -> DaemonSetup:
+        """The shipped configuration with these files, 330 Hz (a count shorter than a step) and a short stagger.
 
         `changes`: more texts of the file to replace, each of which must be there.
         """
-        place = cls(folder, free_port())
+        setup = cls(folder, free_port())
         own = {
-            '"/dev/lrm-arm"': f'"{place.link}"',
-            '"/var/lib/lrmd"': f'"{place.state}"',
-            "127.0.0.1:7447": f"127.0.0.1:{place.port}",
+            '"/dev/lrm-arm"': f'"{setup.link}"',
+            '"/var/lib/lrmd"': f'"{setup.state}"',
+            "127.0.0.1:7447": f"127.0.0.1:{setup.port}",
             "pwm_hz = 50.0": "pwm_hz = 330.0",
             "stagger_ms = 200": "stagger_ms = 20",
         }
@@ -69,8 +69,8 @@ class Place:
         for old, new in {**own, **(changes or {})}.items():
             assert old in text, f"lrmd.toml has no {old}"
             text = text.replace(old, new)
-        place.config.write_text(text, encoding="utf-8")
-        return place
+        setup.config.write_text(text, encoding="utf-8")
+        return setup
 
     @property
     def link(self) -> Path:
@@ -79,7 +79,7 @@ class Place:
 
     @property
     def log(self) -> Path:
-        """What the board was told."""
+        """The board's frame log."""
         return self.folder / "frames.csv"
 
     @property
@@ -89,7 +89,7 @@ class Place:
 
     @property
     def state(self) -> Path:
-        """The folder of what survives."""
+        """The folder of the state file."""
         return self.folder / "state"
 
     @property
@@ -106,7 +106,7 @@ class Place:
         return key("rover", tail)
 
 
-class Running:
+class ProcessGroup:
     """A process with a group of its own, which ends with it, whatever state it is in."""
 
     def __init__(self, command: list[str], output: IO[Any], **environment: str) -> None:
@@ -123,7 +123,7 @@ class Running:
         """Kills it and its children, if they are still there."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
-        self.process.wait(PATIENCE)
+        self.process.wait(TIMEOUT)
 
     def __enter__(self) -> Self:
         return self
@@ -132,28 +132,34 @@ class Running:
         self.end()
 
 
-class BoardProcess(Running):
-    """`lrmd-board` at a place, writing its frame log.
+class BoardProcess(ProcessGroup):
+    """`lrmd-board`, writing its frame log.
 
     A real board has a processor of its own and answers whatever else is going on; so this one goes before all but the
     ramp, where that is allowed.
     """
 
-    def __init__(self, place: Place, *options: str) -> None:
-        command = [sys.executable, "-m", "lrmd.sim.process", "--link", str(place.link), "--log", str(place.log)]
+    def __init__(self, setup: DaemonSetup, *options: str) -> None:
+        command = [sys.executable, "-m", "lrmd.sim.process", "--link", str(setup.link), "--log", str(setup.log)]
         super().__init__([*command, *options], subprocess.DEVNULL)
-        self.place = place
+        self.setup = setup
         with suppress(PermissionError):
             os.sched_setscheduler(self.process.pid, os.SCHED_FIFO, os.sched_param(1))
-        wait_for(lambda: place.link.exists() or self.process.poll() is not None, "the board comes up")
+        wait_for(lambda: setup.link.exists() or self.process.poll() is not None, "the board comes up")
         assert self.process.poll() is None, "the simulated board ended"
 
-    def ask(self, question: str) -> Answer:
-        """Asks or disturbs the board."""
-        return ask(self.place.link, question)
+    def ask(self, query: str) -> QueryReply:
+        """Sends a query or a fault to the board's control socket."""
+        return query_board(self.setup.link, query)
+
+    def pulses(self) -> list[float]:
+        """Pulses that it puts out (us)."""
+        pulses = self.ask("status")["pulse_us"]
+        assert isinstance(pulses, list)
+        return [pulse for pulse in pulses if pulse is not None]
 
     def started_at(self) -> int:
-        """Monotonic ns at which the board's clock stood at 0, as well as the quickest of some questions can tell."""
+        """Monotonic ns at which the board's clock stood at 0, by the quickest of some queries."""
         best, quickest = 0, SECOND
         for _ in range(20):
             before = time.monotonic_ns()
@@ -164,8 +170,8 @@ class BoardProcess(Running):
         return best
 
 
-class Notifications:
-    """What systemd would be told: a socket that a thread reads, and the messages with the time they came (mono ns).
+class NotifySocket:
+    """systemd's notification socket, read by a thread: the messages with the time they came (monotonic ns).
 
     `listening`: cleared, nobody reads, and the socket fills up.
     """
@@ -173,7 +179,7 @@ class Notifications:
     def __init__(self, path: Path) -> None:
         path.unlink(missing_ok=True)
         self.path = path
-        self.came: list[tuple[int, str]] = []
+        self.messages: list[tuple[int, str]] = []
         self.listening = threading.Event()
         self.listening.set()
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -188,52 +194,52 @@ class Notifications:
             if self.listening.wait(0.05):
                 with suppress(TimeoutError):
                     message = self._socket.recv(4096).decode()
-                    self.came.append((time.monotonic_ns(), message))
+                    self.messages.append((time.monotonic_ns(), message))
 
     def times(self, word: str, since: int = 0) -> list[int]:
         """Monotonic ns at which messages with that word came."""
-        return [t for t, message in self.came if t >= since and word in message]
+        return [t for t, message in self.messages if t >= since and word in message]
 
-    def wait_for(self, word: str, seconds: float = PATIENCE) -> int:
-        """Monotonic ns at which the first message with that word came. Raises `TooLong`."""
-        wait_for(lambda: bool(self.times(word)), f"systemd is told {word}", seconds)
+    def wait_for(self, word: str, seconds: float = TIMEOUT) -> int:
+        """Monotonic ns at which the first message with that word came. Raises `WaitTimeout`."""
+        wait_for(lambda: bool(self.times(word)), f"systemd gets {word}", seconds)
         return self.times(word)[0]
 
     def close(self) -> None:
-        """Nobody listens any more."""
+        """Stops listening."""
         self._closed = True
         self._thread.join()
         self._socket.close()
         self.path.unlink(missing_ok=True)
 
 
-class DaemonProcess(Running):
-    """`lrmd` at a place. `started`: monotonic ns."""
+class DaemonProcess(ProcessGroup):
+    """`lrmd`. `started`: monotonic ns."""
 
-    def __init__(self, place: Place, watchdog_s: float = 2.0) -> None:
-        self.place = place
-        self.notifications = Notifications(place.folder / "notify")
-        self._said = (place.folder / "lrmd.log").open("ab")
-        self._begins = self._said.tell()
-        command = [str(Path(sys.executable).with_name("lrmd")), "--config", str(place.config)]
+    def __init__(self, setup: DaemonSetup, watchdog_s: float = 2.0) -> None:
+        self.setup = setup
+        self.notifications = NotifySocket(setup.folder / "notify")
+        self._log_file = (setup.folder / "lrmd.log").open("ab")
+        self._log_start = self._log_file.tell()
+        command = [str(Path(sys.executable).with_name("lrmd")), "--config", str(setup.config)]
         usec = str(round(watchdog_s * 1e6))
         self.started = time.monotonic_ns()
-        super().__init__(command, self._said, NOTIFY_SOCKET=str(self.notifications.path), WATCHDOG_USEC=usec)
+        super().__init__(command, self._log_file, NOTIFY_SOCKET=str(self.notifications.path), WATCHDOG_USEC=usec)
 
     def ready(self) -> Self:
-        """Waits until it says that it is ready."""
+        """Waits until systemd would have READY=1."""
         self.notifications.wait_for("READY=1")
         return self
 
-    def said(self) -> list[dict[str, Any]]:
-        """What it has logged since its start."""
-        with (self.place.folder / "lrmd.log").open("rb") as file:
-            file.seek(self._begins)
+    def log_entries(self) -> list[dict[str, Any]]:
+        """Entries of its log since its start."""
+        with (self.setup.folder / "lrmd.log").open("rb") as file:
+            file.seek(self._log_start)
             return [json.loads(line) for line in file.read().splitlines() if line.startswith(b"{")]
 
     def codes(self) -> list[str]:
-        """The codes of what it has logged since its start."""
-        return [str(entry["event"]) for entry in self.said()]
+        """The event codes of its log since its start."""
+        return [str(entry["event"]) for entry in self.log_entries()]
 
     def child(self, name: str) -> int:
         """The number of its `ramp` or `ik` process, once that is at work: only the latter has zenoh loaded."""
@@ -249,7 +255,7 @@ class DaemonProcess(Running):
     def end(self) -> None:
         """Kills it, and closes what was open for it."""
         super().end()
-        self._said.close()
+        self._log_file.close()
         self.notifications.close()
 
 
@@ -284,7 +290,7 @@ def is_alive(pid: int) -> bool:
 
 
 @contextmanager
-def running(place: Place, *board_options: str) -> Iterator[tuple[BoardProcess, DaemonProcess]]:
+def running_daemon(setup: DaemonSetup, *board_options: str) -> Iterator[tuple[BoardProcess, DaemonProcess]]:
     """A board and a daemon that is ready."""
-    with BoardProcess(place, *board_options) as board, DaemonProcess(place) as daemon:
+    with BoardProcess(setup, *board_options) as board, DaemonProcess(setup) as daemon:
         yield board, daemon.ready()

@@ -1,4 +1,4 @@
-"""A daemon's core, its ramp and a simulated board in one process, on a clock that the caller moves."""
+"""A daemon's controller, its ramp and a simulated board in one process, on a simulated clock."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from pathlib import Path
 from random import Random
 
 from lrmd.config import Config, load_config
-from lrmd.control.core import Core
-from lrmd.ramp.core import Board, RampCore
-from lrmd.ramp.shared_memory import LinkState, Order, Report
-from lrmd.sim.board import Board as SimulatedBoard
+from lrmd.control.controller import Controller
+from lrmd.ramp.core import BoardSettings, RampCore
+from lrmd.ramp.shared_memory import LinkState, RampOrder, RampReport
+from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.pca9685_chip import Pca9685Chip
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "lrmd.toml"
@@ -27,10 +27,11 @@ def config_at(pwm_hz: float, folder: Path) -> Config:
 
 
 @dataclass
-class World:
-    """Time goes on by `run`. `lost_in`, `lost_out`: the next frames that vanish on the way to and from the board.
+class SimulatedDaemon:
+    """Time passes in `run`, and every tick is checked.
 
-    `stalled`: what the line holds back; `api_stopped`: the API neither reads nor writes. Every tick is checked.
+    Faults: `lost_in`, `lost_out`: the next frames lost on the way to and from the board; `stall`: ticks for which the
+    line holds frames back; `unplugged`: ticks without a device; `api_stopped`: the API neither reads nor writes.
     """
 
     config: Config
@@ -46,23 +47,23 @@ class World:
     ticks: int = 0
     held_in: bytes = b""
     held_out: bytes = b""
-    rung: bool = False
-    order: Order | None = None
+    estop_requested: bool = False
+    order: RampOrder | None = None
     outputs: dict[int, float | None] = field(default_factory=dict)
     largest_step: float = 0.0
 
     def __post_init__(self) -> None:
         self.random = Random(self.seed)
         self.board = SimulatedBoard(Pca9685Chip(self.config.clock.oscillator_hz), self.random, self.now)
-        self.ramp = RampCore(Board.of(self.config))
-        self.core = Core(
+        self.ramp = RampCore(BoardSettings.of(self.config))
+        self.core = Controller(
             self.config, lambda *_: self.torque, None, lambda *_: None, self.now, 1_700_000_000_000_000_000
         )
         self.report = self._report()
         self.allowed: dict[int, int] = {}
         self.outputs = self._pulses()
 
-    def _report(self) -> Report:
+    def _report(self) -> RampReport:
         return self.ramp.report(self.ticks, self.now, 0, 0, self.starts, False)
 
     def _pulses(self) -> dict[int, float | None]:
@@ -74,7 +75,7 @@ class World:
             self.tick()
 
     def tick(self) -> None:
-        """One tick of the ramp, and now and then a cycle of the API."""
+        """One tick of the ramp, and every `CYCLE` ticks a cycle of the API."""
         self.now += self.config.tick
         self.ticks += 1
         self.board.tick(self.now)
@@ -82,9 +83,9 @@ class World:
             self.cycle()
         received = self._arrived()
         before = self.ramp.outputs
-        out = self.ramp.tick(self.now, self.now, self.order, received, self.rung)
-        self.rung = False
-        if self.order is not None and self.ramp.taken and self.ramp.order == self.order.number:
+        out = self.ramp.tick(self.now, self.now, self.order, received, self.estop_requested)
+        self.estop_requested = False
+        if self.order is not None and self.ramp.order_accepted and self.ramp.order == self.order.number:
             fresh = self.ramp.outputs & ~before
             self.allowed |= {i: self.order.pose[i] for i in range(len(self.config.servos)) if fresh >> i & 1}
         if self.ramp.link is LinkState.CLOSED and not self.unplugged:
@@ -127,7 +128,7 @@ class World:
     def restart_ramp(self) -> None:
         """kill -9 of the ramp process: a new one finds the last report."""
         self.starts += 1
-        self.ramp = RampCore(Board.of(self.config), self.report)
+        self.ramp = RampCore(BoardSettings.of(self.config), self.report)
         self.held_out = b""
 
     def stop_ramp(self, ns: int) -> None:
@@ -138,7 +139,7 @@ class World:
         self._check()
 
     def _check(self) -> None:
-        """The laws: no pulse outside its limits, no step above one per tick, no pulse switched on but as ordered."""
+        """Invariants: no pulse outside its limits, at most one step per tick, no pulse switched on but as ordered."""
         after, count = self._pulses(), self.config.clock.count_s
         for i, servo in enumerate(self.config.servos):
             was, now = self.outputs[i], after[i]
@@ -146,7 +147,7 @@ class World:
                 continue
             assert servo.lowest * 1e-9 - count <= now <= servo.highest * 1e-9 + count, servo.name
             if was is None:
-                assert i in self.allowed, f"{servo.name} was switched on and nobody asked"
+                assert i in self.allowed, f"{servo.name} was switched on without a request"
                 assert abs(now - self.allowed.pop(i) * 1e-9) <= self.config.step * 1e-9 + count
             else:
                 self.largest_step = max(self.largest_step, abs(now - was))

@@ -1,4 +1,4 @@
-"""A daemon and its clients without processes or network: the real face, core, ramp and client on a wire in memory."""
+"""A daemon and its clients without processes or network: the real server, controller, ramp and client."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from unittest import mock
 import zenoh
 
 from lrm_math.errors import LrmError
-from lrmd.api.publisher import Telling
-from lrmd.api.supervisor import Child
-from lrmd.api.zenoh_server import Face, error_reply
-from lrmd.control.events import Done, Happening
-from lrmd.messages.control import EstopCommand, LeaseRequest, Message, pack, unpack
-from lrmd.ramp.shared_memory import Shared
-from tests.support.in_memory_daemon import World
+from lrmd.api.publisher import StatePublisher
+from lrmd.api.supervisor import ChildProcess
+from lrmd.api.zenoh_server import ZenohServer
+from lrmd.control.events import ControllerEvent, RequestResult
+from lrmd.messages.control import EstopCommand, LeaseRequest, Message, error_reply, pack, unpack
+from lrmd.ramp.shared_memory import SharedRecords
+from tests.support.in_memory_daemon import SimulatedDaemon
 
 STRIDE = 15
-"""Ticks that pass between two looks of a client, about 100 ms."""
+"""Ticks that pass between two reads of the mode, about 100 ms."""
 
 
 @dataclass(frozen=True)
-class Payload:
-    """Bytes as zenoh hands them over."""
+class FakePayload:
+    """`zenoh.ZBytes`."""
 
     data: bytes
 
@@ -35,55 +35,55 @@ class Payload:
 
 
 @dataclass(frozen=True)
-class Sample:
-    """What a subscriber sees."""
+class FakeSample:
+    """`zenoh.Sample`."""
 
     key_expr: str
-    payload: Payload
+    payload: FakePayload
 
 
 @dataclass(frozen=True)
-class Answer:
-    """One reply, good or bad."""
+class FakeReply:
+    """`zenoh.Reply`."""
 
-    ok: Sample | None = None
-    err: Sample | None = None
+    ok: FakeSample | None = None
+    err: FakeSample | None = None
 
 
 @dataclass
-class Query:
-    """What a queryable sees."""
+class FakeQuery:
+    """`zenoh.Query`."""
 
     key_expr: str
-    payload: Payload | None
-    answers: list[Answer] = field(default_factory=list)
+    payload: FakePayload | None
+    answers: list[FakeReply] = field(default_factory=list)
     ended: bool = False
 
-    def __enter__(self) -> Query:
+    def __enter__(self) -> FakeQuery:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.ended = True
 
     def reply(self, key: str, data: bytes) -> None:
-        self.answers.append(Answer(ok=Sample(key, Payload(data))))
+        self.answers.append(FakeReply(ok=FakeSample(key, FakePayload(data))))
 
     def reply_err(self, data: bytes) -> None:
-        self.answers.append(Answer(err=Sample(self.key_expr, Payload(data))))
+        self.answers.append(FakeReply(err=FakeSample(self.key_expr, FakePayload(data))))
 
 
-class Wire:
-    """One session for everybody: what is put or asked reaches who declared a key that meets it."""
+class FakeZenohSession:
+    """One session for everybody: puts and gets reach those who declared an intersecting key expression."""
 
     def __init__(self) -> None:
-        self._queryables: list[tuple[str, Callable[[Query], None]]] = []
-        self._subscribers: list[tuple[str, Callable[[Sample], None]]] = []
+        self._queryables: list[tuple[str, Callable[[FakeQuery], None]]] = []
+        self._subscribers: list[tuple[str, Callable[[FakeSample], None]]] = []
         self._lock = threading.RLock()
 
-    def declare_queryable(self, key: str, callback: Callable[[Query], None]) -> None:
+    def declare_queryable(self, key: str, callback: Callable[[FakeQuery], None]) -> None:
         self._queryables.append((key, callback))
 
-    def declare_subscriber(self, key: str, callback: Callable[[Sample], None]) -> None:
+    def declare_subscriber(self, key: str, callback: Callable[[FakeSample], None]) -> None:
         self._subscribers.append((key, callback))
 
     def declare_publisher(self, key: str, **_: object) -> mock.Mock:
@@ -96,66 +96,68 @@ class Wire:
         with self._lock:
             for own, callback in self._subscribers:
                 if zenoh.KeyExpr(key).intersects(zenoh.KeyExpr(own)):
-                    callback(Sample(key, Payload(data)))
+                    callback(FakeSample(key, FakePayload(data)))
 
-    def get(self, key: str, payload: bytes = b"", **_: object) -> list[Answer]:
+    def get(self, key: str, payload: bytes = b"", **_: object) -> list[FakeReply]:
         with self._lock:
             queries = []
             for own, callback in self._queryables:
                 if zenoh.KeyExpr(key).intersects(zenoh.KeyExpr(own)):
-                    queries.append(Query(key, Payload(payload) if payload else None))
+                    queries.append(FakeQuery(key, FakePayload(payload) if payload else None))
                     callback(queries[-1])
             assert all(query.ended for query in queries), "a query that stays open also gives its asker a timeout"
             return [answer for query in queries for answer in query.answers]
 
     def close(self) -> None:
-        """The client's end; the wire stays."""
+        """The client's end; the session stays."""
 
 
-class Daemon:
-    """The owner behind the face. Time passes when a client looks at the mode, and a lease never runs out meanwhile."""
+class InMemoryDaemon:
+    """The request handler behind the zenoh server. Time passes when a client reads the mode; that renews the lease."""
 
-    def __init__(self, world: World) -> None:
-        self.world, self.wire = world, Wire()
-        self.told: list[bytes] = []
-        self.shared = Shared.create()
-        self._telling = Telling(world.config, world.core, self.shared, Child("ramp", print), Child("ik", print))
-        self.face = Face(self.wire, world.config.robot, self, tuple(self._telling.states))
+    def __init__(self, sim: SimulatedDaemon) -> None:
+        self.sim, self.session = sim, FakeZenohSession()
+        self.published: list[bytes] = []
+        self.shared = SharedRecords.create()
+        self._publisher = StatePublisher(
+            sim.config, sim.core, self.shared, ChildProcess("ramp", print), ChildProcess("ik", print)
+        )
+        self.server = ZenohServer(self.session, sim.config.robot, self, tuple(self._publisher.states))
 
     def _flush(self) -> None:
-        for happening in self.world.core.happenings:
-            self.told.append(pack(self._telling.event(happening)))
-            self.face.tell(happening.code, self.told[-1])
-        self.world.core.happenings.clear()
+        for event in self.sim.core.events:
+            self.published.append(pack(self._publisher.event(event)))
+            self.server.publish_event(event.code, self.published[-1])
+        self.sim.core.events.clear()
 
-    def carry_out(self, tail: str, request: Message) -> Message:
-        self.world.core.observe(self.world.report, self.world.now)
-        done = self.world.core.handle(request, self.world.now)
+    def handle(self, tail: str, request: Message) -> Message:
+        self.sim.core.observe(self.sim.report, self.sim.now)
+        result = self.sim.core.handle(request, self.sim.now)
         self._flush()
-        return self._telling.reply(tail, done)
+        return self._publisher.reply(tail, result)
 
-    def refused(self, tail: str, error: LrmError) -> None:
+    def report_refusal(self, tail: str, error: LrmError) -> None:
         reply = error_reply(error)
-        self.world.core.happenings.append(Happening("refused", "warning", f"{tail}: {reply.msg}", {"why": reply.code}))
+        self.sim.core.events.append(ControllerEvent("refused", "warning", f"{tail}: {reply.msg}", {"why": reply.code}))
         self._flush()
 
-    def stop_everything(self, data: bytes) -> Message:
-        self.world.rung = True
-        self.world.core.estop(self.world.now, unpack(EstopCommand, data).why)
-        self.world.run(2)
-        return self._telling.reply("rpc/estop", Done())
+    def emergency_stop(self, data: bytes) -> Message:
+        self.sim.estop_requested = True
+        self.sim.core.estop(self.sim.now, unpack(EstopCommand, data).why)
+        self.sim.run(2)
+        return self._publisher.reply("rpc/estop", RequestResult())
 
     def state(self, tail: str) -> Message:
-        core = self.world.core
+        core = self.sim.core
         if tail == "state/mode":
             if core.lease is not None:
-                core.handle(LeaseRequest(action="renew", lease=core.lease.token), self.world.now)
-            self.world.run(STRIDE)
+                core.handle(LeaseRequest(action="renew", lease=core.lease.token), self.sim.now)
+            self.sim.run(STRIDE)
             self._flush()
-        return self._telling.states[tail]()
+        return self._publisher.states[tail]()
 
     def events(self) -> list[bytes]:
-        return self.told
+        return self.published
 
     @contextmanager
     def reachable(self) -> Iterator[None]:
@@ -163,5 +165,5 @@ class Daemon:
         with mock.patch("lrmd.client.rover.zenoh.open", side_effect=self._opened):
             yield
 
-    def _opened(self, _: Any) -> Wire:
-        return self.wire
+    def _opened(self, _: Any) -> FakeZenohSession:
+        return self.session

@@ -10,7 +10,7 @@ from typing import Any
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-import lrmd
+from lrmd import messages
 from lrmd.messages.control import Header, Message, MetricsState, Part
 
 Content = dict[str, Any]
@@ -18,9 +18,8 @@ Content = dict[str, Any]
 
 def every_message() -> dict[str, type[Part]]:
     """The messages and their parts by name, wherever they are defined."""
-    for module in pkgutil.iter_modules(lrmd.__path__, "lrmd."):
-        if "messages" in module.name:
-            importlib.import_module(module.name)
+    for module in pkgutil.iter_modules(messages.__path__, "lrmd.messages."):
+        importlib.import_module(module.name)
     found: dict[str, type[Part]] = {}
     waiting: list[type[Part]] = [Part]
     while waiting:
@@ -89,7 +88,7 @@ def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> st.SearchStrategy
             inner = schema["additionalProperties"]
             keys = _of({"type": "string", **schema.get("propertyNames", {})}, defs)
             return st.dictionaries(keys, _of(inner, defs), max_size=3)
-    raise AssertionError(f"no way to draw {schema}")
+    raise AssertionError(f"no strategy for {schema}")
 
 
 def _number(schema: Mapping[str, Any], kind: str) -> st.SearchStrategy[Any]:

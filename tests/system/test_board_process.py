@@ -15,8 +15,9 @@ import pytest
 import serial
 
 from lrmd.link import protocol
-from lrmd.link.protocol import Frame, FrameType, Status
-from lrmd.sim.control_socket import ControlError, ask, control_path
+from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
+from lrmd.link.protocol import BoardStatus
+from lrmd.sim.control_socket import ControlError, control_path, query_board
 
 COMMAND = [sys.executable, "-m", "lrmd.sim.process"]
 Start = Callable[..., "subprocess.Popen[str]"]
@@ -34,10 +35,10 @@ class Host:
 
     def __init__(self, link: Path) -> None:
         self.port = serial.Serial(str(link), 115_200, timeout=2.0, write_timeout=2.0, exclusive=True)
-        self.decoder = protocol.Decoder()
+        self.decoder = FrameDecoder()
 
     def say(self, frame: Frame) -> Frame:
-        self.port.write(protocol.encode(frame))
+        self.port.write(encode(frame))
         events = self.decoder.feed(self.port.read_until(b"\0"))
         assert len(events) == 1, events
         assert isinstance(events[0], Frame)
@@ -91,7 +92,7 @@ def test_ten_thousand_frames_are_all_acknowledged_in_order(start: Start, link: P
     for n in range(10_000):
         reply = host.say(protocol.arm(n % 256, dict.fromkeys(range(9), 300 + n % 7)))
         assert reply.seq == n % 256
-        assert protocol.ack_of(reply).status == Status.PULSING | Status.SET_UP
+        assert protocol.ack_of(reply).status == BoardStatus.PULSING | BoardStatus.SET_UP
     info = protocol.info_of(host.say(protocol.hello(1)))
     assert (info.accepted, info.refused) == (10_002, 0)
     assert info.simulated
@@ -109,9 +110,9 @@ def test_nothing_is_echoed_and_nothing_is_said_unasked(start: Start, link: Path)
     time.sleep(0.2)
     with pytest.raises(BlockingIOError):
         os.read(descriptor, 100)
-    os.write(descriptor, b"\0" + protocol.encode(protocol.hello(7)))
-    wait_for(lambda: bool(ask(link, "status")["accepted"]))
-    events = protocol.Decoder().feed(os.read(descriptor, 1000))
+    os.write(descriptor, b"\0" + encode(protocol.hello(7)))
+    wait_for(lambda: bool(query_board(link, "status")["accepted"]))
+    events = FrameDecoder().feed(os.read(descriptor, 1000))
     os.close(descriptor)
     assert [event.type for event in events if isinstance(event, Frame)] == [FrameType.ERROR, FrameType.INFO]
 
@@ -132,7 +133,7 @@ def test_a_hang_up_is_seen_and_the_link_leads_to_the_new_device(start: Start, li
     protocol.ack_of(host.say(protocol.setup(0, 121, 10_000)))
     protocol.ack_of(host.say(protocol.arm(1, {0: 300})))
     boot = protocol.info_of(host.say(protocol.hello(2))).boot
-    ask(link, "hangup 0.2")
+    query_board(link, "hangup 0.2")
     wait_for(lambda: not link.is_symlink())
     with pytest.raises(serial.SerialException):
         host.port.read(1)
@@ -148,9 +149,9 @@ def test_a_brown_out_asked_for_while_it_runs(start: Start, link: Path) -> None:
     start()
     host = Host(link)
     boot = protocol.ack_of(host.say(protocol.setup(0, 121, 1000))).boot
-    ask(link, "brownout 0")
-    wait_for(lambda: ask(link, "status")["boot"] != boot)
-    assert protocol.info_of(host.say(protocol.hello(1))).status == Status(0)
+    query_board(link, "brownout 0")
+    wait_for(lambda: query_board(link, "status")["boot"] != boot)
+    assert protocol.info_of(host.say(protocol.hello(1))).status == BoardStatus(0)
 
 
 def test_silence_by_a_clock_that_runs_faster(start: Start, link: Path, tmp_path: Path) -> None:
@@ -159,19 +160,19 @@ def test_silence_by_a_clock_that_runs_faster(start: Start, link: Path, tmp_path:
     host = Host(link)
     host.say(protocol.setup(0, 121, 5000))
     host.say(protocol.arm(1, {0: 300}))
-    before = float(str(ask(link, "status")["t_s"]))
+    before = float(str(query_board(link, "status")["t_s"]))
     time.sleep(0.1)
-    assert float(str(ask(link, "status")["t_s"])) - before >= 2.0
+    assert float(str(query_board(link, "status")["t_s"])) - before >= 2.0
     wait_for(lambda: lines(log)[-1]["event"] == "silence")
     arm, silence = (int(line["t_ns"]) for line in lines(log)[-2:])
     assert silence - arm >= 5_000_000_000
-    assert host.say(protocol.hello(2)).words[2] & Status.SILENCED
+    assert host.say(protocol.hello(2)).words[2] & BoardStatus.SILENCED
 
 
 def test_a_host_that_never_reads_does_not_stop_the_board(start: Start, link: Path) -> None:
     start()
     descriptor = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    wire = protocol.encode(protocol.hello(1))
+    wire = encode(protocol.hello(1))
     sent = 0
     while sent < 3000:
         try:
@@ -179,7 +180,7 @@ def test_a_host_that_never_reads_does_not_stop_the_board(start: Start, link: Pat
             sent += 1
         except BlockingIOError:
             time.sleep(0.001)
-    wait_for(lambda: ask(link, "status")["accepted"] == sent)
+    wait_for(lambda: query_board(link, "status")["accepted"] == sent)
     os.close(descriptor)
 
 
@@ -190,11 +191,11 @@ def test_the_true_arm_follows_and_can_be_measured(start: Start, link: Path, tmp_
     host = Host(link)
     host.say(protocol.setup(0, 121, 10_000))
     host.say(protocol.arm(1, {channel: 400 if channel == 5 else 310 for channel in range(4, 10)}))
-    wait_for(lambda: not ask(link, "tcp")["moving"])
-    joints, before = ask(link, "joints"), ask(link, "tcp")
+    wait_for(lambda: not query_board(link, "tcp")["moving"])
+    joints, before = query_board(link, "joints"), query_board(link, "tcp")
     assert str(joints["joint2"]) != str(joints["joint1"])
-    ask(link, "payload 200")
-    after = ask(link, "measure")
+    query_board(link, "payload 200")
+    after = query_board(link, "measure")
     assert float(str(after["z_mm"])) < float(str(before["z_mm"])) - 3.0
     assert after["payload_g"] == 200.0
 
@@ -215,7 +216,7 @@ def test_a_killed_board_leaves_nothing_in_the_way(start: Start, link: Path) -> N
     process.kill()
     process.wait(10)
     with pytest.raises(ControlError, match="no simulated board"):
-        ask(link, "tcp")
+        query_board(link, "tcp")
     start()
     assert protocol.info_of(Host(link).say(protocol.hello(1))).simulated
 
@@ -253,4 +254,4 @@ def test_two_boards_do_not_share_a_link_and_files_are_not_replaced(start: Start,
     assert done.returncode == 2
     assert other.read_text(encoding="utf-8") == "mine"
     with pytest.raises(ControlError, match="unknown question"):
-        ask(link, "weather")
+        query_board(link, "weather")

@@ -22,7 +22,7 @@ from lrmd.messages.zenoh_session import client, own_endpoints
 from tests.conftest import ROOT
 
 SHIPPED = ROOT / "config" / "zenoh"
-PATIENCE = 5.0
+TIMEOUT = 5.0
 """How long (s) a message on loopback may take; only a failing test waits this long."""
 
 
@@ -46,7 +46,7 @@ def config(name: str, changes: dict[str, str]) -> zenoh.Config:
 
 
 def until(condition: Callable[[], bool]) -> bool:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT
     while not condition() and time.monotonic() < end:
         time.sleep(0.005)
     return condition()
@@ -93,7 +93,7 @@ class Person:
         self.shown.append(sample.payload.to_string())
 
     def ask(self, key: str) -> list[str]:
-        replies = self.session.get(f"lrm/{self.robot}/{key}", timeout=PATIENCE)
+        replies = self.session.get(f"lrm/{self.robot}/{key}", timeout=TIMEOUT)
         return [reply.ok.payload.to_string() for reply in replies if reply.ok is not None]
 
     def send(self, key: str, payload: str) -> None:
@@ -109,7 +109,7 @@ class Person:
         return until(arrived)
 
     def alive(self) -> list[str]:
-        found = self.session.liveliness().get("lrm/*/alive/**", timeout=PATIENCE)
+        found = self.session.liveliness().get("lrm/*/alive/**", timeout=TIMEOUT)
         return sorted(str(reply.ok.key_expr) for reply in found if reply.ok is not None)
 
 
@@ -199,7 +199,7 @@ def wire_tap(port: int, target: int) -> Iterator[bytearray]:
         tapping = threading.Thread(target=accept)
         tapping.start()
         yield recorded
-        tapping.join(PATIENCE)
+        tapping.join(TIMEOUT)
 
 
 Enter = Callable[[str], zenoh.Config]

@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.confusion import ONE_THREAD, Outcome, examine
+from validation.hidden_effects.confusion import ONE_THREAD, CaseOutcome, examine
 from validation.hidden_effects.tables import report
 
 
@@ -25,11 +25,11 @@ def main() -> None:
         wanted.out.write_text(text, encoding="utf-8")
 
 
-def run(names: Sequence[str], seeds: int, poses: int, jobs: int, keep: Path | None = None) -> list[Outcome]:
+def run(names: Sequence[str], seeds: int, poses: int, jobs: int, keep: Path | None = None) -> list[CaseOutcome]:
     """Every case with every seed, in worker processes; progress goes to stderr. In the order of cases and seeds."""
     os.environ.update(ONE_THREAD)  # before numpy is loaded in the workers
     tasks = [(name, seed) for name in names for seed in range(seeds)]
-    done: dict[tuple[str, int], Outcome] = {}
+    done: dict[tuple[str, int], CaseOutcome] = {}
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
         waiting = [pool.submit(examine, name, seed, poses, keep) for name, seed in tasks]
         for number, future in enumerate(as_completed(waiting), start=1):
@@ -39,7 +39,7 @@ def run(names: Sequence[str], seeds: int, poses: int, jobs: int, keep: Path | No
     return [done[task] for task in tasks]
 
 
-def _line(outcome: Outcome) -> str:
+def _line(outcome: CaseOutcome) -> str:
     mark = "hit " if outcome.hit else "MISS"
     ratio = "" if outcome.ratio is None else f" ratio {outcome.ratio:.2f}"
     others = f" (or {', '.join(outcome.first_class[1:])})" if len(outcome.first_class) > 1 else ""

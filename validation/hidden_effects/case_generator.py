@@ -10,17 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.synthetic import (
+    ArmDescription,
     BaseRocking,
     BaseWarmUp,
     CablePull,
     CoupledJoint,
     EccentricShaft,
-    Effect,
     FrictionLag,
     HardeningSpring,
+    HiddenEffect,
     LinkBending,
     OneSidedGain,
-    Rig,
     SessionStep,
     SkewTracker,
     SoftPlay,
@@ -28,14 +28,14 @@ from lrm_ident.synthetic import (
     WrongBody,
 )
 
-Build = Callable[[Rig, int], tuple[Effect, ...]]
+Build = Callable[[ArmDescription, int], tuple[HiddenEffect, ...]]
 DEG = math.pi / 180.0
 MINUTE_S = 60.0
 GRAM, MM = 1e-3, 1e-3
 
 
 @dataclass(frozen=True)
-class Case:
+class HiddenEffectCase:
     """Effects hidden in one data set.
 
     truth: their names and places in the tool's words; empty if nothing is hidden, None if no name of the tool's fits.
@@ -49,10 +49,10 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Chance:
+class RandomSizes:
     """The arm, and what a seed decides: sizes within a quarter of the typical one, and signs."""
 
-    rig: Rig
+    arm: ArmDescription
     rng: np.random.Generator
 
     def size(self, typical: float) -> float:
@@ -69,26 +69,26 @@ def stable_seed(*words: object) -> int:
     return zlib.crc32("/".join(str(word) for word in words).encode())
 
 
-def case(name: str, truth: str | None, make: Callable[[Chance], Effect], sessions: int = 1) -> Case:
+def case(name: str, truth: str | None, make: Callable[[RandomSizes], HiddenEffect], sessions: int = 1) -> HiddenEffectCase:
     """A case with one effect; truth None if no name of the tool's fits it."""
 
-    def build(rig: Rig, seed: int) -> tuple[Effect, ...]:
-        return (make(Chance(rig, np.random.default_rng(stable_seed(name, seed, "sizes")))),)
+    def build(arm: ArmDescription, seed: int) -> tuple[HiddenEffect, ...]:
+        return (make(RandomSizes(arm, np.random.default_rng(stable_seed(name, seed, "sizes")))),)
 
-    return Case(name, None if truth is None else (truth,), build, sessions)
+    return HiddenEffectCase(name, None if truth is None else (truth,), build, sessions)
 
 
-def together(*parts: Case) -> Case:
+def combined(*parts: HiddenEffectCase) -> HiddenEffectCase:
     """All at once."""
 
-    def build(rig: Rig, seed: int) -> tuple[Effect, ...]:
-        return tuple(effect for part in parts for effect in part.build(rig, seed))
+    def build(arm: ArmDescription, seed: int) -> tuple[HiddenEffect, ...]:
+        return tuple(effect for part in parts for effect in part.build(arm, seed))
 
     truth = tuple(place for part in parts for place in part.truth or ())
-    return Case("+".join(part.name for part in parts), truth, build, max(part.sessions for part in parts))
+    return HiddenEffectCase("+".join(part.name for part in parts), truth, build, max(part.sessions for part in parts))
 
 
-def play(joint: int, width_deg: float, softness_nm: float) -> Case:
+def play(joint: int, width_deg: float, softness_nm: float) -> HiddenEffectCase:
     """Backlash of a joint."""
     return case(
         f"play{joint}",
@@ -97,7 +97,7 @@ def play(joint: int, width_deg: float, softness_nm: float) -> Case:
     )
 
 
-def lag(joint: int, width_deg: float) -> Case:
+def lag(joint: int, width_deg: float) -> HiddenEffectCase:
     """Hysteresis of a joint."""
     return case(
         f"lag{joint}",
@@ -106,7 +106,7 @@ def lag(joint: int, width_deg: float) -> Case:
     )
 
 
-def gain(joint: int, side: int, gain: float) -> Case:
+def gain(joint: int, side: int, gain: float) -> HiddenEffectCase:
     """A gain on one side of a joint."""
     return case(
         f"gain{joint}",
@@ -115,7 +115,7 @@ def gain(joint: int, side: int, gain: float) -> Case:
     )
 
 
-def shaft(joint: int, offset: float) -> Case:
+def shaft(joint: int, offset: float) -> HiddenEffectCase:
     """An eccentric shaft in a joint."""
     return case(
         f"shaft{joint}",
@@ -124,7 +124,7 @@ def shaft(joint: int, offset: float) -> Case:
     )
 
 
-def spring(joint: int, size_rad: float, scale_nm: float) -> Case:
+def spring(joint: int, size_rad: float, scale_nm: float) -> HiddenEffectCase:
     """A joint that hardens; size / scale stays below the least compliance that Truth.random draws."""
     return case(
         f"spring{joint}",
@@ -133,7 +133,7 @@ def spring(joint: int, size_rad: float, scale_nm: float) -> Case:
     )
 
 
-def cable(joint: int, slack_deg: float, stiffness_nm_per_rad: float) -> Case:
+def cable(joint: int, slack_deg: float, stiffness_nm_per_rad: float) -> HiddenEffectCase:
     """A cable that pulls a joint back."""
     return case(
         f"cable{joint}",
@@ -142,7 +142,7 @@ def cable(joint: int, slack_deg: float, stiffness_nm_per_rad: float) -> Case:
     )
 
 
-def coupled(joint: int, by_joint: int, ratio: float) -> Case:
+def coupled(joint: int, by_joint: int, ratio: float) -> HiddenEffectCase:
     """A joint that turns with another."""
     return case(
         f"coupled{joint}-{by_joint}",
@@ -151,7 +151,7 @@ def coupled(joint: int, by_joint: int, ratio: float) -> Case:
     )
 
 
-def bending(link: int, length_m: float, first_nm2: float, second_nm2: float) -> Case:
+def bending(link: int, length_m: float, first_nm2: float, second_nm2: float) -> HiddenEffectCase:
     """A link that bends, differently about its two axes."""
     return case(
         f"bending{link}",
@@ -160,27 +160,27 @@ def bending(link: int, length_m: float, first_nm2: float, second_nm2: float) -> 
     )
 
 
-def bracket(link: int, aside_mm: float) -> Case:
+def bracket(link: int, aside_mm: float) -> HiddenEffectCase:
     """A link with something heavy screwed to its side."""
 
-    def make(by: Chance) -> Effect:
+    def make(by: RandomSizes) -> HiddenEffect:
         return WrongBody(f"link {link}", by.size(0.35), (by.sign() * by.size(aside_mm * MM), 0.0, 0.0))
 
     return case(f"bracket{link}", f"mass@link{link}", make)
 
 
-def base_roll(by: Chance) -> Effect:
+def base_roll(by: RandomSizes) -> HiddenEffect:
     """About x of the base as it is mounted, before its other turns."""
-    (_, beta, _) = by.rig.base.angles_rad
+    (_, beta, _) = by.arm.base.angles_rad
     return BaseRocking(by.size(0.012), (math.cos(beta), 0.0, math.sin(beta)))
 
 
-def base_warms(by: Chance) -> Effect:
+def base_warms(by: RandomSizes) -> HiddenEffect:
     """A base that drifts about the axis about which it also bends."""
     return BaseWarmUp((0.0, by.sign() * by.size(0.5 * DEG), 0.0), (8.0 * MINUTE_S, by.size(35.0 * MINUTE_S)))
 
 
-def warms(joint: int, final_deg: float) -> Case:
+def warms(joint: int, final_deg: float) -> HiddenEffectCase:
     """A joint that drifts."""
     return case(
         f"warm{joint}",
@@ -189,28 +189,28 @@ def warms(joint: int, final_deg: float) -> Case:
     )
 
 
-def restart(joint: int, sessions: int, step_deg: float) -> Case:
+def restart(joint: int, sessions: int, step_deg: float) -> HiddenEffectCase:
     """A joint that stands elsewhere after each power-on."""
 
-    def make(by: Chance) -> Effect:
+    def make(by: RandomSizes) -> HiddenEffect:
         steps = [by.sign() * by.size(step_deg * DEG) for _ in range(sessions - 1)]
         return SessionStep(joint, (0.0, *steps))
 
     return case(f"restart{joint}", f"session@joint{joint}", make, sessions)
 
 
-def stretched(by: Chance) -> Effect:
+def stretched(by: RandomSizes) -> HiddenEffect:
     """A tracker whose axes have unequal units."""
     stretch = (by.size(0.006), -by.size(0.004), by.size(0.003))
     return SkewTracker((by.sign() * 0.01, 0.004, -0.006), stretch, (0.0, 0.0, 0.0))
 
 
-def leaning(by: Chance) -> Effect:
+def leaning(by: RandomSizes) -> HiddenEffect:
     """A tracker whose axes are not at right angles."""
     lean = (by.sign() * by.size(0.006), by.sign() * by.size(0.004), by.sign() * by.size(0.005))
     return SkewTracker((0.003, -0.01, 0.005), (0.003, 0.003, 0.003), lean)
 
 
-def named(*cases: Case) -> dict[str, Case]:
+def named(*cases: HiddenEffectCase) -> dict[str, HiddenEffectCase]:
     """By their names."""
     return {case.name: case for case in cases}

@@ -6,7 +6,7 @@ from lrm_ident.synthetic import EntangledJoint, WrongBody, WrongLoad
 from validation.hidden_effects.case_generator import (
     GRAM,
     MM,
-    Case,
+    HiddenEffectCase,
     base_roll,
     base_warms,
     bending,
@@ -23,11 +23,11 @@ from validation.hidden_effects.case_generator import (
     shaft,
     spring,
     stretched,
-    together,
+    combined,
     warms,
 )
 
-NOTHING = Case("nothing", (), lambda *_: ())
+NOTHING = HiddenEffectCase("nothing", (), lambda *_: ())
 SINGLE = named(
     play(2, 1.2, 0.04),
     play(3, 1.6, 0.03),
@@ -61,17 +61,17 @@ SINGLE = named(
     case("leaning", "measurement_frame@frame", leaning),
 )
 DOUBLE = named(
-    together(SINGLE["play2"], SINGLE["gain1"]),
-    together(SINGLE["warm2"], SINGLE["coupled3-2"]),
-    together(SINGLE["load"], SINGLE["lag1"]),
-    together(SINGLE["bending2"], SINGLE["shaft5"]),
-    together(SINGLE["stretched"], SINGLE["play3"]),
-    together(SINGLE["spring2"], SINGLE["restart1"]),
+    combined(SINGLE["play2"], SINGLE["gain1"]),
+    combined(SINGLE["warm2"], SINGLE["coupled3-2"]),
+    combined(SINGLE["load"], SINGLE["lag1"]),
+    combined(SINGLE["bending2"], SINGLE["shaft5"]),
+    combined(SINGLE["stretched"], SINGLE["play3"]),
+    combined(SINGLE["spring2"], SINGLE["restart1"]),
 )
 TRIPLE = named(
-    together(SINGLE["play2"], SINGLE["warm-base"], SINGLE["gain4"]),
-    together(SINGLE["bending4"], SINGLE["load"], SINGLE["lag3"]),
-    together(SINGLE["stretched"], SINGLE["coupled3-2"], SINGLE["shaft5"]),
+    combined(SINGLE["play2"], SINGLE["warm-base"], SINGLE["gain4"]),
+    combined(SINGLE["bending4"], SINGLE["load"], SINGLE["lag3"]),
+    combined(SINGLE["stretched"], SINGLE["coupled3-2"], SINGLE["shaft5"]),
 )
 OUTSIDE = named(
     case("sum-q1-q4", None, lambda by: EntangledJoint(3, (1, 4), by.size(0.02), "sum")),
@@ -80,4 +80,4 @@ OUTSIDE = named(
 )
 CASES = named(NOTHING) | SINGLE | DOUBLE | TRIPLE | OUTSIDE
 
-__all__ = ["CASES", "DOUBLE", "NOTHING", "OUTSIDE", "SINGLE", "TRIPLE", "Case"]
+__all__ = ["CASES", "DOUBLE", "NOTHING", "OUTSIDE", "SINGLE", "TRIPLE", "HiddenEffectCase"]

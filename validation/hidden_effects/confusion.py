@@ -18,14 +18,14 @@ from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import NOISE_M, write_case
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 900.0
+COMMAND_TIMEOUT_S = 900.0
 FLOOR_MM = NOISE_M * 1000.0 * math.sqrt(3.0)
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 EFFECT_MISSING, NOTHING_MISSING, UNEXPLAINED = "effect_missing", "nothing_missing", "unexplained_structure"
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CaseOutcome:
     """What the tool made of one data set.
 
     first_class: "effect@place" of the first in the ranking, and all that it says it cannot tell from that; empty unless
@@ -72,11 +72,11 @@ class Outcome:
         return None if last is None else last / FLOOR_MM
 
 
-class Failed(Exception):
+class CommandFailed(Exception):
     """A command of the tool did not do its work."""
 
 
-def examine(name: str, seed: int, poses: int, keep: Path | None = None) -> Outcome:
+def examine(name: str, seed: int, poses: int, keep: Path | None = None) -> CaseOutcome:
     """Make a data set and run the tool on it; the files stay in the folder keep if one is given. Never raises."""
     with TemporaryDirectory(prefix="hidden-") as scratch:
         folder = Path(scratch) if keep is None else keep / f"{name}-{seed}"
@@ -87,7 +87,7 @@ def examine(name: str, seed: int, poses: int, keep: Path | None = None) -> Outco
             _fit_and_name(data, folder, found)
         except Exception as problem:  # one failure must not end a run of hours; it is in the table
             found["trouble"] = f"{type(problem).__name__}: {problem}"
-        return Outcome(name, seed, **found)
+        return CaseOutcome(name, seed, **found)
 
 
 def _fit_and_name(data: Path, folder: Path, found: dict[str, Any]) -> None:
@@ -103,7 +103,7 @@ def _fit_and_name(data: Path, folder: Path, found: dict[str, Any]) -> None:
         return
     first = first_supported(said)
     if first is None:
-        raise Failed(f"verdict {EFFECT_MISSING}, but the ranking supports nothing")
+        raise CommandFailed(f"verdict {EFFECT_MISSING}, but the ranking supports nothing")
     found["first_class"] = tuple(dict.fromkeys([_spelled(first), *first["indistinguishable_from"]]))
     _tool("add", model, data, _spelled(first), "-o", folder / "m2.toml", "--json", folder / "a.json")
     found["after_mm"] = last_held_out_mm(folder / "m2.toml")
@@ -139,11 +139,11 @@ def _tool(command: str, *arguments: object) -> float:
         env=os.environ | ONE_THREAD,
         capture_output=True,
         text=True,
-        timeout=PATIENCE_S,
+        timeout=COMMAND_TIMEOUT_S,
         check=False,
     )
     if done.returncode:
         lines = (done.stderr.strip() or done.stdout.strip()).replace("│", " ").splitlines()
         told = [line.strip() for line in lines if any(letter.isalnum() for letter in line)]
-        raise Failed(f"{command}: exit code {done.returncode}: {told[-1] if told else 'no message'}")
+        raise CommandFailed(f"{command}: exit code {done.returncode}: {told[-1] if told else 'no message'}")
     return time.perf_counter() - start

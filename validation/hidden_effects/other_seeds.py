@@ -14,12 +14,12 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from lrm_ident.data.error_stats import figures
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, load_measurements
-from lrm_ident.diagnosis.add_effect import follow_advice
+from lrm_ident.diagnosis.add_effect import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
-from lrm_ident.diagnosis.diagnosis_report import advise
-from lrm_ident.fit.cross_validation import held_out
+from lrm_ident.diagnosis.diagnosis_report import build_report
+from lrm_ident.fit.cross_validation import held_out_residual
 from lrm_ident.fit.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
@@ -33,7 +33,7 @@ FLOOR_M = NOISE_M * 3**0.5
 
 
 @dataclass(frozen=True)
-class Job:
+class DataSetSpec:
     """One data set: its case, seed and size, whether the noise is told, and whether `auto` follows its own advice."""
 
     case: str
@@ -44,10 +44,10 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Result:
+class SearchOutcome:
     """What came of it: what was named (steps of `auto`, or the first class), the verdict, and error over noise."""
 
-    job: Job
+    job: DataSetSpec
     named: tuple[str, ...]
     verdict: str
     ratio: float
@@ -65,25 +65,27 @@ class Result:
         )
 
 
-def examine(job: Job) -> Result:
+def examine(job: DataSetSpec) -> SearchOutcome:
     """Makes the data set, fits `offsets,compliance`, and searches."""
     data = _data(job)
     try:
         model = _base(data)
         if job.auto:
-            course = follow_advice(model, data)
+            course = run_auto(model, data)
             named = tuple(step.added for step in course.steps[1:])
-            return Result(job, named, course.last.verdict, figures(held_out(course.model, data)).rms / FLOOR_M)
-        report = advise(diagnose(model, data))
+            return SearchOutcome(
+                job, named, course.diagnosis.verdict, error_stats(held_out_residual(course.model, data)).rms / FLOOR_M
+            )
+        report = build_report(diagnose(model, data))
     except LrmError as error:
-        return Result(job, (), str(error), float("nan"))
+        return SearchOutcome(job, (), str(error), float("nan"))
     if report.first is None:
-        return Result(job, (), report.verdict, report.held_out.rms / FLOOR_M)
-    named = (report.first.scored.name, *report.first.rivals)
-    return Result(job, named, report.verdict, report.first.held_out_rms / FLOOR_M)
+        return SearchOutcome(job, (), report.verdict, report.held_out.rms / FLOOR_M)
+    named = (report.first.scored.name, *report.first.equivalent)
+    return SearchOutcome(job, named, report.verdict, report.first.held_out_rms / FLOOR_M)
 
 
-def _data(job: Job) -> Measurements:
+def _data(job: DataSetSpec) -> Measurements:
     with tempfile.TemporaryDirectory() as folder:
         path = write_case(CASES[job.case], job.seed, job.poses, Path(folder))
         if not job.noise_told:
@@ -97,8 +99,8 @@ def _base(data: Measurements) -> Model:
     return fit_identifiable(model, data, model.keys).fit.model
 
 
-def _jobs(cases: Iterable[str], seeds: int, poses: int, noise_told: bool = True, auto: bool = False) -> list[Job]:
-    return [Job(case, FIRST_SEED + seed, poses, noise_told, auto) for case in cases for seed in range(seeds)]
+def _jobs(cases: Iterable[str], seeds: int, poses: int, noise_told: bool = True, auto: bool = False) -> list[DataSetSpec]:
+    return [DataSetSpec(case, FIRST_SEED + seed, poses, noise_told, auto) for case in cases for seed in range(seeds)]
 
 
 def main() -> None:

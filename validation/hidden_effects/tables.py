@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, OUTSIDE, SINGLE, TRIPLE, Case
-from validation.hidden_effects.confusion import FLOOR_MM, NOTHING_MISSING, UNEXPLAINED, Outcome
+from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, OUTSIDE, SINGLE, TRIPLE, HiddenEffectCase
+from validation.hidden_effects.confusion import FLOOR_MM, NOTHING_MISSING, UNEXPLAINED, CaseOutcome
 
 KINDS = {
     "one effect": SINGLE,
@@ -18,7 +18,7 @@ KINDS = {
 ENDINGS = (NOTHING_MISSING, UNEXPLAINED, "failed")
 
 
-def report(outcomes: Sequence[Outcome], poses: int) -> str:
+def report(outcomes: Sequence[CaseOutcome], poses: int) -> str:
     """All of it."""
     by_case = {name: [o for o in outcomes if o.case == name] for name in CASES}
     ran = {name: found for name, found in by_case.items() if found}
@@ -41,14 +41,14 @@ def report(outcomes: Sequence[Outcome], poses: int) -> str:
     return "\n\n".join([*parts, *_troubles(outcomes)]) + "\n"
 
 
-def truth_text(case: Case) -> str:
+def truth_text(case: HiddenEffectCase) -> str:
     """What ought to be named."""
     if case.truth is None:
         return UNEXPLAINED
     return " + ".join(case.truth) or NOTHING_MISSING
 
 
-def _cases(ran: dict[str, list[Outcome]]) -> str:
+def _cases(ran: dict[str, list[CaseOutcome]]) -> str:
     head = ("case", "truth", "hits", "alone", "wrong name", "ratio", "s per diagnose", "named first")
     rows = []
     for name, found in ran.items():
@@ -68,7 +68,7 @@ def _cases(ran: dict[str, list[Outcome]]) -> str:
     return _table(head, rows)
 
 
-def _confusion(ran: dict[str, list[Outcome]]) -> str:
+def _confusion(ran: dict[str, list[CaseOutcome]]) -> str:
     """Rows: true kind of effect; columns: named kind. A hit counts as its truth, whatever stands first in its class."""
     cells: dict[str, Counter[str]] = {}
     for name, found in ran.items():
@@ -82,7 +82,7 @@ def _confusion(ran: dict[str, list[Outcome]]) -> str:
     return _table(head, [(truth, *(str(row[c] or "·") for c in columns)) for truth, row in cells.items()])
 
 
-def _column(outcome: Outcome, truth: str) -> str:
+def _column(outcome: CaseOutcome, truth: str) -> str:
     if outcome.hit:
         return truth
     named = _kind(outcome.named)
@@ -97,7 +97,7 @@ def _last(column: str) -> tuple[int, str]:
     return (ENDINGS.index(column) + 1 if column in ENDINGS else 0, column)
 
 
-def _totals(ran: dict[str, list[Outcome]]) -> str:
+def _totals(ran: dict[str, list[CaseOutcome]]) -> str:
     head = ("data sets", "number", "hits", "alone", "wrong name", "ratio", "s per diagnose", "failed")
     groups = {kind: [o for name in cases for o in ran.get(name, [])] for kind, cases in KINDS.items()}
     groups["all"] = [o for found in ran.values() for o in found]
@@ -118,7 +118,7 @@ def _totals(ran: dict[str, list[Outcome]]) -> str:
     return _table(head, rows)
 
 
-def _troubles(outcomes: Iterable[Outcome]) -> list[str]:
+def _troubles(outcomes: Iterable[CaseOutcome]) -> list[str]:
     bad = Counter(o.trouble.replace("|", "/") for o in outcomes if o.trouble)
     if not bad:
         return []

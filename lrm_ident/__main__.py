@@ -1,0 +1,27 @@
+"""Entry point of `lrm-ident`: the command line, or one line that says what to install."""
+
+from __future__ import annotations
+
+import sys
+
+OFFLINE = {"matplotlib", "rich", "scipy", "tomli_w", "typer"}
+"""Import names of the packages of the extra `ident`, which a rover does not need."""
+
+
+def main() -> None:
+    """Runs the command line; a missing package of the extra `ident` is one line on stderr and exit code 2."""
+    try:
+        from lrm_ident.cli.app import main as run
+    except ModuleNotFoundError as error:
+        if error.name not in OFFLINE:
+            raise
+        print(
+            f"error: lrm-ident needs the package '{error.name}', which is not installed: pip install 'lrm-arm[ident]'",
+            file=sys.stderr,
+        )
+        sys.exit(2)
+    run()
+
+
+if __name__ == "__main__":
+    main()

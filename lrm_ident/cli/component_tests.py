@@ -1,0 +1,74 @@
+"""Commands of the component tests (Conenna 2024, section 5.3): one servo under load, the tracker's two targets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from typer import Argument, Option
+
+from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.common import app, log, parse_numbers, publish, show
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.servo_stiffness import load_servo_test
+from lrm_ident.data.servo_stiffness import stiffness as run_stiffness
+from lrm_ident.data.tracker_alignment import align as run_align
+from lrm_ident.data.tracker_alignment import load_tracked, measurements_from
+from lrm_ident.plots.servo_stiffness import draw_stiffness
+from lrm_ident.report.component_tests import alignment_document, stiffness_document
+from lrm_math.arm.arm_file import MM, load_arm
+from lrm_math.errors import LrmError
+
+STILL = 3.0  # times the TCP's noise that the base target may wander before a person should know
+
+
+@app.command()
+def stiffness(
+    data: Annotated[
+        Path, Argument(metavar="DATA", help="CSV: angle_deg and torque_Nm (or load_g and lever_mm), in order.")
+    ],
+    json: arg.JsonFile = None,
+    figure: arg.FigureFile = None,
+) -> None:
+    """Test one servo under load: slope, linearity, and the loop between loading and unloading."""
+    found = run_stiffness(load_servo_test(data))
+    publish(stiffness_document(found), json)
+    if figure:
+        draw_stiffness(found, figure)
+        show(f"Figure written to {figure}, its data are {data}")
+
+
+@app.command()
+def align(
+    fixture: Annotated[
+        Path, Argument(metavar="FIXTURE", help="CSV of both targets: base_x_mm…, base_qw…base_qz, tcp_x_mm…")
+    ],
+    known_mm: Annotated[
+        str, Option("--known-mm", metavar="X,Y,Z", help="Where the fixture holds the TCP target on the base's.")
+    ],
+    raw: Annotated[Path | None, Option(metavar="RAW", help="Raw readings of an arm to turn into measurements.")] = None,
+    arm: Annotated[str, Option(help="The arm that RAW was measured on.")] = "lrm-lab",
+    output: Annotated[
+        Path | None, Option("-o", "--output", metavar="CSV", help="Where to write the measurements.")
+    ] = None,
+    json: arg.JsonFile = None,
+) -> None:
+    """Find how far the tracker's targets read from where they are, and take it off raw measurements."""
+    if (raw is None) != (output is None):
+        raise LrmError("--raw and -o go together: raw readings in, measurements out")
+    found = run_align(load_tracked(fixture), _position(known_mm) * MM)
+    publish(alignment_document(found), json)
+    if raw and output:
+        text, tracked = measurements_from(raw, load_arm(arm), found.deviation)
+        if tracked.base_scatter() > STILL * float(np.linalg.norm(found.noise)):
+            log.print(f"notice: {raw.name}: the base target wanders by {tracked.base_scatter() * 1e3:.2f} mm RMS")
+        write_text(output, text)
+        show(f"{len(tracked.tcp)} measurements written to {output}")
+
+
+def _position(text: str) -> np.ndarray:
+    position = np.array(parse_numbers("--known-mm", text, "three numbers by commas, for instance 245,0,40"))
+    if len(position) != 3 or not np.all(np.isfinite(position)):
+        raise LrmError(f"--known-mm {text}; should be three finite numbers by commas, for instance 245,0,40")
+    return position

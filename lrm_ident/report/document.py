@@ -1,0 +1,129 @@
+"""The one writer of results: text and tables for the terminal, plain values for JSON, rows for CSV."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table as Grid
+from rich.text import Text
+
+
+@dataclass(frozen=True)
+class ResultTable:
+    """A table that prints itself, or becomes CSV or JSON records.
+
+    Attributes:
+        columns: "name" or "name|format", with a format specification of Python; formatted columns are flush right.
+        cells: one tuple per row. Text is printed as it is in any column; None is an empty cell.
+    """
+
+    columns: Sequence[str]
+    cells: Iterable[Sequence[object]]
+    title: str = ""
+
+    def text(self) -> Iterator[list[str]]:
+        """The cells of each row, formatted."""
+        formats = [column.partition("|")[2] for column in self.columns]
+        for row in self.cells:
+            yield [_cell(value, spec) for value, spec in zip(row, formats, strict=True)]
+
+    @property
+    def names(self) -> list[str]:
+        """Column names without formats."""
+        return [column.partition("|")[0] for column in self.columns]
+
+    def grid(self) -> Grid:
+        """For the terminal."""
+        out = Grid(title=self.title, title_justify="left", box=SIMPLE_HEAD, title_style="bold", pad_edge=False)
+        for name, column in zip(self.names, self.columns, strict=True):
+            out.add_column(name, justify="right" if "|" in column else "left")
+        for row in self.text():
+            out.add_row(*row)
+        return out
+
+    def csv(self) -> str:
+        """CSV text with a header; names and cells hold no commas."""
+        return "".join(",".join(row) + "\n" for row in (self.names, *self.text()))
+
+    def records(self) -> list[dict[str, object]]:
+        """One JSON object per row, unrounded."""
+        return [dict(zip(self.names, row, strict=True)) for row in self.cells]
+
+
+Block = str | Text | ResultTable
+
+
+@dataclass(frozen=True)
+class Document:
+    """The result of a command.
+
+    Attributes:
+        blocks: for the terminal, in order.
+        schema, values: for `--json`; anything that `plain` takes.
+        behind: the numbers behind the figure, written beside it as CSV.
+    """
+
+    blocks: Sequence[Block]
+    schema: str
+    values: Mapping[str, object]
+    behind: ResultTable | None = None
+
+    def json(self) -> str:
+        """JSON text of schema and values, without NaN."""
+        return json.dumps(plain({"schema": self.schema, **self.values}), indent=1, allow_nan=False) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """Plain JSON values of dataclasses, arrays and containers; objects with `as_json` decide for themselves.
+
+    NaN and infinity become null.
+    """
+    if hasattr(value, "as_json"):
+        return plain(value.as_json())
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write(console: Console, blocks: Iterable[Block]) -> None:
+    """Prints blocks: tables fitted to the console, text as it is."""
+    for block in blocks:
+        if isinstance(block, ResultTable):
+            console.print(block.grid())
+        else:
+            console.print(block, highlight=False, soft_wrap=True, markup=False)
+
+
+def heading(text: str) -> Text:
+    """A line in bold."""
+    return Text(text, style="bold")
+
+
+def section(title: str, lines: Iterable[str]) -> list[Block]:
+    """A heading with indented lines; nothing if there are none."""
+    found = [f"  {line}" for line in lines]
+    return [heading(title), *found] if found else []
+
+
+def enumerate_words(names: Sequence[str], most: int) -> str:
+    """The first names, and how many more there are."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def _cell(value: object, spec: str) -> str:
+    if value is None:
+        return ""
+    return value if isinstance(value, str) else format(value, spec)

@@ -1,0 +1,60 @@
+"""The identified model that the daemon uses: loaded from its file and checked against the arm."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from lrm_math.errors import FileError
+from lrm_math.model.covariance import Covariance
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import load_covariance, load_model
+from lrmd.config import Config
+from lrmd.ramp.shared_memory import NOMINAL
+
+
+@dataclass(frozen=True, eq=False)
+class DeployedModel:
+    """A model and its source.
+
+    `sha256`: of the file, empty for the nominal arm. `left_out`: ids of its effects that cannot be compensated online.
+    """
+
+    model: Model
+    covariance: Covariance | None
+    path: str
+    sha256: str
+    left_out: tuple[str, ...]
+
+    @property
+    def digest(self) -> bytes:
+        """SHA-256 that the processes compare, or `shared_memory.NOMINAL`."""
+        return bytes.fromhex(self.sha256) if self.sha256 else NOMINAL
+
+
+def deploy(config: Config) -> DeployedModel:
+    """The model of the configuration, or the nominal arm if it names none. Raises `FileError`."""
+    if config.model is None:
+        return DeployedModel(model_of(config.arm, ()), None, "nominal", "", ())
+    path = config.model
+    content = _content(path)
+    model, covariance = load_model(path), load_covariance(path)
+    if _content(path) != content:
+        raise FileError(path, "model", "changed while it was read", "write it whole, then load it again")
+    if model.arm.name != config.arm.name:
+        raise FileError(path, "arm", f"a model of {model.arm.name}", f"this daemon drives {config.arm.name}")
+    left_out = tuple(sorted({e.id for e in model.effects if not e.online and e.id != "quantisation"}))
+    return DeployedModel(model, covariance, str(path), hashlib.sha256(content).hexdigest(), left_out)
+
+
+def digest_of(config: Config) -> bytes:
+    """Present digest of the configured model file. Raises `FileError`."""
+    return NOMINAL if config.model is None else hashlib.sha256(_content(config.model)).digest()
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise FileError(path, "model", error.strerror or "cannot be read") from None

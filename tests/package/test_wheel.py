@@ -1,0 +1,86 @@
+"""The built wheel in empty environments: the base runs the daemon, the extra `ident` runs the offline tool."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import EXAMPLE, ROOT
+
+PIP = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile", "-c", ROOT / "constraints.txt")
+READY = 60.0
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of this checkout."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps"]
+    subprocess.run([*command, "--wheel-dir", str(folder), str(ROOT)], check=True)
+    (built,) = folder.glob("lrm_arm-*.whl")
+    return built
+
+
+def installed(folder: Path, *requirements: str) -> Path:
+    """The folder of programs of a new environment with these requirements and nothing else."""
+    venv.create(folder, with_pip=True)
+    subprocess.run([folder / "bin" / "python", *PIP, *requirements], check=True)
+    return folder / "bin"
+
+
+def free_port() -> int:
+    """A TCP port on loopback that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """A program with nothing of this checkout on its path."""
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120)
+
+
+def test_the_base_runs_the_daemon_and_says_what_the_offline_tool_needs(wheel: Path, tmp_path: Path) -> None:
+    programs = installed(tmp_path / "base", str(wheel))
+    config = tmp_path / "lrmd.toml"
+    shipped = (ROOT / "config" / "lrmd.toml").read_text()
+    own = {"/var/lib/lrmd": str(tmp_path / "state"), "127.0.0.1:7447": f"127.0.0.1:{free_port()}"}
+    for shared, private in own.items():
+        assert shared in shipped
+        shipped = shipped.replace(shared, private)
+    config.write_text(shipped)
+    assert run(programs / "lrmd", "--config", config, "--check", cwd=tmp_path).returncode == 0
+    daemon = subprocess.Popen(
+        [programs / "lrmd", "--config", config, "--simulated"], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert daemon.stderr is not None
+        assert any('"ready"' in line for line in iter(daemon.stderr.readline, ""))
+    finally:
+        daemon.send_signal(signal.SIGTERM)
+        assert daemon.wait(READY) == 0
+    refused = run(programs / "lrm-ident", "--help", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.startswith("error: lrm-ident needs the package")
+    assert "pip install 'lrm-arm[ident]'" in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1
+
+
+def test_the_extra_runs_the_offline_tool(wheel: Path, tmp_path: Path) -> None:
+    programs = installed(tmp_path / "ident", f"lrm-arm[ident] @ {wheel.as_uri()}")
+    fitted = run(programs / "lrm-ident", "fit", EXAMPLE, "-o", tmp_path / "model.toml", cwd=tmp_path)
+    assert fitted.returncode == 0, fitted.stderr
+    assert (tmp_path / "model.toml").exists()
+    plotted = run(
+        programs / "lrm-ident", "compare", tmp_path / "model.toml", EXAMPLE, "--figure", "where.png", cwd=tmp_path
+    )
+    assert plotted.returncode == 0, plotted.stderr
+    assert (tmp_path / "where.png").stat().st_size > 10_000

@@ -1,0 +1,63 @@
+"""A board, a daemon and a client in one hand, and the record of when servos were asked to be switched on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Literal
+
+from lrmd.client.rover import Rover
+from lrmd.config import load_config
+from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
+from tests.support.pulse_invariants import PulseInvariants, pulse_invariants, read_frames
+
+HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
+
+
+class DaemonHarness:
+    """`board_started`, `armed_at`: monotonic ns of the board's zero and of every request that switches servos on."""
+
+    def __init__(self, setup: DaemonSetup, board: BoardProcess, daemon: DaemonProcess, rover: Rover) -> None:
+        self.setup, self.board, self.daemon, self.rover = setup, board, daemon, rover
+        self.config = load_config(setup.config)
+        self.board_started = board.started_at()
+        self.armed_at: list[int] = []
+
+    def arm(self, rover: Rover | None = None, where: Literal["given", "stored"] = "given") -> None:
+        """Arms at home, or at the stored pose."""
+        self.armed_at.append(time.monotonic_ns())
+        (rover or self.rover).arm(where, HOME if where == "given" else None)
+
+    def mode(self) -> str:
+        """The controller's mode."""
+        return self.rover.mode().mode
+
+    def wait_for_mode(self, mode: str) -> None:
+        """Waits until the daemon has this mode. Raises `WaitTimeout`."""
+        wait_for(lambda: self.mode() == mode, f"the mode is {mode}")
+
+    def pulses(self) -> list[float]:
+        """Pulses that the board puts out (us)."""
+        return self.board.pulses()
+
+    def check_invariants(self) -> PulseInvariants:
+        """Asserts that no pulse of the whole frame log jumped, left its limits or was switched on without a request."""
+        found = pulse_invariants(self.config, read_frames(self.setup.log))
+        found.check([at - self.board_started for at in self.armed_at])
+        return found
+
+
+@contextmanager
+def connected(setup: DaemonSetup) -> Iterator[tuple[DaemonProcess, Rover]]:
+    """A daemon that has its board, and a client of it."""
+    with DaemonProcess(setup) as daemon:
+        daemon.ready()
+        with setup.rover() as rover:
+            wait_for_link(rover)
+            yield daemon, rover
+
+
+def wait_for_link(rover: Rover) -> None:
+    """Waits until the board answers. Raises `WaitTimeout`."""
+    wait_for(lambda: rover.mode().link == "ready", "the board answers")

@@ -1,0 +1,30 @@
+"""A public class name means one thing in the whole project, and a folder is small enough to be looked over."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter, defaultdict
+
+from tests.conftest import ROOT
+from tests.support.source_files import files, syntax_tree
+
+PACKAGES = ("lrm_math", "lrmd", "lrm_ident", "bench", "validation", "firmware", "tests/support", "tests/soak")
+MOST_FILES = 14
+CROWDED = {"lrm_math/ik"}
+"""Folders that may have more files, until they are divided."""
+
+
+def test_public_class_names_are_unique() -> None:
+    where: defaultdict[str, list[str]] = defaultdict(list)
+    for path in (path for package in PACKAGES for path in files(package)):
+        for node in syntax_tree(path).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                where[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    shared = [f"{name}: {', '.join(places)}" for name, places in sorted(where.items()) if len(places) > 1]
+    assert not shared, "\n".join(shared)
+
+
+def test_no_folder_has_too_many_files() -> None:
+    sources = [path for package in PACKAGES for path in files(package) if path.name != "__init__.py"]
+    sizes = Counter(path.parent.relative_to(ROOT).as_posix() for path in sources)
+    assert {folder: size for folder, size in sizes.items() if size > MOST_FILES and folder not in CROWDED} == {}

@@ -1,0 +1,275 @@
+"""The calibrated inverse on goals that the calibrated arm reaches: how many it solves, how exactly, how fast.
+
+A goal is the tool frame that the model gives for random commands within the limits; errors are those of the model's
+own equilibrium, settled anew from the start for every branch.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from lrm_ident import synthetic
+from lrm_ident.data.measurements import load_measurements
+from lrm_ident.fit.levenberg_marquardt import fit
+from lrm_ident.fit.parameter_sets import select_parameters
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.servo_table import PwmClock
+from lrm_math.arrays import Array
+from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.ik.batch_equilibrium import batch_equilibrium
+from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.cube import Cube
+from lrm_math.ik.direct import Direct
+from lrm_math.ik.goal import pose
+from lrm_math.ik.iterative import Iterative
+from lrm_math.ik.multi_start import distinct
+from lrm_math.ik.newton import StoppingRule
+from lrm_math.ik.pulse_rounding import Rounding
+from lrm_math.ik.reply import CalibratedReply, NotConverged, Solved
+from lrm_math.ik.solver_context import IkQuery, Method
+from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import load_model
+
+ROOT = Path(__file__).resolve().parents[1]
+TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
+EXAMPLE = Path(synthetic.__file__).resolve().parents[1] / "examples" / "hidden-play.csv"
+PLAY_AND_BENDING = ("backlash", "lateral_compliance", "servo_gain")
+SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
+PAYLOAD = 0.0663
+METHODS: tuple[Method, Method] = (Direct(), Cube())
+QUICK = Cube(guesses=2, name="cube, 2 guesses")
+EXACT, CLOSE = 1e-9, 1e-3  # m
+STARTS, THOROUGH = 96, StoppingRule(enough=1000, patience=12, singly=True)
+TWINS = 1e-3
+"""rad: commands no further apart count as one branch; singular poses have ever more of them."""
+
+
+@dataclass(frozen=True)
+class IkAccuracy:
+    """What one method did with the goals of one model: shares of the goals, m, s.
+
+    `drawn_close`: share of goals that the cube had within a millimetre before the polish; None for other methods.
+    """
+
+    model: str
+    method: str
+    goals: int
+    solved: float
+    worst_error: float
+    branches: float
+    p50: float
+    p99: float
+    drawn_close: float | None
+
+
+def with_effects(model: Model, names: tuple[str, ...], seed: int = 0, size: float = 0.3) -> Model:
+    """The model and more effects at every place where they can act, of up to `size` times what is typical."""
+    have = {(effect.id, effect.place) for effect in model.effects}
+    added = [e for name in names for e in effects_at(model.arm, name) if (e.id, e.place) not in have]
+    known = dict(zip(model.keys, model.values.tolist(), strict=True))
+    full = model_of(model.arm, (*model.effects, *added), known)
+    rng = np.random.default_rng(seed)
+    values = {
+        key: rng.uniform(0.2, 1.0) * size * p.typical * (1.0 if p.lower == 0.0 else rng.choice([-1.0, 1.0]))
+        for key, p in zip(full.keys, full.parameters, strict=True)
+        if key not in known and p.fixed is None
+    }
+    return model_of(model.arm, full.effects, known | values)
+
+
+def models() -> Iterator[tuple[str, Model]]:
+    """The thesis's parameters on the rover's arm, a model fitted to the shipped example, and more effects in either."""
+    thesis = load_model(TABLE_B2)
+    arm = load_arm("lrm-lab")
+    drawn = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    fitted = fit(replace(drawn, free=select_parameters(drawn, "option1")), load_measurements(EXAMPLE, arm)).model
+    yield "rover, Table B.2", thesis
+    yield "lab, fitted", fitted
+    yield "rover, play + bending + gain", with_effects(thesis, PLAY_AND_BENDING)
+    yield "lab, play + bending + gain", with_effects(fitted, PLAY_AND_BENDING)
+    yield "rover, whole catalogue", with_effects(thesis, SMOOTH, size=0.15)
+
+
+def goals(model: Model, count: int, seed: int = 1) -> Array:
+    """(N, 4, 4), tool frames at random commands within the limits, with a load, where the arm settles."""
+    lower, upper = ([getattr(joint, end) for joint in model.arm.joints] for end in ("lower", "upper"))
+    q = np.random.default_rng(seed).uniform(lower, upper, (count, model.arm.dof))
+    rest, _ = batch_equilibrium(model, poses_of(q, PAYLOAD), tolerance=1e-13)
+    return frames(model.chain, rest.slots, len(rest.poses))[:, -1]
+
+
+def replies(solver: CalibratedSolver, tools: Array, method: Method) -> list[CalibratedReply]:
+    """One reply per goal; each tells what it took."""
+    solver.warm_up()
+    return [solver.solve(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD, method=method) for tool in tools]
+
+
+def figures(name: str, solver: CalibratedSolver, tools: Array, method: Method) -> IkAccuracy:
+    """The figures of one method on some goals."""
+    answers = replies(solver, tools, method)
+    solved = [(i, reply) for i, reply in enumerate(answers) if isinstance(reply, Solved)]
+    owner = np.array([i for i, reply in solved for _ in reply.branches])
+    commands = np.array([branch.q for _, reply in solved for branch in reply.branches])
+    rest, rows = batch_equilibrium(solver.context.model, poses_of(commands, PAYLOAD), tolerance=1e-12)
+    error = np.full(len(commands), np.inf)
+    error[rows] = np.linalg.norm(rest.true_tcp - tools[owner[rows], :3, 3], axis=1)
+    exact = {i for i, off in zip(owner.tolist(), error.tolist(), strict=True) if off <= EXACT}
+    cube = [reply.cube_error for _, reply in solved if reply.cube_error is not None]
+    times = np.array([reply.elapsed for reply in answers])
+    return IkAccuracy(
+        model=name,
+        method=method.name,
+        goals=len(tools),
+        solved=len(exact) / len(tools),
+        worst_error=float(error.max()),
+        branches=len(commands) / len(tools),
+        p50=float(np.percentile(times, 50)),
+        p99=float(np.percentile(times, 99)),
+        drawn_close=float(np.sum(np.array(cube) <= CLOSE) / len(tools)) if cube else None,
+    )
+
+
+def one_cube(solver: CalibratedSolver, tools: Array) -> float:
+    """Median time (s) of a single cube: one correction, 11³ goals by the nominal inverse, the arm at rest at each."""
+    once, took = Cube(moves=0, guesses=1), []
+    for tool in tools:
+        ask = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
+        started = time.perf_counter()
+        once.search(solver.context, ask)
+        took.append(time.perf_counter() - started)
+    return float(np.median(took))
+
+
+def shares_of_branches(solver: CalibratedSolver, tools: Array) -> tuple[float, float]:
+    """How many of the commands within the limits that `STARTS` poses of the library lead to `METHODS` answer with."""
+    context, found, known = solver.context, [0, 0], 0
+    for tool in tools:
+        ask = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
+        library_seeds = context.library_seeds.starts(ask.goal, STARTS // 2)
+        close = context.library.amounts[context.library.closest(ask.goal, STARTS // 2)]
+        there, _ = context.solve_from(ask, np.concatenate([library_seeds, close]), THOROUGH)
+        every = distinct(there.q[context.within_limits(there)], TWINS)
+        known += len(every)
+        for i, method in enumerate(METHODS):
+            reply = solver.solve(ask.goal, PAYLOAD, method=method)
+            answered = [branch.q for branch in reply.branches] if isinstance(reply, Solved) else []
+            rows = np.array(answered).reshape(-1, every.shape[1])
+            found[i] += sum(bool((np.abs(rows - q).max(axis=1) < TWINS).any()) for q in every)
+    return found[0] / known, found[1] / known
+
+
+@dataclass(frozen=True)
+class IterationStall:
+    """The thesis's first method: share of goals that it misses by more than a millimetre, medians of its errors (m).
+
+    `first`, `second`, `third`: of the nominal answer, after the first correction, after the next. `last`: the mean
+    over the later half of the loops that lasted ten steps or more, `lasting` of them.
+    """
+
+    not_solved: float
+    first: float
+    second: float
+    third: float
+    last: float
+    lasting: int
+
+
+def stall(solver: CalibratedSolver, tools: Array) -> IterationStall:
+    """How the first method stalls."""
+    answers = replies(solver, tools, Iterative())
+    errors = [np.array(reply.errors) for reply in answers if isinstance(reply, NotConverged)]
+    loops = [e for e in errors if len(e) >= 3]
+    long = [e for e in errors if len(e) >= 10]
+    first, second, third = (float(np.median([e[i] for e in loops])) for i in range(3))
+    last = float(np.median([e[len(e) // 2 :].mean() for e in long])) if long else float("nan")
+    return IterationStall(len(errors) / len(tools), first, second, third, last, len(long))
+
+
+def rounding_errors(model: Model, tools: Array, frequency: float) -> tuple[float, float]:
+    """Median error (m) after rounding each joint, and after choosing the best of the neighbouring counts."""
+    solver = CalibratedSolver.of(model, clock=PwmClock(frequency))
+    out = []
+    for rounding in Rounding:
+        answers = [solver.solve(pose(t[:3, 3], t[:3, :3]), PAYLOAD, method=Direct(), rounding=rounding) for t in tools]
+        out.append(float(np.median([a.rounded.error for a in answers if isinstance(a, Solved) and a.rounded])))
+    return out[0], out[1]
+
+
+def said(direct: list[IkAccuracy]) -> str:
+    """What we want of the direct method, and what came out: springs and rigid errors alone are the first two models."""
+
+    def verdict(some: list[IkAccuracy], p50: float, p99: float) -> str:
+        met = all(f.p50 <= p50 and f.p99 <= p99 for f in some)
+        worst = f"{1e3 * max(f.p50 for f in some):.2f} and {1e3 * max(f.p99 for f in some):.2f}"
+        return f"{1e3 * p50:g} and {1e3 * p99:g} ms at p50 and p99 are {'met' if met else 'missed'} ({worst} at worst)"
+
+    return (
+        f"Goals of direct, whatever is in the model: {verdict(direct, 1e-3, 3e-3)}; "
+        f"with offsets and compliance alone: {verdict(direct[:2], 0.2e-3, 1e-3)}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--goals", type=int, default=2000, help="goals per model for the direct method")
+    parser.add_argument("--cube-goals", type=int, default=400, help="goals per model for the cube")
+    given = parser.parse_args()
+    console, table = Console(width=140), Table(title="Calibrated inverse, one goal at a time", title_justify="left")
+    shares: list[str] = []
+    direct_figures: list[IkAccuracy] = []
+    for column in ("model", "method", "goals", "solved", "worst mm", "branches", "p50 ms", "p99 ms", "cube < 1 mm"):
+        table.add_column(column, justify="left" if column in ("model", "method") else "right")
+    for name, model in models():
+        tools = goals(model, given.goals)
+        solver = CalibratedSolver.of(model)
+        for method, count in ((Direct(), given.goals), (Cube(), given.cube_goals), (QUICK, given.cube_goals)):
+            with console.status(f"{name}: {method.name}"):
+                f = figures(name, solver, tools[:count], method)
+            if isinstance(method, Direct):
+                direct_figures.append(f)
+            close = "" if f.drawn_close is None else f"{100 * f.drawn_close:.1f} %"
+            values = (f"{100 * f.solved:.2f} %", f"{1e3 * f.worst_error:.1e}", f"{f.branches:.2f}")
+            table.add_row(name, f.method, str(f.goals), *values, f"{1e3 * f.p50:.2f}", f"{1e3 * f.p99:.2f}", close)
+        table.add_row(
+            name,
+            "one cube of 11³",
+            str(given.cube_goals),
+            *[""] * 3,
+            f"{1e3 * one_cube(solver, tools[: given.cube_goals]):.2f}",
+        )
+        table.add_section()
+        with console.status(f"{name}: every branch"):
+            direct, cube = shares_of_branches(solver, tools[: given.cube_goals])
+        shares.append(f"{name} {100 * direct:.1f} and {100 * cube:.1f} %")
+    console.print(table)
+    console.print(said(direct_figures))
+    console.print(
+        f"Of the branches that {STARTS} starts for one goal lead to, direct and cube answer: {'; '.join(shares)}"
+    )
+    thesis = load_model(TABLE_B2)
+    tools = goals(thesis, given.cube_goals)
+    s = stall(CalibratedSolver.of(thesis), tools)
+    console.print(
+        f"The thesis's first method misses {100 * s.not_solved:.0f} % of the goals by more than 1 mm; medians: "
+        f"{1e3 * s.first:.1f} mm at first, {1e3 * s.second:.1f} after one correction, {1e3 * s.third:.1f} after two, "
+        f"{1e3 * s.last:.1f} on average later on ({s.lasting} loops of ten steps or more)"
+    )
+    for frequency in (50.0, 330.0):
+        each, best = rounding_errors(thesis, tools[:100], frequency)
+        console.print(
+            f"Counts at {frequency:.0f} Hz leave {1e3 * each:.2f} mm, the best neighbours {1e3 * best:.2f} mm"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""How fast and how punctual the daemon is, and how it takes faults: real processes on a simulated board."""

@@ -1,0 +1,169 @@
+"""Start, processor share, age of states, and lateness of the ramp beside 200 queries a second."""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+import threading
+import time
+from pathlib import Path
+from typing import Self
+
+import zenoh
+from scipy.spatial.transform import Rotation
+
+from lrmd.client import NoReply, Rover
+from lrmd.messages.control import JointsState, MetricsState, pack
+from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkRequest
+from lrmd.messages.zenoh_session import client
+from tests.support.daemon_process import DaemonProcess, DaemonSetup
+from validation.daemon_performance.measurement import MS, PerformanceFigure, running_harness, setup_with_board
+
+QUERIES_PER_S = 200
+REST = {"joint2": math.radians(-60.0)}
+"""Upright, where turning joint 6 loads nothing: stretched out, the daemon sends the arm to rest after some minutes."""
+
+
+def starts(n: int) -> list[PerformanceFigure]:
+    """From the start of the program to READY=1."""
+    took = []
+    with setup_with_board() as (setup, _):
+        for _ in range(n):
+            with DaemonProcess(setup) as daemon:
+                took.append((daemon.notifications.wait_for("READY=1") - daemon.started) / MS)
+    return [PerformanceFigure("start to ready", tuple(took), "ms", 1000)]
+
+
+def cpu_seconds(pid: int) -> float:
+    """What a process has used of a core."""
+    used = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(used[11]) + int(used[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def idle(seconds: float) -> list[PerformanceFigure]:
+    """Share of one core of the three processes together, disarmed and standing; and how old a state is on arrival."""
+    ages: list[float] = []
+    with running_harness() as h:
+        pids = [h.daemon.pid, h.daemon.child("ramp"), h.daemon.child("ik")]
+
+        def share() -> float:
+            before = sum(map(cpu_seconds, pids))
+            time.sleep(seconds)
+            return 100 * (sum(map(cpu_seconds, pids)) - before) / seconds
+
+        time.sleep(1.0)
+        disarmed = share()
+        with h.rover.control("bench"):
+            h.arm()
+            standing = share()
+            h.rover.watch(JointsState, "state/joints", lambda s: ages.append((time.monotonic_ns() - s.t_mono_ns) / 1e3))
+            time.sleep(seconds)
+    return [
+        PerformanceFigure("processor, three processes, disarmed", (disarmed,), "%", 5),
+        PerformanceFigure("- armed and standing", (standing,), "%"),
+        PerformanceFigure("state: made to received", tuple(ages), "us"),
+    ]
+
+
+def lateness(minutes: float) -> list[PerformanceFigure]:
+    """How late the ramp's ticks are while the arm moves and a client sends 200 IK queries a second."""
+    with running_harness() as h, h.rover.control("bench"), zenoh.open(client([h.setup.endpoint])) as session:
+        h.arm()
+        h.rover.move(REST)
+        with QueryLoad(session, h.setup, reachable_queries(h.rover)) as load:
+            swing_joint6(h.rover, 60 * minutes)
+        return [*lateness_figures(h.rover.metrics()), *load.figures(60 * minutes), h.step()]
+
+
+def swing_joint6(rover: Rover, seconds: float) -> None:
+    """Joint 6 turns all the while, which loads no servo."""
+    end, way = time.monotonic() + seconds, 1.5
+    while time.monotonic() < end:
+        rover.move({"joint6": way}, wait=False)
+        way = -way
+        while (state := rover.mode()).mode == "moving" and time.monotonic() < end:
+            time.sleep(0.5)
+        assert state.mode in ("moving", "armed"), f"the move ended: {state.mode} ({state.why})"
+
+
+def lateness_figures(m: MetricsState) -> list[PerformanceFigure]:
+    """How late the ramp was."""
+    return [
+        PerformanceFigure(
+            f"lateness of {m.ticks} ticks, {'' if m.realtime else 'no '}SCHED_FIFO: p50", (m.late_p50_us,), "us"
+        ),
+        PerformanceFigure("- p99", (m.late_p99_us,), "us", 150),
+        PerformanceFigure("- p99.9", (m.late_p999_us,), "us", 500),
+        PerformanceFigure("- the latest", (m.late_max_us,), "us"),
+        PerformanceFigure("- ticks skipped", (m.skipped,), ""),
+        PerformanceFigure("- frames that either side refused", (m.bad_frames + m.board_errors,), "", 0),
+    ]
+
+
+def reachable_queries(rover: Rover) -> list[bytes]:
+    """Questions for poses that the arm can reach, by the method that takes about a millisecond."""
+    rng = random.Random(0)
+    q = [[rng.uniform(-1.0, 1.0) for _ in range(6)] for _ in range(200)]
+    while True:
+        try:
+            answers = rover.fk(FkRequest(q_rad=q)).places
+        except NoReply:  # the daemon is ready before its ik process is
+            time.sleep(0.2)
+        else:
+            return [pack(IkRequest(goals=[_goal(answer)], method="direct")) for answer in answers]
+
+
+def _goal(answer: FkAnswer) -> GoalEntry:
+    x, y, z, w = Rotation.from_matrix(answer.rotation).as_quat()
+    return GoalEntry(position_m=answer.tcp_m, quaternion_xyzw=[x, y, z, w])
+
+
+class QueryLoad:
+    """A client that asks 200 times a second, whether answers come or not. `took`: ms, of those that were answered."""
+
+    def __init__(self, session: zenoh.Session, setup: DaemonSetup, requests: list[bytes]) -> None:
+        self._session, self._key, self._requests = session, setup.key("rpc/ik"), requests
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self.took: list[float] = []
+        self.refused = 0
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def figures(self, seconds: float) -> list[PerformanceFigure]:
+        """How long the answers took."""
+        trips = sorted(self.took)
+        p50, p99, p999 = (trips[int(len(trips) * share)] for share in (0.5, 0.99, 0.999))
+        return [
+            PerformanceFigure(
+                f"ik: {len(trips) / seconds:.0f} answers/s, {self.refused} refused: p50",
+                (p50,),
+                "ms",
+            ),
+            PerformanceFigure("- p99", (p99,), "ms", 8),
+            PerformanceFigure("- p99.9", (p999,), "ms"),
+        ]
+
+    def _run(self) -> None:
+        due, n = time.monotonic(), 0
+        while not self._over.wait(max(0.0, due - time.monotonic())):
+            self._ask(self._requests[n % len(self._requests)])
+            due, n = due + 1 / QUERIES_PER_S, n + 1
+
+    def _ask(self, request: bytes) -> None:
+        asked = time.monotonic_ns()
+
+        def answered(reply: zenoh.Reply) -> None:
+            if reply.ok is None:
+                self.refused += 1
+            else:
+                self.took.append((time.monotonic_ns() - asked) / MS)
+
+        self._session.get(self._key, answered, payload=request, timeout=2.0, express=True)
