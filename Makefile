@@ -1,5 +1,6 @@
 # make demo   sets itself up, fits a data set, finds what is missing, drives a simulated arm   [DATA=my.csv ARM=arm]
 # make test   sets itself up, runs all tests
+# make quick  the tests that take a minute together
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
@@ -10,7 +11,7 @@ HOURS ?= 24
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench soak coverage confusion install uninstall clean
+.PHONY: help setup demo test quick lint docs bench soak coverage confusion install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -31,14 +32,21 @@ demo: setup ## find what is missing in a model (DATA=, ARM=), then drive a simul
 	$(BIN)/lrm-ident auto $(OUT)/model.toml $(DATA) -o $(OUT)/better.toml --json $(OUT)/course.json
 	$(BIN)/python -m lrmd.demo
 
-test: setup lint ## all tests, after the linters
-	$(ONE_THREAD) $(BIN)/python -m pytest
+test: setup lint ## all tests, after the linters: unit tests side by side, then those of the system one after the other
+	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package
+	$(ONE_THREAD) $(BIN)/python -m pytest tests/system tests/package
+
+quick: setup ## the unit tests that are not marked slow, in less than a minute
+	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package -m "not slow"
 
 lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-bench: setup ## our figures beside the peers', as ratios; the daemon's for MINUTES=10
+docs: setup ## the API reference, built from the docstrings, in out/reference
+	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.api lrmd.client lrm_math.effects lrm_math.model
+
+bench: setup ## our figures beside the peers', as ratios; calibrated IK and the daemon for MINUTES=10
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev,bench]'
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-deps EAIK
 	$(ONE_THREAD) $(BIN)/python -m bench
@@ -47,16 +55,16 @@ bench: setup ## our figures beside the peers', as ratios; the daemon's for MINUT
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)
 
-soak: setup ## the daemon's core, ramp and board for HOURS=24 of simulated time, and a million broken messages
+soak: setup ## the daemon's controller, ramp and board for HOURS=24 of simulated time, and a million broken messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_ik
 
-coverage: setup ## are the standard errors honest? (about a minute)
+coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250
 
-confusion: setup ## what is named when each effect is hidden, and the table of the docs (about 20 minutes)
+confusion: setup ## confusion matrix: hidden effects against named ones, and the table of the docs (20 minutes)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md
 	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.other_seeds
 

@@ -1,7 +1,57 @@
-"""The offline tool: identify the model from measured TCP positions, see where it fails."""
+"""Offline tool: identify the model of a robot arm from measured TCP positions, and find the effect that is missing.
+
+The public functions are those of `lrm_ident.api`. They are loaded at their first use, so that `lrm-ident` can name
+the extra to install where it is missing.
+"""
+
+from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
 
 # Matrices are small here: threads of the linear algebra library cost more than they bring (set before numpy loads).
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+
+if TYPE_CHECKING:
+    from lrm_ident.api import (
+        EXAMPLE,
+        add,
+        auto,
+        compare,
+        diagnose,
+        fit,
+        load,
+        load_model,
+        load_poses,
+        plot,
+        predict,
+        save,
+    )
+
+__all__ = [
+    "EXAMPLE",
+    "add",
+    "auto",
+    "compare",
+    "diagnose",
+    "fit",
+    "load",
+    "load_model",
+    "load_poses",
+    "plot",
+    "predict",
+    "save",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in __all__:
+        raise AttributeError(f"module 'lrm_ident' has no attribute '{name}'")
+    from lrm_ident import api
+
+    return getattr(api, name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

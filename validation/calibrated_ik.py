@@ -1,4 +1,4 @@
-"""The calibrated inverse on goals that the calibrated arm reaches: how many it solves, how exactly, how fast.
+"""Calibrated inverse kinematics on reachable goals: success rate, accuracy and time.
 
 A goal is the tool frame that the model gives for random commands within the limits; errors are those of the model's
 own equilibrium, settled anew from the start for every branch.
@@ -18,8 +18,8 @@ from rich.table import Table
 
 from lrm_ident import synthetic
 from lrm_ident.data.measurements import load_measurements
-from lrm_ident.fit.levenberg_marquardt import fit
-from lrm_ident.fit.parameter_sets import select_parameters
+from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
@@ -49,16 +49,16 @@ PAYLOAD = 0.0663
 METHODS: tuple[Method, Method] = (Direct(), Cube())
 QUICK = Cube(guesses=2, name="cube, 2 guesses")
 EXACT, CLOSE = 1e-9, 1e-3  # m
-STARTS, THOROUGH = 96, StoppingRule(enough=1000, patience=12, singly=True)
-TWINS = 1e-3
+STARTS, EXHAUSTIVE = 96, StoppingRule(enough=1000, patience=12, singly=True)
+DISTINCT = 1e-3
 """rad: commands no further apart count as one branch; singular poses have ever more of them."""
 
 
 @dataclass(frozen=True)
 class IkAccuracy:
-    """What one method did with the goals of one model: shares of the goals, m, s.
+    """Success, accuracy and time of one method on the goals of one model: shares of the goals, m, s.
 
-    `drawn_close`: share of goals that the cube had within a millimetre before the polish; None for other methods.
+    `close_before_polish`: share of goals that the cube had within a millimetre before; None for other methods.
     """
 
     model: str
@@ -69,7 +69,7 @@ class IkAccuracy:
     branches: float
     p50: float
     p99: float
-    drawn_close: float | None
+    close_before_polish: float | None
 
 
 def with_effects(model: Model, names: tuple[str, ...], seed: int = 0, size: float = 0.3) -> Model:
@@ -135,7 +135,7 @@ def figures(name: str, solver: CalibratedSolver, tools: Array, method: Method) -
         branches=len(commands) / len(tools),
         p50=float(np.percentile(times, 50)),
         p99=float(np.percentile(times, 99)),
-        drawn_close=float(np.sum(np.array(cube) <= CLOSE) / len(tools)) if cube else None,
+        close_before_polish=float(np.sum(np.array(cube) <= CLOSE) / len(tools)) if cube else None,
     )
 
 
@@ -157,14 +157,14 @@ def shares_of_branches(solver: CalibratedSolver, tools: Array) -> tuple[float, f
         ask = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
         library_seeds = context.library_seeds.starts(ask.goal, STARTS // 2)
         close = context.library.amounts[context.library.closest(ask.goal, STARTS // 2)]
-        there, _ = context.solve_from(ask, np.concatenate([library_seeds, close]), THOROUGH)
-        every = distinct(there.q[context.within_limits(there)], TWINS)
+        there, _ = context.solve_from(ask, np.concatenate([library_seeds, close]), EXHAUSTIVE)
+        every = distinct(there.q[context.within_limits(there)], DISTINCT)
         known += len(every)
         for i, method in enumerate(METHODS):
             reply = solver.solve(ask.goal, PAYLOAD, method=method)
             answered = [branch.q for branch in reply.branches] if isinstance(reply, Solved) else []
             rows = np.array(answered).reshape(-1, every.shape[1])
-            found[i] += sum(bool((np.abs(rows - q).max(axis=1) < TWINS).any()) for q in every)
+            found[i] += sum(bool((np.abs(rows - q).max(axis=1) < DISTINCT).any()) for q in every)
     return found[0] / known, found[1] / known
 
 
@@ -184,8 +184,8 @@ class IterationStall:
     lasting: int
 
 
-def stall(solver: CalibratedSolver, tools: Array) -> IterationStall:
-    """How the first method stalls."""
+def iteration_stall(solver: CalibratedSolver, tools: Array) -> IterationStall:
+    """The errors of the first method's loops."""
     answers = replies(solver, tools, Iterative())
     errors = [np.array(reply.errors) for reply in answers if isinstance(reply, NotConverged)]
     loops = [e for e in errors if len(e) >= 3]
@@ -205,8 +205,8 @@ def rounding_errors(model: Model, tools: Array, frequency: float) -> tuple[float
     return out[0], out[1]
 
 
-def said(direct: list[IkAccuracy]) -> str:
-    """What we want of the direct method, and what came out: springs and rigid errors alone are the first two models."""
+def goals_met(direct: list[IkAccuracy]) -> str:
+    """Whether the direct method meets its time goals; the first two models have springs and rigid errors alone."""
 
     def verdict(some: list[IkAccuracy], p50: float, p99: float) -> str:
         met = all(f.p50 <= p50 and f.p99 <= p99 for f in some)
@@ -223,42 +223,42 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--goals", type=int, default=2000, help="goals per model for the direct method")
     parser.add_argument("--cube-goals", type=int, default=400, help="goals per model for the cube")
-    given = parser.parse_args()
+    options = parser.parse_args()
     console, table = Console(width=140), Table(title="Calibrated inverse, one goal at a time", title_justify="left")
     shares: list[str] = []
     direct_figures: list[IkAccuracy] = []
     for column in ("model", "method", "goals", "solved", "worst mm", "branches", "p50 ms", "p99 ms", "cube < 1 mm"):
         table.add_column(column, justify="left" if column in ("model", "method") else "right")
     for name, model in models():
-        tools = goals(model, given.goals)
+        tools = goals(model, options.goals)
         solver = CalibratedSolver.of(model)
-        for method, count in ((Direct(), given.goals), (Cube(), given.cube_goals), (QUICK, given.cube_goals)):
+        for method, count in ((Direct(), options.goals), (Cube(), options.cube_goals), (QUICK, options.cube_goals)):
             with console.status(f"{name}: {method.name}"):
                 f = figures(name, solver, tools[:count], method)
             if isinstance(method, Direct):
                 direct_figures.append(f)
-            close = "" if f.drawn_close is None else f"{100 * f.drawn_close:.1f} %"
+            close = "" if f.close_before_polish is None else f"{100 * f.close_before_polish:.1f} %"
             values = (f"{100 * f.solved:.2f} %", f"{1e3 * f.worst_error:.1e}", f"{f.branches:.2f}")
             table.add_row(name, f.method, str(f.goals), *values, f"{1e3 * f.p50:.2f}", f"{1e3 * f.p99:.2f}", close)
         table.add_row(
             name,
             "one cube of 11³",
-            str(given.cube_goals),
+            str(options.cube_goals),
             *[""] * 3,
-            f"{1e3 * one_cube(solver, tools[: given.cube_goals]):.2f}",
+            f"{1e3 * one_cube(solver, tools[: options.cube_goals]):.2f}",
         )
         table.add_section()
         with console.status(f"{name}: every branch"):
-            direct, cube = shares_of_branches(solver, tools[: given.cube_goals])
+            direct, cube = shares_of_branches(solver, tools[: options.cube_goals])
         shares.append(f"{name} {100 * direct:.1f} and {100 * cube:.1f} %")
     console.print(table)
-    console.print(said(direct_figures))
+    console.print(goals_met(direct_figures))
     console.print(
         f"Of the branches that {STARTS} starts for one goal lead to, direct and cube answer: {'; '.join(shares)}"
     )
     thesis = load_model(TABLE_B2)
-    tools = goals(thesis, given.cube_goals)
-    s = stall(CalibratedSolver.of(thesis), tools)
+    tools = goals(thesis, options.cube_goals)
+    s = iteration_stall(CalibratedSolver.of(thesis), tools)
     console.print(
         f"The thesis's first method misses {100 * s.not_solved:.0f} % of the goals by more than 1 mm; medians: "
         f"{1e3 * s.first:.1f} mm at first, {1e3 * s.second:.1f} after one correction, {1e3 * s.third:.1f} after two, "

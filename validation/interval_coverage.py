@@ -1,5 +1,5 @@
-"""Are the standard errors honest? Arms of the independent generator, fitted again and again; how often the truth lies
-within the stated error. `python -m validation.interval_coverage` prints the shares."""
+"""Coverage of the confidence intervals: how often the truth lies within the stated error, on arms of the independent
+generator. `python -m validation.interval_coverage` prints the shares."""
 
 from __future__ import annotations
 
@@ -11,19 +11,18 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident import synthetic
-from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.levenberg_marquardt import fit, no_bounds
-from lrm_ident.fit.parameter_sets import select_parameters
-from lrm_ident.fit.priors import Prior, PriorFile, to_prior
+from lrm_ident.estimation.levenberg_marquardt import fit, no_bounds
+from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.estimation.priors import Prior, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
-from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.model import Model, model_of
+from validation.synthetic_measurements import NOISE, measured
 
-ARM, NOISE, POSES, SEEDS = "lrm-lab", 3e-4, 100, 100
-TWO_SIDED_95, FAR = 1.959964, 3.0
-SIZES = PriorFile.model_validate(
+ARM, POSES, SEEDS = "lrm-lab", 100, 100
+TWO_SIDED_95, THREE_SIGMA = 1.959964, 3.0
+ARM_PRIOR = PriorFile.model_validate(
     {
         "schema": "lrm/prior/1",
         "name": "arms of the coverage run",
@@ -35,7 +34,7 @@ SIZES = PriorFile.model_validate(
         },
     }
 )
-"""What the arms are drawn from, and what the fit with a prior is told."""
+"""The distribution of the arms, and the prior of the fit with a prior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,7 @@ class IntervalCoverage:
     @property
     def within_3(self) -> float:
         """Share of the truths within three standard errors."""
-        return float(np.mean(np.abs(self.z) <= FAR))
+        return float(np.mean(np.abs(self.z) <= THREE_SIGMA))
 
     @property
     def worst(self) -> tuple[str, float]:
@@ -64,13 +63,13 @@ class IntervalCoverage:
 
 def option_1(seeds: Sequence[int], poses: int = POSES) -> IntervalCoverage:
     """The thesis's 28 parameters by least squares, on arms that have these errors and no others."""
-    model = _empty()
+    model = _nominal_model()
     return _coverage(replace(model, free=select_parameters(model, "option1")), seeds, poses, None)
 
 
 def all_with_prior(seeds: Sequence[int], poses: int = POSES) -> IntervalCoverage:
     """All 45 parameters with the prior that the arms were drawn from."""
-    model = _empty()
+    model = _nominal_model()
     return _coverage(replace(model, free=model.keys), seeds, poses, _prior(model))
 
 
@@ -79,22 +78,16 @@ def _coverage(model: Model, seeds: Sequence[int], poses: int, prior: Prior | Non
 
 
 def _deviations(model: Model, seeds: Sequence[int], poses: int, prior: Prior | None) -> Iterator[Array]:
-    sizes = _prior(model)
+    prior_of_arms, arm = _prior(model), synthetic.load_arm(shipped_arms()[ARM])
     for seed in seeds:
-        true = np.random.default_rng([seed, 1]).normal(sizes.mean_of(model.free), sizes.sd_of(model.free))
-        data = measured(dict(zip(model.free, true.tolist(), strict=True)), seed, poses)
+        true = np.random.default_rng([seed, 1]).normal(
+            prior_of_arms.mean_of(model.free), prior_of_arms.sd_of(model.free)
+        )
+        truth = _truth(arm, dict(zip(model.free, true.tolist(), strict=True)))
+        data = measured(arm, truth, synthetic.random_poses(arm, poses, seed), seed)
         fitted = fit(model, data, no_bounds(model.free), prior=prior)
         found = np.array([fitted.model.value(key) for key in model.free])
         yield (found - true) / fitted.standard_error
-
-
-def measured(values: dict[str, float], seed: int, poses: int) -> Measurements:
-    """What the independent generator measures on an arm with these parameters (SI), noise included."""
-    rig = synthetic.load_arm(shipped_arms()[ARM])
-    q = synthetic.random_poses(rig, poses, seed)
-    tcp = synthetic.measure(rig, _truth(rig, values), q, 0.0, NOISE, seed)
-    number = np.arange(1, poses + 1)
-    return Measurements(poses_of(q), number, tcp, None, NOISE, number, Path("synthetic"), "")
 
 
 def _truth(rig: synthetic.ArmDescription, values: dict[str, float]) -> synthetic.GroundTruth:
@@ -110,20 +103,20 @@ def _truth(rig: synthetic.ArmDescription, values: dict[str, float]) -> synthetic
     )
 
 
-def _empty() -> Model:
+def _nominal_model() -> Model:
     arm = load_arm(ARM)
     return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
 
 
 def _prior(model: Model) -> Prior:
-    return to_prior(Path(SIZES.name), SIZES, model)
+    return to_prior(Path(ARM_PRIOR.name), ARM_PRIOR, model)
 
 
 def main() -> None:
     """Prints the shares of both runs."""
-    words = argparse.ArgumentParser(description=__doc__)
-    words.add_argument("--seeds", type=int, default=SEEDS)
-    seeds = range(words.parse_args().seeds)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    seeds = range(parser.parse_args().seeds)
     print(f"{len(seeds)} arms, {POSES} random poses each, noise {NOISE * 1e3:g} mm per axis")
     for name, run in (("option 1, least squares", option_1), ("all parameters, with prior", all_with_prior)):
         found = run(seeds)

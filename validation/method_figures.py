@@ -15,29 +15,20 @@ import numpy as np
 from lrm_ident import synthetic
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, load_measurements
-from lrm_ident.fit.identifiability import fit_identifiable
-from lrm_ident.fit.levenberg_marquardt import fit, no_bounds
-from lrm_ident.fit.parameter_sets import select_parameters
-from lrm_ident.fit.priors import load_prior
+from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.estimation.levenberg_marquardt import fit, no_bounds
+from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.estimation.priors import load_prior
 from lrm_ident.thesis.thesis_options import cross_apply, nominal_model, option_named, residual_of, run_options
 from lrm_ident.thesis.thesis_results import NO_LOAD
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.model import Model
 from validation import two_loads
+from validation.synthetic_measurements import measured
 
-ARM, NOISE, ARMS, FRESH = "lrm-lab", 3e-4, 12, 300
+ARM, ARMS, FRESH = "lrm-lab", 12, 300
 COUNTS = (16, 20, 30, 45, 100)
-
-
-def measured(
-    rig: synthetic.ArmDescription, truth: synthetic.GroundTruth, q: np.ndarray, seed: int, load: float = 0.0
-) -> Measurements:
-    """What the independent generator measures at poses (N, n), with 0.3 mm of noise and a load (kg)."""
-    number = np.arange(1, len(q) + 1)
-    tcp = synthetic.measure(rig, truth, q, load, NOISE, seed)
-    return Measurements(poses_of(q, load), number, tcp, None, NOISE, number, Path("synthetic"), "")
 
 
 def poses_needed(count: int) -> tuple[float, float | None]:
@@ -97,9 +88,9 @@ def _rms_mm(model: Model, data: Measurements) -> float:
 
 def main() -> None:
     """Prints them all."""
-    words = argparse.ArgumentParser(description=__doc__)
-    words.add_argument("measurements", type=Path, nargs="?")
-    path = words.parse_args().measurements
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("measurements", type=Path, nargs="?")
+    path = parser.parse_args().measurements
     for count in COUNTS:
         with_prior, eliminated = poses_needed(count)
         alone = "none" if eliminated is None else f"{eliminated:.2f}"

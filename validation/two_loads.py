@@ -29,9 +29,9 @@ def write(folder: Path) -> list[Path]:
 
 def main() -> None:
     """Writes them and says where."""
-    words = argparse.ArgumentParser(description=__doc__)
-    words.add_argument("folder", type=Path)
-    for path in write(words.parse_args().folder):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    for path in write(parser.parse_args().folder):
         print(path)
 
 

@@ -16,11 +16,10 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements, load_measurements, metadata_of
 from lrm_ident.effect_plugins import Catalogue, catalogue_with
-from lrm_ident.fit.identifiability import fit_identifiable
+from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.progress import OnProgress
 from lrm_ident.report.document import Block, Document, ResultTable, write
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.equilibrium import equilibrium
@@ -110,18 +109,6 @@ def start_model(arm: Arm, model: Path | None) -> Model:
     if fitted.arm != arm:
         raise FileError(model, "arm", f"is a model of {fitted.arm.name}, not of {arm.name}")
     return fitted
-
-
-def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
-    """The arm that is named, or that the file beside the data names. Raises `FileError`."""
-    if arm is not None:
-        return arm, load_arm(arm)
-    metadata = metadata_of(data) if data.exists() else None
-    if not data.exists():
-        raise FileError(data, "", "no such file")
-    if metadata is None or metadata.arm is None:
-        raise FileError(data, "", "no arm given", "name it with --arm, or as arm in the .toml file beside the data")
-    return metadata.arm, load_arm(metadata.arm)
 
 
 def read_measurements(path: Path, arm: Arm, arm_name: str) -> Measurements:

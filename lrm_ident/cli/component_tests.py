@@ -70,5 +70,5 @@ def align(
 def _position(text: str) -> np.ndarray:
     position = np.array(parse_numbers("--known-mm", text, "three numbers by commas, for instance 245,0,40"))
     if len(position) != 3 or not np.all(np.isfinite(position)):
-        raise LrmError(f"--known-mm {text}; should be three finite numbers by commas, for instance 245,0,40")
+        raise LrmError(f"--known-mm {text}: not three finite numbers by commas, for instance 245,0,40")
     return position

@@ -13,7 +13,6 @@ from typer import Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.common import (
     app,
-    arm_for,
     check_distinct,
     one_of,
     parse_numbers,
@@ -24,14 +23,14 @@ from lrm_ident.cli.common import (
     start_model,
 )
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurements import load_poses, measurements_csv
+from lrm_ident.data.measurements import arm_for, load_poses, measurements_csv
 from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, candidate_grid, parse_levels
 from lrm_ident.design.observability import INDICES
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
 from lrm_ident.design.pose_design import design as run_design
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.fit.parameter_sets import select_parameters
+from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_ident.plots.design import draw_choice, draw_design
 from lrm_ident.report.design import choice_document, design_document, pose_table
 from lrm_math.arm.arm import Arm

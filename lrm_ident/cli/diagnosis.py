@@ -10,16 +10,7 @@ import numpy as np
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.common import (
-    app,
-    error_of,
-    log,
-    nominal_error,
-    progress,
-    publish,
-    read_identifiable,
-    show,
-)
+from lrm_ident.cli.common import app, error_of, log, nominal_error, progress, publish, read_identifiable, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import load_poses
@@ -30,8 +21,8 @@ from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.fit.error_breakdown import HeldOutResidual, try_held_out
-from lrm_ident.fit.model_history import model_file, model_text, undo_step
+from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
+from lrm_ident.estimation.model_history import model_file, model_text, undo_step
 from lrm_ident.plots.diagnosis import draw_report
 from lrm_ident.report.diagnosis import (
     course_document,

@@ -13,7 +13,6 @@ from typer import Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.common import (
     app,
-    arm_for,
     nominal_error,
     progress,
     publish,
@@ -24,24 +23,21 @@ from lrm_ident.cli.common import (
 )
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import Measurements, load_poses
+from lrm_ident.data.measurements import Measurements, arm_for, load_poses
 from lrm_ident.effect_plugins import Catalogue, catalogue_with
-from lrm_ident.fit.error_breakdown import HeldOutResidual, try_held_out
-from lrm_ident.fit.error_breakdown import compare as run_compare
-from lrm_ident.fit.identifiability import IdentifiedFit, fit_identifiable
-from lrm_ident.fit.levenberg_marquardt import Bounds, Fit, bounds_of, no_bounds
-from lrm_ident.fit.levenberg_marquardt import fit as run_fit
-from lrm_ident.fit.loss import Loss, loss_named
-from lrm_ident.fit.model_history import arm_name_for, model_file, model_text
-from lrm_ident.fit.parameter_sets import select_parameters
-from lrm_ident.fit.priors import Prior, load_prior, prior_name_for, prior_of_file
+from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
+from lrm_ident.estimation.error_breakdown import compare as run_compare
+from lrm_ident.estimation.levenberg_marquardt import Fit
+from lrm_ident.estimation.loss import Loss, loss_named
+from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
+from lrm_ident.estimation.model_history import arm_name_for, model_file, model_text
+from lrm_ident.estimation.priors import load_prior, prior_name_for, prior_of_file
 from lrm_ident.plots.comparison import draw_comparison
 from lrm_ident.progress import OnProgress
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import ErrorSummary, comparison_document, fit_document
 from lrm_ident.report.priors import PriorComparison
 from lrm_math.arm.arm import Arm
-from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
@@ -92,10 +88,10 @@ def fit(
     measured = read_measurements(data, the_arm, arm_name)
     model = _start_model(the_arm, effects, start, catalogue := catalogue_with(effects_file))
     how, known = loss_named(loss), None if prior is None else load_prior(prior, model, catalogue)
-    result = _fit(model, measured, parameters, how, unbounded, known)
+    result = fit_model(model, measured, parameters, how, unbounded, known)
     with progress("held-out error") as tick:
         fitted = result.fit.model
-        held_out = try_held_out(fitted, measured, _limits(fitted, unbounded), how, tick, known)
+        held_out = try_held_out(fitted, measured, fit_bounds(fitted, unbounded), how, tick, known)
     errors = ErrorSummary(nominal_error(the_arm, measured), error_stats(result.fit.residual), held_out)
     document = fit_document(result, errors, measured)
     if known:
@@ -147,20 +143,7 @@ def compare(
     prior = prior_of_file(file, the_model, catalogue)
     with progress("held-out error") as tick:
         comparison = run_compare(the_model, measured, tick, prior)
-    publish(comparison_document(comparison, measured), json, figure, partial(draw_comparison, comparison, measured))
-
-
-def _fit(
-    model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, prior: Prior | None = None
-) -> IdentifiedFit:
-    if parameters == "identifiable":
-        keys = tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
-        if prior is None:
-            return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
-    else:
-        keys = select_parameters(model, parameters)
-    free = replace(model, free=keys)
-    return IdentifiedFit(run_fit(free, data, _limits(free, unbounded), loss, prior), ())
+    publish(comparison_document(comparison), json, figure, partial(draw_comparison, comparison))
 
 
 def _alone(
@@ -168,27 +151,23 @@ def _alone(
 ) -> tuple[Fit | str, HeldOutResidual]:
     """The fit without a prior and its held-out error, or the reason why there is none."""
     try:
-        alone = _fit(model, data, parameters, loss, unbounded).fit
+        alone = fit_model(model, data, parameters, loss, unbounded).fit
     except LrmError as error:
         return str(error), HeldOutResidual(None, str(error))
-    return alone, try_held_out(alone.model, data, _limits(alone.model, unbounded), loss, tick)
-
-
-def _limits(model: Model, unbounded: bool) -> Bounds:
-    return no_bounds(model.free) if unbounded else bounds_of(model, model.free)
+    return alone, try_held_out(alone.model, data, fit_bounds(alone.model, unbounded), loss, tick)
 
 
 def _start_model(arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
-    begun = read_model(start, catalogue)[1] if start else None
-    if begun and begun.arm != arm:
-        raise FileError(str(start), "arm", f"is a model of {begun.arm.name}, the data are of {arm.name}")
-    if effects is None and begun:
-        return begun
-    names = [name.strip() for name in (effects or "offsets,compliance").split(",")]
-    model = model_of(arm, [effect for name in names for effect in effects_at(arm, name, catalogue)])
-    if begun is None:
+    loaded = read_model(start, catalogue)[1] if start else None
+    if loaded and loaded.arm != arm:
+        raise FileError(str(start), "arm", f"is a model of {loaded.arm.name}, the data are of {arm.name}")
+    if effects is None and loaded:
+        return loaded
+    names = DEFAULT_EFFECTS if effects is None else [name.strip() for name in effects.split(",")]
+    model = nominal_model(arm, names, catalogue)
+    if loaded is None:
         return model
-    known = {key: begun.value(key) for key in begun.keys if key in model.keys}
+    known = {key: loaded.value(key) for key in loaded.keys if key in model.keys}
     return model_of(arm, model.effects, known)
 
 

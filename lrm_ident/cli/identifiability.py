@@ -15,7 +15,7 @@ from lrm_ident.data.measurements import load_poses
 from lrm_ident.design.finite_difference_study import study_step_sizes
 from lrm_ident.design.observability import UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate, fittable
-from lrm_ident.fit.parameter_sets import THESIS_OPTIONS, select_parameters
+from lrm_ident.estimation.parameter_sets import THESIS_OPTIONS, select_parameters
 from lrm_ident.plots.identifiability import draw_elimination, draw_steps
 from lrm_ident.report.identifiability import elimination_document, steps_document
 from lrm_math.arm.arm_file import MM, load_arm

@@ -62,7 +62,12 @@ def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
         raise FileError(path, "", f"cannot be read as text ({error})") from None
     reader = csv.reader(text.splitlines())
     header = tuple(name.strip() for name in next(reader, []))
-    _check_header(path, header, required)
+    missing = [name for name in required if name not in header]
+    if missing:
+        raise FileError(path, "header", f"missing column {missing[0]}", f"required: {', '.join(required)}")
+    twice = [name for name in header if header.count(name) > 1]
+    if twice:
+        raise FileError(path, "header", f"column {twice[0]} stands twice")
     rows, lines = [], []
     for row in reader:
         if row:
@@ -74,15 +79,6 @@ def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
     if not rows:
         raise FileError(path, "", "no rows below the header")
     return CsvTable(path, header, tuple(rows), tuple(lines))
-
-
-def _check_header(path: Path, header: tuple[str, ...], required: Sequence[str]) -> None:
-    missing = [name for name in required if name not in header]
-    if missing:
-        raise FileError(path, "header", f"missing column {missing[0]}", f"required: {', '.join(required)}")
-    twice = [name for name in header if header.count(name) > 1]
-    if twice:
-        raise FileError(path, "header", f"column {twice[0]} stands twice")
 
 
 def csv_text(columns: Iterable[tuple[str, Array, int]]) -> str:

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from lrm_ident.data.csv_table import CsvTable, csv_text, read_csv
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
@@ -56,6 +56,7 @@ class Measurements:
     path: Path
     sha256: str
     notices: tuple[str, ...] = ()
+    arm: Arm | None = None
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -77,6 +78,18 @@ def metadata_of(path: Path) -> Metadata | None:
     """Metadata of a CSV file, or None if there is no such file. Raises `FileError`."""
     file = path.with_suffix(".toml")
     return read_toml(file, Metadata) if file.exists() else None
+
+
+def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
+    """The arm that is named, or that the file beside the data names. Raises `FileError`."""
+    if arm is not None:
+        return arm, load_arm(arm)
+    metadata = metadata_of(data) if data.exists() else None
+    if not data.exists():
+        raise FileError(data, "", "no such file")
+    if metadata is None or metadata.arm is None:
+        raise FileError(data, "", "no arm given", "name it with --arm, or as arm in the .toml file beside the data")
+    return metadata.arm, load_arm(metadata.arm)
 
 
 def load_measurements(path: Path, arm: Arm) -> Measurements:
@@ -104,6 +117,7 @@ def load_measurements(path: Path, arm: Arm) -> Measurements:
         path=path,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
         notices=tuple(_notices(table, [*angles, "pose", "x_mm", "y_mm", "z_mm", *OPTIONAL])),
+        arm=arm,
     )
 
 

@@ -43,10 +43,6 @@ class TrackerReadings:
         rotation = rotation_of(mean_quaternion(self.turn))
         return np.asarray((self.tcp - self.base.mean(axis=0)) @ rotation)
 
-    def without(self, row: int) -> TrackerReadings:
-        """All readings but one (for the jackknife)."""
-        return TrackerReadings(*(np.delete(column, row, axis=0) for column in (self.base, self.turn, self.tcp)))
-
     def base_scatter(self) -> float:
         """RMS distance of the base target from its mean position (m)."""
         return float(np.sqrt(((self.base - self.base.mean(axis=0)) ** 2).sum(axis=1).mean()))
@@ -71,8 +67,10 @@ class Alignment:
 def align(tracked: TrackerReadings, known: Array) -> Alignment:
     """Deviation from readings of a fixture that holds the TCP target at `known` (3,), m, in the base target's frame."""
     measured, n = tracked.in_base(), len(tracked.tcp)
-    without = np.array([tracked.without(row).in_base().mean(axis=0) for row in range(n)])
-    error = np.sqrt((n - 1) * without.var(axis=0))  # jackknife: includes the base target's noise
+    columns = (tracked.base, tracked.turn, tracked.tcp)
+    without = [TrackerReadings(*(np.delete(column, row, axis=0) for column in columns)) for row in range(n)]
+    means = np.array([readings.in_base().mean(axis=0) for readings in without])
+    error = np.sqrt((n - 1) * means.var(axis=0))  # jackknife: includes the base target's noise
     return Alignment(measured.mean(axis=0) - known, error, measured.std(axis=0, ddof=1), n)
 
 

@@ -18,7 +18,7 @@ from lrm_ident.design.observability import MM_PER_M, Index, Observability, ident
 from lrm_ident.design.optimality import Criterion, DeterminantCriterion, criterion_of
 from lrm_ident.design.parameter_elimination import fittable
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD
-from lrm_ident.fit.identifiability import select_identifiable
+from lrm_ident.estimation.identifiability import select_identifiable
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect

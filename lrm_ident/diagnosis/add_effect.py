@@ -11,8 +11,8 @@ from scipy.optimize import minimize_scalar
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
-from lrm_ident.fit.identifiability import fit_identifiable
-from lrm_ident.fit.levenberg_marquardt import Fit, FitNotConverged, fit
+from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.estimation.levenberg_marquardt import Fit, FitNotConverged, fit
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.model import Model, model_of

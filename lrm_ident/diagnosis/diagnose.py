@@ -21,9 +21,9 @@ from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
 from lrm_ident.diagnosis.score_test import ScoredCandidate, benjamini_yekutieli, score_candidates
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
-from lrm_ident.fit.cross_validation import joint_space_folds
-from lrm_ident.fit.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
-from lrm_ident.fit.loss import robust_scale
+from lrm_ident.estimation.cross_validation import joint_space_folds
+from lrm_ident.estimation.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
+from lrm_ident.estimation.loss import robust_scale
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect

@@ -14,8 +14,8 @@ from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.forward_selection import MIN_GAIN
 from lrm_ident.diagnosis.score_test import ScoredCandidate
-from lrm_ident.fit.cross_validation import held_out_residual
-from lrm_ident.fit.levenberg_marquardt import Fit
+from lrm_ident.estimation.cross_validation import held_out_residual
+from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_math.errors import LrmError
 
 MAX_REFITS = 3  # candidates that are refitted and cross-validated in full

@@ -18,7 +18,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.candidates import split_testable
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.fit.identifiability import fit_identifiable
+from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import run_auto
 from lrm_ident.effect_plugins import Catalogue
-from lrm_ident.fit.cross_validation import joint_space_folds
-from lrm_ident.fit.error_breakdown import HeldOutResidual
+from lrm_ident.estimation.cross_validation import joint_space_folds
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE

@@ -1,4 +1,4 @@
-"""Pictures for paper and README. They read without colour: lines differ in dash, bars carry their number."""
+"""Figure of `compare`: error distributions, what the residual depends on, and its mean by group."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.error_breakdown import Comparison
+from lrm_ident.estimation.error_breakdown import ModelComparison
 from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import equilibrium
@@ -20,16 +19,17 @@ if TYPE_CHECKING:
 FACTORS_DRAWN, GROUPS_DRAWN = 8, 10
 
 
-def draw_comparison(comparison: Comparison, data: Measurements, path: Path) -> None:
+def draw_comparison(comparison: ModelComparison, path: Path) -> None:
     """Draws how far the error fell and what the rest follows. Raises `FileError` for an unknown format or place."""
     with figure_file(path, 13, 4.2) as figure:
         left, middle, right = figure.subplots(1, 3, width_ratios=(1.2, 1, 1.3))
-        _draw_distribution(left, comparison, data)
+        _draw_distribution(left, comparison)
         _draw_factors(middle, comparison)
         _draw_groups(right, comparison)
 
 
-def _draw_distribution(axes: Axes, comparison: Comparison, data: Measurements) -> None:
+def _draw_distribution(axes: Axes, comparison: ModelComparison) -> None:
+    data = comparison.data
     nominal = equilibrium(model_of(comparison.rest.model.arm, ()), data.poses).tcp
     _cumulative(axes, data.tcp - nominal, "nominal arm", NOMINAL, ":")
     _cumulative(axes, comparison.residual, "model, as fitted", MODEL, "-")
@@ -50,7 +50,7 @@ def _cumulative(axes: Axes, residual: Array, label: str, colour: str, line: str)
     axes.plot(distance, share, color=colour, linestyle=line, linewidth=2, label=text)
 
 
-def _draw_factors(axes: Axes, comparison: Comparison) -> None:
+def _draw_factors(axes: Axes, comparison: ModelComparison) -> None:
     factors = comparison.factors[:FACTORS_DRAWN][::-1]
     share = [100 * factor.share for factor in factors]
     bars = axes.barh([factor.name for factor in factors], share, color=MODEL)
@@ -59,13 +59,13 @@ def _draw_factors(axes: Axes, comparison: Comparison) -> None:
     axes.set_title("What the residual follows")
 
 
-def _draw_groups(axes: Axes, comparison: Comparison) -> None:
+def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
     factor = comparison.factors[0]
     groups = factor.groups[:GROUPS_DRAWN]
     place = np.arange(len(groups))
-    turns = [group.equivalent_rotation for group in groups if group.equivalent_rotation is not None]
-    if turns:
-        axes.bar(place, np.degrees(turns), 0.6, color=MODEL)
+    rotations = [group.equivalent_rotation for group in groups if group.equivalent_rotation is not None]
+    if rotations:
+        axes.bar(place, np.degrees(rotations), 0.6, color=MODEL)
         axes.set(ylabel=f"acts like a turn of joint {factor.name.split()[-1]}, deg")
     else:
         for k, (hatch, colour) in enumerate((("", MODEL), ("//", HELD_OUT), ("..", GREEN))):

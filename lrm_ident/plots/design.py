@@ -1,4 +1,4 @@
-"""Pictures of chosen poses: where they are, and what they tell."""
+"""Figures of `choose-poses` and `design`: TCP positions, indices, expected errors, detectable sizes of rivals."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from lrm_math.model.equilibrium import equilibrium
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-NEVER = 1e6  # how high a bar stands, off the picture, where a rival is never told
+NEVER = 1e6  # height of a bar, off the figure, where a rival is never detectable
 
 
 def draw_choice(found: PoseSelection, data: Measurements, path: Path) -> None:
-    """The chosen poses among all, and their indices over those of blind choices. Raises `FileError`."""
+    """The chosen poses among all, and their indices over those of random choices. Raises `FileError`."""
     with figure_file(path, 13, 4.4) as figure:
         left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1, 0.8))
         for axes, pair in ((left, (0, 2)), (middle, (0, 1))):
@@ -40,7 +40,7 @@ def draw_choice(found: PoseSelection, data: Measurements, path: Path) -> None:
 
 
 def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, path: Path) -> None:
-    """Where the poses are, what will be known of every parameter, and which sizes of the rivals can be told apart.
+    """Where the poses are, the expected error of every parameter, and the detectable sizes of the rivals.
 
     Raises `FileError` for an unknown format or a place that cannot be written.
     """
@@ -87,7 +87,7 @@ def _draw_errors(axes: Axes, found: PoseDesign, sets: Sequence[PlottedSet]) -> N
 
 
 def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -> None:
-    """The least size of every rival that is told from all else; no bar where it never is."""
+    """The least detectable size of every rival; no bar where it never is."""
     width = 0.8 / len(sets)
     for k, one in enumerate(sets):
         rivals = () if one.known.discrimination is None else one.known.discrimination.rivals

@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis: what each candidate would leave, and the evidence for the first one, or the anatomy."""
+"""Figure of `diagnose`: the error that each candidate would leave, and the evidence for the first one."""
 
 from __future__ import annotations
 

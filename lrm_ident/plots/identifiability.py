@@ -1,4 +1,4 @@
-"""Pictures of identifiability (beside the thesis's Table A.1) and of step sizes (as Figures 4.7 and 4.8)."""
+"""Figures of identifiability (beside the thesis's Table A.1) and of step sizes (as Figures 4.7 and 4.8)."""
 
 from __future__ import annotations
 

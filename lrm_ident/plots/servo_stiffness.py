@@ -1,4 +1,4 @@
-"""The picture of the one-servo test: deflection under torque, there and back (thesis Figure 5.7, left)."""
+"""Figure of `stiffness`: deflection of one servo, loading and unloading (thesis Figure 5.7, left)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of the method: real histograms and cumulative curves beside the thesis's Gaussians (Figures 6.4 to 6.9)."""
+"""Figures of `options`: real histograms and cumulative curves beside the thesis's Gaussians (Figures 6.4 to 6.9)."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def _draw_histogram(axes: Axes, shape: ErrorDistribution, title: str, colour: st
     at = np.linspace(low, distance.max() * 1.05, 200)
     scale = len(distance) * (edges[1] - edges[0]) * 1e-3
     axes.plot(at, shape.density(at * 1e-3) * scale, color="black", linestyle="--", linewidth=1.2, label="Gaussian")
-    says = "" if shape.is_gaussian else ", not Gaussian"
-    axes.set_title(f"{title}: {distance.mean():.2f} mm{says}", fontsize=10)
+    note = "" if shape.is_gaussian else ", not Gaussian"
+    axes.set_title(f"{title}: {distance.mean():.2f} mm{note}", fontsize=10)
     axes.set_xlabel("TCP error, mm", fontsize=8)
     axes.tick_params(labelsize=8)
 

@@ -1,9 +1,9 @@
-"""The picture of a capability map: two cuts through it, and the variants beside each other (thesis Figure 3.1)."""
+"""Figure of `reach`: two cuts through a capability map, and the variants beside each other (thesis Figure 3.1)."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -53,6 +53,8 @@ def _height(found: VariantComparison) -> float:
 
 def _draw_cut(axes: Axes, found: VariantComparison, plane: tuple[int, int], at: float, most: float) -> QuadMesh:
     """The mean of the two layers of cells on either side of `at` (m) along the axis that `plane` leaves out."""
+    from matplotlib.patches import Rectangle
+
     arm, first = found.variants[0].arm, found.maps[0]
     i, j = plane
     k = 3 - i - j
@@ -66,8 +68,8 @@ def _draw_cut(axes: Axes, found: VariantComparison, plane: tuple[int, int], at: 
     for area in found.areas:
         if area.low[k] <= at <= area.high[k]:
             low, high = (MM_PER_M * np.array(corner)[[i, j]] for corner in (area.low, area.high))
-            outline = np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])
-            axes.plot(*outline.T, color=HELD_OUT, linewidth=2, linestyle="--")
+            style: Any = {"fill": False, "edgecolor": HELD_OUT, "linewidth": 2, "linestyle": "--"}
+            axes.add_patch(Rectangle(tuple(low), *(high - low), **style))
             axes.annotate(area.name, tuple(high), color=HELD_OUT, ha="right", va="bottom", weight="bold")
     step = MM_PER_M * first.grid.step
     if len(x) and len(y):

@@ -77,10 +77,5 @@ def alignment_document(found: Alignment) -> Document:
         ResultTable(columns, rows, f"{found.readings} readings of the fixture"),
         f"For the file beside the measurements: noise_sd_mm = {sd:.3f}",
     ]
-    values = {
-        "readings": found.readings,
-        "deviation_mm": deviation,
-        "standard_error_mm": error,
-        "noise_sd_mm": noise,
-    }
+    values = {"readings": found.readings, "deviation_mm": deviation, "standard_error_mm": error, "noise_sd_mm": noise}
     return Document(blocks, "lrm/alignment/1", values)

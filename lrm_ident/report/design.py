@@ -98,9 +98,9 @@ def pose_table(found: PoseDesign) -> ResultTable:
     return ResultTable(columns, list(zip(found.number, *q.T, poses.payload * 1e3, side, found.repeat_of, strict=True)))
 
 
-def _index_table(title: str, value: Observability, blind: Observability) -> ResultTable:
+def _index_table(title: str, chosen: Observability, random: Observability) -> ResultTable:
     columns = ("columns: mm per typical size", *(f"{name}|.4g" for name in INDICES))
-    named = (("chosen", value), ("drawn blindly (median)", blind))
+    named = (("chosen", chosen), ("drawn blindly (median)", random))
     return ResultTable(columns, [(name, *vars(indices).values()) for name, indices in named], title)
 
 
@@ -117,7 +117,7 @@ def _error_table(found: PoseDesign) -> ResultTable:
 def _knowledge_table(found: PoseDesign) -> ResultTable:
     """Expected standard errors as motion of the TCP (mm), and least detectable sizes of rivals (typical sizes).
 
-    A cell is empty where a rival can never be told from the others.
+    A cell is empty where a rival is never detectable.
     """
     sets = {"now": found.before, "with_these": found.after, "with_blind_ones": found.random_after}
     known = {name: knowledge for name, knowledge in sets.items() if knowledge is not None}

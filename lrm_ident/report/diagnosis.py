@@ -13,8 +13,8 @@ from lrm_ident.diagnosis.add_effect import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnose import FLOOR_RATIO
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
-from lrm_ident.fit.error_breakdown import HeldOutResidual
-from lrm_ident.fit.levenberg_marquardt import Fit
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
+from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, enumerate_words, heading, section
 from lrm_ident.report.fit import ErrorSummary, parameter_table
 from lrm_math.arm.arm_file import load_arm, shipped_arms
@@ -35,7 +35,7 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
     """Result of `lrm-ident diagnose`, schema `lrm/diagnosis/1`."""
     found = report.diagnosis
     floor = None if found.floor.rms is None else found.floor.rms * 1e3
-    anatomy = [(function, rms * 1e3) for function, rms in found.unexplained.ranking]
+    ranking = [(function, rms * 1e3) for function, rms in found.unexplained.ranking]
     noise = "unknown" if floor is None else f"{floor:.2f} mm ({found.floor.source})"
     values = {
         "poses": len(found.data),
@@ -56,7 +56,7 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
         ],
         "anatomy": [
             {"joint": function.joint + 1, "follows": function.covariates, "held_out_rms_mm": rms}
-            for function, rms in anatomy
+            for function, rms in ranking
         ],
         "outliers": found.outliers,
         "audit": report.limitations,
@@ -79,7 +79,7 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
         _ranking_table(report),
     ]
     if report.verdict == "unexplained_structure":
-        lines = (f"{function.name} would leave {rms:.2f} mm held out" for function, rms in anatomy)
+        lines = (f"{function.name} would leave {rms:.2f} mm held out" for function, rms in ranking)
         blocks += section("\nIts anatomy: what it acts like, and what that follows", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}")

@@ -9,9 +9,9 @@ import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.error_breakdown import Comparison, Factor, HeldOutResidual, PoseGroup
-from lrm_ident.fit.identifiability import IdentifiedFit, UnidentifiableParameter
-from lrm_ident.fit.levenberg_marquardt import Fit
+from lrm_ident.estimation.error_breakdown import Factor, HeldOutResidual, ModelComparison, PoseGroup
+from lrm_ident.estimation.identifiability import IdentifiedFit, UnidentifiableParameter
+from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_math.arrays import Array
 from lrm_math.model.model import Model
@@ -47,8 +47,7 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
     """Result of `lrm-ident fit`, schema `lrm/fit/1`."""
     fit, model = result.fit, result.fit.model
     mean, before, held_out = errors.fitted.mean, errors.nominal.mean, errors.held_out.error
-    distance = norms_mm(fit.residual)
-    outliers = [(data.pose[row], distance[row]) for row in fit.outliers]
+    outliers = [(data.pose[row], np.linalg.norm(fit.residual[row]) * 1e3) for row in fit.outliers]
     blocks = [
         parameter_table(fit),
         *section(
@@ -82,22 +81,18 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
     return Document(blocks, "lrm/fit/1", values)
 
 
-def comparison_document(found: Comparison, data: Measurements) -> Document:
+def comparison_document(found: ModelComparison) -> Document:
     """Result of `lrm-ident compare`, schema `lrm/comparison/1`."""
+    data = found.data
     free, q = len(found.rest.model.free), np.degrees(data.poses.q)
     errors = ErrorSummary(found.nominal, found.error, found.held_out)
-    load, residual, distance = data.poses.payload * 1e3, found.residual * 1e3, norms_mm(found.residual)
+    load, residual = data.poses.payload * 1e3, found.residual * 1e3
+    distance = [np.linalg.norm(row) * 1e3 for row in found.residual]
     angles = " ".join(f"{'q' + str(i + 1):>4s}" for i in range(q.shape[1]))
-    worst = [
-        (
-            data.pose[row],
-            " ".join(f"{a:4.0f}" for a in q[row]) + "    ",
-            load[row],
-            distance[row],
-            _vector(residual[row]),
-        )
-        for row in found.worst
-    ]
+    worst = []
+    for i in found.worst:
+        turned = " ".join(f"{angle:4.0f}" for angle in q[i]) + "    "
+        worst.append((data.pose[i], turned, load[i], distance[i], _vector(residual[i])))
     blocks = [
         *errors.blocks(f"{len(data)} poses, {free} parameters"),
         _factor_table(found.factors[:FACTORS_SHOWN]),

@@ -9,8 +9,8 @@ import numpy as np
 from lrm_ident.design.finite_difference_study import MAX_RELATIVE_ERROR, StepSizeStudy
 from lrm_ident.design.observability import UNITS
 from lrm_ident.design.parameter_elimination import ParameterElimination
-from lrm_ident.fit.identifiability import UnidentifiableParameter
-from lrm_ident.fit.parameter_sets import TABLE_4_5
+from lrm_ident.estimation.identifiability import UnidentifiableParameter
+from lrm_ident.estimation.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import screen_unit
 from lrm_ident.report.symbols import symbol

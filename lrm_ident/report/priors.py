@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.fit.error_breakdown import HeldOutResidual
-from lrm_ident.fit.levenberg_marquardt import Fit
-from lrm_ident.fit.priors import Prior
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
+from lrm_ident.estimation.levenberg_marquardt import Fit
+from lrm_ident.estimation.priors import Prior
 from lrm_ident.report.document import Block, ResultTable
 from lrm_ident.report.fit import in_mm, screen_unit
 

@@ -39,10 +39,6 @@ class TrueChain:
     centres: Array
     tcp: Array
 
-    def with_com_shifts(self, shifts_m: Array) -> TrueChain:
-        """The same arm with its B centres of mass shifted by (P, B, 3) in m, in the frames of their `com_m`."""
-        return replace(self, centres=self.centres[:, None] + np.einsum("bij,pbj->bpi", self.body_axes, shifts_m))
-
 
 @dataclass(frozen=True)
 class Posture:

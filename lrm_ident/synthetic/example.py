@@ -17,9 +17,6 @@ from .hidden_joints import SoftPlay
 NAME = "hidden-play"
 SOURCE = "synthetic: lrm_ident.synthetic.write_example; play hidden in one joint, see the truth file"
 SEED = 20240715
-POSES = 300
-PAYLOAD_KG = 0.0663
-FLOOR_M = 0.1  # for the TCP of the rigid nominal arm: leaves room for sag
 PROJECT = Path(__file__).resolve().parents[2]
 ARM_FILES = [PROJECT / folder / "arms" / "lrm-lab.toml" for folder in ("config", "lrm_math")]  # checkout, installed
 ARM_FILE = next((path for path in ARM_FILES if path.exists()), ARM_FILES[0])
@@ -30,10 +27,9 @@ def example(arm_file: str | Path = ARM_FILE) -> Dataset:
     arm = load_arm(arm_file)
     play = SoftPlay(joint=2, width_rad=round(math.radians(2.3), 6), softness_nm=0.04)
     truth = base_displacement_to_deviations(arm, GroundTruth.random(arm, SEED, (play,)))
-    payload = np.where(np.arange(POSES) // (POSES // 4) % 2 == 0, 0.0, PAYLOAD_KG)
-    return simulate(
-        arm, truth, random_poses(arm, POSES, SEED + 1, floor_m=FLOOR_M), payload, noise_m=0.0003, seed=SEED + 2
-    )
+    payload = np.where(np.arange(300) // 75 % 2 == 0, 0.0, 0.0663)
+    q = random_poses(arm, 300, SEED + 1, floor_m=0.1)  # the floor leaves room for sag
+    return simulate(arm, truth, q, payload, noise_m=0.0003, seed=SEED + 2)
 
 
 def write_example(directory: str | Path, arm_file: str | Path = ARM_FILE) -> tuple[Path, Path, Path]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,7 +43,8 @@ def equilibrium(arm: ArmDescription, truth: GroundTruth, poses: CommandedPoses) 
     """The state in which every deflection is the one that its own load causes."""
     chain = zero_configuration(arm, truth)
     if np.any(shifts := sum(effect.added_com_shifts(poses) for effect in truth.effects)):
-        chain = chain.with_com_shifts(np.asarray(shifts))
+        shifted = chain.centres[:, None] + np.einsum("bij,pbj->bpi", chain.body_axes, shifts)
+        chain = replace(chain, centres=shifted)
     flexible = tuple(sorted({link for effect in truth.effects for link in effect.flexible_links()}))
     weights = _weights(arm, truth, poses)
 

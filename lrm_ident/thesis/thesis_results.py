@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from lrm_ident.fit.parameter_sets import TABLE_4_5
+from lrm_ident.estimation.parameter_sets import TABLE_4_5
 from lrm_ident.thesis.thesis_options import nominal_model
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import UnknownName

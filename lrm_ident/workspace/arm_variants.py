@@ -20,7 +20,7 @@ from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
-SYNTAX = "say PLACE_NAME_UNIT=VALUE such as base_beta_deg=45, or linkN+20mm, linkN-10mm; several by commas"
+SYNTAX = "write PLACE_NAME_UNIT=VALUE such as base_beta_deg=45, or linkN+20mm, linkN-10mm; several by commas"
 VALUE = re.compile(rf"(\w+?)_(\w+)_(mm|deg)=({NUMBER})")
 LENGTHEN = re.compile(r"link(\d+)([+-](?:\d+\.?\d*|\.\d+))mm")
 PLACEMENT = {"mm": ("x", "y", "z"), "deg": ("alpha", "beta", "gamma")}

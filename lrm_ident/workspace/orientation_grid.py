@@ -27,16 +27,14 @@ def directions(count: int) -> Array:
         raise LrmError(f"{count} directions cannot be spread evenly; take one of {', '.join(map(str, EXAMPLES))}, …")
     signs = [(a, b * GOLDEN) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
     corners = np.array([np.roll((0.0, a, b), turn) for turn in range(3) for a, b in signs])
-    faces = [face for face in combinations(corners, 3) if all(_adjacent(p, q) for p, q in combinations(face, 2))]
+    pairs = combinations(range(12), 2)
+    edges = {(i, j) for i, j in pairs if math.isclose(math.dist(corners[i], corners[j]), 2.0)}
+    faces = [corners[list(face)] for face in combinations(range(12), 3) if edges.issuperset(combinations(face, 2))]
     weights = [(i, j, f - i - j) for i in range(f + 1) for j in range(f + 1 - i)]
     points = np.array([(i * a + j * b + k * c) / f for a, b, c in faces for i, j, k in weights])
     unit = points / np.linalg.norm(points, axis=1, keepdims=True)
     _, first = np.unique(np.round(unit, 9) + 0.0, axis=0, return_index=True)
     return np.asarray(unit[first])
-
-
-def _adjacent(p: Array, q: Array) -> bool:
-    return math.isclose(math.dist(p, q), 2.0)
 
 
 def rotations(along: Array, rolls: int) -> Array:

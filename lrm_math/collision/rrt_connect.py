@@ -35,7 +35,7 @@ Reason: TypeAlias = Literal[
 
 
 @dataclass(frozen=True, eq=False)
-class JointPath:
+class PlannedPath:
     """A collision-free path: straight moves through the waypoints (M, n) in rad, start and goal included.
 
     `samples`: random poses drawn to find it.
@@ -86,7 +86,7 @@ def plan(
     margin: float | None = None,
     samples: int = 2000,
     check: Check | None = None,
-) -> JointPath | NoPath:
+) -> PlannedPath | NoPath:
     """A collision-free path from start to goal, each (n,) in rad, or why there is none.
 
     The straight move is tried first. Other paths keep `straight_move.RESOLUTION` more than the margin, so that every
@@ -118,7 +118,7 @@ def plan(
     judge = check or partial(check_move, scene)
     straight = judge(a, b, keep)
     if straight.free:
-        return JointPath(np.array([a, b]), 0)
+        return PlannedPath(np.array([a, b]), 0)
     for q, _, close in ends:
         closest = scene.closest(q)
         if closest.distance < keep + RESOLUTION:
@@ -126,10 +126,10 @@ def plan(
     found = _connect(judge, a, b, box, keep + RESOLUTION, rng, samples)
     if found is None:
         return NoPath("not found", None, ClosestPair(straight.distance, straight.first, straight.second), keep, samples)
-    return JointPath(_shortened(judge, found.waypoints, keep + RESOLUTION, rng), found.samples)
+    return PlannedPath(_shortened(judge, found.waypoints, keep + RESOLUTION, rng), found.samples)
 
 
-def interpolate_path(path: JointPath, step: float = np.radians(0.25)) -> Array:
+def interpolate_path(path: PlannedPath, step: float = np.radians(0.25)) -> Array:
     """Targets (K, n) in rad along a path for a ramp, no joint further than `step` (rad) from one to the next.
 
     Where a ramp moves all joints at one speed, each by itself, those with less to travel arrive early: it deviates from
@@ -179,7 +179,7 @@ class _Tree:
 
 def _connect(
     check: Check, start: Array, goal: Array, limits: Array, margin: float, rng: np.random.Generator, samples: int
-) -> JointPath | None:
+) -> PlannedPath | None:
     """RRT-Connect: by turns, one tree extends towards a random pose, the other connects to the pose reached."""
     trees = _Tree(start), _Tree(goal)
     for sample in range(1, samples + 1):
@@ -189,7 +189,7 @@ def _connect(
         if met:
             branches = [one.branch(tip), other.branch(end)]
             first, last = branches if sample % 2 else branches[::-1]
-            return JointPath(_without_repeats(np.array([*first[::-1], *last])), sample)
+            return PlannedPath(_without_repeats(np.array([*first[::-1], *last])), sample)
     return None
 
 

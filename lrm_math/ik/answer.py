@@ -12,7 +12,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.ik.goal import Goal
 
 
-class Verdict(StrEnum):
+class IkVerdict(StrEnum):
     """Outcome of a goal."""
 
     SOLVED = "solved"
@@ -130,7 +130,7 @@ class NominalAnswer:
         violation: for a goal that the limits forbid.
     """
 
-    verdict: Verdict
+    verdict: IkVerdict
     branches: tuple[Branch, ...]
     beyond: tuple[Branch, ...] = ()
     singularity: str = ""
@@ -155,9 +155,9 @@ class NominalAnswer:
 
     def _headline(self) -> str:
         count = f"{len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'}"
-        if self.verdict is Verdict.SOLVED:
+        if self.verdict is IkVerdict.SOLVED:
             return f"solved: {count}"
-        if self.verdict is Verdict.SINGULAR:
+        if self.verdict is IkVerdict.SINGULAR:
             return f"singular: {self.singularity}; {count}, of families"
         why = "out of reach" if self.violation is None else str(self.violation)
         if self.nearest is None:

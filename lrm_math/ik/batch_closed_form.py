@@ -18,7 +18,7 @@ from lrm_math.ik.quartic import skew_elbow
 from lrm_math.ik.scalar_closed_form import ROUND_OFF
 from lrm_math.ik.solver import Mask
 
-Components: TypeAlias = tuple[Array, Array, Array]
+VectorComponents: TypeAlias = tuple[Array, Array, Array]
 CosSins: TypeAlias = list[tuple[Array, Array]]
 
 SLACK = 1e-12
@@ -92,7 +92,7 @@ def all_branches(form: PieperForm, positions: Array, rotations: Array, at: Array
     return out
 
 
-def _in_first_frame(form: PieperForm, p: Array, R: Array) -> Components:
+def _in_first_frame(form: PieperForm, p: Array, R: Array) -> VectorComponents:
     """Wrist centre S (m), last common normal and last axis of every goal in the first axis' frame, each (3, N)."""
     frame, centre = np.array(form.frame), np.array(form.centre)
     seen = R.swapaxes(1, 2) if form.backwards else R
@@ -174,7 +174,7 @@ def _root(form: PieperForm, flat: Array, w: Array, round2: Array, u: Array) -> t
     return np.sqrt(np.maximum(square, 0.0)), seen
 
 
-def _through_three(form: PieperForm, v: Array, turns: CosSins) -> Components:
+def _through_three(form: PieperForm, v: Array, turns: CosSins) -> VectorComponents:
     """A direction (3, M) of the first axis' frame in that of link 3."""
     x, y, z = v
     for joint, link in zip(turns, form.links[:3], strict=True):
@@ -182,7 +182,7 @@ def _through_three(form: PieperForm, v: Array, turns: CosSins) -> Components:
     return x, y, z
 
 
-def _into_link(x: Array, y: Array, z: Array, joint: tuple[Array, Array], link: CosSin) -> Components:
+def _into_link(x: Array, y: Array, z: Array, joint: tuple[Array, Array], link: CosSin) -> VectorComponents:
     """Transform of a vector across one joint and its link: Rx(-α) Rz(-t) v."""
     (c, s), (cos, sin) = joint, link
     x, y = c * x + s * y, c * y - s * x
@@ -192,7 +192,7 @@ def _into_link(x: Array, y: Array, z: Array, joint: tuple[Array, Array], link: C
 
 
 def _orient_tool(
-    form: PieperForm, normal: Components, axis: Components, at: Array, window: AngleWindow
+    form: PieperForm, normal: VectorComponents, axis: VectorComponents, at: Array, window: AngleWindow
 ) -> tuple[Array, Indices, Indices, Indices]:
     """The last three joints, which orient the tool.
 

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arm.servo_table import PwmClock
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import Branch, Verdict
+from lrm_math.ik.answer import Branch, IkVerdict
 from lrm_math.ik.cube import Cube
-from lrm_math.ik.goal import Goal, Rotation, Triple, rotation_rows
+from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.joint_laws import deployed
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.newton import CHAR_LENGTH, Target
@@ -44,7 +44,7 @@ CommandFilter: TypeAlias = Callable[[Poses, Sequence[Number]], NDArray[np.bool_]
 class ForwardResult:
     """Predicted tool position (m), orientation, joint torques of gravity (N·m), and uncertainty."""
 
-    tcp: Triple
+    tcp: Vector3
     rotation: Rotation
     joint_torque: tuple[float, ...]
     uncertainty: PositionUncertainty | None
@@ -212,7 +212,7 @@ class CalibratedSolver:
             beyond = found.q[~self.context.within_limits(found)]
         branches = sorted((Branch(tuple(q), -1, limits) for q in beyond.tolist()), key=lambda branch: -branch.margin)
         violation = limits.violation(branches[0].q) if branches else None
-        verdict = Verdict.OUTSIDE_LIMITS if branches else Verdict.OUT_OF_REACH
+        verdict = IkVerdict.OUTSIDE_LIMITS if branches else IkVerdict.OUT_OF_REACH
         closest = nearest(self.context, query, beyond)
         elapsed = time.perf_counter() - started
         return Unsolved(query.goal, verdict, closest, tuple(branches), violation, method, self.left_out, elapsed)
@@ -287,7 +287,7 @@ def _marginal(covariance: Covariance, model: Model, smooth: Model) -> Covariance
     return Covariance(tuple(covariance.keys[i] for i in rows), covariance.matrix[np.ix_(rows, rows)])
 
 
-def _triple(v: Array) -> Triple:
+def _triple(v: Array) -> Vector3:
     x, y, z = v.tolist()
     return x, y, z
 

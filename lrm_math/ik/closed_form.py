@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.ik.answer import Branch, JointLimits, NominalAnswer, Verdict
+from lrm_math.ik.answer import Branch, IkVerdict, JointLimits, NominalAnswer
 from lrm_math.ik.batch_closed_form import TURN, AllBranches, AngleWindow, all_branches
 from lrm_math.ik.damped_least_squares import TargetBatch, descend
 from lrm_math.ik.free_roll import BEYOND, RollSweep, least_motion_rolls
@@ -70,7 +70,7 @@ class ClosedForm(NominalSolver):
             return self._solve_degenerate(goal, here)
         limits = self.limits
         branches = tuple([Branch(q, number, limits) for number, q in found])
-        return NominalAnswer(Verdict.SOLVED, branches) if len(branches) == 1 else answer_of(branches, here, "")
+        return NominalAnswer(IkVerdict.SOLVED, branches) if len(branches) == 1 else answer_of(branches, here, "")
 
     def partial_branches(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
         here = None if near is None else angles_near(near, 6)

@@ -10,11 +10,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
 
-Triple: TypeAlias = tuple[float, float, float]
-Rotation: TypeAlias = tuple[Triple, Triple, Triple]
+Rotation: TypeAlias = tuple[Vector3, Vector3, Vector3]
 
 ROUNDED, ORTHONORMAL = 1e-4, 1e-9
 """Largest deviation of RᵀR from the identity: in input to `pose`, which orthonormalises, and in a goal."""
@@ -34,9 +33,9 @@ class Goal:
     Raises `LrmError`: a number that is not finite, a matrix that is no rotation, an approach that is no unit vector.
     """
 
-    position: Triple
+    position: Vector3
     rotation: Rotation | None = None
-    approach: Triple | None = None
+    approach: Vector3 | None = None
 
     def __post_init__(self) -> None:
         _check_numbers("position", self.position)
@@ -130,7 +129,7 @@ def point_along(position: ArrayLike, approach: ArrayLike) -> Goal:
     return Goal(_triple("position", position), None, (x / length, y / length, z / length))
 
 
-def _triple(name: str, value: ArrayLike) -> Triple:
+def _triple(name: str, value: ArrayLike) -> Vector3:
     x, y, z = _numbers(name, value, (3,)).tolist()
     return x, y, z
 
@@ -170,5 +169,5 @@ def _no_rotation(off: float, allowed: float) -> LrmError:
     )
 
 
-def _dot(u: Triple, v: Triple) -> float:
+def _dot(u: Vector3, v: Vector3) -> float:
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]

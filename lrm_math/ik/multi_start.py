@@ -10,7 +10,7 @@ import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.ik.answer import Branch, JointLimits, Nearest, NominalAnswer, Verdict
+from lrm_math.ik.answer import Branch, IkVerdict, JointLimits, Nearest, NominalAnswer
 from lrm_math.ik.damped_least_squares import NominalArm, TargetBatch, descend, jacobian, slide
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.linkage import Indices
@@ -145,9 +145,9 @@ class MultiStart:
         starts = np.array([towards, *(branch.q for branch in ordered)])
         nearest = self.nearest(goal, starts)
         if not ordered:
-            return NominalAnswer(Verdict.OUT_OF_REACH, (), nearest=nearest)
+            return NominalAnswer(IkVerdict.OUT_OF_REACH, (), nearest=nearest)
         violation = self.limits.violation(ordered[0].q)
-        return NominalAnswer(Verdict.OUTSIDE_LIMITS, (), ordered, nearest=nearest, violation=violation)
+        return NominalAnswer(IkVerdict.OUTSIDE_LIMITS, (), ordered, nearest=nearest, violation=violation)
 
     def _descend(self, goal: Goal, starts: Array, steps: int) -> tuple[Array, Array]:
         targets = self._targets(goal, len(starts))
@@ -182,8 +182,8 @@ def answer_of(branches: tuple[Branch, ...], near: Array | None, singularity: str
         here = tuple(near.tolist())
         ordered = tuple(sorted(branches, key=lambda branch: branch.distance(here)))
     if any(branch.free is not None for branch in ordered):
-        return NominalAnswer(Verdict.SINGULAR, ordered, singularity=singularity)
-    return NominalAnswer(Verdict.SOLVED, ordered)
+        return NominalAnswer(IkVerdict.SINGULAR, ordered, singularity=singularity)
+    return NominalAnswer(IkVerdict.SOLVED, ordered)
 
 
 def roberts_sequence(count: int, n: int) -> Array:

@@ -20,8 +20,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from lrm_math.arrays import Array
-from lrm_math.ik.goal import Triple
+from lrm_math.arrays import Array, Vector3
 from lrm_math.ik.screw_axes import ScrewAxes, angle_about, common_normals
 
 CosSin: TypeAlias = tuple[float, float]
@@ -58,17 +57,17 @@ class PieperForm:
 
     backwards: bool
     shape: AxisPair
-    frame: tuple[Triple, Triple, Triple]
-    foot: Triple
-    centre: Triple
-    tip_x: Triple
-    tip_z: Triple
+    frame: tuple[Vector3, Vector3, Vector3]
+    foot: Vector3
+    centre: Vector3
+    tip_x: Vector3
+    tip_z: Vector3
     a: float
     links: tuple[CosSin, CosSin, CosSin, CosSin, CosSin]
     offsets: tuple[float, float, float, float]
-    v0: Triple
-    vc: Triple
-    vs: Triple
+    v0: Vector3
+    vc: Vector3
+    vs: Vector3
     elbow: tuple[float, float, float]
     length: float
 
@@ -138,7 +137,7 @@ def _elbow(shape: AxisPair, cos: float, v0: Array, vc: Array, vs: Array) -> tupl
     return None if amplitude < FLAT else (float(constant), amplitude, math.atan2(s, c))
 
 
-def _three(v: Array) -> Triple:
+def _three(v: Array) -> Vector3:
     """Three floats, round-off about zero removed."""
     x, y, z = (0.0 if abs(c) < 1e-15 else c for c in v.tolist())
     return x, y, z

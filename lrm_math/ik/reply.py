@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from lrm_math.ik.answer import Branch, Nearest, Verdict, Violation
-from lrm_math.ik.goal import Goal, Rotation, Triple
+from lrm_math.arrays import Vector3
+from lrm_math.ik.answer import Branch, IkVerdict, Nearest, Violation
+from lrm_math.ik.goal import Goal, Rotation
 from lrm_math.ik.pulse_rounding import RoundedCommand
 
 
@@ -45,7 +46,7 @@ class Solved:
     goal: Goal
     q: tuple[float, ...]
     branches: tuple[Branch, ...]
-    tcp: Triple
+    tcp: Vector3
     rotation: Rotation
     predicted_error: float
     predicted_turn: float
@@ -60,9 +61,9 @@ class Solved:
     elapsed: float
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> IkVerdict:
         """Solved."""
-        return Verdict.SOLVED
+        return IkVerdict.SOLVED
 
     @property
     def sd(self) -> float | None:
@@ -92,7 +93,7 @@ class Unsolved:
     """
 
     goal: Goal
-    verdict: Verdict
+    verdict: IkVerdict
     nearest: Nearest
     beyond: tuple[Branch, ...]
     violation: Violation | None

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from math import acos, atan2, cos, inf, pi, sin, sqrt
 from typing import TypeAlias
 
+from lrm_math.arrays import Vector3
 from lrm_math.ik.answer import JointLimits
-from lrm_math.ik.goal import Rotation, Triple
+from lrm_math.ik.goal import Rotation
 from lrm_math.ik.pieper import AxisPair, PieperForm
 
 NumberedBranches: TypeAlias = list[tuple[int, tuple[float, ...]]]
-ScalarClosedForm: TypeAlias = Callable[[Rotation, Triple], "NumberedBranches | None"]
+ScalarClosedForm: TypeAlias = Callable[[Rotation, Vector3], "NumberedBranches | None"]
 
 TURN = 2.0 * pi
 EDGE = 1e-10
@@ -60,7 +61,7 @@ def scalar_closed_form(form: PieperForm, limits: JointLimits, missed: float = 0.
     order = slice(None, None, -1) if backwards else slice(None)
     (l1, l2, l3, l4, l5, l6), (u1, u2, u3, u4, u5, u6) = limits.lower[order], limits.upper[order]
 
-    def branches(rotation: Rotation, position: Triple) -> NumberedBranches | None:
+    def branches(rotation: Rotation, position: Vector3) -> NumberedBranches | None:
         (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rotation
         px, py, pz = position
         if backwards:

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from lrm_math.arrays import Array
-from lrm_math.ik.goal import Triple
+from lrm_math.arrays import Array, Vector3
 from lrm_math.ik.linkage import Linkage, MassMoments
 from lrm_math.ik.unrolled import compile_function, state_source, tool_source
 
@@ -31,8 +30,8 @@ class ScalarLinkageState(NamedTuple):
     """
 
     tcp: ScalarFrame
-    axis: list[Triple]
-    origin: list[Triple]
+    axis: list[Vector3]
+    origin: list[Vector3]
     tau: list[float]
 
 
@@ -49,7 +48,7 @@ class ScalarLinkage:
     axes: tuple[int, ...]
     inboard_slots: tuple[int, ...]
     counted: tuple[int, ...]
-    gravity: Triple
+    gravity: Vector3
 
     @classmethod
     def of(cls, linkage: Linkage) -> ScalarLinkage | None:

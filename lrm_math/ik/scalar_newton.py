@@ -8,8 +8,8 @@ from math import inf, sqrt
 
 import numpy as np
 
-from lrm_math.arrays import Array
-from lrm_math.ik.goal import Rotation, Triple
+from lrm_math.arrays import Array, Vector3
+from lrm_math.ik.goal import Rotation
 from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.linkage import Indices, MassMoments
 from lrm_math.ik.newton import (
@@ -124,7 +124,7 @@ class ScalarNewton:
     def solve_each(
         self,
         rotation: Rotation,
-        position: Triple,
+        position: Vector3,
         masses: MassMoments,
         starts: Sequence[list[float]],
         stopping: StoppingRule,
@@ -148,7 +148,7 @@ class ScalarNewton:
     def solve(
         self,
         rotation: Rotation,
-        position: Triple,
+        position: Vector3,
         bodies: ScalarMassMoments,
         start: Sequence[float],
         stopping: StoppingRule,
@@ -243,7 +243,7 @@ def _cut(turns: Array) -> list[float]:
     return out if largest <= LONGEST_STEP else [turn * (LONGEST_STEP / largest) for turn in out]
 
 
-def pose_residual(rotation: Rotation, position: Triple, tcp: ScalarFrame) -> tuple[float, ...]:
+def pose_residual(rotation: Rotation, position: Vector3, tcp: ScalarFrame) -> tuple[float, ...]:
     """Displacement to the goal (m) and scaled rotation to it, as a row of `newton.Target.error`."""
     (ux, vx, wx), (uy, vy, wy), (uz, vz, wz) = rotation
     ax, ay, az, bx, by, bz, cx, cy, cz, px, py, pz = tcp

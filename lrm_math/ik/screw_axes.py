@@ -107,7 +107,7 @@ def screw_axes_of(arm: Arm) -> ScrewAxes:
     return ScrewAxes(
         axis=stretched.axis[slots, :, 0],
         point=stretched.origin[slots, :, 0],
-        rotation=stretched.frames[-1, :3, :, 0].T,
+        rotation=stretched.tool[:3, :, 0].T,
         position=stretched.tcp[:, 0],
     )
 

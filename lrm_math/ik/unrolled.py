@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lrm_math.arrays import Array
-from lrm_math.ik.goal import Triple
+from lrm_math.arrays import Array, Vector3
 
 ROWS = "xyz"
 COLUMNS = "abc"
@@ -36,7 +35,7 @@ def tool_source(welds: Sequence[Array], axes: Sequence[int]) -> str:
 
 
 def state_source(
-    welds: Sequence[Array], axes: Sequence[int], inboard_slots: Sequence[int], counted: Sequence[int], gravity: Triple
+    welds: Sequence[Array], axes: Sequence[int], inboard_slots: Sequence[int], counted: Sequence[int], gravity: Vector3
 ) -> str:
     """Source of `state(amounts, bodies)`: tool frame, axes and origins of the slots, and the gravity load on each.
 
@@ -104,7 +103,7 @@ def _moment(b: int) -> str:
     return f"x{b}, y{b}, z{b} = {', '.join(parts)}"
 
 
-def _loads(counted: Sequence[int], bodies: int, gravity: Triple) -> Iterator[str]:
+def _loads(counted: Sequence[int], bodies: int, gravity: Vector3) -> Iterator[str]:
     """Gravity load on every slot, outermost first: axis · (first mass moment of the outboard bodies × gravity)."""
     gx, gy, gz = map(repr, gravity)
     added = bodies

@@ -13,23 +13,23 @@ from lrm_math.kinematics.chain import Chain, Number, X, Y, Z, is_zero, rotate_in
 
 @dataclass(frozen=True, eq=False)
 class ChainGeometry:
-    """Screw axes, bodies and frames of a chain in the world frame, for N poses, components first for speed.
+    """Screw axes, bodies and tool of a chain in the world frame, for N poses, components first for speed.
 
     `axis`, `origin`: (S, 3, N), of every slot (unit vectors; m). `body`: (B, 3, N), centres of mass (m).
     `body_axes`: (B, 3, 3, N), unit vectors x, y, z of the frame that each body is fixed to.
-    `frames`: (n + 2, 4, 3, N): columns x, y, z and origin of the frames base, after joint 1 … n, tool.
+    `tool`: (4, 3, N), columns x, y, z and origin of the tool frame.
     """
 
     axis: Array
     origin: Array
     body: Array
     body_axes: Array
-    frames: Array
+    tool: Array
 
     @property
     def tcp(self) -> Array:
         """(3, N), TCP position (m)."""
-        return np.asarray(self.frames[-1, 3])
+        return np.asarray(self.tool[3])
 
 
 def chain_geometry(
@@ -42,20 +42,18 @@ def chain_geometry(
     coms = [body.com for body in chain.bodies] if coms is None else coms
     axes, origins = np.empty((2, len(chain.slots), 3, count))
     bodies, body_axes = np.empty((len(chain.bodies), 3, count)), np.empty((len(chain.bodies), 3, 3, count))
-    ends = np.empty((chain.dof + 2, 4, 3, count))
-    body = end = 0
+    tool = np.empty((4, 3, count))
+    body = 0
     for k, columns, p in _outwards(chain, values):
         while body < len(chain.bodies) and chain.bodies[body].before == k:
             x, y, z = coms[body]
             body_axes[body, X], body_axes[body, Y], body_axes[body, Z] = columns
             bodies[body] = p + x * columns[X] + y * columns[Y] + z * columns[Z]
             body += 1
-        while end < len(ends) and chain.frame_ends[end] == k:
-            ends[end, X], ends[end, Y], ends[end, Z], ends[end, 3] = *columns, p
-            end += 1
         if k < len(chain.slots):
             axes[k], origins[k] = columns[chain.slots[k].axis], p
-    return ChainGeometry(axes, origins, bodies, body_axes, ends)
+    tool[X], tool[Y], tool[Z], tool[3] = *columns, p
+    return ChainGeometry(axes, origins, bodies, body_axes, tool)
 
 
 def frames(chain: Chain, values: Sequence[Number], count: int) -> Array:

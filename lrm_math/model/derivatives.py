@@ -19,7 +19,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.effects.base import STEP
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import Chain, Number
+from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
 from lrm_math.model.equilibrium import Equilibrium
 
@@ -139,7 +139,7 @@ def joint_jacobian(rest: Equilibrium) -> Array:
 def _add_motion(out: Array, effect: Effect, amounts: Sequence[Number], index: dict[str, int], slots: Array) -> None:
     """Adds to out (3, N) the TCP's motion for these amounts at the slots that the effect moves."""
     for key, amount in zip(effect.moves, amounts, strict=True):
-        if not (isinstance(amount, float) and amount == 0.0):
+        if not is_zero(amount):
             out += slots[index[key]] * amount
 
 

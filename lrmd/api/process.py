@@ -25,7 +25,6 @@ from lrmd.control.events import ControllerEvent, Level, RequestResult
 from lrmd.errors import RequestError
 from lrmd.ik import process as ik_process
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.ik.process import IkSetup
 from lrmd.messages.control import EstopCommand, Message, ReloadRequest, error_reply, pack, unpack
 from lrmd.messages.zenoh_session import router
 from lrmd.persistence import state_file
@@ -64,7 +63,7 @@ class ApiProcess:
             speed, memory, SharedFd(self._estop),
         )  # fmt: skip
         self._ramp = ChildProcess("ramp", ramp_process.run, setup)
-        self._ik = ChildProcess("ik", ik_process.run, IkSetup(config, memory))
+        self._ik = ChildProcess("ik", ik_process.run, config, memory)
         now = time.monotonic_ns()
         self._model = ActiveModel(config, self._shared)
         if self._model.guard is None:
@@ -184,7 +183,7 @@ class ApiProcess:
         if ended is None:
             return False
         child.kill()
-        self._emit(f"{child.name}_died", level, f"the {child.name} process ended ({ended}); starting it anew")
+        self._emit(f"{child.name}_died", level, f"the {child.name} process ended ({ended}); restarting it")
         child.start(now)
         return True
 

@@ -24,7 +24,6 @@ class ChildProcess:
     def __init__(self, name: str, target: Callable[..., None], *arguments: Any) -> None:
         self.name, self.starts = name, 0
         self._target, self._arguments = target, arguments
-        self._context = get_context("spawn")
         self._process: BaseProcess | None = None
         self._recent_starts: deque[int] = deque(maxlen=MAX_STARTS)
         self.started_at = 0
@@ -35,7 +34,8 @@ class ChildProcess:
             raise RestartLimitExceeded(f"the {self.name} process died {MAX_STARTS} times within {WITHIN // SECOND} s")
         self._recent_starts.append(now)
         name = f"lrmd-{self.name}"
-        self._process = self._context.Process(target=self._target, args=self._arguments, name=name, daemon=True)
+        spawn = get_context("spawn").Process
+        self._process = spawn(target=self._target, args=self._arguments, name=name, daemon=True)
         self._process.start()
         self.started_at = now
         self.starts += 1

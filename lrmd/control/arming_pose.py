@@ -25,7 +25,7 @@ def arming_pulses(
         raise RequestError("still_pulsing", "the board is still pulsing; take its pose over with where = 'board'")
     elif request.where == "given":
         if not request.q_rad:
-            raise RequestError("pose_needed", "where = 'given' needs q_rad: the angles where the servos stand")
+            raise RequestError("pose_needed", "where = 'given' needs q_rad: the present angles of the servos")
         pose = {config.index(n): config.servos[config.index(n)].pulse_ns(q) for n, q in request.q_rad.items()}
     else:
         pose = _from_store(config, stored, request.servos)

@@ -28,7 +28,7 @@ class FaultResponse:
 
 FAULT_RESPONSES = {
     RampFault.STARTED: FaultResponse(
-        Trigger.STOPPED, "ramp_restarted", "the ramp process was started anew; the arm stands still"
+        Trigger.STOPPED, "ramp_restarted", "the ramp process was restarted; the arm does not move"
     ),
     RampFault.LINK_LOST: FaultResponse(Trigger.FAILED, "link_lost", "the board does not answer"),
     RampFault.BOARD_RESTARTED: FaultResponse(

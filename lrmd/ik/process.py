@@ -34,14 +34,6 @@ KinematicsRequest = IkRequest | FkRequest | PlanRequest
 REQUESTS: dict[str, type[KinematicsRequest]] = {"rpc/ik": IkRequest, "rpc/fk": FkRequest, "rpc/plan": PlanRequest}
 
 
-@dataclass(frozen=True)
-class IkSetup:
-    """Arguments of the ik process."""
-
-    config: Config
-    memory: SharedFd
-
-
 @dataclass(frozen=True, eq=False)
 class QueuedQuery:
     """A queued query: its request, deadline `until` (monotonic ns), and whether it was cancelled."""
@@ -55,10 +47,10 @@ class QueuedQuery:
 class IkProcess:
     """The queue between zenoh's threads and the thread that solves."""
 
-    def __init__(self, setup: IkSetup) -> None:
-        self._config = setup.config
-        self._shared = SharedRecords(setup.memory.number)
-        self._log = structlog.get_logger().bind(robot=setup.config.robot, process="ik")
+    def __init__(self, config: Config, memory: SharedFd) -> None:
+        self._config = config
+        self._shared = SharedRecords(memory.number)
+        self._log = structlog.get_logger().bind(robot=config.robot, process="ik")
         self._queue: queue.Queue[QueuedQuery] = queue.Queue(QUEUE)
         self._ending = False
         self._pending: list[QueuedQuery] = []
@@ -180,8 +172,8 @@ def _plan_content(path: JointPath | str) -> dict[str, Any]:
     return {"found": True, "text": moves, "waypoints_rad": [list(q) for q in path.waypoints]}
 
 
-def run(setup: IkSetup) -> None:
+def run(config: Config, memory: SharedFd) -> None:
     """Entry point of the process: answers queries until SIGTERM or until its parent ends."""
     die_with_parent()
     log.set_up()
-    IkProcess(setup).run()
+    IkProcess(config, memory).run()

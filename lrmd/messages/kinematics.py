@@ -60,8 +60,7 @@ class FkRequest(Message):
 
 
 class PlanRequest(Message):
-    """`rpc/plan`: a collision-free path from `from_rad` to `to_rad`, or to a goal; deterministic for one `seed`.
-    """
+    """`rpc/plan`: a collision-free path from `from_rad` to `to_rad`, or to a goal; deterministic for one `seed`."""
 
     id: Label = ""
     from_rad: JointAngles

@@ -1,4 +1,4 @@
-"""docs/api.md says what the code does: every field, type, default, unit, key, example and code, and nothing else."""
+"""docs/api.md agrees with the code: every field, type, default, unit, key, example and code, and no others."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ UNITS = {
 }  # fmt: skip
 """The unit of a field by the end of its name."""
 UNNAMED = {"waypoints": "rad", "seconds": "s"}
-"""Units that the field's name does not tell."""
+"""Units of fields whose name has none."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """What stands under the heading of a message."""
+    """Content of the section of a message."""
 
     fields: dict[str, tuple[str, str, str]]
     examples: tuple[Any, ...]
@@ -178,7 +178,8 @@ def literals(pattern: str) -> set[str]:
 
 def states() -> set[str]:
     config = load_config(CONFIG)
-    return set(StatePublisher(config, SimulatedDaemon(config).core, SharedRecords.create(), ChildProcess("ramp", print), ChildProcess("ik", print)).states)
+    ramp, ik = ChildProcess("ramp", print), ChildProcess("ik", print)
+    return set(StatePublisher(config, SimulatedDaemon(config).core, SharedRecords.create(), ramp, ik).states)
 
 
 def test_every_key_is_in_the_table_with_its_message() -> None:
@@ -221,33 +222,33 @@ def raised() -> dict[str, bool]:
         code = given.get("code", call.args[0] if call.args else None)
         if isinstance(code, ast.Constant):
             retryable = isinstance(retry, ast.Constant) and bool(retry.value)
-            assert found.setdefault(code.value, retryable) is retryable, f"{code.value} is told in two ways"
+            assert found.setdefault(code.value, retryable) is retryable, f"{code.value} has two values"
     return found
 
 
-def test_every_error_code_is_told_with_whether_to_try_again() -> None:
+def test_every_error_code_is_documented_with_its_retryable_flag() -> None:
     table = {row[0].strip("`"): row[2] for row in rows(TEXT, "code")}
     assert table == {code: "yes" if retryable else "no" for code, retryable in raised().items()}
 
 
-def test_every_event_is_told_with_its_level() -> None:
-    told = {row[0].strip("`"): row[1] for row in rows(TEXT, "event")}
+def test_every_event_is_documented_with_its_level() -> None:
+    documented = {row[0].strip("`"): row[1] for row in rows(TEXT, "event")}
     fault_count = {what.code for what in FAULT_RESPONSES.values()}
     found = set(fault_count)
     for call in calls("emit", "_emit", "ControllerEvent"):
         codes = codes_in(call.args[0])
         found |= codes
         if isinstance(call.args[1], ast.Constant):
-            assert all(told[code] == call.args[1].value for code in codes), codes
-    assert set(told) == found
+            assert all(documented[code] == call.args[1].value for code in codes), codes
+    assert set(documented) == found
 
 
-def test_every_fault_is_told() -> None:
-    told = {row[0].strip("`") for row in rows(TEXT, "fault")}
+def test_every_fault_is_documented() -> None:
+    documented = {row[0].strip("`") for row in rows(TEXT, "fault")}
     leads = {what.code for what in FAULT_RESPONSES.values() if what.trigger in (Trigger.FAILED, Trigger.OUTPUTS_LOST)}
     stopped = {what.code for what in FAULT_RESPONSES.values() if what.trigger is Trigger.STOPPED}
     fixed = {code for call in calls("add_fault") for code in codes_in(call.args[0])}
-    assert leads | fixed <= told <= leads | fixed | stopped
+    assert leads | fixed <= documented <= leads | fixed | stopped
 
 
 def test_modes_and_limits_that_the_text_names_are_the_codes() -> None:

@@ -1,4 +1,4 @@
-"""lrmd.toml: the shipped one is in order, and whatever may be wrong in it is one line that says what is right."""
+"""lrmd.toml: the shipped file is valid; every error in a file is one line with the correction."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ WRONG: list[tuple[str, str, str, list[str]]] = [
 
 
 @pytest.mark.parametrize(("old", "new", "words"), [case[1:] for case in WRONG], ids=[case[0] for case in WRONG])
-def test_what_is_wrong_is_told_in_one_line(
+def test_an_error_is_reported_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: list[str]
 ) -> None:
     assert old in SHIPPED
@@ -99,7 +99,7 @@ def test_what_is_wrong_is_told_in_one_line(
         assert word in line, line
 
 
-def test_an_arm_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_arm_file_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "lrmd.toml"
     path.write_text(SHIPPED.replace('"lrm-rover"', '"lrm-rovr"'), encoding="utf-8")
     assert main(["--config", str(path), "--check"]) == 2
@@ -109,6 +109,6 @@ def test_an_arm_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.Capture
     assert "lrm-rover" in said, "the valid ones are named"
 
 
-def test_no_file_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--config", str(tmp_path / "none.toml"), "--check"]) == 2
     assert capsys.readouterr().err == f"lrmd: {tmp_path / 'none.toml'}: no such file\n"

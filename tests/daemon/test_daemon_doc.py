@@ -1,4 +1,4 @@
-"""docs/daemon.md: its state machine, its numbers and its temperatures are those of the code and the shipped file."""
+"""docs/daemon.md agrees with the code and the shipped configuration: state machine, numbers, temperatures."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def tables(first: str) -> Iterator[tuple[list[str], list[list[str]]]]:
 
 
 def test_the_table_of_modes_is_the_codes() -> None:
-    told = {
+    documented = {
         (Mode(mode), Trigger(trigger)): Mode(to)
         for head, rows in tables("trigger")
         for trigger, *cells in rows
         for mode, to in zip(head[1:], cells, strict=True)
         if to != "–"
     }
-    assert told == TABLE
+    assert documented == TABLE
     assert [t for _, rows in tables("trigger") for t, *_ in rows] == list(Trigger), "every trigger has its row"
 
 
@@ -69,9 +69,9 @@ def test_the_times_until_a_servo_is_warm_hot_and_too_hot_are_the_models() -> Non
     for what, *times in rows:
         joint, tau = what.removesuffix(" N·m").split(", ")
         rise = model.rise[config.index(joint)]
-        for limit, told in zip(model.limits, times, strict=True):
+        for limit, documented in zip(model.limits, times, strict=True):
             seconds = model.seconds_to(limit, model.ambient, float(tau), rise)
-            minutes = math.inf if told == "never" else float(told.removesuffix(" min"))
+            minutes = math.inf if documented == "never" else float(documented.removesuffix(" min"))
             assert minutes == pytest.approx(seconds / 60, abs=0.05)
 
 

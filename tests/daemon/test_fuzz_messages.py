@@ -1,4 +1,4 @@
-"""A small part of `tests.soak.fuzz_messages` on every run of the tests, and proof that it would find something."""
+"""A short run of `tests.soak.fuzz_messages`, and a check that it detects errors."""
 
 from __future__ import annotations
 

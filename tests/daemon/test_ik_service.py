@@ -1,4 +1,4 @@
-"""Answers of the ik service: what they promise of any goal, and what is said of those that are none."""
+"""Answers of the ik service: agreement with model, servo tables and shapes; errors for invalid requests."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from tests.support.in_memory_daemon import CONFIG
 
 TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 EXACT = 1e-6
-"""m: the worst that a polished answer may be off, a thousandth of a millimetre."""
+"""m: largest error of a polished answer, a thousandth of a millimetre."""
 
 
 @lru_cache
@@ -56,12 +56,12 @@ def drawn_service() -> IkService:
     return IkService(drawn, deploy(drawn))
 
 
-def at_leisure() -> None:
-    """Nobody is in a hurry."""
+def never_cancelled() -> None:
+    """A cancellation check that never cancels."""
 
 
 def asked(*goals: GoalEntry, **more: object) -> list[IkAnswer]:
-    return service().inverse(IkRequest(goals=list(goals), **more), at_leisure)  # type: ignore[arg-type]
+    return service().inverse(IkRequest(goals=list(goals), **more), never_cancelled)  # type: ignore[arg-type]
 
 
 def bent(q: Array, payload: float) -> Array:
@@ -143,7 +143,7 @@ METHODS = ("direct", "cube", "iterative")
     seed=st.integers(0, 10_000), payload=st.sampled_from([0.0, 0.0663]), method=st.sampled_from(METHODS),
     kind=st.sampled_from(["pose", "approach", "point"]), near=st.booleans(), rounding=st.sampled_from(["each", "best"]),
 )  # fmt: skip
-def test_every_answer_keeps_its_promises(
+def test_every_answer_agrees_with_the_model(
     seed: int, payload: float, method: str, kind: str, near: bool, rounding: str
 ) -> None:
     tool = bent(anywhere(seed)[None], payload)[0, -1]
@@ -200,9 +200,9 @@ def test_the_distance_of_a_collision_is_that_of_plain_geometry() -> None:
     seen = 0
     for seed in range(60):
         at = anywhere(seed)
-        place = rigid.forward(FkRequest(q_rad=[at.tolist()]), at_leisure)[0]
+        place = rigid.forward(FkRequest(q_rad=[at.tolist()]), never_cancelled)[0]
         goal = GoalEntry(position_m=place.tcp_m, quaternion_xyzw=quaternion_of(np.array(place.rotation)))
-        answer = rigid.inverse(IkRequest(goals=[goal], near_rad=at.tolist(), method="direct"), at_leisure)[0]
+        answer = rigid.inverse(IkRequest(goals=[goal], near_rad=at.tolist(), method="direct"), never_cancelled)[0]
         if answer.verdict == "collision" and answer.clearance_m is not None and answer.clearance_m > 0:
             distance = sampled_distance(config().arm, at, *answer.bodies, 60)
             assert distance == pytest.approx(answer.clearance_m, abs=2e-3)
@@ -277,14 +277,14 @@ def test_the_drawn_arm_finds_poses_in_which_its_axes_line_up(
     angles: list[float], near: str | None, method: str
 ) -> None:
     drawn = drawn_service()
-    place = drawn.forward(FkRequest(q_rad=[angles]), at_leisure)[0]
+    place = drawn.forward(FkRequest(q_rad=[angles]), never_cancelled)[0]
     here = {"zero": [0.0] * 6, "there": angles, None: None}[near]
     goal = GoalEntry(position_m=place.tcp_m, quaternion_xyzw=quaternion_of(np.array(place.rotation)))
     ask = IkRequest(goals=[goal], near_rad=here, method=method)  # type: ignore[arg-type]
-    (answer,) = drawn.inverse(ask, at_leisure)
+    (answer,) = drawn.inverse(ask, never_cancelled)
     assert answer.verdict in ("solved", "collision")
     for branch in answer.branches_rad:
-        back = drawn.forward(FkRequest(q_rad=[branch]), at_leisure)[0]
+        back = drawn.forward(FkRequest(q_rad=[branch]), never_cancelled)[0]
         np.testing.assert_allclose(back.tcp_m, place.tcp_m, atol=EXACT)
 
 
@@ -302,13 +302,13 @@ def test_a_direction_leaves_equations_without_a_unique_answer_which_is_no_reason
     ]  # fmt: skip
     for position, along, here in found:
         goal = GoalEntry(position_m=position, approach=along)
-        answers = drawn_service().inverse(IkRequest(goals=[goal], near_rad=here, method="direct"), at_leisure)
+        answers = drawn_service().inverse(IkRequest(goals=[goal], near_rad=here, method="direct"), never_cancelled)
         assert answers[0].verdict == "solved"
 
 
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), payload=st.floats(0.3, 2.0))
-def test_an_overloaded_arm_is_promised_no_rest_that_it_may_not_come_to(seed: int, payload: float) -> None:
+def test_an_answer_for_an_overloaded_arm_is_a_unique_equilibrium(seed: int, payload: float) -> None:
     """What is answered is where the model has the arm rest when nothing is known of how it got there."""
     tool = bent(anywhere(seed)[None], 0.0)[0, -1]
     (answer,) = asked(pose_goal(tool), payload_kg=payload, method="direct")
@@ -317,20 +317,20 @@ def test_an_overloaded_arm_is_promised_no_rest_that_it_may_not_come_to(seed: int
         assert_true(answer, pose_goal(tool), payload)
 
 
-def test_made_up_questions_break_nothing() -> None:
+def test_random_requests_violate_nothing() -> None:
     result, _ = fuzz(120, 3)
     assert result.violations == []
 
 
-def test_forward_says_where_the_bent_arm_is() -> None:
+def test_forward_kinematics_is_that_of_the_sagging_arm() -> None:
     q = np.array([anywhere(seed) for seed in range(20)])
-    places = service().forward(FkRequest(q_rad=q.tolist(), payload_kg=0.05), at_leisure)
+    places = service().forward(FkRequest(q_rad=q.tolist(), payload_kg=0.05), never_cancelled)
     tools = bent(q, 0.05)[:, -1]
     np.testing.assert_allclose([p.tcp_m for p in places], tools[:, :3, 3], atol=1e-8)
     np.testing.assert_allclose([p.rotation for p in places], tools[:, :3, :3], atol=1e-7)
 
 
-# ---- what is no question
+# ---- invalid requests
 
 GOAL = {"position_m": [0.2, 0.1, 0.3]}
 HOME = [0.0] * 6
@@ -362,11 +362,11 @@ WRONG: list[tuple[type[Message], dict[str, object], str]] = [
 def ask(kind: type[Message], content: dict[str, object]) -> None:
     match unpack(kind, msgpack.packb(content)):
         case IkRequest() as request:
-            service().inverse(request, at_leisure)
+            service().inverse(request, never_cancelled)
         case FkRequest() as request:
-            service().forward(request, at_leisure)
+            service().forward(request, never_cancelled)
         case PlanRequest() as request:
-            service().plan(request, at_leisure)
+            service().plan(request, never_cancelled)
 
 
 @pytest.mark.parametrize(("kind", "content", "says"), WRONG)
@@ -380,16 +380,16 @@ def test_wrong_shapes_and_units_are_one_line_that_names_the_field(
 
 
 @pytest.mark.parametrize("code", ["deadline", "cancelled"])
-def test_what_nobody_wants_any_more_is_given_up_between_two_goals(code: str) -> None:
+def test_a_cancelled_request_ends_between_two_goals(code: str) -> None:
     looked = itertools.count(1)
 
-    def goes_on() -> None:
+    def check_cancelled() -> None:
         if next(looked) > 3:
             raise RequestError(code, "no longer wanted")
 
     questions: list[Callable[[], object]] = [
-        lambda: service().inverse(IkRequest(goals=[GoalEntry(position_m=[0.2, 0.1, 0.3])] * 50), goes_on),
-        lambda: service().forward(FkRequest(q_rad=[HOME] * 50), goes_on),
+        lambda: service().inverse(IkRequest(goals=[GoalEntry(position_m=[0.2, 0.1, 0.3])] * 50), check_cancelled),
+        lambda: service().forward(FkRequest(q_rad=[HOME] * 50), check_cancelled),
     ]
     for question in questions:
         looked = itertools.count(1)

@@ -1,4 +1,4 @@
-"""What is told of lateness: one histogram, percentiles that lie in it, and an open end that promises nothing."""
+"""Lateness in `state/metrics`: one histogram, and percentiles that agree with it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def daemon() -> InMemoryDaemon:
     return InMemoryDaemon(SimulatedDaemon(load_config(CONFIG)))
 
 
-def told(daemon: InMemoryDaemon, late: list[int]) -> MetricsState:
+def metrics_of(daemon: InMemoryDaemon, late: list[int]) -> MetricsState:
     """What the daemon says after ticks that were so late (ns)."""
     daemon.shared.lateness[:] = memoryview(bytes(8 * BUCKETS)).cast("Q")
     for ns in late:
@@ -45,7 +45,7 @@ def bucket(m: MetricsState, us: float) -> int:
 
 @given(st.lists(LATENESS, min_size=1, max_size=300))
 def test_every_tick_is_counted_once_in_the_bucket_between_its_edges(daemon: InMemoryDaemon, late: list[int]) -> None:
-    m = told(daemon, late)
+    m = metrics_of(daemon, late)
     counts = [0] * len(m.late_counts)
     for ns in late:
         counts[bucket(m, ns / 1000)] += 1
@@ -58,7 +58,7 @@ def test_every_tick_is_counted_once_in_the_bucket_between_its_edges(daemon: InMe
 def test_percentiles_lie_in_the_bucket_that_the_histogram_says_and_bound_the_ticks(
     daemon: InMemoryDaemon, late: list[int]
 ) -> None:
-    m = told(daemon, late)
+    m = metrics_of(daemon, late)
     for share, p in ((0.5, m.late_p50_us), (0.99, m.late_p99_us), (0.999, m.late_p999_us)):
         rank = math.ceil(share * len(late))
         exact = sorted(late)[rank - 1] / 1000
@@ -72,7 +72,7 @@ def test_percentiles_lie_in_the_bucket_that_the_histogram_says_and_bound_the_tic
 
 
 def test_the_histogram_is_small_and_ends_where_the_ramp_stops_telling_apart(daemon: InMemoryDaemon) -> None:
-    m = told(daemon, [])
+    m = metrics_of(daemon, [])
     assert m.late_upper_us[-1] == LAST_EDGE_US
     assert {150.0, 500.0} < set(m.late_upper_us), "the edges by which the ramp is judged"
     assert len(m.late_counts) < 30
@@ -83,7 +83,7 @@ def test_the_histogram_is_small_and_ends_where_the_ramp_stops_telling_apart(daem
 
 def test_a_largest_that_lags_behind_the_counts_is_not_below_them(daemon: InMemoryDaemon) -> None:
     """A ramp that is killed between the two writes has counted a tick and not told its lateness."""
-    told(daemon, [1000])
+    metrics_of(daemon, [1000])
     daemon.shared.lateness[BUCKETS - 1] += 1
     m = daemon.state("state/metrics")
     assert isinstance(m, MetricsState)
@@ -102,7 +102,7 @@ def test_a_largest_that_lags_behind_the_counts_is_not_below_them(daemon: InMemor
     ],
 )
 def test_a_histogram_that_does_not_fit_together_is_refused(daemon: InMemoryDaemon, changes: dict, words: str) -> None:
-    whole = told(daemon, [0] * 785).model_copy(update={"late_upper_us": [5.0], "late_counts": [785, 0]})
+    whole = metrics_of(daemon, [0] * 785).model_copy(update={"late_upper_us": [5.0], "late_counts": [785, 0]})
     assert unpack(MetricsState, pack(whole)) == whole
     with pytest.raises(MessageError, match=words):
         unpack(MetricsState, pack(whole.model_copy(update=changes)))

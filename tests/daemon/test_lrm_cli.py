@@ -208,7 +208,9 @@ def test_ctrl_c_holds(daemon: InMemoryDaemon, typed: Typed, does: Callable[..., 
     assert daemon.sim.core.mode is Mode.HOLDING
 
 
-def test_a_motion_that_ends_early_is_exit_code_1(daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]) -> None:
+def test_a_motion_that_ends_early_is_exit_code_1(
+    daemon: InMemoryDaemon, typed: Typed, does: Callable[..., str]
+) -> None:
     does("arm", "--q", ZERO)
 
     def brown_out(_: InMemoryDaemon, tail: str, before=InMemoryDaemon.state) -> object:

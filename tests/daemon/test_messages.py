@@ -1,4 +1,4 @@
-"""Messages: what was packed is what is unpacked, and whatever else arrives is one line that names the field."""
+"""Messages: round trip through msgpack; everything else is one error line that names the field."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tests.support.in_memory_zenoh import InMemoryDaemon
 from tests.support.message_schemas import contents, every_message
 
 MESSAGES = every_message()
-ASKED = sorted({kind.__name__ for kind in REQUESTS.values()})
+REQUEST_NAMES = sorted({kind.__name__ for kind in REQUESTS.values()})
 FULL: dict[str, dict[str, Any]] = {
     "LeaseRequest": {"action": "acquire", "holder": "me", "lease": "t", "take": True},
     "ArmRequest": {"lease": "t", "where": "given", "q_rad": {"joint1": 0.5}},
@@ -61,13 +61,13 @@ def fields(kinds: list[str]) -> list[tuple[str, str]]:
 
 
 def test_every_request_has_a_full_example_here() -> None:
-    assert set(ASKED) == set(FULL)
+    assert set(REQUEST_NAMES) == set(FULL)
     for name, content in FULL.items():
         unpack(MESSAGES[name], msgpack.packb(content))
 
 
 @pytest.mark.parametrize("name", MESSAGES)
-def test_what_the_schema_allows_is_taken_and_comes_back_the_same(name: str) -> None:
+def test_content_that_the_schema_allows_survives_a_round_trip(name: str) -> None:
     kind = MESSAGES[name]
 
     @settings(max_examples=25)
@@ -103,7 +103,7 @@ def test_a_missing_field_is_named(name: str) -> None:
         assert refusal(kind, {}).startswith(f"{needed[0]}: field required")
 
 
-@pytest.mark.parametrize(("name", "field"), fields(ASKED))
+@pytest.mark.parametrize(("name", "field"), fields(REQUEST_NAMES))
 @pytest.mark.parametrize("wrong", [b"bytes", [[1]], {"a": {"b": 1}}, "no such word" * 10, True, -1e9, 10**30 % 2**63])
 def test_a_wrong_type_or_value_is_named(name: str, field: str, wrong: object) -> None:
     if (field, wrong) == ("take", True):
@@ -121,7 +121,7 @@ def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("name", [name for name in ASKED if any(leaves(FULL[name]))])
+@pytest.mark.parametrize("name", [name for name in REQUEST_NAMES if any(leaves(FULL[name]))])
 def test_a_number_that_is_not_finite_is_named(name: str, number: float) -> None:
     for path in leaves(FULL[name]):
         content = copy.deepcopy(FULL[name])
@@ -152,7 +152,7 @@ def test_too_long_too_short_unprintable_or_of_another_version(kind, content, fie
     assert refusal(kind, content).startswith(field)
 
 
-def test_arming_takes_nothing_that_it_would_not_use() -> None:
+def test_arming_refuses_fields_that_it_would_ignore() -> None:
     """`servos` beside where = "board" would arm every servo; angles beside "stored" would be thrown away."""
     assert "where = 'stored'" in refusal(ArmRequest, {"lease": "t", "where": "board", "servos": ["joint1"]})
     assert "where = 'given'" in refusal(ArmRequest, {"lease": "t", "where": "stored", "q_rad": {"joint1": 0.0}})
@@ -164,7 +164,7 @@ def test_any_bytes_are_a_message_or_a_message_error(data: bytes, name: str) -> N
         assert isinstance(unpack(MESSAGES[name], data), MESSAGES[name])
 
 
-@given(cut=st.integers(1, 200), name=st.sampled_from(ASKED))
+@given(cut=st.integers(1, 200), name=st.sampled_from(REQUEST_NAMES))
 def test_a_message_cut_short_is_refused(cut: int, name: str) -> None:
     data = msgpack.packb({"v": 1, **FULL[name]})
     with pytest.raises(MessageError, match="not msgpack"):
@@ -172,11 +172,11 @@ def test_a_message_cut_short_is_refused(cut: int, name: str) -> None:
 
 
 @pytest.mark.parametrize("content", [1, "text", [1, 2], None, {1: 2}, msgpack.ExtType(5, b"x"), b"x" * 10])
-def test_what_is_not_a_map_of_fields_is_refused(content: object) -> None:
+def test_content_that_is_not_a_map_is_refused(content: object) -> None:
     refusal(MoveRequest, content)
 
 
-def test_a_message_too_long_is_refused_unread() -> None:
+def test_a_message_too_long_is_refused_unparsed() -> None:
     with pytest.raises(MessageError, match=str(LONGEST)):
         unpack(MoveRequest, b"\xc1" * (LONGEST + 1))
     with pytest.raises(MessageError):
@@ -207,7 +207,7 @@ def daemon() -> InMemoryDaemon:
     return InMemoryDaemon(sim)
 
 
-def told(daemon: InMemoryDaemon, key: str, payload: bytes) -> ErrorReply:
+def error_of(daemon: InMemoryDaemon, key: str, payload: bytes) -> ErrorReply:
     """The one error that a query is answered with."""
     answers = daemon.session.get(key, payload)
     assert len(answers) == 1
@@ -217,7 +217,7 @@ def told(daemon: InMemoryDaemon, key: str, payload: bytes) -> ErrorReply:
 
 @pytest.mark.parametrize("tail", REQUESTS)
 def test_a_bad_request_gets_an_error_reply_that_names_the_field(daemon: InMemoryDaemon, tail: str) -> None:
-    reply = told(daemon, f"lrm/rover/{tail}", msgpack.packb({"surprise": 1, **FULL[REQUESTS[tail].__name__]}))
+    reply = error_of(daemon, f"lrm/rover/{tail}", msgpack.packb({"surprise": 1, **FULL[REQUESTS[tail].__name__]}))
     assert reply.code == "bad_message"
     assert "surprise" in reply.msg
     assert not reply.retryable
@@ -235,7 +235,7 @@ def test_a_request_to_several_at_once_is_not_carried_out(daemon: InMemoryDaemon,
     assert (daemon.sim.core.mode, daemon.sim.core.lease) == before
 
 
-def test_states_may_be_asked_for_together(daemon: InMemoryDaemon) -> None:
+def test_states_may_be_queried_together(daemon: InMemoryDaemon) -> None:
     keys = {a.ok.key_expr for a in daemon.session.get("lrm/*/state/*") if a.ok is not None}
     assert keys == {f"lrm/rover/state/{name}" for name in ("joints", "mode", "faults", "thermal", "metrics")}
 
@@ -249,7 +249,9 @@ def test_a_command_that_cannot_be_read_is_an_event(daemon: InMemoryDaemon) -> No
     assert b"cmd/jog" in heard[0]
 
 
-def test_a_fault_in_the_daemon_is_told_and_not_silence(daemon: InMemoryDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_software_fault_in_the_daemon_is_an_error_reply(
+    daemon: InMemoryDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(daemon, "handle", lambda *_: 1 / 0)
-    reply = told(daemon, "lrm/rover/rpc/hold", b"")
+    reply = error_of(daemon, "lrm/rover/rpc/hold", b"")
     assert (reply.code, reply.retryable) == ("internal", False)

@@ -1,4 +1,4 @@
-"""Core, ramp and board together, on the tests' own clock: whatever happens, no jump, and nothing moves unasked."""
+"""Safety invariants of controller, ramp and simulated board together: no pulse jumps, no motion without a request."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ def test_it_boots_disarmed_with_outputs_off(sim: SimulatedDaemon) -> None:
     assert all(pulse is None for pulse in sim.outputs.values())
 
 
-def test_arming_without_knowing_where_the_arm_stands_is_refused(sim: SimulatedDaemon) -> None:
+def test_arming_at_an_unknown_position_is_refused(sim: SimulatedDaemon) -> None:
     with pytest.raises(LrmError, match="where the arm stands"):
         sim.core.handle(ArmRequest(lease=lease(sim)), sim.now)
 
 
-def test_arming_switches_one_servo_on_after_the_other_where_it_stands(sim: SimulatedDaemon) -> None:
+def test_arming_switches_the_servos_on_one_after_the_other_at_their_positions(sim: SimulatedDaemon) -> None:
     token = lease(sim)
     sim.core.handle(ArmRequest(lease=token, where="given", q_rad={f"joint{i}": 0.5 for i in range(1, 7)}), sim.now)
     counts = []
@@ -124,17 +124,17 @@ def test_a_jog_that_is_not_renewed_holds(sim: SimulatedDaemon) -> None:
     assert sim.core.mode is Mode.HOLDING
 
 
-def test_a_jog_stops_where_nobody_can_tell_whether_the_way_is_free(sim: SimulatedDaemon) -> None:
-    """A guard may fail in another way than by a collision: the sagging arm does not settle, say."""
+def test_a_jog_stops_where_the_guard_fails(sim: SimulatedDaemon) -> None:
+    """A guard may fail for another reason than a collision: no equilibrium of the sagging arm."""
     token = armed(sim)
 
-    def unsure(*_: object) -> None:
+    def failing_guard(*_: object) -> None:
         raise LrmError("the arm does not settle")
 
     sim.core.handle(JogRequest(lease=token, rate_rad_per_s={"joint2": -0.1}), sim.now)
     keep(sim, token, 20)
     assert sim.core.mode is Mode.MOVING
-    sim.core.motion_check.guard = unsure
+    sim.core.motion_check.guard = failing_guard
     keep(sim, token, 20)
     assert sim.core.mode is Mode.HOLDING
     assert [h.text for h in sim.core.events if h.code == "jog_stopped"] == ["the arm does not settle"]
@@ -166,7 +166,7 @@ def test_a_lost_stop_frame_is_sent_again(sim: SimulatedDaemon) -> None:
     assert all(pulse is None for pulse in sim.outputs.values())
 
 
-def test_a_ramp_that_was_killed_takes_over_what_the_board_puts_out_and_stays(sim: SimulatedDaemon) -> None:
+def test_a_restarted_ramp_adopts_the_registers_of_the_board_without_motion(sim: SimulatedDaemon) -> None:
     token = armed(sim)
     sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
     keep(sim, token, 50)
@@ -180,7 +180,7 @@ def test_a_ramp_that_was_killed_takes_over_what_the_board_puts_out_and_stays(sim
 
 
 @pytest.mark.parametrize("seconds", [0.3, 0.8, 3.0])
-def test_a_ramp_that_was_stopped_never_wakes_a_sagged_arm(sim: SimulatedDaemon, seconds: float) -> None:
+def test_a_suspended_ramp_never_switches_a_sagged_arm_on(sim: SimulatedDaemon, seconds: float) -> None:
     token = armed(sim)
     sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
     keep(sim, token, 50)
@@ -216,7 +216,7 @@ def test_a_stall_lengthens_a_move_and_the_arm_still_arrives(sim: SimulatedDaemon
     assert sim.core.mode is Mode.ARMED
 
 
-def test_an_unplugged_board_that_comes_back_stands_still_until_it_is_reset(sim: SimulatedDaemon) -> None:
+def test_a_reconnected_board_stays_without_motion_until_a_reset(sim: SimulatedDaemon) -> None:
     token = armed(sim)
     sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
     keep(sim, token, 30)
@@ -243,7 +243,7 @@ def test_a_silent_api_freezes_the_ramp(sim: SimulatedDaemon) -> None:
     assert sim.core.mode is Mode.HOLDING
 
 
-def test_the_pose_of_a_pulsing_board_is_taken_over_without_a_step(sim: SimulatedDaemon) -> None:
+def test_the_pose_of_a_pulsing_board_is_adopted_without_a_step(sim: SimulatedDaemon) -> None:
     armed(sim, q=0.7)
     later = SimulatedDaemon(sim.config, now=sim.now)
     later.board, later.outputs = sim.board, sim.outputs
@@ -278,7 +278,7 @@ def test_hot_servos_derate_then_rest_then_stop(sim: SimulatedDaemon) -> None:
     assert token
 
 
-def test_a_warm_servo_takes_no_pose_that_loads_it_more(sim: SimulatedDaemon) -> None:
+def test_a_warm_servo_accepts_no_pose_with_more_torque(sim: SimulatedDaemon) -> None:
     token = armed(sim)
     sim.core.thermal.temperature = (75.0, *sim.core.thermal.temperature[1:])
     sim.core.motion_check.torques = lambda q, _: (q[0], 0, 0, 0, 0, 0)
@@ -304,8 +304,8 @@ ANGLE = st.floats(-2.0, 2.0)
 JOINT = st.integers(1, 6).map(lambda n: f"joint{n}")
 
 
-class InMemoryDaemon(RuleBasedStateMachine):
-    """Anything that clients, cables, boards and processes may do, in any order. `SimulatedDaemon` checks every tick."""
+class DaemonStateMachine(RuleBasedStateMachine):
+    """Random sequences of requests, faults and process restarts. `SimulatedDaemon` checks every tick."""
 
     @initialize(hz=st.sampled_from([50.0, 330.0]), seed=st.integers(0, 2**32))
     def begin(self, hz: float, seed: int) -> None:
@@ -322,7 +322,7 @@ class InMemoryDaemon(RuleBasedStateMachine):
         self.sim.run(ticks)
 
     @rule(ticks=st.integers(1, 120))
-    def wait_with_a_living_client(self, ticks: int) -> None:
+    def wait_with_a_renewed_lease(self, ticks: int) -> None:
         for _ in range(ticks):
             if self.sim.ticks % 20 == 0:
                 self.ask(LeaseRequest(action="renew", lease=self.token))
@@ -412,7 +412,7 @@ class InMemoryDaemon(RuleBasedStateMachine):
 
     @precondition(lambda self: hasattr(self, "sim"))
     @invariant()
-    def modes_say_what_is_true(self) -> None:
+    def modes_agree_with_outputs(self) -> None:
         w = self.sim
         if w.core.mode is Mode.DISARMED and not w.api_stopped and w.report.order == w.core.order.number:
             assert not (w.report.outputs and w.report.order_accepted)
@@ -431,7 +431,7 @@ def test_state_machine(tmp_path_factory) -> None:
     for hz in (50.0, 330.0):
         CONFIGS[hz] = config_at(hz, tmp_path_factory.mktemp("c"))
     run_state_machine_as_test(
-        InMemoryDaemon,
+        DaemonStateMachine,
         settings=settings(
             max_examples=60, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck)
         ),

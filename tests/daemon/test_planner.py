@@ -1,4 +1,4 @@
-"""Ways round obstacles for the arm that sags: the daemon itself would take them, and so would a ruler."""
+"""Planned paths around an obstacle: collision-free for the sagging arm, accepted by the daemon, checked by sampling."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ LOAD = 0.0663
 
 
 @dataclass(frozen=True)
-class DaemonSetup:
-    """An arm with a post where its tool stands half way from START to END, and a model of how it sags."""
+class Workcell:
+    """An arm with a post at its tool position half way from START to END, and a model of its sag."""
 
     config: Config
     model: Model
@@ -49,7 +49,7 @@ class DaemonSetup:
 
     def planned(self, seed: int = 0, payload: float = 0.0, end: Array = END) -> JointPath | str:
         ask = PlanRequest(from_rad=START.tolist(), to_rad=end.tolist(), seed=seed, payload_kg=payload)
-        return self.service.plan(ask, patient())
+        return self.service.plan(ask, limited())
 
     def way(self, seed: int = 0, payload: float = 0.0, end: Array = END) -> Array:
         found = self.planned(seed, payload, end)
@@ -62,18 +62,18 @@ class DaemonSetup:
         return clearance_of(Scene.of(self.config.arm), frames(self.model.chain, rest.slots, len(q))).distance
 
 
-def patient(looks: int = 400) -> Callable[[], None]:
-    """Gives up after so many looks, not after a time: the same on every machine."""
+def limited(looks: int = 400) -> Callable[[], None]:
+    """Cancels after a number of calls, not after a time: reproducible on every machine."""
     counter = itertools.count()
 
-    def goes_on() -> None:
+    def check_cancelled() -> None:
         if next(counter) >= looks:
             raise RequestError("deadline", "too many attempts", retryable=True)
 
-    return goes_on
+    return check_cancelled
 
 
-def place_of(name: str, folder: Path, size: tuple[float, float, float] = (0.03, 0.03, 0.15)) -> DaemonSetup:
+def workcell_with_post(name: str, folder: Path, size: tuple[float, float, float] = (0.03, 0.03, 0.15)) -> Workcell:
     path = folder / f"{name}.toml"
     text = CONFIG.read_text(encoding="utf-8").replace('arm = "lrm-rover"', f'arm = "{name}"')
     if name == "lrm-lab":
@@ -87,16 +87,16 @@ def place_of(name: str, folder: Path, size: tuple[float, float, float] = (0.03, 
     known = dict(zip(thesis.keys, thesis.values.tolist(), strict=True))
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"), known)
     config = replace(config, arm=arm)
-    return DaemonSetup(config, model, IkService(config, DeployedModel(model, None, "model.toml", "00" * 32, ())))
+    return Workcell(config, model, IkService(config, DeployedModel(model, None, "model.toml", "00" * 32, ())))
 
 
 @pytest.fixture(scope="module", params=["lrm-lab", "lrm-rover"])
-def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> DaemonSetup:
-    return place_of(request.param, tmp_path_factory.mktemp("arm"))
+def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Workcell:
+    return workcell_with_post(request.param, tmp_path_factory.mktemp("arm"))
 
 
-def daemon_at(place: DaemonSetup) -> tuple[SimulatedDaemon, str]:
-    """The daemon's core at START, armed, with the guard that it has in earnest."""
+def daemon_at(place: Workcell) -> tuple[SimulatedDaemon, str]:
+    """The controller at START, armed, with its collision guard."""
     sim = SimulatedDaemon(place.config)
     sim.core.motion_check.guard = guard_of(place.config.arm, place.model) or sim.core.motion_check.guard
     sim.run(30)
@@ -112,7 +112,7 @@ def daemon_at(place: DaemonSetup) -> tuple[SimulatedDaemon, str]:
     return sim, lease.token
 
 
-def named(place: DaemonSetup, q: Array) -> dict[str, float]:
+def named(place: Workcell, q: Array) -> dict[str, float]:
     return {name: float(angle) for name, angle in zip(place.config.names, q, strict=False)}
 
 
@@ -121,7 +121,7 @@ def densely(way: Array, step: float = 0.01) -> Array:
     return np.concatenate(pieces)
 
 
-def test_the_daemon_refuses_the_straight_way_and_takes_the_planned_one(place: DaemonSetup) -> None:
+def test_the_daemon_refuses_the_straight_move_and_accepts_the_planned_path(place: Workcell) -> None:
     sim, token = daemon_at(place)
     with pytest.raises(RequestError) as caught:
         sim.core.handle(MoveRequest(lease=token, waypoints=[named(place, END)]), sim.now)
@@ -135,7 +135,7 @@ def test_the_daemon_refuses_the_straight_way_and_takes_the_planned_one(place: Da
 
 
 @pytest.mark.parametrize("payload", [0.0, LOAD])
-def test_the_way_keeps_clear_rigid_and_sagging(place: DaemonSetup, payload: float) -> None:
+def test_the_path_is_free_for_the_rigid_and_the_sagging_arm(place: Workcell, payload: float) -> None:
     way = place.way(0, payload)
     np.testing.assert_array_equal(way[[0, -1]], [START, END])
     q, margin = densely(way), place.config.arm.shapes.margin
@@ -147,7 +147,7 @@ def test_the_way_keeps_clear_rigid_and_sagging(place: DaemonSetup, payload: floa
         assert min(sampled_distance(place.config.arm, pose, name, "post", 30) for name in tools) >= margin
 
 
-def test_every_piece_is_straight_in_angles_and_in_pulses(place: DaemonSetup) -> None:
+def test_every_piece_is_straight_in_angles_and_in_pulses(place: Workcell) -> None:
     """Half way between two waypoints in angles is half way in pulses, to a nanosecond."""
     tables = [servo.table for servo in place.config.servos[: place.config.dof]]
     for before, after in pairwise(place.way()):
@@ -156,21 +156,21 @@ def test_every_piece_is_straight_in_angles_and_in_pulses(place: DaemonSetup) -> 
             assert float(table.pulse_of(0.5 * (a + b))) == pytest.approx(middle, abs=1e-9)
 
 
-def test_the_same_seed_finds_the_same_way(place: DaemonSetup) -> None:
+def test_the_same_seed_finds_the_same_path(place: Workcell) -> None:
     assert place.planned(5) == place.planned(5)
 
 
-def test_a_way_to_a_goal_ends_with_the_tool_there(place: DaemonSetup) -> None:
+def test_a_path_to_a_goal_ends_with_the_tool_there(place: Workcell) -> None:
     rest = equilibrium(place.model, poses_of(END[None], LOAD))
     tool = frames(place.model.chain, rest.slots, 1)[0, -1]
     goal = GoalEntry(position_m=tool[:3, 3].tolist(), approach=tool[:3, 2].tolist())
-    found = place.service.plan(PlanRequest(from_rad=START.tolist(), goal=goal, payload_kg=LOAD), patient())
+    found = place.service.plan(PlanRequest(from_rad=START.tolist(), goal=goal, payload_kg=LOAD), limited())
     assert isinstance(found, JointPath), found
     ends = equilibrium(place.model, poses_of(np.array(found.waypoints[-1:]), LOAD))
     np.testing.assert_allclose(ends.true_tcp[0], tool[:3, 3], atol=1e-6)
 
 
-def test_where_no_way_can_be_the_reason_is_told(place: DaemonSetup) -> None:
+def test_an_impossible_path_is_refused_with_the_reason(place: Workcell) -> None:
     inside = 0.5 * (START + END)
     into = place.planned(end=inside)
     assert isinstance(into, str)
@@ -184,17 +184,17 @@ def test_where_no_way_can_be_the_reason_is_told(place: DaemonSetup) -> None:
     assert "limits" in outside
     far = PlanRequest(from_rad=START.tolist(), goal=GoalEntry(position_m=[3.0, 0.0, 0.0]))
     with pytest.raises(RequestError) as caught:
-        place.service.plan(far, patient())
+        place.service.plan(far, limited())
     assert caught.value.code == "out_of_reach"
 
 
-def test_a_search_ends_when_nobody_waits_any_more(place: DaemonSetup) -> None:
+def test_a_cancelled_search_ends(place: Workcell) -> None:
     with pytest.raises(RequestError) as caught:
-        place.service.plan(PlanRequest(from_rad=START.tolist(), to_rad=END.tolist()), patient(0))
+        place.service.plan(PlanRequest(from_rad=START.tolist(), to_rad=END.tolist()), limited(0))
     assert caught.value.code == "deadline"
 
 
-def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(place: DaemonSetup) -> None:
+def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(place: Workcell) -> None:
     """With a margin between the distances that the rigid arm and the bent one have in some pose."""
     scene, rng = Scene.of(place.config.arm), np.random.default_rng(0)
     some = rng.uniform(*scene.limits, (300, place.config.dof))
@@ -206,11 +206,11 @@ def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(pla
     config = replace(place.config, arm=replace(place.config.arm, shapes=shapes))
     service = IkService(config, DeployedModel(place.model, None, "model.toml", "00" * 32, ()))
     ask = PlanRequest(from_rad=end.tolist(), to_rad=end.tolist(), payload_kg=LOAD)
-    found = service.plan(ask, patient())
+    found = service.plan(ask, limited())
     assert isinstance(found, str)
     assert "as the arm sags" in found
 
 
-def test_a_plan_from_another_arm_is_refused(place: DaemonSetup) -> None:
+def test_a_plan_from_another_arm_is_refused(place: Workcell) -> None:
     with pytest.raises(MessageError, match="from_rad: 5 angles"):
-        place.service.plan(PlanRequest(from_rad=[0.0] * 5, to_rad=[0.0] * 6), patient())
+        place.service.plan(PlanRequest(from_rad=[0.0] * 5, to_rad=[0.0] * 6), limited())

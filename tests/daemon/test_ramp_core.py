@@ -1,4 +1,4 @@
-"""The ramp alone against a simulated board: which orders it takes, what it takes over, what it never sends."""
+"""The ramp core with a simulated board: accepted orders, adopted registers, limits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrmd.config import Config, load_config
+from lrmd.config import MS, Config, load_config
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
 from lrmd.ramp.core import BoardSettings, RampCore
@@ -29,7 +29,7 @@ def config() -> Config:
     return load_config(CONFIG)
 
 
-class FrameLogEntry:
+class RampWithBoard:
     """A ramp and a board, tick by tick; `sent` are the frames of the last tick."""
 
     def __init__(self, config: Config) -> None:
@@ -46,7 +46,7 @@ class FrameLogEntry:
         self.sent = [f for f in FrameDecoder().feed(out) if isinstance(f, Frame)]
         self.back = self.board.feed(out, self.now)
 
-    def ready(self) -> FrameLogEntry:
+    def ready(self) -> RampWithBoard:
         for _ in range(5):
             self.tick()
         assert self.ramp.link is LinkState.READY
@@ -59,7 +59,7 @@ class FrameLogEntry:
 
 
 def test_a_new_order_switches_on_at_its_pose_and_moves(config: Config) -> None:
-    line = FrameLogEntry(config).ready()
+    line = RampWithBoard(config).ready()
     line.tick(line.order())
     assert line.sent[0].word_by_bit()[0] == round(MIDDLE * 1e-9 / config.clock.count_s)
     order = line.order(2, target=(MIDDLE + 5_000,) * 16)
@@ -70,8 +70,8 @@ def test_a_new_order_switches_on_at_its_pose_and_moves(config: Config) -> None:
 
 
 @pytest.mark.parametrize("missed", [1, 2, 7])
-def test_an_order_made_before_the_last_trip_is_dropped(config: Config, missed: int) -> None:
-    line = FrameLogEntry(config).ready()
+def test_an_order_made_before_the_last_fault_is_dropped(config: Config, missed: int) -> None:
+    line = RampWithBoard(config).ready()
     line.tick(line.order(fault_count=line.ramp.fault_count - missed))
     assert not line.ramp.order_accepted
     assert line.ramp.outputs == 0
@@ -80,7 +80,7 @@ def test_an_order_made_before_the_last_trip_is_dropped(config: Config, missed: i
 
 
 def test_an_emergency_stop_voids_the_order_under_way(config: Config) -> None:
-    line = FrameLogEntry(config).ready()
+    line = RampWithBoard(config).ready()
     order = line.order(target=(MIDDLE + 50_000,) * 16)
     line.tick(order)
     line.tick(order, estop=True)
@@ -103,26 +103,26 @@ def test_an_emergency_stop_voids_the_order_under_way(config: Config) -> None:
     ],
 )
 def test_an_order_outside_the_limits_is_refused_whole(config: Config, changes: dict) -> None:
-    line = FrameLogEntry(config).ready()
+    line = RampWithBoard(config).ready()
     line.tick(line.order(**changes))
     assert (line.ramp.fault, line.ramp.order_accepted, line.ramp.outputs) == (RampFault.REFUSED, False, 0)
     line.tick()
     assert line.board.chip.pulse(0) is None
 
 
-def test_after_a_pause_of_its_own_it_asks_before_it_sends_pulses(config: Config) -> None:
-    line = FrameLogEntry(config).ready()
+def test_after_a_pause_of_its_own_it_queries_the_board_before_it_sends_pulses(config: Config) -> None:
+    line = RampWithBoard(config).ready()
     for _ in range(3):
         line.tick(line.order())
     assert line.sent[0].type == FrameType.ARM
-    line.tick(pause=config.silence)
+    line.tick(pause=config.link.silence_ms * MS)
     assert line.sent[0].type == FrameType.HELLO
 
 
 @given(register=st.integers(200, 400), seed=st.integers(0, 100))
 @settings(max_examples=40, deadline=None)
-def test_it_takes_over_exactly_what_the_board_puts_out(config: Config, register: int, seed: int) -> None:
-    line = FrameLogEntry(config).ready()
+def test_it_adopts_exactly_the_registers_of_the_board(config: Config, register: int, seed: int) -> None:
+    line = RampWithBoard(config).ready()
     line.tick(line.order())
     line.tick()
     report = line.ramp.report(0, line.now, 0, 0, 1, False)
@@ -138,7 +138,7 @@ def test_it_takes_over_exactly_what_the_board_puts_out(config: Config, register:
 
 
 def test_a_board_with_another_prescale_is_left_to_fall_silent_before_it_is_set_up(config: Config) -> None:
-    line = FrameLogEntry(config)
+    line = RampWithBoard(config)
     line.board.feed(encode(protocol.setup(1, 60, 1000)), line.now)
     line.board.feed(encode(protocol.arm(2, {0: 300})), line.now)
     for _ in range(50):
@@ -156,7 +156,7 @@ def test_a_clock_that_is_not_the_real_one_drives_no_real_board(
     config: Config, kind: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("lrmd.sim.board.SIMULATED", kind)
-    line = FrameLogEntry(config)
+    line = RampWithBoard(config)
     line.ramp = RampCore(BoardSettings.of(config, speed=2.0))
     line.ramp.opened(line.now)
     for _ in range(20):
@@ -168,7 +168,7 @@ def test_a_clock_that_is_not_the_real_one_drives_no_real_board(
 @given(st.lists(st.binary(max_size=60), max_size=30))
 @settings(max_examples=60, deadline=None)
 def test_no_bytes_from_the_port_can_stop_it_or_switch_anything_on(config: Config, noise: list[bytes]) -> None:
-    line = FrameLogEntry(config).ready()
+    line = RampWithBoard(config).ready()
     for data in noise:
         line.back = data
         line.tick()

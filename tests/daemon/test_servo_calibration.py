@@ -78,7 +78,9 @@ class ScriptedOperator:
         self.heard.append(text)
 
 
-def walked(rover: FakeRover, output: Path, angles_deg: list[float], *words: str, arm: str = "lrm-rover") -> ScriptedOperator:
+def walked(
+    rover: FakeRover, output: Path, angles_deg: list[float], *words: str, arm: str = "lrm-rover"
+) -> ScriptedOperator:
     person = ScriptedOperator(*words)
     angles = [math.radians(a) for a in angles_deg]
     calibrate_servo(rover, rover.name, arm, output, angles, person.ask, person.say)
@@ -167,8 +169,9 @@ def test_what_cannot_end_well_is_said_before_the_arm_moves(
 
 
 def test_a_servo_that_the_daemon_does_not_have_is_refused(tmp_path: Path) -> None:
+    operator = ScriptedOperator()
     with pytest.raises(LrmError, match="unknown servo 'joint7'; valid: joint1, joint2"):
-        calibrate_servo(FakeRover(), "joint7", "lrm-rover", tmp_path / "arm.toml", [0.0, 1.0], ScriptedOperator().ask, print)
+        calibrate_servo(FakeRover(), "joint7", "lrm-rover", tmp_path / "arm.toml", [0.0, 1.0], operator.ask, print)
 
 
 def expected(arm: Arm, servo: str, table: ServoTable) -> Arm:

@@ -1,4 +1,4 @@
-"""What survives: the state file is the old one or the new one, whole; and one lease at a time."""
+"""The state file is written atomically; one lease at a time."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         temperature_c=st.dictionaries(NAMES, st.floats(-50, 300), max_size=16),
     )
 )  # fmt: skip
-def test_what_was_saved_is_what_is_loaded(folder: Path, state: StoredState) -> None:
+def test_a_saved_state_is_loaded_again(folder: Path, state: StoredState) -> None:
     state_file.save(folder, state)
     assert state_file.load(folder) == state
     assert [p.name for p in folder.iterdir()] == [state_file.NAME]
 
 
-def test_nothing_saved_is_nothing(tmp_path: Path) -> None:
+def test_no_file_is_no_state(tmp_path: Path) -> None:
     assert state_file.load(tmp_path) is None
 
 
@@ -127,7 +127,7 @@ def test_a_damaged_file_is_an_error_or_still_a_state(folder: Path, cut: int, fli
         ({"still": "yes"}, "still"),
     ],
 )
-def test_damage_is_told_by_place(tmp_path: Path, change: dict[str, object], where: str) -> None:
+def test_the_error_names_the_damaged_field(tmp_path: Path, change: dict[str, object], where: str) -> None:
     content = {**saved().model_dump(by_alias=True), **change}
     (tmp_path / state_file.NAME).write_text(str(content).replace("'", '"').replace("True", "true"))
     with pytest.raises(FileError) as caught:
@@ -135,7 +135,7 @@ def test_damage_is_told_by_place(tmp_path: Path, change: dict[str, object], wher
     assert caught.value.where == where
 
 
-def test_a_damaged_file_is_kept_to_be_looked_at(tmp_path: Path) -> None:
+def test_a_damaged_file_is_kept_for_inspection(tmp_path: Path) -> None:
     (tmp_path / state_file.NAME).write_bytes(b"half a fi")
     aside = state_file.set_aside(tmp_path)
     assert aside.read_bytes() == b"half a fi"
@@ -175,7 +175,7 @@ def test_there_is_one_holder_at_a_time(now: int, later: int, take: bool) -> None
 
 
 @pytest.mark.parametrize("present", [None, Lease("you", "t", 10**18)])
-def test_commands_without_a_lease_are_told_what_they_need(present: Lease | None) -> None:
+def test_commands_without_a_lease_are_refused_with_a_hint(present: Lease | None) -> None:
     with pytest.raises(LeaseError, match="rpc/lease"):
         lease.checked(present, None, 0)
     with pytest.raises(LeaseError, match="rpc/lease"):

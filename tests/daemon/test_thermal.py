@@ -1,4 +1,4 @@
-"""The thermal model's laws, and what is left of it after a restart."""
+"""Properties of the thermal model and of the thermal monitor."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def test_two_steps_are_one_step_of_their_sum(T: list[float], tau: list[float], a
 
 
 @given(TEMPERATURES, TORQUES, SECONDS)
-def test_only_the_size_of_a_torque_counts_and_more_is_never_cooler(T: list[float], tau: list[float], s: float) -> None:
+def test_temperature_is_even_and_monotonic_in_the_torque(T: list[float], tau: list[float], s: float) -> None:
     here = MODEL.after(s, T, tau)
     assert MODEL.after(s, T, [-t for t in tau]) == here
     assert all(b >= a - 1e-9 for a, b in zip(here, MODEL.after(s, T, [1.1 * t for t in tau]), strict=True))
 
 
 @given(TEMPERATURES, TORQUES)
-def test_it_obeys_its_differential_equation(T: list[float], tau: list[float]) -> None:
+def test_it_solves_its_differential_equation(T: list[float], tau: list[float]) -> None:
     """dT/dt = (T_ambient + rise tau^2 - T) / T_c, by a central difference."""
     h = 1e-2
     later, now = MODEL.after(2 * h, T, tau), MODEL.after(h, T, tau)
@@ -51,14 +51,14 @@ def test_it_obeys_its_differential_equation(T: list[float], tau: list[float]) ->
 
 
 @given(TEMPERATURES, TORQUES, SECONDS)
-def test_a_temperature_stays_between_what_it_was_and_where_it_tends(T: list[float], tau: list[float], s: float) -> None:
+def test_a_temperature_stays_between_its_start_and_its_limit(T: list[float], tau: list[float], s: float) -> None:
     for was, now, t, rise in zip(T, MODEL.after(s, T, tau), tau, MODEL.rise, strict=True):
         final = MODEL.ambient + rise * t * t
         assert min(was, final) - 1e-9 <= now <= max(was, final) + 1e-9
 
 
 @given(TEMPERATURES, TORQUES)
-def test_no_time_changes_nothing_and_long_after_nothing_is_left_of_the_start(T: list[float], tau: list[float]) -> None:
+def test_no_time_changes_nothing_and_long_times_reach_the_steady_state(T: list[float], tau: list[float]) -> None:
     assert MODEL.after(0.0, T, tau) == pytest.approx(T)
     assert MODEL.after(-5.0, T, tau) == pytest.approx(T), "a wall clock that was set back heats nothing"
     final = [MODEL.ambient + rise * t * t for rise, t in zip(MODEL.rise, tau, strict=True)]
@@ -82,7 +82,8 @@ def test_the_time_to_a_limit_is_when_it_is_reached(limit: float, T: float, tau: 
 def test_each_limit_means_one_level_more(config: Config) -> None:
     t = config.thermal
     for limit, below, level in [
-        (t.derate_c, ThermalLevel.COOL, ThermalLevel.WARM), (t.rest_c, ThermalLevel.WARM, ThermalLevel.HOT), (t.off_c, ThermalLevel.HOT, ThermalLevel.TOO_HOT)
+        (t.derate_c, ThermalLevel.COOL, ThermalLevel.WARM), (t.rest_c, ThermalLevel.WARM, ThermalLevel.HOT),
+        (t.off_c, ThermalLevel.HOT, ThermalLevel.TOO_HOT),
     ]:  # fmt: skip
         assert MODEL.level(limit - 1e-9) is below
         assert MODEL.level(limit) is level
@@ -106,7 +107,7 @@ def stored(T: float, seconds_ago: float) -> StoredState:
     )  # fmt: skip
 
 
-def test_a_restart_forgets_no_heat(config: Config) -> None:
+def test_temperatures_survive_a_restart(config: Config) -> None:
     at_once = ThermalMonitor(config, stored(90.0, 0.0), 0, 10**18).temperature
     later = ThermalMonitor(config, stored(90.0, 900.0), 0, 10**18).temperature
     clock_set_back = ThermalMonitor(config, stored(90.0, -9e5), 0, 10**18).temperature
@@ -116,44 +117,44 @@ def test_a_restart_forgets_no_heat(config: Config) -> None:
 
 
 @given(st.lists(st.floats(0.05, 50), min_size=1, max_size=20))
-def test_the_watch_agrees_with_the_model_however_often_it_looks(steps: list[float]) -> None:
-    watch = ThermalMonitor(load_config(CONFIG), None, 0, 0)
+def test_the_monitor_agrees_with_the_model_at_any_interval(steps: list[float]) -> None:
+    monitor = ThermalMonitor(load_config(CONFIG), None, 0, 0)
     tau, now = [0.3] * N, 0
     for step in steps:
         now += int(step * SECOND)
-        watch.update(now, tau)
-    assert watch.temperature == pytest.approx(MODEL.after(now / SECOND, MODEL.cold(), tau), abs=1e-6)
+        monitor.update(now, tau)
+    assert monitor.temperature == pytest.approx(MODEL.after(now / SECOND, MODEL.cold(), tau), abs=1e-6)
 
 
-def test_every_level_is_told_once_on_the_way_up_and_once_on_the_way_down(config: Config) -> None:
-    watch, now, seen = ThermalMonitor(config, None, 0, 0), 0, []
+def test_every_level_change_is_reported_once(config: Config) -> None:
+    monitor, now, seen = ThermalMonitor(config, None, 0, 0), 0, []
     for tau in (0.31, 0.0):
         for _ in range(4000):
             now += SECOND
-            assert watch.due(now)
-            seen += [c.after for c in watch.update(now, [0, 0, 0, tau] + [0] * (N - 4))]
+            assert monitor.due(now)
+            seen += [c.after for c in monitor.update(now, [0, 0, 0, tau] + [0] * (N - 4))]
     up = [ThermalLevel.WARM, ThermalLevel.HOT, ThermalLevel.TOO_HOT]
     assert seen == [*up, ThermalLevel.HOT, ThermalLevel.WARM, ThermalLevel.COOL]
 
 
 def test_a_warm_servo_may_be_loaded_less_but_not_more(config: Config) -> None:
-    watch = ThermalMonitor(config, stored(75.0, 0.0), 0, 10**18)
+    monitor = ThermalMonitor(config, stored(75.0, 0.0), 0, 10**18)
     now = [0.0, 0.0, 0.0, -0.2] + [0.0] * (N - 4)
     for load, allowed in [(-0.2, True), (0.2, True), (0.1, True), (0.21, False), (-0.3, False)]:
         then = [5.0, 0.0, 0.0, load] + [0.0] * (N - 4)
         if allowed:
-            watch.check_load(now, then)
+            monitor.check_load(now, then)
             continue
         with pytest.raises(RequestError, match="joint4") as caught:
-            watch.check_load(now, then)
+            monitor.check_load(now, then)
         assert caught.value.retryable
 
 
-def test_hot_in_counts_down(config: Config) -> None:
-    watch = ThermalMonitor(config, None, 0, 0)
+def test_time_to_hot_counts_down(config: Config) -> None:
+    monitor = ThermalMonitor(config, None, 0, 0)
     tau = [0, 0, 0, 0.31] + [0] * (N - 4)
-    watch.update(SECOND, tau)
-    first = watch.time_to_hot
-    watch.update(101 * SECOND, tau)
-    assert first[3] - watch.time_to_hot[3] == pytest.approx(100.0)
+    monitor.update(SECOND, tau)
+    first = monitor.time_to_hot
+    monitor.update(101 * SECOND, tau)
+    assert first[3] - monitor.time_to_hot[3] == pytest.approx(100.0)
     assert math.isinf(first[0])

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,15 +22,16 @@ from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects
 from lrm_ident.diagnosis.linearised_fit import linearise, paired_z, principal_cosine
 from lrm_ident.diagnosis.residual_structure import noise_floor, residual_structure
 from lrm_ident.effect_plugins import catalogue_with, effects_in
-from lrm_ident.fit.cross_validation import held_out_residual, joint_space_folds
-from lrm_ident.fit.identifiability import fit_identifiable
-from lrm_ident.fit.levenberg_marquardt import fit
-from lrm_ident.fit.parameter_sets import select_parameters
+from lrm_ident.estimation.cross_validation import held_out_residual, joint_space_folds
+from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_ident.plots.diagnosis import draw_report
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model, model_of
+from tests.support.commands import stdout_of
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import write_case
 
@@ -103,21 +102,16 @@ def test_structure_without_a_name_then_the_users_own_effect_from_the_docs(tmp_pa
     assert found.unexplained.ranking[0][0].joint == 2
     assert set(found.unexplained.ranking[0][0].covariates) == {"q1", "q4"}
 
-    def run(*words: object) -> None:
-        command = [sys.executable, "-m", "lrm_ident.cli.app", *map(str, words)]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-        assert done.returncode == 0, done.stderr
-
     model, better, own = tmp_path / "m.toml", tmp_path / "m2.toml", ["--effects-file", page_effect(tmp_path)]
-    run("fit", data_file, "-o", model)
-    run("diagnose", model, data_file, "--json", tmp_path / "d.json", *own)
+    stdout_of("fit", data_file, "-o", model)
+    stdout_of("diagnose", model, data_file, "--json", tmp_path / "d.json", *own)
     result = json.loads((tmp_path / "d.json").read_text())
     assert result["verdict"] == "effect_missing"
     assert (result["ranking"][0]["effect"], result["ranking"][0]["place"]) == ("sway", "joint3")
     assert result["ranking"][0]["verdict"] == "supported"
-    run("add", model, data_file, "sway@joint3", "-o", better, "--json", tmp_path / "a.json", *own)
+    stdout_of("add", model, data_file, "sway@joint3", "-o", better, "--json", tmp_path / "a.json", *own)
     assert json.loads((tmp_path / "a.json").read_text())["after"]["held_out"]["rms_mm"] < 1.25 * FLOOR * 1e3
-    run("undo", better, "-o", tmp_path / "back.toml")
+    stdout_of("undo", better, "-o", tmp_path / "back.toml")
     assert (tmp_path / "back.toml").read_text() == model.read_text()
 
 
@@ -173,7 +167,7 @@ def test_an_effect_that_is_there_already_cannot_be_added_twice(tmp_path: Path, l
 @settings(max_examples=20)
 @given(st.integers(0, 1000))
 def test_linear_held_out_is_what_refitting_in_each_fold_gives(seed: int) -> None:
-    """Frisch–Waugh–Lovell: the bench agrees with least squares on all columns, fold by fold."""
+    """Frisch–Waugh–Lovell: the linearised fit agrees with least squares on all columns, fold by fold."""
     rng = np.random.default_rng(seed)
     A, C, r = rng.normal(size=(90, 5)), rng.normal(size=(90, 3)), rng.normal(size=90)
     folds = np.array_split(rng.permutation(30), 5)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.csv_table import csv_text
 from lrm_ident.data.measurements import Measurements, directions, load_measurements, load_poses, measurements_csv
-from lrm_ident.fit.model_history import model_text
+from lrm_ident.estimation.model_history import model_text
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import ArmFile, load_arm, read_arm, shipped_arms
 from lrm_math.effects import effects_at

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from lrm_ident import synthetic
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, load_measurements
-from lrm_ident.fit.cross_validation import held_out_residual, joint_space_folds
-from lrm_ident.fit.error_breakdown import compare, try_held_out
-from lrm_ident.fit.identifiability import fit_identifiable, select_identifiable
-from lrm_ident.fit.levenberg_marquardt import FitNotConverged, bounds_of, fit, no_bounds
-from lrm_ident.fit.loss import LOSSES, Cauchy, Huber, robust_scale
-from lrm_ident.fit.parameter_sets import THESIS_OPTIONS, select_parameters
+from lrm_ident.estimation.cross_validation import held_out_residual, joint_space_folds
+from lrm_ident.estimation.error_breakdown import compare, try_held_out
+from lrm_ident.estimation.identifiability import fit_identifiable, select_identifiable
+from lrm_ident.estimation.levenberg_marquardt import FitNotConverged, bounds_of, fit, no_bounds
+from lrm_ident.estimation.loss import LOSSES, Cauchy, Huber, robust_scale
+from lrm_ident.estimation.parameter_sets import THESIS_OPTIONS, select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
@@ -201,7 +201,7 @@ def test_too_few_poses(lab: Arm) -> None:
 
 
 def test_a_fit_that_does_not_converge_says_so(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lrm_ident.fit.levenberg_marquardt.MAX_STEPS", 2)
+    monkeypatch.setattr("lrm_ident.estimation.levenberg_marquardt.MAX_STEPS", 2)
     truth, poses = random_truth(lab, 9), random_poses(9)
     data = measured(poses, equilibrium(truth, poses).tcp)
     with pytest.raises(FitNotConverged, match="did not converge"):

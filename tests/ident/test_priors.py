@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.identifiability import fit_identifiable
-from lrm_ident.fit.levenberg_marquardt import Fit, fit, no_bounds
-from lrm_ident.fit.loss import loss_named
-from lrm_ident.fit.parameter_sets import select_parameters
-from lrm_ident.fit.priors import Prior, PriorFile, load_prior, shipped_priors, to_prior
+from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.estimation.levenberg_marquardt import Fit, fit, no_bounds
+from lrm_ident.estimation.loss import loss_named
+from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.estimation.priors import Prior, PriorFile, load_prior, shipped_priors, to_prior
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at

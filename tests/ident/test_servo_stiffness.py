@@ -15,7 +15,7 @@ from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements, load_measurements
 from lrm_ident.data.servo_stiffness import GRAVITY, ServoTest, load_servo_test, stiffness
 from lrm_ident.data.tracker_alignment import TrackerReadings, align, mean_quaternion, measurements_from, rotation_of
-from lrm_ident.fit.identifiability import fit_identifiable
+from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at

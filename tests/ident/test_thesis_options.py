@@ -16,7 +16,7 @@ from lrm_ident.data.error_stats import error_distribution, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.detmax import exchange
 from lrm_ident.design.observability import identification_jacobian
-from lrm_ident.fit.parameter_sets import select_parameters
+from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_ident.thesis.thesis_options import (
     OPTIONS,
     OptionStudy,

@@ -1,4 +1,4 @@
-"""All ways to a pose: above all where two of them are about to merge."""
+"""Completeness of the branches of a pose, above all where two of them are about to merge."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from tests.support.random_arms import arms
 
 PAYLOAD = 0.04
 NEAR_A_FOLD = 1.5e-3
-"""m/rad: how slowly the tool moves with some motion of the joints."""
+"""m/rad: speed of the tool with some motion of the joints below which a fold is near."""
 
 
-def beside_folds(name: str, count: int) -> tuple[Array, Array]:
+def commands_beside_folds(name: str, count: int) -> tuple[Array, Array]:
     """Commands (N, n) whose poses (N, 4, 4) have a second solution nearby, and those poses."""
     context = solver(name).context
     linkage = context.joint_laws.linkage
@@ -45,24 +45,24 @@ def is_among(q: Array, found: CommandBatch | None, name: str) -> bool:
 
 
 def missed(name: str, q: Array, found: list[CommandBatch | None]) -> int:
-    """Of how many commands (N, n) the answers do not have them."""
+    """Number of commands (N, n) that the answers lack."""
     return sum(not is_among(own, some, name) for own, some in zip(q, found, strict=True))
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_beside_a_fold_both_ways_are_found(name: str) -> None:
-    """The command that a goal was made from is known beforehand, and nothing that was reckoned tells it."""
-    q, tools = beside_folds(name, 1200)
+def test_both_solutions_beside_a_fold_are_found(name: str) -> None:
+    """The command that a goal was made from is known independently of the solver."""
+    q, tools = commands_beside_folds(name, 1200)
     assert len(q) >= 100
-    context, asks = solver(name).context, [IkQuery(goal_of(tool), PAYLOAD) for tool in tools]
-    every = [every_branch(context, query) for query in asks]
+    context, queries = solver(name).context, [IkQuery(goal_of(tool), PAYLOAD) for tool in tools]
+    every = [every_branch(context, query) for query in queries]
     few = missed(name, q, every)
     assert few <= 0.05 * len(q)
-    assert few < 0.6 * missed(name, q, [Direct().find(context, query) for query in asks])
+    assert few < 0.6 * missed(name, q, [Direct().find(context, query) for query in queries])
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_the_list_is_nearly_whole_and_every_way_leads_there(name: str) -> None:
+def test_branches_are_nearly_complete_and_all_reach_the_goal(name: str) -> None:
     context = solver(name).context
     q, tools = reachable(context.model, 300, 32, PAYLOAD)
     every = [every_branch(context, IkQuery(goal_of(tool), PAYLOAD)) for tool in tools]
@@ -76,8 +76,8 @@ def test_the_list_is_nearly_whole_and_every_way_leads_there(name: str) -> None:
     assert np.abs(off[:, :3, :3]).max() <= 1e-8
 
 
-def test_a_position_alone_has_no_end_of_ways() -> None:
-    """So what the direct method finds is answered."""
+def test_position_goals_get_the_branches_of_the_direct_method() -> None:
+    """They have infinitely many solutions."""
     context = solver("table_b2").context
     _, tools = reachable(context.model, 1, 33, PAYLOAD)
     query = IkQuery(Goal(tuple(tools[0, :3, 3].tolist())), PAYLOAD)
@@ -87,7 +87,7 @@ def test_a_position_alone_has_no_end_of_ways() -> None:
     np.testing.assert_array_equal(found.q, alone.q)
 
 
-def test_where_there_is_no_way_none_is_made_up() -> None:
+def test_unreachable_goals_have_no_branches() -> None:
     context = solver("table_b2").context
     assert (
         every_branch(
@@ -99,8 +99,8 @@ def test_where_there_is_no_way_none_is_made_up() -> None:
 
 @settings(max_examples=8)
 @given(arm=arms.filter(lambda arm: arm.dof >= 4))
-def test_arms_of_any_shape_lose_nothing_by_it(arm: Arm) -> None:
-    """With and without a closed form: what the direct method finds, and perhaps more."""
+def test_extended_search_keeps_the_branches_of_the_direct_method(arm: Arm) -> None:
+    """With and without a closed form."""
     model = model_of(arm, effects_at(arm, "compliance"), {})
     context = CalibratedSolver.of(model).context
     _, tools = reachable(model, 3, 34, PAYLOAD)

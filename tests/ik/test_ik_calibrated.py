@@ -1,4 +1,4 @@
-"""Calibrated inverse kinematics: what it promises of any model, load and goal."""
+"""Calibrated inverse kinematics: properties that hold for any model, load and goal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Verdict
+from lrm_math.ik.answer import IkVerdict
 from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
@@ -44,7 +44,7 @@ SHARE = 0.998
 
 
 def with_effects(model: Model, names: tuple[str, ...], seed: int, size: float = 0.3) -> Model:
-    """A model and more effects of typical size, signs as they may be."""
+    """A model and more effects of typical size, signs random where allowed."""
     added = [e for name in names for e in effects_at(model.arm, name) if f"{e.id}@{e.place}" not in _names(model)]
     known = dict(zip(model.keys, model.values.tolist(), strict=True))
     full = model_of(model.arm, (*model.effects, *added), known)
@@ -133,7 +133,7 @@ def test_direct_solves_what_the_calibrated_arm_reaches(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["table_b2", "lab"])
-def test_cube_comes_within_its_grid_and_the_polish_does_the_rest(name: str) -> None:
+def test_cube_error_is_below_its_spacing_and_newton_removes_it(name: str) -> None:
     payload = 0.0663
     _, tools = reachable(solver(name).context.model, 60, 12, payload)
     replies = [solver(name).solve(goal_of(tool), payload) for tool in tools]
@@ -145,24 +145,24 @@ def test_cube_comes_within_its_grid_and_the_polish_does_the_rest(name: str) -> N
     assert np.median(errors) > 1e-5  # it is a search on a grid, not a solver
 
 
-def test_a_finer_cube_comes_closer() -> None:
+def test_a_finer_cube_has_a_smaller_error() -> None:
     solve = solver("table_b2")
     _, tools = reachable(solve.context.model, 12, 13, 0.0)
-    asks = [IkQuery(goal_of(tool)) for tool in tools]
-    hits = [[Cube(points=points).search(solve.context, query) for query in asks] for points in (5, 15)]
+    queries = [IkQuery(goal_of(tool)) for tool in tools]
+    hits = [[Cube(points=points).search(solve.context, query) for query in queries] for points in (5, 15)]
     assert all(hit is not None for some in hits for hit in some)
     coarse, fine = (np.median([hit.error for hit in some if hit is not None]) for some in hits)
     assert fine < coarse
 
 
 @pytest.mark.parametrize("bad", [{"side": 0.0}, {"points": 1}, {"moves": -1}])
-def test_a_cube_that_is_none(bad: dict[str, float]) -> None:
+def test_invalid_cubes_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(LrmError, match="cube"):
         Cube(**bad)  # type: ignore[arg-type]
 
 
-def test_the_thesis_first_method_stalls() -> None:
-    """The first correction helps, the loop then loses it again: the aim is mirrored, not improved."""
+def test_the_first_method_of_the_thesis_stalls() -> None:
+    """The first correction helps, the iteration then loses it again: the target is mirrored, not improved."""
     solve = solver("table_b2")
     _, tools = reachable(solve.context.model, 60, 14, 0.0663)
     replies = [solve.solve(goal_of(tool), 0.0663, method=Iterative(enough=1e-4)) for tool in tools]
@@ -183,7 +183,7 @@ def test_the_thesis_first_method_stalls() -> None:
     kind=st.sampled_from(["pose", "point", "along"]),
     payload=st.floats(0.0, 0.1),
 )
-def test_any_goal_gets_a_command_within_the_limits_or_says_how_far_off_it_is(
+def test_any_goal_gets_a_command_within_the_limits_or_the_nearest_one(
     name: str, position: tuple[float, ...], turn: tuple[float, ...], kind: str, payload: float
 ) -> None:
     w, x, y, z = np.array(turn) / np.linalg.norm(turn)
@@ -203,7 +203,7 @@ def test_any_goal_gets_a_command_within_the_limits_or_says_how_far_off_it_is(
     there = solve.forward(reply.nearest.q, payload)
     assert math.dist(there.tcp, goal.position) == pytest.approx(reply.nearest.distance, abs=1e-7)
     assert reply.nearest.distance + reply.nearest.angle > 0.0
-    assert (reply.verdict is Verdict.OUTSIDE_LIMITS) == bool(reply.beyond) == (reply.violation is not None)
+    assert (reply.verdict is IkVerdict.OUTSIDE_LIMITS) == bool(reply.beyond) == (reply.violation is not None)
     if kind == "point":
         tips = reachable(solve.context.model, 300, 5, payload)[1][:, :3, 3]
         assert np.linalg.norm(tips - goal.position, axis=1).min() >= reply.nearest.distance - 1e-6
@@ -225,8 +225,8 @@ def test_positions_and_approach_directions_of_reachable_poses(name: str) -> None
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_near_comes_first_and_tells_the_side_to_arrive_from(name: str) -> None:
-    """What is promised holds for the move that is made: the model, told the direction of the move, agrees."""
+def test_near_orders_branches_and_sets_the_side_of_arrival(name: str) -> None:
+    """The reply holds for the actual move: checked by the model with the direction of that move."""
     model, rng = solver(name).context.model, np.random.default_rng(16)
     q, tools = reachable(model, 25, 16, 0.0)
     for own, tool in zip(q, tools, strict=True):
@@ -245,8 +245,8 @@ def test_near_comes_first_and_tells_the_side_to_arrive_from(name: str) -> None:
 
 @settings(max_examples=25)
 @given(arms, st.integers(0, 100), st.floats(0.0, 0.1))
-def test_the_linkage_is_the_chain(arm: Arm, seed: int, payload: float) -> None:
-    """Welded or not, vectorised over slots or over poses: the same tool, loads and screws, on any arm."""
+def test_linkage_equals_chain(arm: Arm, seed: int, payload: float) -> None:
+    """The same tool, loads and screws, on any arm."""
     model = with_effects(model_of(arm, ()), ("offsets", "compliance", "base_compliance", "lateral_compliance"), seed)
     model = model.with_values(0.1 * model.values)
     poses = poses_of(np.random.default_rng(seed).uniform(-1.7, 1.7, (3, arm.dof)), payload)
@@ -269,7 +269,7 @@ def test_the_linkage_is_the_chain(arm: Arm, seed: int, payload: float) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_one_pose_with_floats_is_a_batch_with_arrays(name: str) -> None:
+def test_single_pose_equilibrium_equals_batch(name: str) -> None:
     model = solver(name).context.model
     q, _ = reachable(model, 20, 17, 0.05)
     side = np.random.default_rng(17).choice([-1.0, 0.0, 1.0], q.shape)
@@ -283,8 +283,8 @@ def test_one_pose_with_floats_is_a_batch_with_arrays(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_commands_are_what_makes_joints_stand_where_they_stand(name: str) -> None:
-    """Compensation undoes the model's own equilibrium, direction of arrival and cables included."""
+def test_joint_laws_invert_the_equilibrium(name: str) -> None:
+    """Side of arrival and cables included."""
     model = solver(name).context.model
     q, _ = reachable(model, 20, 18, 0.03)
     side = np.random.default_rng(18).choice([-1.0, 1.0], q.shape)
@@ -321,7 +321,7 @@ def test_the_best_neighbouring_counts_are_no_worse_than_rounding(seed: int, freq
             assert joint.lower <= angle <= joint.upper or reply is each
 
 
-def test_choosing_counts_together_gains_a_lot() -> None:
+def test_joint_rounding_halves_the_error() -> None:
     solve = CalibratedSolver.of(table_b2(), clock=PwmClock(50.0))
     _, tools = reachable(table_b2(), 40, 19, 0.0)
     replies = [[solve.solve(goal_of(tool), method=Direct(), rounding=r) for r in Rounding] for tool in tools]
@@ -346,7 +346,7 @@ def test_quantisation_gives_the_clock_and_is_not_compensated() -> None:
     assert reply.rounded.error > 1e-5
 
 
-def test_spread_is_what_scattered_parameters_do() -> None:
+def test_uncertainty_matches_monte_carlo() -> None:
     model = table_b2()
     keys = ("compliance.joint2.k_rad_per_Nm", "offsets.joint1.theta_rad", "offsets.base.x_mm")
     root = np.diag([3e-4, 5e-4, 1e-4]) @ np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.5, 0.9]])
@@ -365,7 +365,7 @@ def test_spread_is_what_scattered_parameters_do() -> None:
     np.testing.assert_allclose(uncertainty.covariance, scatter, atol=0.2 * np.trace(scatter))
 
 
-def test_what_is_not_known_is_not_zero() -> None:
+def test_unknown_uncertainty_is_none() -> None:
     _, tools = reachable(table_b2(), 1, 21, 0.0)
     reply = solver("table_b2").solve(goal_of(tools[0]), method=Direct())
     assert isinstance(reply, Solved)
@@ -392,7 +392,7 @@ def test_effects_of_a_session_are_never_dropped_silently(name: str) -> None:
     assert reply.sd < 1e-3
 
 
-def test_leaving_out_what_is_not_there() -> None:
+def test_leaving_out_an_absent_effect_is_refused() -> None:
     with pytest.raises(LrmError, match="no effect of this model"):
         CalibratedSolver.of(table_b2(), left_out=["drift"])
 
@@ -401,12 +401,12 @@ def test_leaving_out_what_is_not_there() -> None:
     ("payload", "near", "word"),
     [(-0.1, None, "payload"), (math.nan, None, "payload"), (0.0, [0.0] * 5, "near"), (0.0, [math.inf] * 6, "near")],
 )
-def test_bad_questions(payload: float, near: list[float] | None, word: str) -> None:
+def test_invalid_queries_are_refused(payload: float, near: list[float] | None, word: str) -> None:
     with pytest.raises(LrmError, match=word):
         solver("table_b2").solve(point([0.2, 0.0, 0.3]), payload, near)
 
 
-def test_bad_joint_sd() -> None:
+def test_invalid_joint_sd_is_refused() -> None:
     with pytest.raises(LrmError, match="joint_sd"):
         CalibratedSolver.of(table_b2(), joint_sd=[0.01] * 5)
 
@@ -418,7 +418,7 @@ def test_an_arm_without_servo_tables_has_no_counts() -> None:
         CalibratedSolver.of(model_of(bare, ()), clock=PwmClock(50.0))
 
 
-def test_a_model_whose_arm_rests_nowhere_is_refused() -> None:
+def test_a_model_without_equilibrium_is_refused() -> None:
     thesis = load_model(TABLE_B2)
     soft = {key: 30.0 for key in thesis.keys if key.startswith("compliance")}
     values = [soft.get(key, value) for key, value in zip(thesis.keys, thesis.values.tolist(), strict=True)]

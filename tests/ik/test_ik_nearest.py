@@ -1,4 +1,4 @@
-"""What is nearest to a goal that cannot be taken: laws of distances, whatever the model."""
+"""Nearest command to an unreachable goal: laws of distances, for any model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
-from lrm_math.ik.answer import Nearest, Verdict
+from lrm_math.ik.answer import IkVerdict, Nearest
 from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
@@ -74,23 +74,23 @@ def goal_of(form: str, position: tuple[float, ...], turn: tuple[float, ...]) -> 
 
 
 def tools(model: Model, q: Array, payload: float) -> Array:
-    """(M, 4, 4), the tool's frames at those of the commands (N, n) where the arm settles."""
+    """(M, 4, 4), tool frames at those of the commands (N, n) where the arm settles."""
     rest, rows = batch_equilibrium(model, Poses(q, np.full(len(q), payload)))
     return frames(model.chain, rest.slots, len(rows))[:, -1]
 
 
 def error(found: Nearest) -> float:
-    """m, turns weighed as they are when least squares are sought."""
+    """m, rotation weighed as in the least squares."""
     return math.hypot(found.distance, CHAR_LENGTH * found.angle)
 
 
 def find(name: str, goal: Goal, starts: Sequence[tuple[float, ...]] = ()) -> Nearest:
-    """The nearest with a load."""
+    """The nearest with a payload."""
     return nearest(solver(name).context, IkQuery(goal, LOAD), np.array(starts).reshape(-1, 6))
 
 
 @given(form=st.sampled_from(FORMS), position=positions, turn=turns, there=turns)
-def test_how_far_a_tool_is_off_is_its_distance_and_its_least_turn(
+def test_pose_error_is_distance_and_rotation_angle(
     form: str, position: tuple[float, ...], turn: tuple[float, ...], there: tuple[float, ...]
 ) -> None:
     T = np.eye(4)
@@ -111,25 +111,25 @@ def test_how_far_a_tool_is_off_is_its_distance_and_its_least_turn(
 @pytest.mark.parametrize("name", ["nominal", "everything"])
 @settings(max_examples=15)
 @given(position=positions, turn=turns, row=st.integers(0, 1000))
-def test_slopes_and_curvatures_are_those_of_finite_differences(
+def test_gradient_and_hessian_match_finite_differences(
     name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...], row: int
 ) -> None:
     context, goal = solver(name).context, goal_of(form, position, turn)
     linkage = context.joint_laws.linkage
     here, h = context.library.amounts[[row]], 1e-5
 
-    def slopes(amounts: Array) -> tuple[float, Array, Array]:
+    def derivatives(amounts: Array) -> tuple[float, Array, Array]:
         state = linkage.forward(amounts)
         off, J = pose_error(state.tcp, goal), linkage.jacobian(state)[:, :, linkage.joints]
         return 0.5 * float(off.square[0]), -(off.pull[:, None] @ J)[0, 0], off.curvature(J)[0]
 
     if pose_error(linkage.forward(here).tcp, goal).angle[0] > 3.1:
-        return  # which way round half a turn goes is nobody's to say
-    _, gradient, curvature = slopes(here)
+        return  # the rotation axis of half a turn is ambiguous
+    _, gradient, curvature = derivatives(here)
     for i, v in enumerate(linkage.joints):
         step = np.zeros_like(here)
         step[0, v] = h
-        ahead, behind = slopes(here + step), slopes(here - step)
+        ahead, behind = derivatives(here + step), derivatives(here - step)
         scale = 1.0 + math.hypot(*position)
         assert gradient[i] == pytest.approx((ahead[0] - behind[0]) / (2 * h), abs=1e-7 * scale)
         assert curvature[i] == pytest.approx((ahead[1] - behind[1]) / (2 * h), abs=1e-5 * scale)
@@ -137,9 +137,7 @@ def test_slopes_and_curvatures_are_those_of_finite_differences(
 
 @settings(max_examples=40)
 @given(arm=arms, load=st.floats(0.0, 0.2), seed=st.integers(0, 1000), size=st.floats(0.0, 1.0))
-def test_no_command_takes_the_tool_out_of_the_ball_around_the_arm(
-    arm: Arm, load: float, seed: int, size: float
-) -> None:
+def test_reach_ball_contains_every_tool_position(arm: Arm, load: float, seed: int, size: float) -> None:
     rng = np.random.default_rng(seed)
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
     typical = np.array([p.typical for p in model.parameters])
@@ -153,7 +151,7 @@ def test_no_command_takes_the_tool_out_of_the_ball_around_the_arm(
 @pytest.mark.parametrize("form", FORMS)
 @settings(max_examples=8)
 @given(position=positions, turn=turns)
-def test_nearest_is_within_the_limits_where_it_says_and_no_pose_at_random_is_nearer(
+def test_nearest_keeps_the_limits_and_no_random_pose_is_nearer(
     name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]
 ) -> None:
     context, goal = solver(name).context, goal_of(form, position, turn)
@@ -171,9 +169,7 @@ def test_nearest_is_within_the_limits_where_it_says_and_no_pose_at_random_is_nea
 @pytest.mark.parametrize("name", MODELS)
 @settings(max_examples=10)
 @given(form=st.sampled_from(FORMS), position=positions, turn=turns)
-def test_the_nearest_goal_is_nearest_to_itself(
-    name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]
-) -> None:
+def test_nearest_is_idempotent(name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]) -> None:
     found = find(name, goal_of(form, position, turn))
     assert error(find(name, found.goal, [found.q])) <= SETTLED
 
@@ -181,7 +177,7 @@ def test_the_nearest_goal_is_nearest_to_itself(
 @pytest.mark.parametrize("name", MODELS)
 @settings(max_examples=10)
 @given(position=positions, share=st.floats(0.05, 0.95))
-def test_on_the_way_to_the_nearest_point_it_stays_as_near_at_least(
+def test_distance_shrinks_linearly_towards_the_nearest_point(
     name: str, position: tuple[float, ...], share: float
 ) -> None:
     found = find(name, point(position))
@@ -191,7 +187,7 @@ def test_on_the_way_to_the_nearest_point_it_stays_as_near_at_least(
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_goals_at_poses_are_taken_wherever_they_are(name: str) -> None:
+def test_goals_made_from_commands_are_solved(name: str) -> None:
     context, rng = solver(name).context, np.random.default_rng(7)
     limits = context.limits
     q = np.concatenate([rng.uniform(limits.lower, limits.upper, (40, 6)), np.array(limits.lower)[None]])
@@ -203,22 +199,20 @@ def test_goals_at_poses_are_taken_wherever_they_are(name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 @settings(max_examples=10)
 @given(way=positions.filter(lambda v: math.hypot(*v) > 0.1), beyond=st.floats(0.01, 5.0))
-def test_a_goal_out_of_the_ball_is_at_least_as_far_as_the_ball_and_pushed_outwards_no_further_than_that(
-    name: str, way: tuple[float, ...], beyond: float
-) -> None:
+def test_distance_of_goals_outside_the_reach_ball_is_bounded(name: str, way: tuple[float, ...], beyond: float) -> None:
     context = solver(name).context
     ball = context.library.reach_ball
     outwards = np.array(way) / math.hypot(*way)
     at = [np.array(ball.centre) + (ball.radius + d) * outwards for d in (0.001, 0.001 + beyond)]
     replies = [solver(name).solve(point(position), LOAD, method=Direct()) for position in at]
-    assert all(isinstance(r, Unsolved) and r.verdict is Verdict.OUT_OF_REACH for r in replies)
+    assert all(isinstance(r, Unsolved) and r.verdict is IkVerdict.OUT_OF_REACH for r in replies)
     first, second = (r.nearest.distance for r in replies if isinstance(r, Unsolved))
     assert first >= 0.001
     assert second <= first + beyond + SETTLED
     assert second >= 0.001 + beyond
 
 
-def test_the_nominal_arm_stretches_to_its_whole_length() -> None:
+def test_nominal_arm_stretches_to_its_full_length() -> None:
     ball = solver("nominal").context.library.reach_ball
     for elevation in (0.6, 0.9, 1.2):
         for azimuth in (-0.8, 0.0, 0.8):
@@ -232,7 +226,7 @@ def test_the_nominal_arm_stretches_to_its_whole_length() -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_starts_never_make_it_further(name: str) -> None:
+def test_more_starts_never_increase_the_error(name: str) -> None:
     context, rng = solver(name).context, np.random.default_rng(2)
     for _ in range(5):
         query = IkQuery(goal_of("pose", tuple(rng.uniform(-0.5, 0.5, 3)), tuple(rng.normal(size=4))), LOAD)

@@ -1,4 +1,4 @@
-"""Nominal inverse kinematics: what it gives takes the goal, all that takes the goal is given, and failures tell why."""
+"""Nominal inverse kinematics: solutions are exact and complete, failures are diagnosed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lrm_math.arm.arm import Arm, Joint, Placement
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import NominalAnswer, Verdict
+from lrm_math.ik.answer import IkVerdict, NominalAnswer
 from lrm_math.ik.closed_form import ClosedForm
 from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.nominal import solver_of
@@ -29,7 +29,7 @@ seeds = st.integers(0, 10_000)
 
 
 def meeting_arm(seed: int, first: bool, shape: str) -> Arm:
-    """A random arm whose first or last three axes meet; the other three as `shape` says of the two outer ones."""
+    """A random arm whose first or last three axes intersect; the other three as `shape` says of the two outer ones."""
     arm = random_arm(seed, 6)
     joints = list(arm.joints)
     a, b, outer = (0, 1, 4) if first else (3, 4, 0)
@@ -64,12 +64,12 @@ def goal_at(arm: Arm, q: Array) -> Goal:
 
 
 def apart(a: Array, b: Array) -> Array:
-    """Largest difference of the last axis' angles, whole turns aside."""
+    """Largest difference of the last axis' angles, modulo 2π."""
     return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
 
 
-def check_takes(arm: Arm, goal: Goal, answer: NominalAnswer) -> None:
-    """Every branch keeps the limits and takes the goal to a nanometre and a nanoradian."""
+def check_solves(arm: Arm, goal: Goal, answer: NominalAnswer) -> None:
+    """Every branch keeps the limits and solves the goal to a nanometre and a nanoradian."""
     assert answer.branches
     for branch in answer:
         p, R = tool(arm, np.array(branch.q))
@@ -83,13 +83,13 @@ def check_takes(arm: Arm, goal: Goal, answer: NominalAnswer) -> None:
 
 
 @given(shipped | meeting_arms, seeds)
-def test_every_branch_takes_the_goal_and_the_angles_that_made_it_are_among_them(arm: Arm, seed: int) -> None:
+def test_every_branch_solves_the_goal_and_the_original_angles_are_found(arm: Arm, seed: int) -> None:
     solver = solver_of(arm)
     assert isinstance(solver, ClosedForm)
     for q in angles(arm, seed, 3):
         goal = goal_at(arm, q)
         answer = solver.solve(goal)
-        check_takes(arm, goal, answer)
+        check_solves(arm, goal, answer)
         found = np.array([branch.q for branch in answer])
         assert apart(found, q).min() < 1e-6
         assert all(apart(np.delete(found, i, 0), row).min() > 1e-7 for i, row in enumerate(found) if len(found) > 1)
@@ -112,7 +112,7 @@ def test_many_reachable_poses_all_solved(name: str) -> None:
 
 @given(shipped | meeting_arms, seeds)
 @settings(max_examples=40)
-def test_a_batch_says_what_single_goals_say(arm: Arm, seed: int) -> None:
+def test_batch_and_single_goals_agree(arm: Arm, seed: int) -> None:
     solver = solver_of(arm)
     p, R = tool(arm, angles(replace_limits(arm, -3.0, 3.0), seed, 4))
     batch = solver.solve_batch(p, R)
@@ -129,13 +129,13 @@ def replace_limits(arm: Arm, lower: float, upper: float) -> Arm:
 
 
 @given(shipped | meeting_arms, seeds)
-def test_eaik_knows_the_same_branches(arm: Arm, seed: int) -> None:
+def test_branches_agree_with_eaik(arm: Arm, seed: int) -> None:
     """EAIK (Ostermeier et al. 2024) solves the same arms by other means, without limits."""
     eaik = pytest.importorskip("eaik.IK_HP", reason="EAIK is not installed")
     arm = replace_limits(arm, -math.pi, math.pi)
     lines = screw_axes_of(arm)
-    ways = np.vstack([lines.point[:1], np.diff(lines.point, axis=0), lines.position - lines.point[-1]])
-    robot = eaik.HPRobot(lines.axis.copy(), ways)
+    offsets = np.vstack([lines.point[:1], np.diff(lines.point, axis=0), lines.position - lines.point[-1]])
+    robot = eaik.HPRobot(lines.axis.copy(), offsets)
     for q in angles(arm, seed, 3):
         p, R = tool(arm, q)
         T = np.eye(4)
@@ -160,7 +160,7 @@ def test_near_orders_the_branches(arm: Arm, seed: int) -> None:
     assert margins == sorted(margins, reverse=True)
 
 
-def test_limits_beyond_a_turn_give_the_copy_nearest(lab: Arm) -> None:
+def test_multi_turn_limits_give_the_nearest_equivalent_angle(lab: Arm) -> None:
     arm = replace_limits(lab, -3 * math.pi, 3 * math.pi)
     q = np.array([0.3, 0.5, -0.4, 0.9, 0.7, 0.2])
     for turns in (-1, 0, 1):
@@ -176,19 +176,19 @@ def test_angles_at_the_limits_are_found(arm: Arm, seed: int, corner: int) -> Non
         if corner & (1 << i):
             q[i] = joint.upper if seed & (1 << i) else joint.lower
     answer = solver_of(arm).solve(goal_at(arm, q))
-    check_takes(arm, goal_at(arm, q), answer)
+    check_solves(arm, goal_at(arm, q), answer)
     assert apart(np.array([branch.q for branch in answer]), q).min() < 1e-6
 
 
 @given(shipped, seeds, st.sampled_from([1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 0.0]))
-def test_the_axes_1_and_3_in_line(arm: Arm, seed: int, tilt: float) -> None:
+def test_axes_1_and_3_aligned(arm: Arm, seed: int, tilt: float) -> None:
     q = angles(arm, seed, 1)[0] * 0.4
     q[1] = tilt
     goal = goal_at(arm, q)
     answer = solver_of(arm).solve(goal)
-    check_takes(arm, goal, answer)
+    check_solves(arm, goal, answer)
     if tilt == 0.0:
-        assert answer.verdict is Verdict.SINGULAR
+        assert answer.verdict is IkVerdict.SINGULAR
         assert "1 and 3" in answer.singularity
         family = next(branch for branch in answer if branch.free is not None)
         assert family.q[0] + family.q[2] == pytest.approx(q[0] + q[2], abs=1e-8)
@@ -196,10 +196,10 @@ def test_the_axes_1_and_3_in_line(arm: Arm, seed: int, tilt: float) -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_family_of_which_few_keep_the_limits(name: str) -> None:
+def test_self_motion_with_few_members_within_the_limits(name: str) -> None:
     arm = load_arm(name)
     q = np.array([arm.joints[0].upper - 1e-4, 0.0, arm.joints[2].upper - 1e-4, 0.8, -0.5, 0.1])
-    check_takes(arm, goal_at(arm, q), solver_of(arm).solve(goal_at(arm, q)))
+    check_solves(arm, goal_at(arm, q), solver_of(arm).solve(goal_at(arm, q)))
 
 
 def industrial_arm() -> Arm:
@@ -219,14 +219,14 @@ def industrial_arm() -> Arm:
 
 @given(seeds)
 @settings(max_examples=20)
-def test_the_wrist_over_the_turntable(seed: int) -> None:
+def test_shoulder_singularity(seed: int) -> None:
     arm = industrial_arm()
     q = angles(arm, seed, 1)[0] * 0.4
     q[1], q[2], q[4] = math.radians(60), math.radians(60), 0.7
     goal = goal_at(arm, q)
     answer = solver_of(arm).solve(goal)
-    check_takes(arm, goal, answer)
-    assert answer.verdict is Verdict.SINGULAR
+    check_solves(arm, goal, answer)
+    assert answer.verdict is IkVerdict.SINGULAR
     assert "axes 4, 5 and 6 meet lies on axis 1" in answer.singularity
     assert any(branch.free == 1 for branch in answer)
     assert solver_of(arm).solve(goal, q).branches[0].distance(tuple(q)) < 1e-6
@@ -238,15 +238,15 @@ def test_stretched_arms_at_the_edge_of_reach(arm: Arm, seed: int) -> None:
     q[3] = 0.0
     goal = goal_at(arm, q)
     answer = solver_of(arm).solve(goal)
-    check_takes(arm, goal, answer)
-    assert answer.verdict is Verdict.SINGULAR
+    check_solves(arm, goal, answer)
+    assert answer.verdict is IkVerdict.SINGULAR
     assert "axis 5" in answer.singularity
     best = solver_of(arm).solve(goal, q).branches[0]
     assert best.q[2] + best.q[4] == pytest.approx(q[2] + q[4], abs=1e-6)
 
 
 def metric(goal: Goal, p: Array, R: Array, length: float) -> Array:
-    """(N,), how far poses are from a goal: metres, and chords times the arm's length."""
+    """(N,), errors of poses from a goal: metres, and chords times the arm's length."""
     square = np.square(p - goal.position).sum(axis=-1)
     if goal.rotation is not None:
         square = square + length**2 / 2 * np.square(R - goal.rotation).sum(axis=(-1, -2))
@@ -258,7 +258,7 @@ def metric(goal: Goal, p: Array, R: Array, length: float) -> Array:
 @pytest.mark.parametrize("kind", ["pose", "point", "point_along"])
 @settings(max_examples=8)
 @given(seed=seeds, arm=shipped)
-def test_what_is_called_nearest_is_reachable_and_nothing_is_nearer(kind: str, seed: int, arm: Arm) -> None:
+def test_nearest_is_reachable_and_nothing_is_nearer(kind: str, seed: int, arm: Arm) -> None:
     solver = solver_of(arm)
     rng = np.random.default_rng(seed)
     p, R = tool(arm, angles(arm, seed, 1))
@@ -267,11 +267,11 @@ def test_what_is_called_nearest_is_reachable_and_nothing_is_nearer(kind: str, se
     ) * rng.uniform(1, 3)
     goal = {"pose": pose(far, R[0]), "point": point(far), "point_along": point_along(far, R[0][:, 2])}[kind]
     answer = solver.solve(goal)
-    assert answer.verdict in (Verdict.OUT_OF_REACH, Verdict.OUTSIDE_LIMITS)
+    assert answer.verdict in (IkVerdict.OUT_OF_REACH, IkVerdict.OUTSIDE_LIMITS)
     assert not answer.solved
     assert answer.nearest is not None
     near = answer.nearest
-    check_takes(arm, near.goal, solver.solve(near.goal, near.q))
+    check_solves(arm, near.goal, solver.solve(near.goal, near.q))
     there = tool(arm, np.array(near.q))
     length = solver.search.length  # type: ignore[attr-defined]
     best = metric(goal, *there, length)[0]
@@ -287,7 +287,7 @@ def test_out_of_reach_by_the_length_of_the_stretched_arm(lab: Arm) -> None:
     wrist = 103.505e-3 + 43.06953e-3 + 107.75e-3 + 43.25e-3 + 73.27e-3
     out = np.array([math.sin(math.pi / 3), 0.0, math.cos(math.pi / 3)])
     answer = solver_of(lab).solve(point(shoulder + (wrist + 0.05) * out))
-    assert answer.verdict is Verdict.OUT_OF_REACH
+    assert answer.verdict is IkVerdict.OUT_OF_REACH
     assert answer.nearest is not None
     assert answer.nearest.distance == pytest.approx(0.05, abs=1e-9)
     assert "out of reach" in str(answer)
@@ -303,7 +303,7 @@ def test_outside_limits_names_the_joint_and_the_excess(arm: Arm, seed: int) -> N
     free = solver_of(replace_limits(arm, -math.pi, math.pi)).solve(goal)
     least = min(max(abs(x) - 0.05 for x in branch.q) for branch in free)
     if least > 0.0:
-        assert answer.verdict is Verdict.OUTSIDE_LIMITS
+        assert answer.verdict is IkVerdict.OUTSIDE_LIMITS
         assert answer.violation is not None
         assert answer.violation.excess == pytest.approx(least, abs=1e-6)
         assert f"joint {answer.violation.joint}" in str(answer)
@@ -316,13 +316,13 @@ def test_positions_and_directions_of_reachable_poses_are_solved(arm: Arm, seed: 
     q, near = angles(arm, seed, 2)
     p, R = tool(arm, q)
     for goal in (point(p[0]), point_along(p[0], R[0][:, 2])):
-        check_takes(arm, goal, solver_of(arm).solve(goal))
-        check_takes(arm, goal, solver_of(arm).solve(goal, near))
+        check_solves(arm, goal, solver_of(arm).solve(goal))
+        check_solves(arm, goal, solver_of(arm).solve(goal, near))
         already = solver_of(arm).solve(goal, q).branches[0]
         assert already.distance(tuple(q)) < 1e-3, "an arm that is there already need not move"
 
 
-def test_what_a_goal_leaves_free_moves_the_joints_least(lab: Arm) -> None:
+def test_free_roll_minimises_joint_motion(lab: Arm) -> None:
     turns = np.linspace(0, 2 * np.pi, 1000)
     about = np.array([[[math.cos(t), -math.sin(t), 0], [math.sin(t), math.cos(t), 0], [0, 0, 1]] for t in turns])
     solver, further = solver_of(lab), 0
@@ -343,7 +343,7 @@ def test_arms_without_a_closed_form(seed: int) -> None:
     for q in angles(arm, seed, 3):
         goal = goal_at(arm, q)
         answer = solver.solve(goal, q + 0.05)
-        check_takes(arm, goal, answer)
+        check_solves(arm, goal, answer)
         assert apart(np.array([branch.q for branch in answer]), q).min() < 1e-6
 
 
@@ -354,7 +354,7 @@ def test_a_calibrated_arm_near_a_closed_form(lab: Arm) -> None:
     q = angles(bent, 5, 1)[0]
     p, R = tool(bent, q)
     answer = solver_of(bent).solve(pose(p[0], R[0]))
-    check_takes(bent, pose(p[0], R[0]), answer)
+    check_solves(bent, pose(p[0], R[0]), answer)
     batch = solver_of(bent).solve_batch(p, R)
     assert batch.valid[0].sum() == min(8, len(answer))
 
@@ -365,7 +365,7 @@ def test_arms_of_other_numbers_of_joints(joints: int) -> None:
     q = angles(arm, joints, 1)[0]
     p, R = tool(arm, q)
     goal = pose(p[0], R[0]) if joints > 4 else point(p[0])
-    check_takes(arm, goal, solver_of(arm).solve(goal))
+    check_solves(arm, goal, solver_of(arm).solve(goal))
 
 
 @pytest.mark.parametrize(
@@ -383,17 +383,17 @@ def test_arms_of_other_numbers_of_joints(joints: int) -> None:
         (lambda: Goal((0.0, 0.0, 0.0), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), (0.0, 0.0, 1.0)), "both"),
     ],
 )
-def test_goals_that_are_none(make: object, says: str) -> None:
+def test_invalid_goals_are_refused(make: object, says: str) -> None:
     with pytest.raises(LrmError, match=says):
         make()  # type: ignore[operator]
 
 
-def test_rounded_rotations_are_mended(lab: Arm) -> None:
+def test_rounded_rotations_are_orthonormalised(lab: Arm) -> None:
     q = angles(lab, 3, 1)[0]
     p, R = tool(lab, q)
     goal = pose(p[0], R[0].round(6))
     np.testing.assert_allclose(np.array(goal.rotation) @ np.array(goal.rotation).T, np.eye(3), atol=1e-14)
-    check_takes(lab, goal, solver_of(lab).solve(goal))
+    check_solves(lab, goal, solver_of(lab).solve(goal))
 
 
 def test_roll_pitch_yaw_turn_about_fixed_axes() -> None:
@@ -405,7 +405,7 @@ def test_roll_pitch_yaw_turn_about_fixed_axes() -> None:
     )
 
 
-def test_questions_that_are_none(lab: Arm) -> None:
+def test_invalid_queries_are_refused(lab: Arm) -> None:
     with pytest.raises(LrmError, match="6 finite joint angles"):
         solver_of(lab).solve(point([0.2, 0, 0.2]), [0.0] * 5)
     with pytest.raises(LrmError, match="6 finite joint angles"):

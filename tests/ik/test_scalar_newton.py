@@ -1,4 +1,4 @@
-"""One start at a time in scalar Python: the same arm, the same loads and the same solutions as many at once."""
+"""Scalar Newton's method: the same kinematics, loads and solutions as the batch version."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from lrm_math.model.model_file import load_model
 from tests.support.random_arms import arms
 
 TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
-GIVING = ("offsets", "compliance", "base_compliance", "lateral_compliance")
+FLEXIBLE_EFFECTS = ("offsets", "compliance", "base_compliance", "lateral_compliance")
 
 
-def giving(arm: Arm, seed: int, size: float = 0.3) -> Model:
-    """An arm with a little of everything that gives way, or stands wrong."""
-    model = model_of(arm, [effect for name in GIVING for effect in effects_at(arm, name)])
+def flexible_model(arm: Arm, seed: int, size: float = 0.3) -> Model:
+    """An arm with compliances and offsets of random size."""
+    model = model_of(arm, [effect for name in FLEXIBLE_EFFECTS for effect in effects_at(arm, name)])
     share = np.random.default_rng(seed).uniform(0.2, 1.0, len(model.keys))
     return model.with_values(size * share * [p.typical for p in model.parameters])
 
 
 @lru_cache
 def context(name: str) -> SolverContext:
-    model = load_model(TABLE_B2) if name == "table_b2" else giving(load_arm("lrm-lab"), 5)
+    model = load_model(TABLE_B2) if name == "table_b2" else flexible_model(load_arm("lrm-lab"), 5)
     return CalibratedSolver.of(model).context
 
 
@@ -57,8 +57,8 @@ def tools(model: Model, count: int, seed: int, payload: float) -> Array:
 
 @settings(max_examples=25)
 @given(arms, st.integers(0, 100), st.floats(0.0, 0.1))
-def test_one_arm_stands_as_many_do(arm: Arm, seed: int, payload: float) -> None:
-    model = giving(arm, seed)
+def test_scalar_linkage_equals_batch_linkage(arm: Arm, seed: int, payload: float) -> None:
+    model = flexible_model(arm, seed)
     linkage = JointLaws(model).linkage
     mass_moments = linkage.mass_moments(model.weights(payload))
     amounts = np.random.default_rng(seed).uniform(-1.7, 1.7, (1, len(linkage.slots)))
@@ -74,9 +74,9 @@ def test_one_arm_stands_as_many_do(arm: Arm, seed: int, payload: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["lrm-rover", "lrm-lab"])
-def test_slopes_are_how_loads_change(name: str) -> None:
-    """Against central differences, on arms some of whose joints count bodies that they do not move."""
-    model = giving(load_arm(name), 1)
+def test_load_derivatives_match_finite_differences(name: str) -> None:
+    """On arms some of whose joints count bodies that they do not move."""
+    model = flexible_model(load_arm(name), 1)
     assert chain_of(model.arm).counted != chain_of(model.arm).moved
     linkage = JointLaws(model).linkage
     mass_moments = linkage.mass_moments(model.weights(0.08))
@@ -90,8 +90,8 @@ def test_slopes_are_how_loads_change(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["table_b2", "lab"])
-def test_one_after_the_other_leads_where_all_together_lead(name: str) -> None:
-    """What is found within the limits all at once is found one by one, but for a few where two branches nearly meet."""
+def test_scalar_and_batch_newton_find_the_same_branches(name: str) -> None:
+    """But for a few branches that nearly merge."""
     there, payload = context(name), 0.05
     assert there.scalar_newton is not None
     found = lost = 0
@@ -114,7 +114,7 @@ def test_one_after_the_other_leads_where_all_together_lead(name: str) -> None:
     assert lost <= 0.05 * found
 
 
-def test_one_pose_is_poses_of_length_one() -> None:
+def test_single_pose_equals_poses_of_length_one() -> None:
     rng = np.random.default_rng(0)
     q, side = rng.uniform(-1.5, 1.5, (1, 6)), rng.choice([-1.0, 1.0], (1, 6))
     one, poses = SinglePose(q, np.array([0.05]), side), Poses(q, np.array([0.05]), side)
@@ -127,14 +127,14 @@ def test_one_pose_is_poses_of_length_one() -> None:
     assert (len(one.take(np.array([False]))), len(one.take([0, 0]))) == (0, 2)
 
 
-def test_two_poses_are_not_one() -> None:
+def test_single_pose_rejects_two_rows() -> None:
     with pytest.raises(LrmError, match="one row"):
         SinglePose(np.zeros((2, 6)), np.zeros(2))
 
 
 @pytest.mark.parametrize("name", ["table_b2", "lab"])
-def test_pulled_seeds_take_the_goal_pulled_inwards(name: str) -> None:
-    """The look-alike takes them; they lie between the goal and the arm's middle; none is one of those known."""
+def test_retracted_seeds_reach_the_retracted_goal(name: str) -> None:
+    """They lie between the goal and the arm's middle; none is one of those known."""
     equivalent_arm = context(name).equivalent_arm
     chain = chain_of(equivalent_arm.arm)
     for tool in tools(context(name).model, 30, 4, 0.0):

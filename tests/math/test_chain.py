@@ -12,6 +12,7 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of, pull_back, trig
 from lrm_math.kinematics.forward import chain_geometry, frames
 from lrm_math.model.derivatives import slot_jacobian
+from tests.support.central_differences import stepped
 from tests.support.random_arms import arms, random_arm
 
 
@@ -70,9 +71,10 @@ def test_slot_jacobian_against_central_differences(arm: Arm, seed: int) -> None:
     values = chain.values(list(q.T.copy()))
     J = slot_jacobian(chain, chain_geometry(chain, values, 2))
     h = 1e-6
-    for k in range(len(chain.slots)):
-        up, down = ([*values[:k], values[k] + s, *values[k + 1 :]] for s in (h, -h))
-        difference = (chain_geometry(chain, up, 2).tcp - chain_geometry(chain, down, 2).tcp) / (2 * h)
+    every = range(len(chain.slots))
+    up, down = (chain_geometry(chain, stepped(values, every, 2, s), 2 * len(every)).tcp for s in (h, -h))
+    for k in every:
+        difference = (up - down)[..., 2 * k : 2 * k + 2] / (2 * h)
         np.testing.assert_allclose(J[k], difference, atol=1e-9)
 
 

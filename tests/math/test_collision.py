@@ -238,7 +238,8 @@ def test_clearance_is_invariant_to_motion_of_arm_and_obstacles_together(arm: Arm
 
     def moved(box: Box) -> Box:
         place = T @ in_world(arm, replace(box, in_base=False))
-        return box if box.in_base else replace(box, centre=tuple(place[:3, 3].tolist()), rotation=angles_of(place[:3, :3]))
+        at, R = tuple(place[:3, 3].tolist()), place[:3, :3]
+        return box if box.in_base else replace(box, centre=at, rotation=angles_of(R))
 
     elsewhere = replace(
         arm,

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements, load_measurements
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.fit.error_breakdown import HeldOutResidual
-from lrm_ident.fit.levenberg_marquardt import Fit, fit
-from lrm_ident.fit.model_history import model_file, model_text, undo_step
-from lrm_ident.fit.parameter_sets import select_parameters
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
+from lrm_ident.estimation.levenberg_marquardt import Fit, fit
+from lrm_ident.estimation.model_history import model_file, model_text, undo_step
+from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError

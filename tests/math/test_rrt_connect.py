@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.collision_shapes import Box
 from lrm_math.arrays import Array
-from lrm_math.collision.rrt_connect import JointPath, NoPath, interpolate_path, plan
+from lrm_math.collision.rrt_connect import NoPath, PlannedPath, interpolate_path, plan
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.collision.straight_move import check_move
 from lrm_math.errors import LrmError
@@ -32,13 +32,13 @@ def blocked(request: pytest.FixtureRequest) -> Arm:
     return replace(arm, shapes=replace(arm.shapes, boxes=(*arm.shapes.boxes, post)))
 
 
-def found(arm: Arm, start: Array, goal: Array, seed: int = 0, **more: object) -> JointPath:
+def found(arm: Arm, start: Array, goal: Array, seed: int = 0, **more: object) -> PlannedPath:
     path = plan(Scene.of(arm), start, goal, np.random.default_rng(seed), **more)  # type: ignore[arg-type]
-    assert isinstance(path, JointPath), str(path)
+    assert isinstance(path, PlannedPath), str(path)
     return path
 
 
-def assert_good(arm: Arm, path: JointPath, start: Array, goal: Array, margin: float) -> None:
+def assert_good(arm: Arm, path: PlannedPath, start: Array, goal: Array, margin: float) -> None:
     """From start to goal, within limits, every pair apart at every step."""
     np.testing.assert_array_equal(path.waypoints[[0, -1]], [start, goal])
     assert (path.waypoints >= [joint.lower - 1e-9 for joint in arm.joints]).all()
@@ -164,7 +164,7 @@ def test_invalid_arguments(lab: Arm) -> None:
 @given(st.integers(0, 1000), st.floats(0.002, 0.5))
 def test_interpolated_targets_lie_on_the_path_and_close_together(seed: int, step: float) -> None:
     corners = np.random.default_rng(seed).uniform(-1.7, 1.7, (4, 6))
-    path = JointPath(corners, 0)
+    path = PlannedPath(corners, 0)
     targets = interpolate_path(path, step)
     assert np.abs(np.diff(targets, axis=0)).max() <= step + 1e-12
     np.testing.assert_array_equal(targets[[0, -1]], corners[[0, -1]])
@@ -177,7 +177,7 @@ def test_interpolated_targets_lie_on_the_path_and_close_together(seed: int, step
 def test_a_ramp_deviates_from_the_line_by_a_quarter_of_a_step_at_most(seed: int) -> None:
     """All joints at one speed, each by itself, as the thesis's ramp moves them (section 5.4)."""
     corners = np.random.default_rng(seed).uniform(-1.7, 1.7, (2, 6))
-    a, b = interpolate_path(JointPath(corners, 0), 0.05)[:2]
+    a, b = interpolate_path(PlannedPath(corners, 0), 0.05)[:2]
     longest = np.abs(b - a).max()
     for share in np.linspace(0.0, 1.0, 101):
         ramp = a + np.sign(b - a) * np.minimum(np.abs(b - a), share * longest)

@@ -19,6 +19,7 @@ from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.support.central_differences import stepped
 from tests.support.random_arms import arms
 
 TIGHT = 1e-14
@@ -53,9 +54,9 @@ def test_load_is_the_slope_of_the_energy(arm: Arm, seed: int) -> None:
     load_slots = [k for k, slot in enumerate(chain.slots) if slot.rotates]
     loads = statics.loads(chain, slots, trig(chain, slots), statics.weights(chain, poses.payload), load_slots)
     h = 1e-6
-    for k, load in zip(load_slots, loads, strict=True):
-        up, down = ([*slots[:k], slots[k] + s, *slots[k + 1 :]] for s in (h, -h))
-        slope = (gravity_energy(arm, up, poses.payload) - gravity_energy(arm, down, poses.payload)) / (2 * h)
+    payload = np.tile(poses.payload, len(load_slots))
+    up, down = (gravity_energy(arm, [*stepped(slots, load_slots, len(poses), s)], payload) for s in (h, -h))
+    for load, slope in zip(loads, ((up - down) / (2 * h)).reshape(-1, len(poses)), strict=True):
         np.testing.assert_allclose(load, -slope, atol=1e-8)
 
 
@@ -91,11 +92,15 @@ def test_load_derivatives_against_central_differences(arm: Arm, seed: int) -> No
     weights = statics.weights(chain, poses.payload)
     H = statics.load_derivatives(chain, chain_geometry(chain, slots, 2), weights, load_slots)
     h = 1e-6
-    for j in range(len(chain.slots)):
-        up, down = ([*slots[:j], slots[j] + s, *slots[j + 1 :]] for s in (h, -h))
-        plus = np.array(np.broadcast_arrays(*statics.loads(chain, up, trig(chain, up), weights, load_slots)))
-        minus = np.array(np.broadcast_arrays(*statics.loads(chain, down, trig(chain, down), weights, load_slots)))
-        np.testing.assert_allclose(H[:, j], (plus - minus) / (2 * h), atol=1e-8)
+    every = range(len(chain.slots))
+    steps = [stepped(slots, every, 2, s) for s in (h, -h)]
+    all_weights = statics.weights(chain, np.tile(poses.payload, len(every)))
+    plus, minus = (
+        np.array(np.broadcast_arrays(*statics.loads(chain, some, trig(chain, some), all_weights, load_slots)))
+        for some in steps
+    )
+    for j in every:
+        np.testing.assert_allclose(H[:, j], (plus - minus)[:, 2 * j : 2 * j + 2] / (2 * h), atol=1e-8)
 
 
 def test_load_derivatives_with_bodies_that_load_other_joints(lab: Arm) -> None:

@@ -1,1 +1,1 @@
-"""Arms with hidden effects, from the independent generator, and what lrm-ident makes of them."""
+"""Inject and recover: arms with hidden effects from the independent generator, and what lrm-ident names."""

@@ -17,12 +17,12 @@ from validation.hidden_effects.tables import report
 
 def main() -> None:
     """Read the options, run, print."""
-    wanted = _options()
-    outcomes = run(wanted.cases, wanted.seeds, wanted.poses, wanted.jobs, wanted.keep)
-    text = report(outcomes, wanted.poses)
+    options = _options()
+    outcomes = run(options.cases, options.seeds, options.poses, options.jobs, options.keep)
+    text = report(outcomes, options.poses)
     print(text)
-    if wanted.out:
-        wanted.out.write_text(text, encoding="utf-8")
+    if options.out:
+        options.out.write_text(text, encoding="utf-8")
 
 
 def run(names: Sequence[str], seeds: int, poses: int, jobs: int, keep: Path | None = None) -> list[CaseOutcome]:

@@ -1,4 +1,4 @@
-"""How cases are made: effects at places, their names in the tool's words, sizes that vary a little with the seed."""
+"""Cases of hidden effects: their kinds and places under the tool's names, with sizes that vary with the seed."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class HiddenEffectCase:
 
 @dataclass(frozen=True)
 class RandomSizes:
-    """The arm, and what a seed decides: sizes within a quarter of the typical one, and signs."""
+    """The arm, and random draws of a seed: sizes within a quarter of the typical one, and signs."""
 
     arm: ArmDescription
     rng: np.random.Generator
@@ -65,11 +65,13 @@ class RandomSizes:
 
 
 def stable_seed(*words: object) -> int:
-    """The same on every machine and in every run."""
+    """A seed that is the same on every machine and in every run (CRC-32)."""
     return zlib.crc32("/".join(str(word) for word in words).encode())
 
 
-def case(name: str, truth: str | None, make: Callable[[RandomSizes], HiddenEffect], sessions: int = 1) -> HiddenEffectCase:
+def case(
+    name: str, truth: str | None, make: Callable[[RandomSizes], HiddenEffect], sessions: int = 1
+) -> HiddenEffectCase:
     """A case with one effect; truth None if no name of the tool's fits it."""
 
     def build(arm: ArmDescription, seed: int) -> tuple[HiddenEffect, ...]:
@@ -79,7 +81,7 @@ def case(name: str, truth: str | None, make: Callable[[RandomSizes], HiddenEffec
 
 
 def combined(*parts: HiddenEffectCase) -> HiddenEffectCase:
-    """All at once."""
+    """All effects of several cases."""
 
     def build(arm: ArmDescription, seed: int) -> tuple[HiddenEffect, ...]:
         return tuple(effect for part in parts for effect in part.build(arm, seed))
@@ -212,5 +214,5 @@ def leaning(by: RandomSizes) -> HiddenEffect:
 
 
 def named(*cases: HiddenEffectCase) -> dict[str, HiddenEffectCase]:
-    """By their names."""
+    """Cases by their names."""
     return {case.name: case for case in cases}

@@ -13,6 +13,7 @@ from validation.hidden_effects.case_generator import (
     bracket,
     cable,
     case,
+    combined,
     coupled,
     gain,
     lag,
@@ -23,7 +24,6 @@ from validation.hidden_effects.case_generator import (
     shaft,
     spring,
     stretched,
-    combined,
     warms,
 )
 

@@ -1,4 +1,4 @@
-"""One data set through the tool's own commands: fit, diagnose, add; and what came of it against the truth."""
+"""One data set through the tool's own commands: fit, diagnose, add; the result against the truth."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EFFECT_MISSING, NOTHING_MISSING, UNEXPLAINED = "effect_missing", "nothing_missin
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """What the tool made of one data set.
+    """The tool's result on one data set.
 
     first_class: "effect@place" of the first in the ranking, and all that it says it cannot tell from that; empty unless
     the verdict is that an effect is missing. held_out_mm: RMS of the last fit that came about, before and after add.
@@ -44,7 +44,7 @@ class CaseOutcome:
 
     @property
     def named(self) -> str:
-        """What it said, in one word: the first name, or the verdict."""
+        """The first name, or the verdict."""
         return self.first_class[0] if self.first_class else self.verdict or "failed"
 
     @property
@@ -73,7 +73,7 @@ class CaseOutcome:
 
 
 class CommandFailed(Exception):
-    """A command of the tool did not do its work."""
+    """A command of the tool failed."""
 
 
 def examine(name: str, seed: int, poses: int, keep: Path | None = None) -> CaseOutcome:
@@ -97,15 +97,15 @@ def _fit_and_name(data: Path, folder: Path, found: dict[str, Any]) -> None:
     _tool("fit", data, "-o", model)
     found["before_mm"] = last_held_out_mm(model)
     found["diagnose_s"] = _tool("diagnose", model, data, "--json", diagnosis)
-    said = json.loads(diagnosis.read_text(encoding="utf-8"))
-    found["verdict"] = said["verdict"]
-    if said["verdict"] != EFFECT_MISSING:
+    diagnosed = json.loads(diagnosis.read_text(encoding="utf-8"))
+    found["verdict"] = diagnosed["verdict"]
+    if diagnosed["verdict"] != EFFECT_MISSING:
         return
-    first = first_supported(said)
+    first = first_supported(diagnosed)
     if first is None:
         raise CommandFailed(f"verdict {EFFECT_MISSING}, but the ranking supports nothing")
-    found["first_class"] = tuple(dict.fromkeys([_spelled(first), *first["indistinguishable_from"]]))
-    _tool("add", model, data, _spelled(first), "-o", folder / "m2.toml", "--json", folder / "a.json")
+    found["first_class"] = tuple(dict.fromkeys([_name(first), *first["indistinguishable_from"]]))
+    _tool("add", model, data, _name(first), "-o", folder / "m2.toml", "--json", folder / "a.json")
     found["after_mm"] = last_held_out_mm(folder / "m2.toml")
 
 
@@ -119,7 +119,7 @@ def first_supported(diagnosis: dict[str, Any]) -> dict[str, Any] | None:
     return None
 
 
-def _spelled(entry: dict[str, Any]) -> str:
+def _name(entry: dict[str, Any]) -> str:
     return f"{entry['effect']}@{entry['place']}"
 
 
@@ -134,7 +134,7 @@ def _tool(command: str, *arguments: object) -> float:
     """Run one command of lrm-ident; return the seconds it took."""
     start = time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-m", "lrm_ident.cli.app", command, *map(str, arguments)],
+        [sys.executable, "-m", "lrm_ident", command, *map(str, arguments)],
         cwd=ROOT,
         env=os.environ | ONE_THREAD,
         capture_output=True,
@@ -144,6 +144,6 @@ def _tool(command: str, *arguments: object) -> float:
     )
     if done.returncode:
         lines = (done.stderr.strip() or done.stdout.strip()).replace("│", " ").splitlines()
-        told = [line.strip() for line in lines if any(letter.isalnum() for letter in line)]
-        raise CommandFailed(f"{command}: exit code {done.returncode}: {told[-1] if told else 'no message'}")
+        printed = [line.strip() for line in lines if any(letter.isalnum() for letter in line)]
+        raise CommandFailed(f"{command}: exit code {done.returncode}: {printed[-1] if printed else 'no message'}")
     return time.perf_counter() - start

@@ -19,8 +19,8 @@ from lrm_ident.data.measurements import Measurements, load_measurements
 from lrm_ident.diagnosis.add_effect import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
-from lrm_ident.fit.cross_validation import held_out_residual
-from lrm_ident.fit.identifiability import fit_identifiable
+from lrm_ident.estimation.cross_validation import held_out_residual
+from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
@@ -34,20 +34,20 @@ FLOOR_M = NOISE_M * 3**0.5
 
 @dataclass(frozen=True)
 class DataSetSpec:
-    """One data set: its case, seed and size, whether the noise is told, and whether `auto` follows its own advice."""
+    """One data set: its case, seed and size, whether the noise is known, and whether `auto` runs on it."""
 
     case: str
     seed: int
     poses: int
-    noise_told: bool = True
+    noise_known: bool = True
     auto: bool = False
 
 
 @dataclass(frozen=True)
 class SearchOutcome:
-    """What came of it: what was named (steps of `auto`, or the first class), the verdict, and error over noise."""
+    """Names found (steps of `auto`, or the first class), the verdict, and error over noise."""
 
-    job: DataSetSpec
+    spec: DataSetSpec
     named: tuple[str, ...]
     verdict: str
     ratio: float
@@ -55,40 +55,40 @@ class SearchOutcome:
     @property
     def outcome(self) -> str:
         """right, wrong (one name, not the truth), or the verdict that was given instead."""
-        truth = CASES[self.job.case].truth or ()
+        truth = CASES[self.spec.case].truth or ()
         if not truth:
             return "right" if self.verdict == "nothing_missing" else "wrong"
         if all(name in self.named for name in truth):
             return "right"
         return (
-            "wrong" if len(self.named) == 1 and not self.job.auto else (self.verdict if not self.named else "in part")
+            "wrong" if len(self.named) == 1 and not self.spec.auto else (self.verdict if not self.named else "in part")
         )
 
 
-def examine(job: DataSetSpec) -> SearchOutcome:
+def examine(spec: DataSetSpec) -> SearchOutcome:
     """Makes the data set, fits `offsets,compliance`, and searches."""
-    data = _data(job)
+    data = _data(spec)
     try:
         model = _base(data)
-        if job.auto:
+        if spec.auto:
             course = run_auto(model, data)
             named = tuple(step.added for step in course.steps[1:])
             return SearchOutcome(
-                job, named, course.diagnosis.verdict, error_stats(held_out_residual(course.model, data)).rms / FLOOR_M
+                spec, named, course.diagnosis.verdict, error_stats(held_out_residual(course.model, data)).rms / FLOOR_M
             )
         report = build_report(diagnose(model, data))
     except LrmError as error:
-        return SearchOutcome(job, (), str(error), float("nan"))
+        return SearchOutcome(spec, (), str(error), float("nan"))
     if report.first is None:
-        return SearchOutcome(job, (), report.verdict, report.held_out.rms / FLOOR_M)
+        return SearchOutcome(spec, (), report.verdict, report.held_out.rms / FLOOR_M)
     named = (report.first.scored.name, *report.first.equivalent)
-    return SearchOutcome(job, named, report.verdict, report.first.held_out_rms / FLOOR_M)
+    return SearchOutcome(spec, named, report.verdict, report.first.held_out_rms / FLOOR_M)
 
 
-def _data(job: DataSetSpec) -> Measurements:
+def _data(spec: DataSetSpec) -> Measurements:
     with tempfile.TemporaryDirectory() as folder:
-        path = write_case(CASES[job.case], job.seed, job.poses, Path(folder))
-        if not job.noise_told:
+        path = write_case(CASES[spec.case], spec.seed, spec.poses, Path(folder))
+        if not spec.noise_known:
             path.with_suffix(".toml").unlink()
         return load_measurements(path, load_arm("lrm-lab"))
 
@@ -99,26 +99,29 @@ def _base(data: Measurements) -> Model:
     return fit_identifiable(model, data, model.keys).fit.model
 
 
-def _jobs(cases: Iterable[str], seeds: int, poses: int, noise_told: bool = True, auto: bool = False) -> list[DataSetSpec]:
-    return [DataSetSpec(case, FIRST_SEED + seed, poses, noise_told, auto) for case in cases for seed in range(seeds)]
+def _specs(
+    cases: Iterable[str], seeds: int, poses: int, noise_known: bool = True, auto: bool = False
+) -> list[DataSetSpec]:
+    return [DataSetSpec(case, FIRST_SEED + seed, poses, noise_known, auto) for case in cases for seed in range(seeds)]
 
 
 def main() -> None:
     """Runs all groups and prints one line each."""
     groups = {
-        "two or three effects, auto, 300 poses": _jobs([*DOUBLE, *TRIPLE], 3, 300, auto=True),
-        "nothing hidden, 300 poses": _jobs([NOTHING.name], 20, 300),
-        "nothing hidden, 120 poses, noise not known": _jobs([NOTHING.name], 10, 120, noise_told=False),
-        "one effect, 120 poses, noise not known": _jobs(SINGLE, 3, 120, noise_told=False),
-        "one effect, 50 poses": _jobs(SINGLE, 4, 50),
+        "two or three effects, auto, 300 poses": _specs([*DOUBLE, *TRIPLE], 3, 300, auto=True),
+        "nothing hidden, 300 poses": _specs([NOTHING.name], 20, 300),
+        "nothing hidden, 120 poses, noise not known": _specs([NOTHING.name], 10, 120, noise_known=False),
+        "one effect, 120 poses, noise not known": _specs(SINGLE, 3, 120, noise_known=False),
+        "one effect, 50 poses": _specs(SINGLE, 4, 50),
     }
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        for name, jobs in groups.items():
-            results = list(pool.map(examine, jobs))
+        for name, specs in groups.items():
+            results = list(pool.map(examine, specs))
             outcomes = ", ".join(f"{count} {what}" for what, count in Counter(r.outcome for r in results).most_common())
             worst = max(result.ratio for result in results if result.outcome == "right")
             print(
-                f"{name}: {len(jobs)} data sets, {outcomes}; worst error over noise where right {worst:.2f}", flush=True
+                f"{name}: {len(specs)} data sets, {outcomes}; worst error over noise where right {worst:.2f}",
+                flush=True,
             )
 
 

@@ -19,7 +19,7 @@ ENDINGS = (NOTHING_MISSING, UNEXPLAINED, "failed")
 
 
 def report(outcomes: Sequence[CaseOutcome], poses: int) -> str:
-    """All of it."""
+    """All tables as Markdown."""
     by_case = {name: [o for o in outcomes if o.case == name] for name in CASES}
     ran = {name: found for name, found in by_case.items() if found}
     seeds = max(len(found) for found in ran.values())
@@ -42,7 +42,7 @@ def report(outcomes: Sequence[CaseOutcome], poses: int) -> str:
 
 
 def truth_text(case: HiddenEffectCase) -> str:
-    """What ought to be named."""
+    """The names of the truth."""
     if case.truth is None:
         return UNEXPLAINED
     return " + ".join(case.truth) or NOTHING_MISSING

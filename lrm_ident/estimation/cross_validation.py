@@ -10,9 +10,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.levenberg_marquardt import Bounds, fit
-from lrm_ident.fit.loss import Loss
-from lrm_ident.fit.priors import Prior
+from lrm_ident.estimation.levenberg_marquardt import Bounds, fit
+from lrm_ident.estimation.loss import Loss
+from lrm_ident.estimation.priors import Prior
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.cross_validation import held_out_residual
-from lrm_ident.fit.levenberg_marquardt import Bounds
-from lrm_ident.fit.loss import Loss
-from lrm_ident.fit.priors import Prior
+from lrm_ident.estimation.cross_validation import held_out_residual
+from lrm_ident.estimation.levenberg_marquardt import Bounds
+from lrm_ident.estimation.loss import Loss
+from lrm_ident.estimation.priors import Prior
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -71,9 +71,10 @@ class HeldOutResidual:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class ModelComparison:
     """A model against measurements. `factors`: by decreasing share; `worst`: rows by decreasing error."""
 
+    data: Measurements
     rest: Equilibrium
     residual: Array
     nominal: ErrorStats
@@ -83,7 +84,9 @@ class Comparison:
     worst: tuple[int, ...]
 
 
-def compare(model: Model, data: Measurements, progress: OnProgress = silent, prior: Prior | None = None) -> Comparison:
+def compare(
+    model: Model, data: Measurements, progress: OnProgress = silent, prior: Prior | None = None
+) -> ModelComparison:
     """Compares a model, as it is, with measurements; held out, its free parameters are refitted in every fold.
 
     Raises `NoEquilibrium`: the model has no equilibrium at some pose.
@@ -92,7 +95,8 @@ def compare(model: Model, data: Measurements, progress: OnProgress = silent, pri
     residual = data.tcp - rest.tcp
     nominal = equilibrium(model_of(model.arm, ()), data.poses)
     distance = np.linalg.norm(residual, axis=1)
-    return Comparison(
+    return ModelComparison(
+        data=data,
         rest=rest,
         residual=residual,
         nominal=error_stats(data.tcp - nominal.tcp),

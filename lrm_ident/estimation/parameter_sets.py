@@ -20,15 +20,13 @@ TABLE_4_5 = (
 )
 """The 28 parameters that the thesis calls strongly independent (Conenna 2024, Table 4.5)."""
 
-LINK_2_LENGTH = "offsets.joint2.extra_z_mm"
-BASE_COMPLIANCE = "compliance.base.k_rad_per_Nm"
-
+_BASE = "compliance.base.k_rad_per_Nm"
 THESIS_OPTIONS: dict[str, tuple[str, ...]] = {
     "option1": TABLE_4_5,
-    "option2": tuple(key for key in TABLE_4_5 if key.startswith("offsets") and key != LINK_2_LENGTH),
+    "option2": tuple(key for key in TABLE_4_5 if key.startswith("offsets") and "extra_z" not in key),
     "option3": tuple(key for key in TABLE_4_5 if key.startswith("compliance")),
-    "option4": tuple(key for key in TABLE_4_5 if key != BASE_COMPLIANCE),
-    "option5": tuple(key for key in TABLE_4_5 if key.startswith("compliance") and key != BASE_COMPLIANCE),
+    "option4": tuple(key for key in TABLE_4_5 if key != _BASE),
+    "option5": tuple(key for key in TABLE_4_5 if key.startswith("compliance") and key != _BASE),
 }
 """Conenna 2024, section 4.6: all, kinematic, elastic, all without k0, elastic without k0.
 

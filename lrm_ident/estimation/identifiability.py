@@ -9,8 +9,8 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.levenberg_marquardt import Bounds, Fit, bounds_of, check_enough, fit
-from lrm_ident.fit.loss import Loss
+from lrm_ident.estimation.levenberg_marquardt import Bounds, Fit, bounds_of, check_enough, fit
+from lrm_ident.estimation.loss import Loss
 from lrm_math.arrays import Array
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.loss import Loss, robust_scale
-from lrm_ident.fit.priors import Prior
+from lrm_ident.estimation.loss import Loss, robust_scale
+from lrm_ident.estimation.priors import Prior
 from lrm_math.arrays import Array
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium

@@ -12,8 +12,8 @@ import tomli_w
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.error_breakdown import HeldOutResidual
-from lrm_ident.fit.levenberg_marquardt import Fit
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
+from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table

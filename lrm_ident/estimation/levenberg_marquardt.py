@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fit.loss import SQUARED, Loss, robust_scale
-from lrm_ident.fit.objective import Iterate, NoiseScale, Objective
-from lrm_ident.fit.priors import Prior
+from lrm_ident.estimation.loss import SQUARED, Loss, robust_scale
+from lrm_ident.estimation.objective import Iterate, NoiseScale, Objective
+from lrm_ident.estimation.priors import Prior
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import Equilibrium

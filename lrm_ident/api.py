@@ -1,0 +1,137 @@
+"""Public API of the offline tool: measurements in, models and diagnoses out.
+
+>>> import lrm_ident as lrm
+>>> data = lrm.load(lrm.EXAMPLE)
+>>> fit = lrm.fit(data)
+>>> lrm.diagnose(fit.model, data).first.scored.name
+'backlash@joint2'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import singledispatch
+from pathlib import Path
+
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.measurements import Measurements, arm_for, load_measurements, load_poses
+from lrm_ident.diagnosis.add_effect import AutoRun, add_effects, run_auto
+from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
+from lrm_ident.estimation.error_breakdown import ModelComparison, try_held_out
+from lrm_ident.estimation.error_breakdown import compare as run_compare
+from lrm_ident.estimation.levenberg_marquardt import Fit
+from lrm_ident.estimation.loss import loss_named
+from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_model, nominal_model
+from lrm_ident.estimation.model_history import model_file, model_text
+from lrm_ident.estimation.priors import load_prior
+from lrm_ident.plots.comparison import draw_comparison
+from lrm_ident.plots.diagnosis import draw_report
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import load_model
+
+__all__ = [
+    "EXAMPLE",
+    "add",
+    "auto",
+    "compare",
+    "diagnose",
+    "fit",
+    "load",
+    "load_model",
+    "load_poses",
+    "plot",
+    "predict",
+    "save",
+]
+
+EXAMPLE = Path(__file__).resolve().parent / "examples" / "hidden-play.csv"
+"""The shipped data set: 300 synthetic poses of the arm `lrm-lab` with 2.3 degrees of play hidden in joint 2."""
+
+
+def load(path: str | Path, arm: str | None = None) -> Measurements:
+    """Measured TCP positions of an arm.
+
+    Args:
+        path: a CSV with one row per pose (docs/files.md).
+        arm: name of a shipped arm or path of an arm file; None: the one that the file beside the CSV names.
+
+    Raises `FileError`: with file, line and column of the first fault.
+    """
+    _, described = arm_for(Path(path), arm)
+    return load_measurements(Path(path), described)
+
+
+def fit(
+    data: Measurements,
+    effects: Sequence[str] = DEFAULT_EFFECTS,
+    parameters: str = "identifiable",
+    loss: str = "squared",
+    prior: str | None = None,
+) -> Fit:
+    """Least-squares fit of an arm's model; its `model` goes into the other functions.
+
+    Args:
+        effects: ids, or `id@place`.
+        parameters: 'identifiable', 'option1' to 'option5', or names and patterns by commas.
+        loss: 'squared', 'huber' or 'cauchy'. prior: name of a shipped prior or path of a prior file.
+
+    Raises `LrmError`: unknown names, data without an arm, too few poses, or no convergence.
+    """
+    if data.arm is None:
+        raise LrmError(f"{data.path}: no arm; give measurements that were loaded with one")
+    model = nominal_model(data.arm, effects)
+    known = None if prior is None else load_prior(prior, model)
+    return fit_model(model, data, parameters, loss_named(loss), prior=known).fit
+
+
+def compare(model: Model, data: Measurements) -> ModelComparison:
+    """Error of a model on measurements beside its held-out error, split by what it may depend on."""
+    return run_compare(model, data)
+
+
+def diagnose(model: Model, data: Measurements) -> DiagnosisReport:
+    """Which physical effect a model misses: `first` is the effect to add, `verdict` says if there is one."""
+    return build_report(run_diagnose(model, data))
+
+
+def add(model: Model, data: Measurements, effect: str) -> Fit:
+    """The model with an effect (`id` or `id@place`), all parameters fitted together. Raises `LrmError`."""
+    return add_effects(model, data, effects_at(model.arm, effect))
+
+
+def auto(model: Model, data: Measurements, max_effects: int = 20) -> AutoRun:
+    """Diagnoses and adds effects until nothing is supported; `model` is the result."""
+    return run_auto(model, data, max_effects)
+
+
+def predict(model: Model, poses: Poses) -> Array:
+    """(N, 3) TCP positions (m) at elastic equilibrium. Raises `NotSettled` if there is none."""
+    return equilibrium(model, poses).tcp
+
+
+@singledispatch
+def plot(result: object, path: str | Path) -> None:
+    """Draws a comparison or a diagnosis as PNG, SVG or PDF. Raises `FileError`."""
+    raise LrmError(f"{path}: cannot plot a {type(result).__name__}; should be the result of compare or diagnose")
+
+
+@plot.register
+def _(result: ModelComparison, path: str | Path) -> None:
+    draw_comparison(result, Path(path))
+
+
+@plot.register
+def _(result: DiagnosisReport, path: str | Path) -> None:
+    draw_report(result, Path(path))
+
+
+def save(fit: Fit, data: Measurements, path: str | Path) -> None:
+    """Writes a model file, which the command line and the daemon read. Raises `FileError`."""
+    held_out = try_held_out(fit.model, data)
+    write_text(Path(path), model_text(model_file(fit, data, held_out, fit.model.arm.name, "fit", "squared")))

@@ -1,0 +1,1 @@
+"""Models without physics: what could be predicted of a residual, and where it is concentrated."""

@@ -1,0 +1,123 @@
+"""Gaussian process regression with a squared-exponential kernel and a length per input (ARD).
+
+Rasmussen & Williams 2006, chapters 2 and 5: y = f(x) + noise, k(x, x') = s² exp(−½ Σ ((x_d − x'_d) / l_d)²);
+hyperparameters by the marginal likelihood (empirical Bayes, Eq 5.8) with its analytic gradient (Eq 5.9).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg.lapack import dpotri
+from scipy.optimize import minimize
+
+from lrm_math.arrays import Array
+
+LENGTH_RANGE, SIGNAL_RANGE, NOISE_RANGE = (0.2, 50.0), (1e-3, 10.0), (1e-2, 2.0)
+"""Bounds in standard deviations of inputs and outputs; an input with the longest length hardly counts."""
+START = (2.0, 1.0, 0.5)
+FUNCTION_TOLERANCE = 1e-4  # of the log marginal likelihood, relative
+MAX_EVALUATIONS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Kernel:
+    """Hyperparameters: `lengths` (D,) in the units of the inputs, `signal` and `noise` SD in those of the output."""
+
+    lengths: Array
+    signal: float
+    noise: float
+
+    @property
+    def log(self) -> Array:
+        """(D + 2,), natural logarithms of lengths, signal and noise."""
+        return np.log(np.concatenate([self.lengths, [self.signal, self.noise]]))
+
+    @staticmethod
+    def of_log(values: Array) -> Kernel:
+        """From logarithms (D + 2,)."""
+        found = np.exp(values)
+        return Kernel(found[:-2], float(found[-2]), float(found[-1]))
+
+    @staticmethod
+    def start(inputs: int) -> Kernel:
+        """Where a search starts, for inputs and an output of unit standard deviation."""
+        length, signal, noise = START
+        return Kernel(np.full(inputs, length), signal, noise)
+
+    def covariance(self, A: Array, B: Array) -> Array:
+        """(n, m), covariance of f at the rows of A (n, D) and of B (m, D)."""
+        a, b = A / self.lengths, B / self.lengths
+        squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * (a @ b.T)
+        return np.asarray(self.signal**2 * np.exp(-0.5 * np.maximum(squared, 0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianProcess:
+    """A Gaussian process conditioned on rows: `inputs` (n, D), `weights` (n,) = (K + noise² I)⁻¹ y, `factor` its L."""
+
+    kernel: Kernel
+    inputs: Array
+    weights: Array
+    factor: Array
+
+    def mean(self, inputs: Array) -> Array:
+        """(m,), predicted f at inputs (m, D) (Eq 2.25)."""
+        return np.asarray(self.kernel.covariance(inputs, self.inputs) @ self.weights)
+
+    def sd(self, inputs: Array) -> Array:
+        """(m,), standard deviation of f at inputs (m, D), without noise (Eq 2.26)."""
+        explained = solve_triangular(self.factor, self.kernel.covariance(self.inputs, inputs), lower=True)
+        return np.sqrt(np.maximum(self.kernel.signal**2 - (explained**2).sum(axis=0), 0.0))
+
+
+def condition(kernel: Kernel, inputs: Array, output: Array) -> GaussianProcess:
+    """The process with this kernel, given outputs (n,) at inputs (n, D)."""
+    factor = _factor(kernel, kernel.covariance(inputs, inputs))
+    return GaussianProcess(kernel, inputs, np.asarray(cho_solve((factor, True), output)), factor)
+
+
+def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> tuple[float, Array]:
+    """log p(y | X) (Eq 5.8) and its gradient (D + 2,) by the logarithms of lengths, signal and noise (Eq 5.9)."""
+    n = len(output)
+    smooth = kernel.covariance(inputs, inputs)
+    factor = _factor(kernel, smooth)
+    weights = cho_solve((factor, True), output)
+    value = -0.5 * float(output @ weights) - float(np.log(np.diag(factor)).sum()) - 0.5 * n * np.log(2.0 * np.pi)
+    lower = np.tril(dpotri(factor, lower=1)[0])
+    inverse = lower + np.tril(lower, -1).T
+    missing = np.outer(weights, weights) - inverse  # 2 ∂/∂K of the value
+    weighted, scaled = missing * smooth, inputs / kernel.lengths
+    by_length = weighted.sum(axis=1) @ scaled**2 - np.einsum("nd,nd->d", scaled, weighted @ scaled)
+    return value, np.array([*by_length, weighted.sum(), kernel.noise**2 * np.trace(missing)])
+
+
+def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
+    """The kernel of largest marginal likelihood within bounds (L-BFGS-B; Byrd et al. 1995), searched from `start`.
+
+    Args:
+        inputs: (n, D), each of a standard deviation near one. output: (n,), likewise, about zero.
+    """
+    bounds = np.log([*[LENGTH_RANGE] * inputs.shape[1], SIGNAL_RANGE, NOISE_RANGE])
+
+    def loss(log_values: Array) -> tuple[float, Array]:
+        """Negative log marginal likelihood per row."""
+        value, gradient = log_marginal_likelihood(Kernel.of_log(log_values), inputs, output)
+        return -value / len(output), -gradient / len(output)
+
+    found = minimize(
+        loss,
+        np.clip(start.log, *bounds.T),
+        jac=True,
+        bounds=bounds,
+        method="L-BFGS-B",
+        options={"maxfun": MAX_EVALUATIONS, "ftol": FUNCTION_TOLERANCE, "gtol": FUNCTION_TOLERANCE},
+    )
+    return Kernel.of_log(np.asarray(found.x))
+
+
+def _factor(kernel: Kernel, smooth: Array) -> Array:
+    """Lower Cholesky factor of the outputs' covariance; a thousandth of the noise keeps it positive definite."""
+    return np.asarray(cholesky(smooth + kernel.noise**2 * np.eye(len(smooth)), lower=True, check_finite=False))

@@ -1,0 +1,24 @@
+"""Measurements of the independent generator's arms, with noise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lrm_ident import synthetic
+from lrm_ident.data.measurements import Measurements
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import poses_of
+
+NOISE = 3e-4
+"""m per axis."""
+
+
+def measured(
+    arm: synthetic.ArmDescription, truth: synthetic.GroundTruth, q: Array, seed: int, load: float = 0.0
+) -> Measurements:
+    """What a tracker measures at poses (N, n) with a load (kg)."""
+    number = np.arange(1, len(q) + 1)
+    tcp = synthetic.measure(arm, truth, q, load, NOISE, seed)
+    return Measurements(poses_of(q, load), number, tcp, None, NOISE, number, Path("synthetic"), "")
