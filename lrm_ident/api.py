@@ -14,8 +14,9 @@ from functools import singledispatch
 from pathlib import Path
 
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurements import Measurements, arm_for, load_measurements, load_poses
-from lrm_ident.diagnosis.add_effect import AutoRun, add_effects, run_auto
+from lrm_ident.data.measurements import AS_NAMED, Measurements, arm_for, load_poses
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.estimation.error_breakdown import ModelComparison, try_held_out
@@ -24,9 +25,10 @@ from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import loss_named
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_model, nominal_model
 from lrm_ident.estimation.model_history import model_file, model_text
-from lrm_ident.estimation.priors import load_prior
+from lrm_ident.estimation.priors import load_prior, weak_prior
 from lrm_ident.plots.comparison import draw_comparison
 from lrm_ident.plots.diagnosis import draw_report
+from lrm_ident.registration.checked import load_checked
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
@@ -34,6 +36,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import load_model
+from lrm_math.model.reading import Reading
 
 __all__ = [
     "EXAMPLE",
@@ -54,17 +57,19 @@ EXAMPLE = Path(__file__).resolve().parent / "examples" / "hidden-play.csv"
 """The shipped data set: 300 synthetic poses of the arm `lrm-lab` with 2.3 degrees of play hidden in joint 2."""
 
 
-def load(path: str | Path, arm: str | None = None) -> Measurements:
+def load(path: str | Path, arm: str | None = None, reading: Reading = AS_NAMED) -> Measurements:
     """Measured TCP positions of an arm.
 
     Args:
         path: a CSV with one row per pose (docs/files.md).
         arm: name of a shipped arm or path of an arm file; None: the one that the file beside the CSV names.
 
-    Raises `FileError`: with file, line and column of the first fault.
+        reading: units, axes, frame, and the joints' signs and order, where the columns' names do not say them.
+
+    Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
     """
     _, described = arm_for(Path(path), arm)
-    return load_measurements(Path(path), described)
+    return load_checked(Path(path), described, reading)
 
 
 def fit(
@@ -90,9 +95,9 @@ def fit(
     return fit_model(model, data, parameters, loss_named(loss), prior=known).fit
 
 
-def compare(model: Model, data: Measurements) -> ModelComparison:
+def compare(model: Model, data: Measurements, loss: str = "squared") -> ModelComparison:
     """Error of a model on measurements beside its held-out error, split by what it may depend on."""
-    return run_compare(model, data)
+    return run_compare(model, data, loss=loss_named(loss))
 
 
 def diagnose(model: Model, data: Measurements) -> DiagnosisReport:
@@ -133,5 +138,5 @@ def _(result: DiagnosisReport, path: str | Path) -> None:
 
 def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     """Writes a model file, which the command line and the daemon read. Raises `FileError`."""
-    held_out = try_held_out(fit.model, data)
-    write_text(Path(path), model_text(model_file(fit, data, held_out, fit.model.arm.name, "fit", "squared")))
+    held_out = try_held_out(fit.model, data, loss=fit.loss, prior=weak_prior(fit.model) if fit.damped else None)
+    write_text(Path(path), model_text(model_file(fit, data, held_out, fit.model.arm.name, "fit", fit.loss.name)))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import inspect
+import sys
+from collections.abc import Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -11,6 +14,7 @@ from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.errors import FileError
 
 ENTRY_POINTS = "lrm_arm.effects"
+USER_MODULE = "effects_of_"
 Catalogue = tuple[type[Effect], ...]
 
 
@@ -31,10 +35,10 @@ def catalogue_with(file: Path | None) -> Catalogue:
 
 def effects_in(file: Path) -> list[type[Effect]]:
     """The effect classes that a Python file defines. Raises `FileError`."""
-    spec = importlib.util.spec_from_file_location(f"effects_of_{file.stem}", file)
+    spec = importlib.util.spec_from_file_location(USER_MODULE + file.stem, file)
     if not file.exists() or spec is None or spec.loader is None:
         raise FileError(file, "", "no such Python file")
-    module = importlib.util.module_from_spec(spec)
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
     except Exception as error:
@@ -50,6 +54,18 @@ def effects_in(file: Path) -> list[type[Effect]]:
     for kind in own:
         _check(file, kind)
     return own
+
+
+def file_of(effects: Sequence[Effect]) -> Path | None:
+    """The Python file of the user that defines one of these effects, if any does."""
+    modules = {type(effect).__module__ for effect in effects}
+    found = [sys.modules[name].__file__ for name in sorted(modules) if name.startswith(USER_MODULE)]
+    return Path(found[0]) if found and found[0] else None
+
+
+def sha256_of(file: Path) -> str:
+    """SHA-256 of a file's bytes, in hexadecimal digits."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _check(file: Path, kind: type[Effect]) -> None:

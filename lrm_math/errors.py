@@ -33,6 +33,22 @@ class FileError(LrmError):
         super().__init__(f"{message}; {expected}" if expected else message)
 
 
+class FileFaults(FileError):
+    """A file with several faults; carries them all as `faults`."""
+
+    def __init__(self, path: object, faults: Sequence[FileError]) -> None:
+        self.faults = tuple(faults)
+        super().__init__(path, "", f"{len(self.faults)} faults")
+        lines = (str(fault).removeprefix(f"{self.path}: ") for fault in self.faults)
+        self.args = ("\n  ".join([f"{self.path}: {self.what}:", *lines]),)
+
+
+def raise_faults(path: object, faults: Sequence[FileError]) -> None:
+    """Raises the one fault, or all of them together; nothing if there are none."""
+    if faults:
+        raise faults[0] if len(faults) == 1 else FileFaults(path, faults)
+
+
 class UnknownName(LrmError):
     """A name that is not in the list of valid ones; carries `name` and `valid`."""
 

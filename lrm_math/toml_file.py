@@ -1,4 +1,4 @@
-"""Strict reading of TOML files: validated by pydantic, the first fault raised as a `FileError` of one line."""
+"""Strict reading of TOML files: validated by pydantic, every fault said in one line of a `FileError`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from lrm_math.errors import FileError, name_suggestion
+from lrm_math.errors import FileError, name_suggestion, raise_faults
 
 
 class StrictSchema(BaseModel):
@@ -22,7 +22,7 @@ S = TypeVar("S", bound=StrictSchema)
 
 
 def read_toml(path: Path, schema: type[S]) -> S:
-    """Reads and validates one file. Raises `FileError` for the first fault found."""
+    """Reads and validates one file. Raises `FileError`, `FileFaults` if there is more than one fault."""
     return validate(path, parse_toml(path), schema)
 
 
@@ -38,17 +38,44 @@ def parse_toml(path: Path) -> dict[str, Any]:
         raise FileError(path, "", f"not valid TOML: {error}") from None
 
 
-def validate(path: Path, tables: dict[str, Any], schema: type[S]) -> S:
-    """Validates parsed tables by a schema. Raises `FileError` for the first fault found."""
+def schema_of(path: Path) -> str | None:
+    """The `schema` that a TOML file states; None if it states none or cannot be read."""
     try:
-        return schema.model_validate(tables)
+        schema = tomllib.loads(path.read_text(encoding="utf-8")).get("schema")
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return None
+    return schema if isinstance(schema, str) else None
+
+
+def validate(path: Path, tables: dict[str, Any], schema: type[S]) -> S:
+    """Validates parsed tables by a schema. Raises `FileError`, `FileFaults` if there is more than one fault."""
+    raise_faults(path, schema_faults(path, tables, schema))
+    return schema.model_validate(tables)
+
+
+def schema_faults(path: Path, tables: dict[str, Any], schema: type[BaseModel]) -> list[FileError]:
+    """All faults of parsed tables by a schema; only that it is another kind of file, if it states another schema."""
+    other = _other_kind(path, tables, schema)
+    if other:
+        return [other]
+    try:
+        schema.model_validate(tables)
     except ValidationError as error:
-        faults = error.errors(include_url=False)
-        first = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
-        raise _file_error(path, first, schema, more=len(faults) - 1) from None
+        faults = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] != "extra_forbidden")
+        return [_file_error(path, fault, schema) for fault in faults]
+    return []
 
 
-def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel], more: int) -> FileError:
+def _other_kind(path: Path, tables: dict[str, Any], schema: type[BaseModel]) -> FileError | None:
+    field = schema.model_fields.get("schema_")
+    expected = get_args(field.annotation) if field else ()
+    stated = tables.get("schema")
+    if not expected or not isinstance(stated, str) or stated in expected or not stated.startswith("lrm/"):
+        return None
+    return FileError(path, "", f"schema = '{stated}'", f"should be '{expected[0]}'")
+
+
+def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel]) -> FileError:
     *table, key = fault["loc"] or ("",)
     where = " ".join(str(part + 1 if isinstance(part, int) else part) for part in table)
     expected = ""
@@ -60,7 +87,7 @@ def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel], m
         case _:
             message = fault["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
             what, expected = f"{key} = {fault['input']!r}", f"should be {message}"
-    return FileError(path, where, what + (f" (and {more} more faults)" if more else ""), expected)
+    return FileError(path, where, what, expected)
 
 
 def _valid_keys(schema: type[BaseModel], table: list[int | str]) -> tuple[str, ...]:

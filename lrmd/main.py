@@ -1,4 +1,4 @@
-"""Command line of the daemon, `lrmd`. Imports inside `main` keep `--check` and the child processes light."""
+"""Command line of the daemon, `lrmd`. Imports inside `main` keep the child processes light."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from pathlib import Path
 from lrm_math.errors import LrmError
 
 TEXT = """\
-The daemon that owns a robot arm on RC servos: it has the serial link to the servo board, moves every pulse by at most
-1 us per 6.5 ms tick, publishes state on zenoh, and moves the arm only on request.
+The daemon that owns a robot arm on RC servos: it has the serial link to the servo board, changes every commanded pulse by
+at most 1 us per 6.5 ms tick (the board rounds it to counts: 4.88 us at 50 Hz), publishes state on zenoh, and moves the arm
+only on request.
 
   lrmd --config /etc/lrm/lrmd.toml           run (systemd does this)
-  lrmd --config /etc/lrm/lrmd.toml --check   read the configuration, report its errors, and stop
+  lrmd --config /etc/lrm/lrmd.toml --check   load what the start loads, report its errors, and stop
   lrmd --config lrmd.toml --simulated        run on a simulated board and arm instead of the port
 """
 
@@ -22,7 +23,7 @@ def main(argv: list[str] | None = None) -> int:
     """Runs the daemon. Exit code 0 after SIGTERM, 1 if a process cannot be kept alive, 2 for a bad configuration."""
     parser = argparse.ArgumentParser("lrmd", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="lrmd.toml")
-    parser.add_argument("--check", action="store_true", help="read the configuration and stop")
+    parser.add_argument("--check", action="store_true", help="load what the start loads, and stop")
     parser.add_argument("--simulated", action="store_true", help="run on a simulated board instead of the port")
     parser.add_argument("--log-level", choices=["debug", "info", "warning", "error"], default="info")
     options = parser.parse_args(argv)
@@ -33,7 +34,9 @@ def main(argv: list[str] | None = None) -> int:
     try:
         config = load_config(options.config)
         if options.check:
-            print(f"{options.config}: in order; {config.robot}, {config.arm.name}, servos {', '.join(config.names)}")
+            from lrmd.api.start_check import check_start
+
+            print(f"{options.config}: in order; {check_start(config)}")
             return 0
         log.set_up(options.log_level)
         from lrmd.api.process import ApiProcess

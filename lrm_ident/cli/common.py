@@ -14,17 +14,21 @@ from rich.progress import Progress
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.data.measurements import Measurements, load_measurements, metadata_of
-from lrm_ident.effect_plugins import Catalogue, catalogue_with
+from lrm_ident.data.measurements import AS_NAMED, Measurements, metadata_of
+from lrm_ident.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.estimation.loss import SQUARED, Loss, loss_named
 from lrm_ident.progress import OnProgress
+from lrm_ident.registration.checked import load_checked
 from lrm_ident.report.document import Block, Document, ResultTable, write
+from lrm_ident.report.fit import fit_words
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, arm_of, load_model, to_model
+from lrm_math.model.reading import Reading
 from lrm_math.toml_file import read_toml
 
 app = typer.Typer(
@@ -69,36 +73,69 @@ def publish_figure(figure: Path, draw: Callable[[Path], None], behind: ResultTab
 def check_distinct(figure: Path | None, *others: Path | None) -> None:
     """Raises `FileError` if another file has the name under which the numbers behind a figure will be written."""
     behind = None if figure is None else figure.with_suffix(".csv")
-    if behind is not None and behind in others:
+    if behind is not None and behind.resolve() in [other.resolve() for other in others if other]:
         raise FileError(behind, "", f"is where the numbers behind {figure} go", "give the two files different names")
 
 
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model]:
-    """A model file, as it stands and as a model."""
+    """A model file, as it stands and as a model; a notice if its own effects have changed since it was fitted."""
     file = read_toml(path, ModelFile)
-    return file, to_model(path, file, arm_of(path, file.arm), catalogue)
+    model = to_model(path, file, arm_of(path, file.arm), catalogue)
+    own, known = file_of(model.effects), file.provenance
+    if own and known and known.effects_sha256 not in (None, sha256_of(own)):
+        log.print(f"notice: {own} is not the file that {path.name} was fitted with (its SHA-256 differs)")
+    return file, model
 
 
-def read_inputs(model: Path, data: Path, effects_file: Path | None) -> tuple[ModelFile, Model, Measurements, Catalogue]:
-    """A model file, its model, measurements of its arm, and the effects that are known."""
+def read_inputs(
+    model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED
+) -> tuple[ModelFile, Model, Measurements, Catalogue]:
+    """A model file, its model, measurements of its arm read as those of its fit, and the effects that are known."""
     catalogue = catalogue_with(effects_file)
     file, loaded = read_model(model, catalogue)
-    return file, loaded, read_measurements(data, loaded.arm, file.arm), catalogue
+    usual = None if file.provenance is None else file.provenance.reading
+    measured = read_measurements(data, loaded.arm, file.arm, reading, usual)
+    if file.provenance is None:
+        return file, loaded, measured, catalogue
+    if file.provenance.data_sha256 == measured.sha256:
+        measured = measured.without(file.provenance.left_out)
+    if how := fit_words(file.provenance.loss, measured.left_out):
+        log.print(f"notice: as in the model's fit: {how}")
+    return file, loaded, measured, catalogue
 
 
 def read_identifiable(
-    model: Path, data: Path, effects_file: Path | None
+    model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED
 ) -> tuple[ModelFile, Model, Measurements, Catalogue]:
     """The same with a model whose free parameters the data alone identify, whatever a prior decided in the fit."""
-    file, loaded, measured, catalogue = read_inputs(model, data, effects_file)
+    file, loaded, measured, catalogue = read_inputs(model, data, effects_file, reading)
     if file.provenance is None or file.provenance.prior is None:
         return file, loaded, measured, catalogue
-    fitted = fit_identifiable(loaded, measured, loaded.free).fit.model
+    fitted = fit_identifiable(loaded, measured, loaded.free, loss_of(file)).fit.model
     log.print(
         f"notice: the model was fitted with the prior '{file.provenance.prior}'; this goes on with the "
         f"{len(fitted.free)} of its {len(loaded.free)} parameters that the data can tell without it"
     )
     return file, fitted, measured, catalogue
+
+
+def leave_out_poses(data: Measurements, text: str) -> Measurements:
+    """The measurements without the poses of these numbers and ranges, as in `12,40-42`. Raises `LrmError`."""
+    numbers: list[int] = []
+    for word in filter(None, (part.strip() for part in text.split(","))):
+        first, _, last = word.partition("-")
+        if not (first.isdigit() and (last or first).isdigit()):
+            raise LrmError(f"--leave-out {text}: '{word}' is no pose number; give numbers and ranges such as 12,40-42")
+        numbers += range(int(first), int(last or first) + 1)
+    unknown = sorted(set(numbers) - set(data.pose.tolist()))
+    if unknown:
+        raise LrmError(f"--leave-out {text}: {data.path.name} has no pose {unknown[0]}")
+    return data.without(numbers) if numbers else data
+
+
+def loss_of(file: ModelFile) -> Loss:
+    """The loss of a model's last fit; least squares where the file does not say."""
+    return SQUARED if file.provenance is None else loss_named(file.provenance.loss)
 
 
 def start_model(arm: Arm, model: Path | None) -> Model:
@@ -111,9 +148,15 @@ def start_model(arm: Arm, model: Path | None) -> Model:
     return fitted
 
 
-def read_measurements(path: Path, arm: Arm, arm_name: str) -> Measurements:
-    """Measurements of an arm; what a person should know of the file goes to stderr."""
-    data = load_measurements(path, arm)
+def read_measurements(
+    path: Path, arm: Arm, arm_name: str, reading: Reading = AS_NAMED, usual: Reading | None = None
+) -> Measurements:
+    """Measurements that the arm can have made; what a person should know of the file goes to stderr.
+
+    Args:
+        reading: how the numbers are read; where it and the file beside them say nothing, as `usual` says.
+    """
+    data = load_checked(path, arm, reading, usual)
     for notice in data.notices:
         log.print(f"notice: {path.name}: {notice}")
     metadata = metadata_of(path)

@@ -9,7 +9,8 @@ import numpy as np
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.common import app, log, parse_numbers, publish, show
+from lrm_ident.cli.command import command
+from lrm_ident.cli.common import log, parse_numbers, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.servo_stiffness import load_servo_test
 from lrm_ident.data.servo_stiffness import stiffness as run_stiffness
@@ -23,7 +24,7 @@ from lrm_math.errors import LrmError
 STILL = 3.0  # times the TCP's noise that the base target may wander before a person should know
 
 
-@app.command()
+@command
 def stiffness(
     data: Annotated[
         Path, Argument(metavar="DATA", help="CSV: angle_deg and torque_Nm (or load_g and lever_mm), in order.")
@@ -39,7 +40,7 @@ def stiffness(
         show(f"Figure written to {figure}, its data are {data}")
 
 
-@app.command()
+@command
 def align(
     fixture: Annotated[
         Path, Argument(metavar="FIXTURE", help="CSV of both targets: base_x_mm…, base_qw…base_qz, tcp_x_mm…")

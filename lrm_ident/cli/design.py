@@ -11,8 +11,8 @@ import numpy as np
 from typer import Option
 
 from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
-    app,
     check_distinct,
     one_of,
     parse_numbers,
@@ -23,7 +23,7 @@ from lrm_ident.cli.common import (
     start_model,
 )
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurements import arm_for, load_poses, measurements_csv
+from lrm_ident.data.measurements import AS_NAMED, arm_for, load_poses, measurements_csv
 from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, candidate_grid, parse_levels
 from lrm_ident.design.observability import INDICES
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
@@ -38,11 +38,12 @@ from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.reading import Reading
 
 MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
 
 
-@app.command()
+@command
 def choose_poses(
     data: arg.DataFile,
     arm: arg.ArmName = None,
@@ -61,6 +62,7 @@ def choose_poses(
     output: arg.PosesOutput = None,
     json: arg.JsonFile = None,
     figure: arg.FigureFile = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
     """Choose, among measured poses, those that identify parameters best (thesis section 6.2), and identify on them.
 
@@ -69,7 +71,7 @@ def choose_poses(
     """
     check_distinct(figure, output, json, data)
     arm_name, the_arm = arm_for(data, arm)
-    measured = read_measurements(data, the_arm, arm_name)
+    measured = read_measurements(data, the_arm, arm_name, reading)
     kind = one_of("index", index.upper(), INDICES)
     if physical and kind != "O1":
         raise LrmError("--physical follows the identification along the determinant: it goes with --index O1 only")
@@ -83,7 +85,7 @@ def choose_poses(
         show(f"{count} measurements written to {output}")
 
 
-@app.command()
+@command
 def design(
     arm: arg.ArmArgument,
     poses: Annotated[

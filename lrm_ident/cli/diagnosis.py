@@ -6,18 +6,18 @@ from functools import partial
 from itertools import count
 from typing import Annotated
 
-import numpy as np
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.common import app, error_of, log, nominal_error, progress, publish, read_identifiable, show
+from lrm_ident.cli.command import command
+from lrm_ident.cli.common import error_of, log, loss_of, nominal_error, progress, publish, read_identifiable, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import load_poses
-from lrm_ident.diagnosis.add_effect import AutoStep, add_effects, run_auto
-from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.data.measurements import AS_NAMED, load_poses
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.auto import AutoStep, run_auto
 from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
-from lrm_ident.diagnosis.diagnosis_report import build_report
+from lrm_ident.diagnosis.diagnosis_report import build_report, report_of
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 from lrm_ident.effect_plugins import catalogue_with
@@ -31,16 +31,18 @@ from lrm_ident.report.diagnosis import (
     selftest_document,
     step_blocks,
     step_document,
+    step_words,
 )
-from lrm_ident.report.fit import ErrorSummary
+from lrm_ident.report.fit import ErrorSummary, fit_words
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.model_file import ModelFile
+from lrm_math.model.reading import Reading
 from lrm_math.toml_file import read_toml
 
 
-@app.command()
+@command
 def effects(
     name: Annotated[str | None, Argument(metavar="ID", help="One effect; all of them if not given.")] = None,
     effects_file: arg.EffectsFile = None,
@@ -54,24 +56,25 @@ def effects(
         show(*effect_blocks(kind, in_full=name is not None))
 
 
-@app.command()
+@command
 def diagnose(
     model: arg.ModelPath,
     data: arg.DataFile,
     json: arg.JsonFile = None,
     figure: arg.FigureFile = None,
     effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
     """Find out which physical effect a model misses, that none is missing, or that no known one explains it."""
-    _, the_model, measured, catalogue = read_identifiable(model, data, effects_file)
+    file, the_model, measured, catalogue = read_identifiable(model, data, effects_file, reading)
     with progress("trying every effect at every place") as tick:
-        found = run_diagnose(the_model, measured, catalogue, tick)
+        found = run_diagnose(the_model, measured, catalogue, tick, loss_of(file))
     with log.status("cross-validating") as status:
         report = build_report(found, status.update)
     publish(diagnosis_document(report), json, figure, partial(draw_report, report))
 
 
-@app.command()
+@command
 def add(
     model: arg.ModelPath,
     data: arg.DataFile,
@@ -79,32 +82,44 @@ def add(
     output: arg.NewModel,
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
-    """Add an effect, refit everything, print the error before and after, and append the step to the model's history."""
-    file, before, measured, catalogue = read_identifiable(model, data, effects_file)
-    fitted = add_effects(before, measured, effects_at(before.arm, effect, catalogue))
+    """Add an effect, refit everything, print the error before and after, and append the step to the model's history.
+
+    The loss is that of the model's last fit, and poses that `diagnose` calls outliers are left out.
+    """
+    file, before, every, catalogue = read_identifiable(model, data, effects_file, reading)
+    loss, wanted = loss_of(file), effects_at(before.arm, effect, catalogue)
+    with progress("looking for outliers") as tick:
+        found = run_diagnose(before, every, catalogue, tick, loss)
+    measured = found.data
+    if found.outliers:
+        log.print(f"notice: outliers, left out: poses {', '.join(map(str, found.outliers))}")
+    fitted = add_effects(before, measured, wanted, loss=loss)
     with progress("held-out error, before") as tick:
-        left_before = try_held_out(before, measured, progress=tick)
+        left_before = try_held_out(before, measured, loss=loss, progress=tick)
     with progress("held-out error, after") as tick:
-        left_after = try_held_out(fitted.model, measured, progress=tick)
+        left_after = try_held_out(fitted.model, measured, loss=loss, progress=tick)
     nominal = nominal_error(before.arm, measured)
     errors_before = ErrorSummary(nominal, error_of(before, measured), left_before)
     errors_after = ErrorSummary(nominal, error_stats(fitted.residual), left_after)
     publish(step_document(effect, len(before.free), errors_before, fitted, errors_after), json)
-    step = model_file(fitted, measured, left_after, file.arm, f"add {effect}", "squared", file.history)
+    step = model_file(fitted, measured, left_after, file.arm, f"add {effect}", loss.name, file.history)
     write_text(output, model_text(step))
     show(f"Model written to {output}")
 
 
-@app.command()
+@command
 def undo(model: arg.ModelPath, output: arg.NewModel) -> None:
     """Take the last step of a model's history back, exactly."""
     restored = undo_step(read_toml(model, ModelFile))
     write_text(output, model_text(restored))
-    show(f"Back before the last step; model written to {output}")
+    known = restored.provenance
+    how = "" if known is None else fit_words(known.loss, known.left_out)
+    show(f"Back before the last step{how and f' ({how})'}; model written to {output}")
 
 
-@app.command()
+@command
 def auto(
     model: arg.ModelPath,
     data: arg.DataFile,
@@ -115,34 +130,33 @@ def auto(
     ] = True,
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
     """Follow the tool's own advice, effect by effect, until it says stop."""
-    file, the_model, measured, catalogue = read_identifiable(model, data, effects_file)
-    numbers = count()
+    file, the_model, measured, catalogue = read_identifiable(model, data, effects_file, reading)
+    numbers, loss = count(), loss_of(file)
 
-    def on_step(step: AutoStep, found: Diagnosis) -> None:
-        show(*step_blocks(next(numbers), step, float(np.sqrt(found.squared_held_out.mean()))))
+    def on_step(step: AutoStep) -> None:
+        show(*step_blocks(next(numbers), step))
 
-    course = run_auto(the_model, measured, max_effects, catalogue, on_step)
-    final, held_out = file, None
+    course = run_auto(the_model, measured, max_effects, catalogue, on_step, loss)
+    final, last = file, course.steps[-1]
+    held_out = HeldOutResidual(last.held_out)
     for step in course.steps[1:]:
-        with progress(f"held-out error with {step.added}") as tick:
-            held_out = try_held_out(step.fit.model, measured, progress=tick)
-        final = model_file(step.fit, measured, held_out, file.arm, f"add {step.added}", "squared", final.history)
-    fitted = course.steps[-1].fit
-    held_out = held_out or try_held_out(fitted.model, measured)
+        left = HeldOutResidual(step.held_out)
+        final = model_file(step.fit, step.data, left, file.arm, step_words(step), loss.name, final.history)
     write_text(output, model_text(final))
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
-    errors = ErrorSummary(nominal_error(the_model.arm, measured), error_stats(fitted.residual), held_out)
+    errors = ErrorSummary(nominal_error(the_model.arm, last.data), error_stats(last.fit.residual), held_out)
     show(f"Model written to {output}", *errors.blocks(title))
     whole = HeldOutResidual(None, "not asked for (--no-nested)")
     if nested:
         with progress("choosing anew in every fold") as tick:
-            whole = nested_held_out(the_model, measured, max_effects, catalogue, effects_file, tick)
-    publish(course_document(course, build_report(course.diagnosis), held_out, whole), json)
+            whole = nested_held_out(the_model, measured, max_effects, catalogue, effects_file, tick, loss)
+    publish(course_document(course, report_of(course.judgement), held_out, whole), json)
 
 
-@app.command()
+@command
 def selftest(
     arm: arg.ArmArgument,
     poses: arg.PosesFile,

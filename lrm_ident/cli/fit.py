@@ -11,10 +11,12 @@ import numpy as np
 from typer import Option
 
 from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
-    app,
     nominal_error,
     progress,
+    leave_out_poses,
+    loss_of,
     publish,
     read_inputs,
     read_measurements,
@@ -23,7 +25,7 @@ from lrm_ident.cli.common import (
 )
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import Measurements, arm_for, load_poses
+from lrm_ident.data.measurements import AS_NAMED, Measurements, arm_for, load_poses
 from lrm_ident.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
 from lrm_ident.estimation.error_breakdown import compare as run_compare
@@ -31,9 +33,10 @@ from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import Loss, loss_named
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.estimation.model_history import arm_name_for, model_file, model_text
-from lrm_ident.estimation.priors import load_prior, prior_name_for, prior_of_file
+from lrm_ident.estimation.priors import load_prior, prior_name_for, prior_of_file, weak_prior
 from lrm_ident.plots.comparison import draw_comparison
 from lrm_ident.progress import OnProgress
+from lrm_ident.registration.collapse import check_fit
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import ErrorSummary, comparison_document, fit_document
 from lrm_ident.report.priors import PriorComparison
@@ -41,9 +44,10 @@ from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.reading import Reading
 
 
-@app.command()
+@command
 def fit(
     data: arg.DataFile,
     arm: arg.ArmName = None,
@@ -65,6 +69,10 @@ def fit(
         ),
     ] = "identifiable",
     loss: Annotated[str, Option(help="squared, huber or cauchy; the last two bear wrong measurements.")] = "squared",
+    leave_out: Annotated[
+        str,
+        Option(metavar="POSES", help="Numbers of poses to leave out, for instance 12,40-42; the model remembers them."),
+    ] = "",
     unbounded: Annotated[
         bool, Option("--unbounded", help="Allow what physics forbids, such as negative compliances.")
     ] = False,
@@ -78,6 +86,7 @@ def fit(
     output: Annotated[Path | None, Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
     """Fit the model of an arm to measurements: DATA -> MODEL.
 
@@ -85,13 +94,15 @@ def fit(
     poses that the fit did not see. With --prior: the same for all parameters at once (maximum a posteriori).
     """
     arm_name, the_arm = arm_for(data, arm)
-    measured = read_measurements(data, the_arm, arm_name)
+    measured = leave_out_poses(read_measurements(data, the_arm, arm_name, reading), leave_out)
     model = _start_model(the_arm, effects, start, catalogue := catalogue_with(effects_file))
     how, known = loss_named(loss), None if prior is None else load_prior(prior, model, catalogue)
     result = fit_model(model, measured, parameters, how, unbounded, known)
+    check_fit(result.fit.rest, result.fit.model.free, result.fit.residual)
     with progress("held-out error") as tick:
         fitted = result.fit.model
-        held_out = try_held_out(fitted, measured, fit_bounds(fitted, unbounded), how, tick, known)
+        held_prior = weak_prior(fitted) if result.fit.damped else known
+        held_out = try_held_out(fitted, measured, fit_bounds(fitted, unbounded), how, tick, held_prior)
     errors = ErrorSummary(nominal_error(the_arm, measured), error_stats(result.fit.residual), held_out)
     document = fit_document(result, errors, measured)
     if known:
@@ -110,7 +121,7 @@ def fit(
     show(f"Model written to {output}" if output else "Not saved; give -o MODEL to keep it.")
 
 
-@app.command()
+@command
 def predict(
     model: arg.ModelPath,
     poses: arg.PosesFile,
@@ -127,22 +138,23 @@ def predict(
     show(f"{len(rest.tcp)} predictions written to {output}")
 
 
-@app.command()
+@command
 def compare(
     model: arg.ModelPath,
     data: arg.DataFile,
     json: arg.JsonFile = None,
     figure: arg.FigureFile = None,
     effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
     """Show where a model fails on measurements: by joint angle, torque, load, order, region; the worst poses.
 
     The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses.
     """
-    file, the_model, measured, catalogue = read_inputs(model, data, effects_file)
+    file, the_model, measured, catalogue = read_inputs(model, data, effects_file, reading)
     prior = prior_of_file(file, the_model, catalogue)
     with progress("held-out error") as tick:
-        comparison = run_compare(the_model, measured, tick, prior)
+        comparison = run_compare(the_model, measured, tick, prior, loss_of(file))
     publish(comparison_document(comparison), json, figure, partial(draw_comparison, comparison))
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from typer import Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.common import app, check_distinct, one_of, parse_numbers, progress, publish, start_model
+from lrm_ident.cli.command import command
+from lrm_ident.cli.common import check_distinct, one_of, parse_numbers, progress, publish, start_model
 from lrm_ident.data.measurements import load_poses
 from lrm_ident.design.finite_difference_study import study_step_sizes
 from lrm_ident.design.observability import UNITS
@@ -24,7 +25,7 @@ from lrm_math.model.equilibrium import equilibrium
 THESIS_ANGLES, STUDIED = "0,45,90", ("option1", "option2", "option3")
 
 
-@app.command()
+@command
 def identify_parameters(
     arm: arg.ArmArgument,
     poses: arg.PosesFile,
@@ -58,7 +59,7 @@ def identify_parameters(
     publish(elimination_document(start, found), json, figure, partial(draw_elimination, found))
 
 
-@app.command()
+@command
 def step_size(
     arm: arg.ArmArgument,
     model: arg.LinearizedAt = None,

@@ -9,16 +9,18 @@ from typing import Annotated
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.common import app, out, progress, publish, publish_figure, read_measurements, show
-from lrm_ident.data.measurements import arm_for
+from lrm_ident.cli.command import command
+from lrm_ident.cli.common import out, progress, publish, publish_figure, read_measurements, show
+from lrm_ident.data.measurements import AS_NAMED, arm_for
 from lrm_ident.plots.thesis import draw_crossed, draw_method
 from lrm_ident.report.thesis import crossed_rows, method_blocks, options_document
 from lrm_ident.thesis.thesis_options import OPTIONS, POSES, cross_apply, option_named, run_options
 from lrm_ident.thesis.thesis_results import campaign_named
 from lrm_math.errors import LrmError
+from lrm_math.model.reading import Reading
 
 
-@app.command()
+@command
 def options(
     data: arg.DataFile,
     other: Annotated[
@@ -39,6 +41,7 @@ def options(
     cross_figure: Annotated[
         Path | None, Option(metavar="FILE", help="Also draw the cross-load histograms: .png, .svg or .pdf.")
     ] = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
     """Compare the thesis's options 1 to 5, 1₂ and 3₂: identify on the best poses, validate on all and on the rest.
 
@@ -51,7 +54,7 @@ def options(
     campaign = None if beside is None else campaign_named(beside)
     arm_name, the_arm = arm_for(data, arm)
     methods = []
-    for measured in [read_measurements(path, the_arm, arm_name) for path in (data, other) if path]:
+    for measured in [read_measurements(path, the_arm, arm_name, reading) for path in (data, other) if path]:
         with progress(f"options on {measured.path.name}") as tick:
             methods.append(run_options(the_arm, measured, poses, chosen, seed, tick))
         out.rule(measured.path.name)

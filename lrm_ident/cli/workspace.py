@@ -10,7 +10,8 @@ from typing import Annotated
 from typer import Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.common import app, check_distinct, log, progress, publish
+from lrm_ident.cli.command import command
+from lrm_ident.cli.common import check_distinct, log, progress, publish
 from lrm_ident.plots.style import check_format
 from lrm_ident.plots.workspace import draw_reach
 from lrm_ident.progress import OnProgress
@@ -29,7 +30,7 @@ from lrm_math.ik.closed_form import ClosedForm
 NOTHING = "none"
 
 
-@app.command()
+@command
 def reach(
     arm: arg.ArmArgument,
     variants: Annotated[

@@ -10,9 +10,13 @@ from lrm_math.errors import FileError
 
 
 def write_text(path: Path, text: str) -> None:
-    """Writes to a temporary file beside `path` and renames it. Raises `FileError` if that cannot be done."""
+    """Writes to a temporary file beside the file that `path` leads to, and renames it.
+
+    Raises `FileError` if that cannot be done.
+    """
+    target = path.resolve()
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     except OSError as error:
         raise FileError(path, "", f"cannot be written ({error.strerror})") from None
     try:
@@ -21,7 +25,7 @@ def write_text(path: Path, text: str) -> None:
             file.flush()
             os.fsync(file.fileno())
         os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+        os.replace(temporary, target)
     except OSError as error:
         Path(temporary).unlink(missing_ok=True)
         raise FileError(path, "", f"cannot be written ({error.strerror})") from None

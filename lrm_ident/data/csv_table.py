@@ -2,36 +2,51 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.csv_dialect import parse_table, read_text
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
 
 @dataclass(frozen=True)
 class CsvTable:
-    """Cells of a CSV file as text. `lines[i]`: line number of row i in the file."""
+    """Cells of a CSV file as text.
+
+    Attributes:
+        lines: line number in the file of each row; `header_line`: of the header.
+        stated: the file's own names of columns, by ours, where they differ.
+        factors: by which the numbers of a column are multiplied, where it is not one.
+    """
 
     path: Path
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
+    stated: Mapping[str, str] = field(default_factory=dict)
+    factors: Mapping[str, float] = field(default_factory=dict)
+    header_line: int = 1
 
     def numbers(self, column: str) -> Array:
-        """(N,), one column as finite numbers. Raises `FileError`."""
+        """(N,), one column as finite numbers in our unit. Raises `FileError`."""
         j = self.header.index(column)
-        return np.array([self._number(i, column, row[j]) for i, row in enumerate(self.rows)], dtype=np.float64)
+        values = np.array([self._number(i, column, row[j]) for i, row in enumerate(self.rows)], dtype=np.float64)
+        return values * self.factors.get(column, 1.0)
+
+    def with_factors(self, factors: Mapping[str, float]) -> CsvTable:
+        """The same table with other factors for some columns."""
+        return replace(self, factors={**self.factors, **factors})
 
     def at(self, row: int, column: str) -> str:
         """Location of a cell for error messages."""
-        return f"line {self.lines[row]}, column {column}"
+        return f"line {self.lines[row]}, column {self.stated.get(column, column)}"
 
     def reject(self, bad: NDArray[np.bool_], column: str, what: str, right: str = "") -> None:
         """Raises `FileError` at the first row where `bad` (N,) holds."""
@@ -50,35 +65,32 @@ class CsvTable:
 
 
 def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
-    """Reads a CSV file with a header.
+    """Reads a CSV file with a header whose names are ours, in any capitals.
 
     Raises `FileError`: no such file, a missing or doubled column, a row with too few or too many cells, no rows.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise FileError(path, "", "no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(path, "", f"cannot be read as text ({error})") from None
-    reader = csv.reader(text.splitlines())
-    header = tuple(name.strip() for name in next(reader, []))
+    return require(read_table(path), required)
+
+
+def read_table(path: Path) -> CsvTable:
+    """Reads a CSV file with a header, its columns named as in the file. Raises `FileError`."""
+    raw = parse_table(path, read_text(path))
+    return CsvTable(path, raw.rows[0], raw.rows[1:], raw.lines[1:], header_line=raw.lines[0])
+
+
+def require(table: CsvTable, required: Sequence[str]) -> CsvTable:
+    """The table, its required columns named as asked for. Raises `FileError`: a missing or doubled column, no rows."""
+    ours = {name.lower(): name for name in required}
+    header = tuple(ours.get(name.lower(), name) for name in table.header)
     missing = [name for name in required if name not in header]
     if missing:
-        raise FileError(path, "header", f"missing column {missing[0]}", f"required: {', '.join(required)}")
-    twice = [name for name in header if header.count(name) > 1]
+        raise FileError(table.path, "header", f"missing column {missing[0]}", f"required: {', '.join(required)}")
+    twice = [name for name, times in Counter(header).items() if times > 1 and name]
     if twice:
-        raise FileError(path, "header", f"column {twice[0]} stands twice")
-    rows, lines = [], []
-    for row in reader:
-        if row:
-            if len(row) != len(header):
-                what = f"{len(row)} cells, the header has {len(header)}"
-                raise FileError(path, f"line {reader.line_num}", what, "is the file cut off or a comma missing?")
-            rows.append(tuple(row))
-            lines.append(reader.line_num)
-    if not rows:
-        raise FileError(path, "", "no rows below the header")
-    return CsvTable(path, header, tuple(rows), tuple(lines))
+        raise FileError(table.path, "header", f"column {twice[0]} stands twice")
+    if not table.rows:
+        raise FileError(table.path, "", "no rows below the header")
+    return replace(table, header=header)
 
 
 def csv_text(columns: Iterable[tuple[str, Array, int]]) -> str:

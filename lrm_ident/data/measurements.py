@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,21 +12,30 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from lrm_ident.data.csv_table import CsvTable, csv_text, read_csv
+from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions
+from lrm_ident.data.csv_table import CsvTable, csv_text, require
+from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_measurement_table
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.toml_file import StrictSchema, read_toml
+from lrm_math.model.reading import Reading
+from lrm_math.toml_file import read_toml, schema_of
 
 ATTITUDE = ("qw", "qx", "qy", "qz")
 OPTIONAL = ("t_s", "session", "payload_g", *ATTITUDE, "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
+AS_NAMED = Reading()
+"""As the columns' names say."""
 LIMIT_TOLERANCE = np.radians(1e-6)
 
 
-class Metadata(StrictSchema):
-    """Metadata file `NAME.toml`, schema `lrm/measurements/1`."""
+class BeyondLimits(FileError):
+    """A joint angle beyond the limits of the arm."""
+
+
+class Metadata(Reading):
+    """Metadata file `NAME.toml`, schema `lrm/measurements/1`; it may say how the numbers are to be read."""
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
     arm: str | None = None
@@ -45,6 +55,9 @@ class Measurements:
         noise_sd: standard deviation per axis for all poses (m), or None.
         repeat_of: (N,), number of the pose that a row repeats, else its own number.
         notices: warnings about the file.
+        reading: how the file's numbers were read, where that was said.
+        stated: the same with the units of the columns' names.
+        left_out: numbers of poses that were taken out.
     """
 
     poses: Poses
@@ -57,6 +70,9 @@ class Measurements:
     sha256: str
     notices: tuple[str, ...] = ()
     arm: Arm | None = None
+    reading: Reading = AS_NAMED
+    stated: Reading = AS_NAMED
+    left_out: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -73,11 +89,27 @@ class Measurements:
             repeat_of=self.repeat_of[chosen],
         )
 
+    def without(self, numbers: Sequence[int]) -> Measurements:
+        """Without the poses of these numbers, which `left_out` then names too."""
+        gone = np.isin(self.pose, numbers)
+        return replace(self.take(~gone), left_out=tuple(sorted({*self.left_out, *self.pose[gone].tolist()})))
+
 
 def metadata_of(path: Path) -> Metadata | None:
-    """Metadata of a CSV file, or None if there is no such file. Raises `FileError`."""
+    """Metadata of a CSV file; None if there is no such file, or the one of that name is of another schema.
+
+    Raises `FileError`.
+    """
     file = path.with_suffix(".toml")
-    return read_toml(file, Metadata) if file.exists() else None
+    if not file.is_file() or is_something_else(file):
+        return None
+    return read_toml(file, Metadata)
+
+
+def is_something_else(sidecar: Path) -> bool:
+    """Whether a TOML file says by its schema that it is a model, an arm, or anything but metadata."""
+    schema = schema_of(sidecar)
+    return schema is not None and not schema.startswith("lrm/measurements/")
 
 
 def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
@@ -92,50 +124,105 @@ def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
     return metadata.arm, load_arm(metadata.arm)
 
 
-def load_measurements(path: Path, arm: Arm) -> Measurements:
-    """Reads measurements of an arm. Raises `FileError`: naming file, line and column of the first fault."""
-    angles = [f"q{i + 1}_deg" for i in range(arm.dof)]
-    table = read_csv(path, ["pose", *angles, "x_mm", "y_mm", "z_mm"])
+def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> Measurements:
+    """Reads measurements of an arm.
+
+    Args:
+        reading: how to read the numbers; what it leaves open, the file beside the data says, else the columns' names.
+
+    Raises `FileError`: naming file, line and column of the first fault (`BeyondLimits`: of a joint).
+    """
     metadata = metadata_of(path)
+    how = (reading or AS_NAMED).over(metadata)
+    table = _in_units(numbered(read_measurement_table(path)), how)
+    angles = _angle_columns(table, arm, how)
+    require(table, ["pose", *angles, *POSITION])
     pose = _whole(table, "pose")
     _check_once(table, pose)
-    q = read_angles(table, arm)
+    q = read_angles(table, arm, how)
     known = {name: table.numbers(name) for name in OPTIONAL if name in table.header}
-    start = None if metadata is None else metadata.start_q_deg
-    if start is not None and len(start) != arm.dof:
-        raise FileError(path.with_suffix(".toml"), "start_q_deg", f"{len(start)} angles", f"should be {arm.dof}")
+    start = _start(path, metadata, arm, how)
     sd = known.get("sd_mm")
     if sd is not None:
         table.reject(sd <= 0, "sd_mm", "not above zero")
     return Measurements(
-        poses=_poses(table, q, known, pose, None if start is None else np.radians(start)),
+        poses=_poses(table, q, known, pose, start, how),
         pose=pose,
-        tcp=np.stack([table.numbers(name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * MM,
+        tcp=read_positions(how, np.stack([table.numbers(name) for name in POSITION], axis=1) * MM),
         sd=None if sd is None else sd * MM,
         noise_sd=None if metadata is None or metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM,
         repeat_of=_repeats(table, pose),
         path=path,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        notices=tuple(_notices(table, [*angles, "pose", "x_mm", "y_mm", "z_mm", *OPTIONAL])),
+        notices=tuple(_notices(table, [*angles, "pose", *POSITION, *OPTIONAL])),
         arm=arm,
+        reading=Reading(**how.said()),
+        stated=_stated(table, how),
     )
+
+
+def _in_units(table: CsvTable, how: Reading) -> CsvTable:
+    """The table with the stated units in place of those of its columns' names."""
+    factors: dict[str, float] = {}
+    if how.unit:
+        factors |= dict.fromkeys(POSITION, LENGTH_UNITS[how.unit] / MM)
+    if how.angle_unit:
+        names = [name for name in table.header if ANGLES.fullmatch(name)]
+        factors |= dict.fromkeys(names, ANGLE_UNITS[how.angle_unit] / ANGLE_UNITS["deg"])
+    return table.with_factors(factors)
+
+
+def _stated(table: CsvTable, how: Reading) -> Reading:
+    """The reading with the units of the columns where it names none."""
+    units = {metres / MM: unit for unit, metres in LENGTH_UNITS.items()}
+    turns = {radians / ANGLE_UNITS["deg"]: unit for unit, radians in ANGLE_UNITS.items()}
+    unit, turn = units[table.factors.get("x_mm", 1.0)], turns[table.factors.get("q1_deg", 1.0)]
+    return Reading(**{"unit": unit, "angle_unit": turn, **how.said()})
+
+
+def _angle_columns(table: CsvTable, arm: Arm, how: Reading) -> list[str]:
+    """The columns of the arm's joints. Raises `FileError` if the file or the reading has another number of joints."""
+    for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
+        if values is not None and len(values) != arm.dof:
+            raise FileError(table.path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
+    angles = [f"q{i + 1}_deg" for i in range(arm.dof)]
+    more = [name for name in table.header if ANGLES.fullmatch(name) and name not in angles]
+    if more:
+        count = sum(1 for name in table.header if ANGLES.fullmatch(name))
+        raise FileError(table.path, "header", f"{count} joints, {arm.name} has {arm.dof}", "is this another arm?")
+    return angles
+
+
+def _start(path: Path, metadata: Metadata | None, arm: Arm, how: Reading) -> Array | None:
+    """(n,), joint angles before the first pose (rad), or None. Raises `FileError`."""
+    if metadata is None or metadata.start_q_deg is None:
+        return None
+    if len(metadata.start_q_deg) != arm.dof:
+        what = f"{len(metadata.start_q_deg)} angles"
+        raise FileError(path.with_suffix(".toml"), "start_q_deg", what, f"should be {arm.dof}")
+    return read_joints(how, np.radians(metadata.start_q_deg))
 
 
 def load_poses(path: Path, arm: Arm) -> Poses:
     """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`. Raises `FileError`."""
-    table = read_csv(path, [f"q{i + 1}_deg" for i in range(arm.dof)])
+    table = require(read_measurement_table(path), [f"q{i + 1}_deg" for i in range(arm.dof)])
     q = read_angles(table, arm)
     known: dict[str, Array] = {n: table.numbers(n) for n in ("t_s", "session", "temp_c") if n in table.header}
-    return _poses(table, q, known, _whole(table, "pose") if "pose" in table.header else None, None)
+    return _poses(table, q, known, _whole(table, "pose") if "pose" in table.header else None, None, AS_NAMED)
 
 
 def _poses(
-    table: CsvTable, q: Array, known: dict[str, Array], number: NDArray[np.int64] | None, start: Array | None
+    table: CsvTable,
+    q: Array,
+    known: dict[str, Array],
+    number: NDArray[np.int64] | None,
+    start: Array | None,
+    how: Reading,
 ) -> Poses:
     return Poses(
         q=q,
         payload=read_payload(table),
-        direction=read_approach(table, directions(q, start)),
+        direction=read_approach(table, directions(q, start), how),
         t=known.get("t_s"),
         session=known.get("session"),
         temperature=known.get("temp_c"),
@@ -143,17 +230,19 @@ def _poses(
     )
 
 
-def read_angles(table: CsvTable, arm: Arm) -> Array:
-    """(N, n) joint angles (rad), every one within the arm's limits. Raises `FileError`."""
-    q = np.radians(np.stack([table.numbers(f"q{i + 1}_deg") for i in range(arm.dof)], axis=1))
+def read_angles(table: CsvTable, arm: Arm, how: Reading = AS_NAMED) -> Array:
+    """(N, n) joint angles (rad), every one within the arm's limits. Raises `FileError`, `BeyondLimits`."""
+    columns = np.stack([table.numbers(f"q{i + 1}_deg") for i in range(arm.dof)], axis=1)
+    q = np.radians(read_joints(how, columns))
+    order = how.joint_order or range(1, arm.dof + 1)
     for i, joint in enumerate(arm.joints):
         outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
         if outside.any():
             row = int(np.argmax(outside))
             low, high = np.degrees([joint.lower, joint.upper])
-            raise FileError(
+            raise BeyondLimits(
                 table.path,
-                table.at(row, f"q{i + 1}_deg"),
+                table.at(row, f"q{order[i]}_deg"),
                 f"{np.degrees(q[row, i]):g} deg is beyond the limits of joint {i + 1}",
                 f"{low:g} to {high:g} deg",
             )
@@ -169,13 +258,13 @@ def read_payload(table: CsvTable) -> Array:
     return payload * GRAM
 
 
-def read_approach(table: CsvTable, moves: Array) -> Array:
+def read_approach(table: CsvTable, moves: Array, how: Reading) -> Array:
     """(N, n), approach directions: the column `approach`, else the moves. Raises `FileError`."""
     if "approach" not in table.header:
         return moves
     side = table.numbers("approach")
     table.reject(~np.isin(side, (-1.0, 0.0, 1.0)), "approach", "not a side", "1, -1, or 0 if unknown")
-    return np.repeat(side[:, None], moves.shape[1], axis=1)
+    return read_joints(how, np.repeat(side[:, None], moves.shape[1], axis=1))
 
 
 def directions(q: Array, start: Array | None) -> Array:
@@ -235,8 +324,14 @@ def _repeats(table: CsvTable, pose: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _notices(table: CsvTable, known: list[str]) -> list[str]:
-    unknown = [name for name in table.header if name not in known]
+    unknown = [name for name in table.header if name and name not in known]
     notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
+    taken = {ours: name for ours, name in table.stated.items() if ours in known and not name.lower().startswith(ours)}
+    if taken:
+        notices.append("read as: " + ", ".join(f"{ours} = '{name}'" for ours, name in taken.items()))
+    sidecar = table.path.with_suffix(".toml")
+    if sidecar.is_file() and is_something_else(sidecar):
+        notices.append(f"{sidecar.name} beside it is {schema_of(sidecar)}, so it says nothing of these data")
     if not table.path.read_bytes().endswith(b"\n"):
         notices.append("the last line does not end; is the file complete?")
     return notices

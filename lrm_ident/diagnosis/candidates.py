@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect, Parameter
+from lrm_math.effects import CATALOGUE, FORMS, Effect, Parameter
 from lrm_math.effects.base import Excitation
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import Response, effect_columns, respond
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
+REFINEMENT, PLAIN, FORM = 0, 1, 2
 Unfitted = tuple[Effect, tuple[int, ...]]
 """An effect, and which of its parameters are not fitted yet."""
 
@@ -27,6 +28,8 @@ class Candidate:
         rows: which of the effect's parameters are not in the model yet.
         shapes: for each combination of shape values that is tried: the effect's parameter vector at which its other
             parameters are zero (or the model's).
+        standing: its place in a tie: `REFINEMENT` of an effect of the model, `PLAIN` effect, or another `FORM` of an
+            effect that the model does not have.
         columns: for each of them (3 N, m): motion of the TCP for parameters of their typical size, pose by pose (m).
     """
 
@@ -34,6 +37,7 @@ class Candidate:
     rows: tuple[int, ...]
     shapes: tuple[tuple[float, ...], ...]
     columns: tuple[Array, ...]
+    standing: int
 
     @property
     def name(self) -> str:
@@ -47,16 +51,27 @@ class Candidate:
 
 
 def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:
-    """Every effect at every place of the model's arm, with the parameters that the model does not fit.
+    """Every effect in every form at every place of the model's arm, with the parameters that the model does not fit.
 
     Without `quantisation`, which is known and never fitted.
     """
-    for kind in catalogue:
+    for kind in (*catalogue, *FORMS):
         for place in kind.places(model.arm):
             effect = kind(model.arm, place)
             rows = unfitted_rows(effect, model.free)
             if rows and kind.id != "quantisation":
                 yield effect, rows
+
+
+def _present(model: Model) -> set[tuple[str, str]]:
+    return {(effect.id, effect.place) for effect in model.effects}
+
+
+def _standing(effect: Effect, present: set[tuple[str, str]]) -> int:
+    """See `Candidate.standing`."""
+    if any((kind, effect.place) in present for kind in (effect.id, *effect.refines)):
+        return REFINEMENT
+    return FORM if effect.refines else PLAIN
 
 
 def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:
@@ -65,12 +80,10 @@ def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:
     return tuple(i for i, p in enumerate(effect.parameters) if p.fixed is None and prefix + p.name not in fitted)
 
 
-def split_testable(
-    model: Model, rest: Equilibrium, catalogue: Iterable[type[Effect]] = CATALOGUE
-) -> tuple[list[Unfitted], list[tuple[Effect, str]]]:
-    """The catalogue's effects that these poses can test, and the others with the reason."""
+def split_testable(effects: Iterable[Unfitted], rest: Equilibrium) -> tuple[list[Unfitted], list[tuple[Effect, str]]]:
+    """The effects that these poses can test, and the others with the reason."""
     excitation = Excitation(rest.poses, rest.joint_torque)
-    tried = [(one, one[0].missing_excitation(excitation)) for one in unfitted_effects(model, catalogue)]
+    tried = [(one, one[0].missing_excitation(excitation)) for one in effects]
     testable = [one for one, reason in tried if reason is None]
     return testable, [(effect, reason) for (effect, _), reason in tried if reason is not None]
 
@@ -79,22 +92,23 @@ def differentiate_candidates(
     model: Model, poses: Poses, effects: Sequence[Unfitted]
 ) -> tuple[Response, list[Candidate]]:
     """The columns of every effect at the model's equilibrium, where none of them acts yet; and that response."""
-    present = {(effect.id, effect.place) for effect in model.effects}
+    present = _present(model)
     added = [effect for effect, _ in effects if (effect.id, effect.place) not in present]
     known = {key: model.value(key) for key in model.keys}
     extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free)
     response = respond(equilibrium(extended, poses))
-    return response, [_candidate(extended, effect, rows, response) for effect, rows in effects]
+    found = (_candidate(extended, effect, rows, response, _standing(effect, present)) for effect, rows in effects)
+    return response, list(found)
 
 
-def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response: Response) -> Candidate:
+def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response: Response, standing: int) -> Candidate:
     parameters, prefix = effect.parameters, f"{effect.id}.{effect.place}."
     present = [extended.value(prefix + parameter.name) for parameter in parameters]
     shapes = _shapes(parameters, present, fixed=any(prefix + p.name in extended.free for p in parameters))
     typical = np.array([parameters[row].typical for row in rows])
     moved = (effect_columns(effect, shape, response)[list(rows)] for shape in shapes)
     columns = tuple((motion.transpose(2, 1, 0) * typical).reshape(-1, len(rows)) for motion in moved)
-    return Candidate(effect, rows, shapes, columns)
+    return Candidate(effect, rows, shapes, columns, standing)
 
 
 def _shapes(parameters: Sequence[Parameter], present: Sequence[float], fixed: bool) -> tuple[tuple[float, ...], ...]:

@@ -1,8 +1,9 @@
 """Diagnosis: which physical effect is missing, that none is, or that structure is left which no effect explains.
 
-Every effect of the catalogue at every place is tried on the residual (score test) and judged by the held-out error that
-it would leave; effects are taken by forward selection. Then free functions are tried on what is left: they separate an
-effect that is really there from one that only resembles a structure outside the catalogue.
+measurements -> fit -> candidates -> forms -> judge -> report: this is the linear screening, `judge` refits its result.
+Every effect of the catalogue in every form at every place is tried on the residual (score test) and judged by the
+held-out error that it would leave; effects are taken by forward selection. Then free functions are tried on what is
+left: they separate an effect that is really there from one that only resembles a structure outside the catalogue.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.stats import chi2
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.candidates import differentiate_candidates, split_testable
+from lrm_ident.diagnosis.candidates import differentiate_candidates, split_testable, unfitted_effects
 from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE, equivalent_effects, forward_select
 from lrm_ident.diagnosis.free_functions import free_functions
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
@@ -23,7 +25,7 @@ from lrm_ident.diagnosis.score_test import ScoredCandidate, benjamini_yekutieli,
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
 from lrm_ident.estimation.cross_validation import joint_space_folds
 from lrm_ident.estimation.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
-from lrm_ident.estimation.loss import robust_scale
+from lrm_ident.estimation.loss import Loss, robust_scale
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
@@ -31,7 +33,8 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.model import Model
 
 FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
-Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure"]
+NOT_NOISE = 1e-3  # p value of the chi-squared test below which the residual exceeds the floor surely
+Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +47,7 @@ class Diagnosis:
         selected: by forward selection, in that order, spurious ones included.
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
         joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad).
-        outliers: numbers of the poses left out.
+        outliers: numbers of the poses left out. loss: of every fit; None: least squares.
     """
 
     fit: Fit
@@ -60,6 +63,7 @@ class Diagnosis:
     not_testable: tuple[tuple[Effect, str], ...]
     joint_jacobian: Array
     outliers: tuple[int, ...] = ()
+    loss: Loss | None = None
 
     @property
     def supported(self) -> tuple[ScoredCandidate, ...]:
@@ -76,32 +80,48 @@ class Diagnosis:
         structure, floor = self.structure, self.floor.sd
         significant = structure.p_value < SIGNIFICANCE or structure.order_p_value < SIGNIFICANCE
         matters = structure.moran_i > MORAN_THRESHOLD if floor is None else self.fit.sigma > FLOOR_RATIO * floor
-        return "unexplained_structure" if significant and matters else "nothing_missing"
+        if significant and matters:
+            return "unexplained_structure"
+        return "unpredictable" if self.above_floor else "nothing_missing"
+
+    @property
+    def above_floor(self) -> bool:
+        """Whether the residual surely exceeds a known noise floor, by more than this may be misstated (χ² test)."""
+        floor, freedom = self.floor.sd, 3 * len(self.data) - len(self.fit.model.free)
+        if floor is None or self.fit.sigma <= FLOOR_RATIO * floor:
+            return False
+        return bool(chi2.sf(freedom * (self.fit.sigma / floor) ** 2, freedom) < NOT_NOISE)
 
 
 def diagnose(
-    model: Model, data: Measurements, catalogue: Iterable[type[Effect]] = CATALOGUE, progress: OnProgress = silent
+    model: Model,
+    data: Measurements,
+    catalogue: Iterable[type[Effect]] = CATALOGUE,
+    progress: OnProgress = silent,
+    loss: Loss | None = None,
 ) -> Diagnosis:
-    """Finds what a model misses on measurements. The model's free parameters are refitted first.
+    """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
 
     Raises:
         LrmError: too few poses, or the fit does not converge.
     """
     kinds = tuple(catalogue)
-    first = _diagnose(model, data, kinds, progress)
+    first = _diagnose(model, data, kinds, progress, loss)
     outliers = _outliers(first)
     if not outliers:
         return first
-    kept = np.setdiff1d(np.arange(len(data)), outliers)
-    again = _diagnose(first.fit.model, data.take(kept), kinds, progress)
-    return replace(again, outliers=tuple(int(data.pose[row]) for row in outliers))
+    numbers = tuple(int(data.pose[row]) for row in outliers)
+    again = _diagnose(first.fit.model, data.without(numbers), kinds, progress, loss)
+    return replace(again, outliers=numbers)
 
 
-def _diagnose(model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: OnProgress) -> Diagnosis:
-    fitted = fit(model, data)
-    weight = _weights(data)
-    linear = _linearise(fitted, data, weight)
-    testable, not_testable = split_testable(fitted.model, fitted.rest, kinds)
+def _diagnose(
+    model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: OnProgress, loss: Loss | None
+) -> Diagnosis:
+    fitted = fit(model, data, loss=loss)
+    weight = row_weights(data, fitted)
+    linear = linearised(fitted, data, weight)
+    testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.rest)
     response, found = differentiate_candidates(fitted.model, data.poses, testable)
     scored, undetectable = score_candidates(found, linear, weight, progress)
     ranked = sorted(scored, key=lambda one: one.alone.rms)
@@ -121,17 +141,18 @@ def _diagnose(model: Model, data: Measurements, kinds: tuple[type[Effect], ...],
         unexplained=unexplained_structure(selected, linear, functions, weight),
         not_testable=(*not_testable, *undetectable),
         joint_jacobian=joint_jacobian,
+        loss=loss,
     )
 
 
-def _weights(data: Measurements) -> Array:
-    """(3 N, 1), relative weight of each row, of mean square near one."""
-    if data.sd is None:
-        return np.ones((3 * len(data), 1))
-    return np.repeat(np.sqrt(np.mean(data.sd**2)) / data.sd, 3)[:, None]
+def row_weights(data: Measurements, fitted: Fit) -> Array:
+    """(3 N, 1), relative weight of each row, of mean square near one: by its stated noise and the loss of the fit."""
+    known = np.ones(len(data)) if data.sd is None else np.sqrt(np.mean(data.sd**2)) / data.sd
+    return np.repeat(known * np.sqrt(fitted.weight), 3)[:, None]
 
 
-def _linearise(fitted: Fit, data: Measurements, weight: Array) -> LinearisedFit:
+def linearised(fitted: Fit, data: Measurements, weight: Array) -> LinearisedFit:
+    """A fit linearised at its minimum, with the joint-space blocks. `weight`: (3 N, 1), relative weight of each row."""
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     typical = np.array([fitted.model.parameters[fitted.model.position(key)].typical for key in keys])
     columns = (parameter_jacobian(fitted.rest, keys) * typical).reshape(-1, len(keys))

@@ -10,15 +10,14 @@ import numpy as np
 
 from lrm_ident.data.data_audit import audit
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.forward_selection import MIN_GAIN
+from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.diagnosis.score_test import ScoredCandidate
-from lrm_ident.estimation.cross_validation import held_out_residual
+from lrm_ident.estimation.left_to_find import LeftToFind, left_to_find
 from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_math.errors import LrmError
+from lrm_ident.estimation.parameter_hints import parameter_hints
 
-MAX_REFITS = 3  # candidates that are refitted and cross-validated in full
 DISPLAY_UNITS = {
     "rad": (180.0 / np.pi, "°"),
     "rad_per_rad": (100.0, " %"),
@@ -52,7 +51,10 @@ class RankedCandidate:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisReport:
-    """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next."""
+    """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
+
+    `left`: what could be predicted without names. `hints`: what the estimates look like together, no effects.
+    """
 
     diagnosis: Diagnosis
     verdict: Verdict
@@ -61,6 +63,8 @@ class DiagnosisReport:
     ranking: tuple[RankedCandidate, ...]
     limitations: tuple[str, ...]
     hint: str
+    left: LeftToFind
+    hints: tuple[str, ...]
 
     @property
     def first(self) -> RankedCandidate | None:
@@ -69,49 +73,31 @@ class DiagnosisReport:
 
 
 def build_report(diagnosis: Diagnosis, on_progress: Callable[[str], object] = str) -> DiagnosisReport:
-    """Ranks every candidate; the best few are refitted and cross-validated in full.
+    """Judges a diagnosis and reports it.
 
     Args:
         on_progress: called with what is being done.
     """
-    on_progress("cross-validating the model as it is")
-    before = error_stats(held_out_residual(diagnosis.fit.model, diagnosis.data))
-    refitted: dict[str, tuple[Fit, float]] = {}
-    supported = list(diagnosis.supported)
-    for scored in _to_refit(diagnosis):
-        on_progress(f"refitting with {scored.name}")
-        found = _refit(diagnosis, scored)
-        if found and found[1] < (1.0 - MIN_GAIN) * before.rms:
-            refitted[scored.name] = found
-        elif scored in supported:
-            supported.remove(scored)
-    lost = diagnosis.verdict == "effect_missing" and not supported
+    return report_of(judge(diagnosis, on_progress))
+
+
+def report_of(judgement: Judgement) -> DiagnosisReport:
+    """Ranks every candidate, the judge's first; says what is left to find, and what to measure next."""
+    diagnosis, supported = judgement.diagnosis, judgement.supported
+    left = left_to_find(diagnosis.fit, diagnosis.data, judgement.blocks)
+    before = error_stats(judgement.held_out)
+    more = judgement.verdict in ("nothing_missing", "unpredictable") and left.predictable.more_to_find
     return DiagnosisReport(
         diagnosis=diagnosis,
-        verdict="unexplained_structure" if lost else diagnosis.verdict,
+        verdict="unexplained_structure" if more else judgement.verdict,
         fit=error_stats(diagnosis.fit.residual),
         held_out=before,
-        ranking=tuple(_rank(one, diagnosis, supported, refitted, before) for one in _order(diagnosis, supported)),
+        ranking=tuple(_rank(one, judgement, before) for one in _order(diagnosis, supported)),
         limitations=audit(diagnosis.data, diagnosis.fit.rest.joint_torque),
         hint=_hint(diagnosis, supported),
+        left=left,
+        hints=parameter_hints(diagnosis.fit),
     )
-
-
-def _to_refit(diagnosis: Diagnosis) -> list[ScoredCandidate]:
-    """The first supported effect, those equivalent to it, then the other supported ones."""
-    by_name = {scored.name: scored for scored in diagnosis.scored}
-    names = [scored.name for scored in diagnosis.supported]
-    names[1:1] = [other for name in names[:1] for other in diagnosis.equivalent[name]]
-    return [by_name[name] for name in names[:MAX_REFITS]]
-
-
-def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> tuple[Fit, float] | None:
-    """The fit with a candidate and its held-out RMS (m)."""
-    try:
-        fitted = add_effects(diagnosis.fit.model, diagnosis.data, [scored.candidate.effect], scored.shape)
-        return fitted, error_stats(held_out_residual(fitted.model, diagnosis.data)).rms
-    except LrmError:
-        return None
 
 
 def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
@@ -122,14 +108,9 @@ def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[S
     return [*supported, *rest]
 
 
-def _rank(
-    scored: ScoredCandidate,
-    diagnosis: Diagnosis,
-    supported: Sequence[ScoredCandidate],
-    refitted: dict[str, tuple[Fit, float]],
-    before: ErrorStats,
-) -> RankedCandidate:
-    fitted, rms = refitted.get(scored.name, (None, scored.alone.rms))
+def _rank(scored: ScoredCandidate, judgement: Judgement, before: ErrorStats) -> RankedCandidate:
+    diagnosis, supported, refit = judgement.diagnosis, judgement.supported, judgement.refits.get(scored.name)
+    fitted, rms = (None, scored.alone.rms) if refit is None else (refit.fit, refit.error.rms)
     estimates = _estimates(scored) if fitted is None else _fitted_estimates(scored, fitted)
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())

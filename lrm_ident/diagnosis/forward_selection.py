@@ -1,9 +1,14 @@
-"""Forward selection of effects by held-out error, and which effects the data cannot distinguish from each."""
+"""Forward selection of effects by held-out error, and which effects the data cannot distinguish from each.
+
+The ranking is by help. Of what prediction cannot separate, a refinement of what the model has comes before a plain
+effect, and that before another form of an effect that the model does not have.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
 from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, paired_z, principal_cosine
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate, f_test_p_value, yekutieli_factor
 from lrm_ident.progress import OnProgress
@@ -11,34 +16,83 @@ from lrm_ident.progress import OnProgress
 SIGNIFICANCE = 0.01  # p value after Benjamini and Yekutieli, of all candidates together
 MIN_GAIN = 0.02  # part of the held-out RMS that an effect must save to be worth naming
 EQUIVALENCE_COSINE = 0.95  # principal cosine above which the data cannot distinguish two effects
+EQUIVALENT_GAIN = 0.5  # part of an effect's gain that an equivalent must have
+SIMILAR_GAIN = 0.8  # part of an effect's gain that a simpler one must have to be taken instead
 MAX_EFFECTS = 8
+Choice = tuple[Explanation, ScoredCandidate]
 
 
 def forward_select(
     ranked: Sequence[ScoredCandidate], linear: LinearisedFit, progress: OnProgress
 ) -> list[ScoredCandidate]:
-    """Adds the best effect, one after the other, as long as one is significant, plausible, and predicts better."""
+    """Adds the best effect, one after the other, as long as one is significant, plausible, and predicts better.
+
+    Where the model has effects with other forms, a new name must also explain what none of these forms explains: a
+    formula that does not fit is no new cause.
+    """
     selected: list[ScoredCandidate] = []
     now = start = linear.explain()
     while len(selected) < MAX_EFFECTS:
         taken = [one.projected for one in selected]
         freedom = linear.degrees_of_freedom - sum(one.size for one in selected)
-        choices = []
+        choices: list[Choice] = []
         for one in ranked:
             if one not in selected and not one.implausible:
-                then = linear.explain(*taken, one.projected)
-                p_value = f_test_p_value(now.in_sample, then.in_sample, one.size, freedom)
+                tried = linear.explain(*taken, one.projected)
+                p_value = f_test_p_value(now.in_sample, tried.in_sample, one.size, freedom)
                 adjusted = p_value * yekutieli_factor(len(ranked)) * len(one.candidate.columns)
-                if adjusted < SIGNIFICANCE and improves_prediction(then, now, start):
-                    choices.append((then, one))
+                if adjusted < SIGNIFICANCE and improves_prediction(tried, now, start):
+                    choices.append((tried, one))
         progress(1 + len(selected), MAX_EFFECTS)
+        standing = {one.name: _standing(one, selected) for one in ranked}
+        forms = [one.projected for one in ranked if _is_refinement(one, standing) and one not in selected]
+        while choices:
+            then, chosen = _choose(choices, now, standing)
+            if standing[chosen.name] == REFINEMENT or not forms:
+                break
+            beside = linear.explain(*taken, *forms), linear.explain(*taken, *forms, chosen.projected)
+            if improves_prediction(beside[1], beside[0], start):
+                break
+            choices.remove((then, chosen))
         if not choices:
             break
-        best = min(choices, key=lambda choice: choice[0].rms)[0]
-        near = [choice for choice in choices if paired_z(best.held_out, choice[0].held_out) < 1.0]
-        now, simplest = min(near, key=lambda choice: (choice[1].size, choice[0].rms))
-        selected.append(simplest)
+        now = then
+        selected.append(chosen)
     return selected
+
+
+def _standing(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
+    """Its standing beside the effects of the model and those selected."""
+    effect, names = one.candidate.effect, {other.name for other in selected}
+    refines = any(f"{kind}@{effect.place}" in names for kind in effect.refines)
+    return REFINEMENT if refines else one.candidate.standing
+
+
+def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
+    return standing[one.name] == REFINEMENT and bool(one.candidate.effect.refines)
+
+
+def _choose(choices: Sequence[Choice], now: Explanation, standing: dict[str, int]) -> Choice:
+    """The most helpful; of those that prediction cannot separate from it, by standing, then by number of parameters."""
+    best = min(choices, key=lambda choice: choice[0].rms)[0]
+
+    def near(choice: Choice, z: float, share: float) -> bool:
+        gain, most = (float(now.held_out.mean() - then.held_out.mean()) for then in (choice[0], best))
+        return gain > share * most and paired_z(best.held_out, choice[0].held_out) < z
+
+    first = min(standing[choice[1].name] for choice in choices if near(choice, Z_THRESHOLD, EQUIVALENT_GAIN))
+    equal = [choice for choice in choices if standing[choice[1].name] == first]
+    best = min(equal, key=lambda choice: choice[0].rms)[0]
+    similar = [choice for choice in equal if near(choice, 1.0, SIMILAR_GAIN)]
+    chosen = min(similar, key=lambda choice: (choice[1].size, choice[0].rms))
+    return chosen if first < FORM else _plain(chosen, choices)
+
+
+def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
+    """The best plain effect that this form refines, if one helps: it is named first; else the form itself."""
+    form = chosen[1].candidate.effect
+    names = {f"{kind}@{form.place}" for kind in form.refines}
+    return min((c for c in choices if c[1].name in names), key=lambda choice: choice[0].rms, default=chosen)
 
 
 def improves_prediction(then: Explanation, now: Explanation, start: Explanation) -> bool:
@@ -51,16 +105,19 @@ def improves_prediction(then: Explanation, now: Explanation, start: Explanation)
 def equivalent_effects(
     one: ScoredCandidate, selected: Sequence[ScoredCandidate], ranked: Sequence[ScoredCandidate], linear: LinearisedFit
 ) -> tuple[str, ...]:
-    """Names of candidates that the data cannot distinguish from `one` in its place."""
+    """Names of candidates that the data cannot distinguish from `one` in its place.
+
+    Without forms of effects that the model does not have: they are no causes of their own.
+    """
     others = [other.projected for other in selected[: selected.index(one)]]
     without, with_it = linear.explain(*others), linear.explain(*others, one.projected)
     gain = float(without.held_out.mean() - with_it.held_out.mean())
     equivalent = []
     for rival in ranked:
-        if rival is one or rival.implausible:
+        if rival is one or rival.implausible or rival.candidate.standing == FORM:
             continue
         instead = linear.explain(*others, rival.projected)
-        if float(without.held_out.mean() - instead.held_out.mean()) > 0.5 * gain and (
+        if float(without.held_out.mean() - instead.held_out.mean()) > EQUIVALENT_GAIN * gain and (
             paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
             or principal_cosine(one.projected.all_rows, rival.projected.all_rows) > EQUIVALENCE_COSINE
         ):

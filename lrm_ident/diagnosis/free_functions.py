@@ -71,7 +71,8 @@ def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> 
     shared = [covariate for covariate in shared if covariate.levels > 1]
     univariate, bivariate = [], []
     for joint, motion in enumerate(joint_jacobian):
-        candidates = [*shared, _covariate(f"tau{joint + 1}", torque[:, joint])]
+        own = _covariate(f"tau{joint + 1}", torque[:, joint])
+        candidates = [*shared, *([own] if own.levels > 1 else [])]
         for one in candidates:
             univariate.append(FreeFunction(joint, (one.name,), _columns(motion, one.legendre_basis(SINGLE_DEGREE))))
         for a, b in combinations(candidates, 2):

@@ -15,7 +15,7 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.candidates import split_testable
+from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.effect_plugins import catalogue_with
 from lrm_ident.estimation.identifiability import fit_identifiable
@@ -70,7 +70,9 @@ def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[st
     """Names of effects that the poses can test and that match the pattern; the others with the reason."""
     base = _base(load_arm(plan.arm))
     base = replace(base, free=tuple(base.keys))
-    testable, not_testable = split_testable(base, equilibrium(base, plan.poses), catalogue_with(plan.effects_file))
+    effects = unfitted_effects(base, catalogue_with(plan.effects_file))
+    plain = [one for one in effects if not one[0].refines]
+    testable, not_testable = split_testable(plain, equilibrium(base, plan.poses))
     names = [f"{effect.id}@{effect.place}" for effect, _ in testable]
     return [name for name in names if fnmatchcase(name, pattern)], not_testable
 

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.estimation.levenberg_marquardt import OUTLIER_DISTANCE
+from lrm_ident.estimation.loss import robust_scale
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes
@@ -162,7 +164,12 @@ def principal_cosine(a: Array, b: Array) -> float:
 
 
 def paired_z(better: Array, worse: Array) -> float:
-    """z score of a paired difference of squared errors (N,): mean over its standard error (Vuong 1989)."""
-    difference = worse - better
+    """z score of a paired difference of squared errors (N,): mean over its standard error (Vuong 1989).
+
+    Errors are winsorised at `OUTLIER_DISTANCE` robust standard deviations of the better prediction: a few poses where a
+    joint is about to fall over to the other side of its play would decide else.
+    """
+    most = (OUTLIER_DISTANCE * robust_scale(np.sqrt(better))) ** 2
+    difference = np.minimum(worse, most) - np.minimum(better, most)
     spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
     return float(difference.mean() / spread) if spread > 0 else 0.0

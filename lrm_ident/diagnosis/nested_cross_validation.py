@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.add_effect import run_auto
+from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.effect_plugins import Catalogue
 from lrm_ident.estimation.cross_validation import joint_space_folds
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
+from lrm_ident.estimation.loss import Loss
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
@@ -32,6 +33,7 @@ def nested_held_out(
     catalogue: Catalogue = CATALOGUE,
     effects_file: Path | None = None,
     progress: OnProgress = silent,
+    loss: Loss | None = None,
 ) -> HeldOutResidual:
     """Each joint-space block predicted by an `auto` that selected its effects without it.
 
@@ -43,7 +45,7 @@ def nested_held_out(
     """
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     parts = [fold == number for number in range(int(fold.max()) + 1)]
-    predict = partial(_predict, model, data, max_effects, catalogue)
+    predict = partial(_predict, model, data, max_effects, catalogue, loss)
     residual = np.empty_like(data.tcp)
     workers: AbstractContextManager[ProcessPoolExecutor | None] = nullcontext()
     if effects_file is None:
@@ -59,7 +61,14 @@ def nested_held_out(
     return HeldOutResidual(residual)
 
 
-def _predict(model: Model, data: Measurements, max_effects: int, catalogue: Catalogue, out: NDArray[np.bool_]) -> Array:
+def _predict(
+    model: Model,
+    data: Measurements,
+    max_effects: int,
+    catalogue: Catalogue,
+    loss: Loss | None,
+    out: NDArray[np.bool_],
+) -> Array:
     """(n, 3), measured − predicted TCP of the poses `out` (m), which the selection and the fit did not see."""
-    chosen = run_auto(model, data.take(~out), max_effects, catalogue).model
+    chosen = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss).model
     return np.asarray(data.tcp[out] - equilibrium(chosen, data.poses.take(out)).tcp)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +11,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.estimation.fold_steps import models_without
 from lrm_ident.estimation.levenberg_marquardt import Bounds, fit
 from lrm_ident.estimation.loss import Loss
 from lrm_ident.estimation.priors import Prior
+from lrm_ident.nonparametric.predictability import HeldOutBlock, held_out_rows
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -20,6 +23,7 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 
 FOLDS = 10
+MOST_AT_ONCE = 2000  # poses up to which every fold is fitted anew
 
 
 def joint_space_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
@@ -66,6 +70,46 @@ def _bisect(q: Array, rows: NDArray[np.int64], count: int) -> Iterator[NDArray[n
     yield from _bisect(q, order[cut:], count - left)
 
 
+def held_out_blocks(
+    model: Model,
+    data: Measurements,
+    bounds: Bounds | None = None,
+    loss: Loss | None = None,
+    progress: OnProgress = silent,
+    count: int = FOLDS,
+    prior: Prior | None = None,
+) -> tuple[HeldOutBlock, ...]:
+    """Each fold predicted by a fit of the free parameters to the other folds; residuals are measured − predicted TCP.
+
+    Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`models_without`).
+
+    Raises `LrmError`: too few poses, or a fold that does not converge.
+    """
+    fold = joint_space_folds(data.poses.q, data.repeat_of, count)
+    left_out, blocks = [np.flatnonzero(fold == number) for number in range(count)], []
+    refitted = models_without if len(data) > MOST_AT_ONCE else _refitted
+    models = refitted(model, data, left_out, bounds, loss, prior) if model.free else repeat(model)
+    for number, (test, fitted) in enumerate(zip(left_out, models, strict=False)):
+        train = np.flatnonzero(fold != number)
+        left = [data.tcp[rows] - equilibrium(fitted, data.poses.take(rows)).tcp for rows in (train, test)]
+        blocks.append(HeldOutBlock(train, test, *left))
+        progress(number + 1, count)
+    return tuple(blocks)
+
+
+def _refitted(
+    model: Model,
+    data: Measurements,
+    left_out: Sequence[NDArray[np.int64]],
+    bounds: Bounds | None,
+    loss: Loss | None,
+    prior: Prior | None,
+) -> Iterator[Model]:
+    """For each block the model, fitted to the other blocks."""
+    for rows in left_out:
+        yield fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior).model
+
+
 def held_out_residual(
     model: Model,
     data: Measurements,
@@ -75,15 +119,5 @@ def held_out_residual(
     count: int = FOLDS,
     prior: Prior | None = None,
 ) -> Array:
-    """(N, 3), measured − predicted TCP (m); each fold predicted by a fit of the free parameters to the other folds.
-
-    Raises `LrmError`: too few poses, or a fold that does not converge.
-    """
-    fold = joint_space_folds(data.poses.q, data.repeat_of, count)
-    residual = np.empty_like(data.tcp)
-    for number in range(count):
-        left_out = fold == number
-        fitted = fit(model, data.take(~left_out), bounds, loss, prior).model if model.free else model
-        residual[left_out] = data.tcp[left_out] - equilibrium(fitted, data.poses.take(left_out)).tcp
-        progress(number + 1, count)
-    return residual
+    """(N, 3), the residual of every pose in the fold that held it out (m). As `held_out_blocks`."""
+    return held_out_rows(held_out_blocks(model, data, bounds, loss, progress, count, prior))

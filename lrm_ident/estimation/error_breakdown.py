@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.estimation.cross_validation import held_out_residual
+from lrm_ident.estimation.cross_validation import held_out_blocks
 from lrm_ident.estimation.levenberg_marquardt import Bounds
 from lrm_ident.estimation.loss import Loss
 from lrm_ident.estimation.priors import Prior
+from lrm_ident.nonparametric.predictability import HeldOutBlock, PredictableError, held_out_rows, predictable_error
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -59,10 +60,11 @@ class Factor:
 
 @dataclass(frozen=True, eq=False)
 class HeldOutResidual:
-    """Held-out residual (N, 3) in m, or the reason why there is none."""
+    """Held-out residual (N, 3) in m, or the reason why there is none; and the blocks that it came from."""
 
     residual: Array | None
     reason: str = ""
+    blocks: tuple[HeldOutBlock, ...] = ()
 
     @property
     def error(self) -> ErrorStats | None:
@@ -72,7 +74,11 @@ class HeldOutResidual:
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """A model against measurements. `factors`: by decreasing share; `worst`: rows by decreasing error."""
+    """A model against measurements.
+
+    `predictable`: what a nameless model could still predict, where there is a held-out error. `factors`: by decreasing
+    share; `worst`: rows by decreasing error.
+    """
 
     data: Measurements
     rest: Equilibrium
@@ -80,12 +86,17 @@ class ModelComparison:
     nominal: ErrorStats
     error: ErrorStats
     held_out: HeldOutResidual
+    predictable: PredictableError | None
     factors: tuple[Factor, ...]
     worst: tuple[int, ...]
 
 
 def compare(
-    model: Model, data: Measurements, progress: OnProgress = silent, prior: Prior | None = None
+    model: Model,
+    data: Measurements,
+    progress: OnProgress = silent,
+    prior: Prior | None = None,
+    loss: Loss | None = None,
 ) -> ModelComparison:
     """Compares a model, as it is, with measurements; held out, its free parameters are refitted in every fold.
 
@@ -95,13 +106,15 @@ def compare(
     residual = data.tcp - rest.tcp
     nominal = equilibrium(model_of(model.arm, ()), data.poses)
     distance = np.linalg.norm(residual, axis=1)
+    held_out = try_held_out(model, data, loss=loss, progress=progress, prior=prior)
     return ModelComparison(
         data=data,
         rest=rest,
         residual=residual,
         nominal=error_stats(data.tcp - nominal.tcp),
         error=error_stats(residual),
-        held_out=try_held_out(model, data, progress=progress, prior=prior),
+        held_out=held_out,
+        predictable=predictable_error(data, held_out.blocks) if held_out.blocks else None,
         factors=tuple(sorted(_factors(rest, data, residual), key=lambda factor: -factor.share)),
         worst=tuple(np.argsort(-distance)[:WORST].tolist()),
     )
@@ -117,9 +130,10 @@ def try_held_out(
 ) -> HeldOutResidual:
     """The held-out residual, or the reason why there is none (too few poses, a fold that does not converge)."""
     try:
-        return HeldOutResidual(held_out_residual(model, data, bounds, loss, progress, prior=prior))
+        blocks = held_out_blocks(model, data, bounds, loss, progress, prior=prior)
     except LrmError as error:
         return HeldOutResidual(None, str(error))
+    return HeldOutResidual(held_out_rows(blocks), blocks=blocks)
 
 
 def _factors(rest: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:

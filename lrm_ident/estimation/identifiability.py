@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.estimation.block_qr import compress
 from lrm_ident.estimation.levenberg_marquardt import Bounds, Fit, bounds_of, check_enough, fit
 from lrm_ident.estimation.loss import Loss
 from lrm_math.arrays import Array
-from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
@@ -20,10 +22,15 @@ ROUND_OFF = 1e-7  # a column is numerically dependent if its independent part is
 MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
 NEGLIGIBLE = 0.05  # share of a combination that is not listed
 MAX_ITERATIONS = 6
+MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them
 SELECTION_ORDER = (
     *("compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
     *("offsets.joint*_mm", "offsets.joint*", "offsets.base.*", "offsets.tool.*", "*"),
 )
+AFTER_TOOL = "offsets.joint*_mm"  # the pattern that follows the tool's position
+SHORT_LEVER = 0.05
+"""m: closer to an axis, a tool offset of typical size (5 mm) equals a turn of more than 0.1 rad, too large for a zero
+offset and for the linearisation of the fit."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +63,25 @@ def selection_order(model: Model, keys: Sequence[str]) -> list[str]:
 
     The most important on such an arm come first: compliances, joint zero offsets, positions of base and tool; then
     lengths and twists, each from the base outwards; then the parameters of further effects.
+
+    The last joint's zero offset moves the TCP as an offset of the tool does, divided by the TCP's distance from that
+    axis. Close to the axis a small tool offset would need a large turn, so the tool's position comes first there.
     """
+    late = f"offsets.joint{model.arm.dof}.theta_rad" if _last_lever(model) < SHORT_LEVER else ""
 
     def rank(key: str) -> int:
-        return next(i for i, pattern in enumerate(SELECTION_ORDER) if fnmatchcase(key, pattern))
+        placed_as = AFTER_TOOL if key == late else key
+        return next(i for i, pattern in enumerate(SELECTION_ORDER) if fnmatchcase(placed_as, pattern))
 
     return sorted(keys, key=lambda key: (rank(key), model.position(key)))
+
+
+def _last_lever(model: Model) -> float:
+    """Distance of the nominal TCP from the last joint's axis (m)."""
+    stretched = chain_geometry(model.chain, model.chain.values([0.0] * model.arm.dof), 1)
+    last = model.chain.joint_slots[-1]
+    axis, to_tcp = stretched.axis[last, :, 0], stretched.tcp[:, 0] - stretched.origin[last, :, 0]
+    return float(np.linalg.norm(np.cross(axis, to_tcp)))
 
 
 def select_identifiable(
@@ -81,25 +101,39 @@ def select_identifiable(
     model = rest.model
     order = selection_order(model, keys)
     typical = np.array([model.parameters[model.position(key)].typical for key in order])
-    columns = (parameter_jacobian(rest, order) * typical * _weights(sd)).reshape(-1, len(order))
-    basis = np.empty((columns.shape[0], 0))
-    kept: list[int] = []
-    dropped: list[tuple[int, float]] = []
-    for j in range(len(order)):
-        whole = float(np.linalg.norm(columns[:, j]))
-        left = columns[:, j] - basis @ (basis.T @ columns[:, j])
-        left -= basis @ (basis.T @ left)
-        independent = float(np.linalg.norm(left))
-        if independent > max(MIN_T * noise, ROUND_OFF * whole):
-            kept.append(j)
-            basis = np.column_stack([basis, left / independent])
-        else:
-            dropped.append((j, independent))
+    columns = compress(rest, order, _weights(sd), np.zeros_like(rest.tcp)).columns
+    kept, dropped = _gram_schmidt(columns, noise)
     held = [
         explain_dependence(columns, typical, order, model, kept, j, independent, noise) for j, independent in dropped
     ]
     chosen = {order[j] for j in kept}
     return IdentifiableSet(tuple(key for key in model.keys if key in chosen), tuple(held))
+
+
+def identifiable_beside(
+    rest: Equilibrium, free: Sequence[str], others: Sequence[str], noise: float, sd: Array | None = None
+) -> tuple[str, ...]:
+    """Those of `others` that the data can tell beside the parameters `free`, by the rule of `select_identifiable`."""
+    order = [*free, *selection_order(rest.model, others)]
+    columns = compress(rest, order, _weights(sd), np.zeros_like(rest.tcp)).columns
+    kept, _ = _gram_schmidt(columns, noise, len(free))
+    return tuple(order[j] for j in kept if j >= len(free))
+
+
+def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[int], list[tuple[int, float]]]:
+    """Columns with an independent part beyond the noise (the first `given` always), and the others with theirs."""
+    basis, kept, dropped = np.empty((columns.shape[0], 0)), [], []
+    for j in range(columns.shape[1]):
+        whole = float(np.linalg.norm(columns[:, j]))
+        left = columns[:, j] - basis @ (basis.T @ columns[:, j])
+        left -= basis @ (basis.T @ left)
+        independent = float(np.linalg.norm(left))
+        if independent > max(0.0 if j < given else MIN_T * noise, ROUND_OFF * whole):
+            kept.append(j)
+            basis = np.column_stack([basis, left / independent])
+        else:
+            dropped.append((j, independent))
+    return kept, dropped
 
 
 def expected_noise(rest: Equilibrium, keys: Sequence[str], tcp: Array, sd: Array | None = None) -> float:
@@ -108,18 +142,15 @@ def expected_noise(rest: Equilibrium, keys: Sequence[str], tcp: Array, sd: Array
     Args:
         tcp: (N, 3), measured (m).
     """
-    weights = _weights(sd)
-    typical = np.array([rest.model.parameters[rest.model.position(key)].typical for key in keys])
-    columns = (parameter_jacobian(rest, keys) * typical * weights).reshape(-1, len(keys))
-    residual = ((tcp - rest.tcp)[:, :, None] * weights).reshape(-1)
-    step, _, rank, _ = np.linalg.lstsq(columns, residual, rcond=ROUND_OFF)
-    left = residual - columns @ step
-    return float(np.sqrt(left @ left / max(len(left) - int(rank), 1)))
+    rows = compress(rest, keys, _weights(sd), tcp - rest.tcp)
+    step, _, rank, _ = np.linalg.lstsq(rows.columns, rows.residual, rcond=ROUND_OFF)
+    left = rows.residual - rows.columns @ step
+    return float(np.sqrt(left @ left / max(tcp.size - int(rank), 1)))
 
 
 def _weights(sd: Array | None) -> Array:
-    """(N, 1, 1) or (1, 1, 1), RMS of sd over sd of each pose; one where no sd is known."""
-    return np.ones((1, 1, 1)) if sd is None else (np.sqrt(np.mean(sd**2)) / sd)[:, None, None]
+    """(N, 1) or (1, 1), RMS of sd over sd of each pose; one where no sd is known."""
+    return np.ones((1, 1)) if sd is None else (np.sqrt(np.mean(sd**2)) / sd)[:, None]
 
 
 def explain_dependence(
@@ -132,7 +163,7 @@ def explain_dependence(
     independent: float,
     noise: float,
 ) -> UnidentifiableParameter:
-    """The combination of the `kept` columns that reproduces column `j` of `columns` (3 N, P), by least squares."""
+    """The combination of the `kept` columns that reproduces column `j` of `columns` (M, P), by least squares."""
     whole = float(np.linalg.norm(columns[:, j]))
     units = np.array([model.parameters[model.position(key)].si for key in order])
     share, *_ = np.linalg.lstsq(columns[:, kept], columns[:, j], rcond=None)
@@ -161,7 +192,7 @@ def fit_identifiable(
     """Fits the identifiable parameters among `keys`; the others are zero in the result.
 
     The selection depends on the residual noise and on the estimate, so selection and fit alternate until the selection
-    repeats.
+    repeats. Of many poses a part is fitted first, which gives all of them a start close to the end.
 
     Args:
         signed: bounds of all `keys`; None: the physical ones.
@@ -170,11 +201,17 @@ def fit_identifiable(
     """
     limits = signed or bounds_of(model, keys)
     by_key = {key: (low, high) for key, low, high in zip(keys, limits.lower, limits.upper, strict=True)}
-    rest = equilibrium(model, data.poses)
-    noise = expected_noise(rest, keys, data.tcp, data.sd)
+    if len(data) > MOST_AT_ONCE:
+        coarse = fit_identifiable(model, data.take(_some_rows(len(data))), keys, loss, signed).fit
+        rest, noise = equilibrium(coarse.model, data.poses), coarse.sigma
+    else:
+        rest = equilibrium(model, data.poses)
+        noise = expected_noise(rest, keys, data.tcp, data.sd)
     seen: list[tuple[str, ...]] = []
     for _ in range(MAX_ITERATIONS):
         selected = select_identifiable(rest, keys, noise, data.sd)
+        if seen and selected.kept == seen[-1]:
+            break
         check_enough(len(data), len(selected.kept))
         start = _holding(rest.model, keys, selected.kept)
         low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
@@ -184,6 +221,11 @@ def fit_identifiable(
         seen.append(selected.kept)
         rest, noise = result.rest, result.sigma
     return IdentifiedFit(result, selected.held)
+
+
+def _some_rows(count: int) -> NDArray[np.int64]:
+    """`MOST_AT_ONCE` rows drawn from `count` without replacement, ascending, always the same."""
+    return np.sort(np.random.default_rng(0).choice(count, MOST_AT_ONCE, replace=False))
 
 
 def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:

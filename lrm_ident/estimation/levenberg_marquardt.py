@@ -1,7 +1,8 @@
 """Least squares of a model's free parameters: Levenberg–Marquardt (Marquardt 1963) on scaled parameters, with bounds.
 
 With a prior: maximum a posteriori (Conenna 2024, Eq 2.66; Tenhumberg & Bäuml 2021). The noise that weighs data against
-prior is estimated from the residual, with MacKay's (1992) effective number of parameters.
+prior is estimated from the residual, with MacKay's (1992) effective number of parameters. Where least squares alone does
+not converge, it is damped by weak priors (ridge regression, Hoerl & Kennard 1970), and the result says so.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.loss import SQUARED, Loss, robust_scale
 from lrm_ident.estimation.objective import Iterate, NoiseScale, Objective
-from lrm_ident.estimation.priors import Prior
+from lrm_ident.estimation.priors import Prior, weak_prior
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
 MAX_STEPS = 60
+DAMPED_STEPS = 300  # with weak priors the last steps are short, but each one gains
 STEP_TOLERANCE = 1e-8  # of the typical sizes
 GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
@@ -35,7 +37,7 @@ class FitNotConverged(LrmError):
         self.steps, self.step = steps, step
         super().__init__(
             f"the fit did not converge in {steps} steps (last step {step:.2g} of the typical sizes); "
-            "hold some parameters, start from a fitted model, or try a prior (--prior)"
+            "hold some parameters, start from a fitted model, or try a narrower prior (--prior)"
         )
 
 
@@ -61,6 +63,7 @@ class Fit:
         weight: (N,), the weight of each pose, 1 for least squares.
         outliers: rows farther than `OUTLIER_DISTANCE` robust standard deviations.
         steps: Levenberg–Marquardt steps taken.
+        loss: what it minimises. damped: whether it converged only with weak priors (`weak_prior`).
     """
 
     model: Model
@@ -73,6 +76,8 @@ class Fit:
     weight: Array
     outliers: tuple[int, ...]
     steps: int
+    loss: Loss = SQUARED
+    damped: bool = False
 
     @property
     def standard_error(self) -> Array:
@@ -110,7 +115,8 @@ def fit(
     Args:
         bounds: of the free parameters; None: those that the effects state.
         loss: None: least squares.
-        prior: of every free parameter; with one, a third of the poses suffices.
+        prior: of every free parameter; with one, a third of the poses suffices. None: none, unless the fit does not
+            converge without one; then weak ones (`Fit.damped`).
 
     Raises:
         LrmError: fewer poses than free parameters (with a prior: than a third), or no convergence (`FitNotConverged`).
@@ -119,7 +125,14 @@ def fit(
     check_enough(len(data), len(model.free), prior)
     limits = bounds or bounds_of(model, model.free)
     objective = Objective(model, data, SQUARED if loss is None else loss, prior)
-    return _LevenbergMarquardt(objective, limits.lower / objective.typical, limits.upper / objective.typical).solve()
+    plain = _LevenbergMarquardt(objective, limits.lower / objective.typical, limits.upper / objective.typical)
+    try:
+        return plain.solve(MAX_STEPS)
+    except FitNotConverged:
+        if prior is not None:
+            raise
+    weakly = replace(objective, prior=weak_prior(model))
+    return replace(replace(plain, objective=weakly).solve(DAMPED_STEPS), damped=True)
 
 
 def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
@@ -141,21 +154,21 @@ class _LevenbergMarquardt:
     lower: Array
     upper: Array
 
-    def solve(self) -> Fit:
+    def solve(self, most_steps: int) -> Fit:
         """Iterates until no decrease is predicted. Raises `FitNotConverged`."""
         objective, model = self.objective, self.objective.model
         z = model.values[objective.columns] / objective.typical
         iterate = objective.at(np.clip(z, self.lower, self.upper), None)
         held = np.zeros(len(model.free), dtype=np.bool_)
         noise = objective.noise_scale(iterate, None, ~held)
-        damping, step = 1e-4, np.inf
-        for steps in range(1, MAX_STEPS + 1):
-            if not model.free:
-                return self._result(iterate, held, 0, noise)
-            J = objective.jacobian(iterate, noise)
-            descent = objective.negative_gradient(iterate, J, noise)
+        damping, step, columns = 1e-6, np.inf, np.empty((0, len(z)))
+        if not model.free:
+            return self._result(iterate, columns, held, 0, noise)
+        for steps in range(1, most_steps + 1):
+            rows = objective.linearise(iterate, noise)
+            columns, descent = rows.columns, objective.negative_gradient(iterate, rows, noise)
             held = ((iterate.z <= self.lower) & (descent < 0)) | ((iterate.z >= self.upper) & (descent > 0))
-            trial, damping = self._step(iterate, J, descent, ~held, noise, damping)
+            trial, damping = self._step(iterate, columns, descent, ~held, noise, damping)
             step = float(np.abs(trial.z - iterate.z).max())
             predicted = float(descent @ (trial.z - iterate.z)) / noise.scale**2
             least = max(GAIN_TOLERANCE * objective.value(iterate, noise), POSTERIOR_TOLERANCE * noise.prior_weight)
@@ -164,9 +177,9 @@ class _LevenbergMarquardt:
             if done:
                 now = objective.noise_scale(iterate, noise, ~held)
                 if now.close_to(noise):
-                    return self._result(iterate, held, steps, noise)
+                    return self._result(iterate, columns, held, steps, noise)
                 noise = now
-        raise FitNotConverged(MAX_STEPS, step)
+        raise FitNotConverged(most_steps, step)
 
     def _step(
         self, iterate: Iterate, J: Array, descent: Array, free: NDArray[np.bool_], noise: NoiseScale, damping: float
@@ -192,13 +205,16 @@ class _LevenbergMarquardt:
             damping *= 10.0
         return iterate, damping
 
-    def _result(self, iterate: Iterate, held: NDArray[np.bool_], steps: int, noise: NoiseScale) -> Fit:
+    def _result(
+        self, iterate: Iterate, columns: Array, held: NDArray[np.bool_], steps: int, noise: NoiseScale
+    ) -> Fit:
+        """The fit at the last iterate; `columns`: compressed Jacobian before the last step, which changed nothing."""
         objective, data, free, distance = self.objective, self.objective.data, ~held, iterate.distance
         covariance = np.zeros((len(held), len(held)))
         parameters, sigma = 0.0, objective.residual_sd(iterate)
         if free.any():
             now = NoiseScale(objective.noise_scale(iterate, None, free).scale, noise.sigma)
-            inverse = objective.inverse_hessian(objective.jacobian(iterate, now), now, free)
+            inverse = objective.inverse_hessian(columns, now, free)
             parameters = objective.effective_parameters(inverse, now, free)
             sigma = objective.residual_sd(iterate, parameters)
             covariance[np.ix_(free, free)] = (now.sigma or sigma) ** 2 * inverse
@@ -213,6 +229,7 @@ class _LevenbergMarquardt:
             weight=objective.weight(iterate),
             outliers=tuple(np.flatnonzero(distance > OUTLIER_DISTANCE * robust_scale(distance)).tolist()),
             steps=steps,
+            loss=objective.loss,
         )
 
 

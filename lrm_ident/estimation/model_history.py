@@ -12,8 +12,10 @@ import tomli_w
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.effect_plugins import file_of, sha256_of
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.estimation.levenberg_marquardt import Fit
+from lrm_ident.estimation.priors import WEAK
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
@@ -43,9 +45,10 @@ def model_file(
     Args:
         arm: name of a shipped arm or path of its file, as stored in the model file.
         step: short description of the step.
-        prior: name of the prior of the fit, if any.
+        prior: name of the prior of the fit, if any; for a damped fit the weak one is stored.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
+    own = file_of(model.effects)
     entry = HistoryTable(
         step=step,
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
@@ -61,7 +64,11 @@ def model_file(
             tool=tool_version(),
             date=date,
             loss=loss,
-            prior=prior,
+            prior=WEAK if fit.damped else prior,
+            left_out=list(data.left_out),
+            reading=data.reading if data.reading.said() else None,
+            effects_file=None if own is None else own.resolve().as_posix(),
+            effects_sha256=None if own is None else sha256_of(own),
         ),
     )
     return _file_at(arm, [*before, entry])

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.estimation.block_qr import CompressedRows, compress
 from lrm_ident.estimation.loss import Loss, robust_scale
 from lrm_ident.estimation.priors import Prior
 from lrm_math.arrays import Array
-from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
@@ -104,20 +104,23 @@ class Objective:
         prior = 0.5 * noise.prior_weight * float(self._prior_precision @ (iterate.z - self._prior_mean) ** 2)
         return float(self.loss.rho(iterate.distance / noise.scale).sum()) + prior
 
-    def jacobian(self, iterate: Iterate, noise: NoiseScale) -> Array:
-        """(3 N, P), scaled, rows weighted by the loss (iteratively reweighted least squares)."""
-        weight = self.loss.weight(iterate.distance / noise.scale)
-        J = parameter_jacobian(iterate.rest, self.model.free) * self.typical / self.stated_noise[:, :, None]
-        return np.asarray((J * np.sqrt(weight)[:, None, None]).reshape(-1, len(iterate.z)))
+    def linearise(
+        self, iterate: Iterate, noise: NoiseScale, poses: NDArray[np.int64] | None = None
+    ) -> CompressedRows:
+        """Scaled Jacobian and residual of all or some poses, weighted by the loss (iteratively reweighted)."""
+        weight = np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None] / self.stated_noise
+        residual = iterate.residual * self.stated_noise
+        if poses is None:
+            return compress(iterate.rest, self.model.free, weight, residual)
+        return compress(iterate.rest.take(poses), self.model.free, weight[poses], residual[poses])
 
-    def negative_gradient(self, iterate: Iterate, J: Array, noise: NoiseScale) -> Array:
+    def negative_gradient(self, iterate: Iterate, rows: CompressedRows, noise: NoiseScale) -> Array:
         """(P,), times scale²."""
-        weight = self.loss.weight(iterate.distance / noise.scale)
-        data = J.T @ (iterate.residual * np.sqrt(weight)[:, None]).reshape(-1)
+        data = rows.columns.T @ rows.residual
         return np.asarray(data + noise.sigma**2 * self._prior_precision * (self._prior_mean - iterate.z))
 
     def gauss_newton(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
-        """(p, p), Gauss–Newton Hessian of the p parameters off their bounds, times scale²."""
+        """(p, p), Gauss–Newton Hessian of the p parameters off their bounds, times scale²; `J`: compressed columns."""
         return np.asarray(J[:, free].T @ J[:, free] + np.diag(noise.sigma**2 * self._prior_precision[free]))
 
     def inverse_hessian(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
@@ -148,7 +151,7 @@ class Objective:
             return NoiseScale(scale, 0.0)
         parameters = 0.0
         if before is not None and free.any():
-            inverse = self.inverse_hessian(self.jacobian(iterate, before), before, free)
+            inverse = self.inverse_hessian(self.linearise(iterate, before).columns, before, free)
             parameters = self.effective_parameters(inverse, before, free)
         return NoiseScale(
             scale, max(self.residual_sd(iterate, parameters), MIN_SIGMA / float(self.stated_noise.mean()))

@@ -97,6 +97,17 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
     return Prior(file.name, tuple(key for key, _ in named), means, sds)
 
 
+WEAK = "vague"
+"""Name of the shipped prior that `weak_prior` is."""
+WEAK_SD = 3.0  # typical sizes
+
+
+def weak_prior(model: Model) -> Prior:
+    """The shipped prior `vague` for the free parameters: a Gaussian of three typical sizes about zero."""
+    typical = [model.parameters[model.position(key)].typical for key in model.free]
+    return Prior(WEAK, model.free, (0.0,) * len(typical), tuple(WEAK_SD * size for size in typical))
+
+
 def prior_name_for(name_or_path: str) -> str:
     """Name of a shipped prior, or absolute path of a prior file, for the provenance of a model file."""
     return name_or_path if name_or_path in shipped_priors() else Path(name_or_path).resolve().as_posix()

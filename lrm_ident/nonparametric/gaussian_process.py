@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.linalg.lapack import dpotri
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 
 from lrm_math.arrays import Array
 
 LENGTH_RANGE, SIGNAL_RANGE, NOISE_RANGE = (0.2, 50.0), (1e-3, 10.0), (1e-2, 2.0)
 """Bounds in standard deviations of inputs and outputs; an input with the longest length hardly counts."""
 START = (2.0, 1.0, 0.5)
-FUNCTION_TOLERANCE = 1e-4  # of the log marginal likelihood, relative
+FUNCTION_TOLERANCE = 1e-3  # of the log marginal likelihood per row
 MAX_EVALUATIONS = 60
 
 
@@ -33,7 +33,7 @@ class Kernel:
     @property
     def log(self) -> Array:
         """(D + 2,), natural logarithms of lengths, signal and noise."""
-        return np.log(np.concatenate([self.lengths, [self.signal, self.noise]]))
+        return np.asarray(np.log(np.concatenate([self.lengths, [self.signal, self.noise]])))
 
     @staticmethod
     def of_log(values: Array) -> Kernel:
@@ -70,7 +70,7 @@ class GaussianProcess:
     def sd(self, inputs: Array) -> Array:
         """(m,), standard deviation of f at inputs (m, D), without noise (Eq 2.26)."""
         explained = solve_triangular(self.factor, self.kernel.covariance(self.inputs, inputs), lower=True)
-        return np.sqrt(np.maximum(self.kernel.signal**2 - (explained**2).sum(axis=0), 0.0))
+        return np.asarray(np.sqrt(np.maximum(self.kernel.signal**2 - (explained**2).sum(axis=0), 0.0)))
 
 
 def condition(kernel: Kernel, inputs: Array, output: Array) -> GaussianProcess:
@@ -100,7 +100,7 @@ def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
     Args:
         inputs: (n, D), each of a standard deviation near one. output: (n,), likewise, about zero.
     """
-    bounds = np.log([*[LENGTH_RANGE] * inputs.shape[1], SIGNAL_RANGE, NOISE_RANGE])
+    lower, upper = np.log([*[LENGTH_RANGE] * inputs.shape[1], SIGNAL_RANGE, NOISE_RANGE]).T
 
     def loss(log_values: Array) -> tuple[float, Array]:
         """Negative log marginal likelihood per row."""
@@ -109,9 +109,9 @@ def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
 
     found = minimize(
         loss,
-        np.clip(start.log, *bounds.T),
+        np.clip(start.log, lower, upper),
         jac=True,
-        bounds=bounds,
+        bounds=Bounds(lower, upper),
         method="L-BFGS-B",
         options={"maxfun": MAX_EVALUATIONS, "ftol": FUNCTION_TOLERANCE, "gtol": FUNCTION_TOLERANCE},
     )
@@ -119,5 +119,5 @@ def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
 
 
 def _factor(kernel: Kernel, smooth: Array) -> Array:
-    """Lower Cholesky factor of the outputs' covariance; a thousandth of the noise keeps it positive definite."""
+    """Lower Cholesky factor of the outputs' covariance; the noise, which has a lower bound, keeps it definite."""
     return np.asarray(cholesky(smooth + kernel.noise**2 * np.eye(len(smooth)), lower=True, check_finite=False))

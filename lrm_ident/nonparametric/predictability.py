@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.estimation.cross_validation import HeldOutBlock, held_out_rows
 from lrm_ident.nonparametric.gaussian_process import Kernel, condition, fit_kernel
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
@@ -23,6 +23,24 @@ SEARCH_ROWS, MOST_ROWS = 250, 1000  # evenly spaced training rows: for the searc
 REDUNDANT = 0.999  # correlation above which time says nothing beside the order of measurement
 RELEVANT = 0.1  # of the most relevant input
 MIN_GAIN, MIN_Z = 0.05, 3.0  # part of the held-out RMS, and standard errors, that make a difference worth stating
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutBlock:
+    """One block of a cross-validation: rows `train` and `test`, and what the fit to `train` leaves of either (m)."""
+
+    train: NDArray[np.int64]
+    test: NDArray[np.int64]
+    train_residual: Array
+    test_residual: Array
+
+
+def held_out_rows(blocks: Sequence[HeldOutBlock]) -> Array:
+    """(N, 3), the held-out residual of every pose (m)."""
+    residual = np.empty((sum(len(block.test) for block in blocks), 3))
+    for block in blocks:
+        residual[block.test] = block.test_residual
+    return residual
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +99,17 @@ class PredictableError:
         """Upper bound of the noise, RMS of the 3-D distance (m): the smaller of both held-out errors."""
         return min(self.error.rms, error_stats(self.named).rms)
 
+    @property
+    def sentence(self) -> str:
+        """What it predicts of the residual, and what that follows."""
+        before, after = error_stats(self.named).rms * 1e3, self.error.rms * 1e3
+        if not self.more_to_find:
+            return f"A model without names (a Gaussian process on the residual) predicts no better: {after:.2f} mm."
+        return (
+            f"A model without names (a Gaussian process on the residual) brings the held-out error from {before:.2f} "
+            f"to {after:.2f} mm; it follows {', '.join(self.follows)}. So much at least is left to find."
+        )
+
     def as_json(self) -> dict[str, object]:
         """The table `nameless`."""
         return {
@@ -120,6 +149,6 @@ def predictable_error(
     return PredictableError(named, left, follows, most)
 
 
-def _spread(count: int, most: int) -> Array:
+def _spread(count: int, most: int) -> NDArray[np.int64]:
     """Indices of at most `most` of `count` rows, evenly spaced."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))

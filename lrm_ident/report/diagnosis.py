@@ -9,14 +9,14 @@ import numpy as np
 from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.diagnosis.add_effect import AutoRun, AutoStep
-from lrm_ident.diagnosis.diagnose import FLOOR_RATIO
+from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, enumerate_words, heading, section
 from lrm_ident.report.fit import ErrorSummary, parameter_table
+from lrm_ident.report.left_to_find import left_blocks, left_values, noise_words
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import Effect, Parameter
 
@@ -25,6 +25,7 @@ VERDICTS = {
     "effect_missing": "An effect is missing.",
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
     "unexplained_structure": "There is structure left that no known effect explains.",
+    "unpredictable": "Something is missing that follows no pose, load or order we know",
 }
 OUTCOMES = {"found": "● found", "one of a class": "◐ one of a class", "missed": "○ missed", "wrong": "✕ wrong"}
 OFFLINE = "explains a measurement session; never deployed silently"
@@ -36,13 +37,14 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
     found = report.diagnosis
     floor = None if found.floor.rms is None else found.floor.rms * 1e3
     ranking = [(function, rms * 1e3) for function, rms in found.unexplained.ranking]
-    noise = "unknown" if floor is None else f"{floor:.2f} mm ({found.floor.source})"
+    noise = noise_words(floor, found.floor.source, report.left)
     values = {
         "poses": len(found.data),
         "parameters": len(found.fit.model.free),
         "error": {"fit": report.fit, "held_out": report.held_out},
         "noise_floor_rms_mm": floor,
         "noise_floor_source": found.floor.source,
+        **left_values(report.left),
         "structure": {
             "moran_i": found.structure.moran_i,
             "p_value": found.structure.p_value,
@@ -60,6 +62,7 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
         ],
         "outliers": found.outliers,
         "audit": report.limitations,
+        "hints": report.hints,
         "not_testable": [
             {
                 "effect": effect.id,
@@ -76,6 +79,7 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
         f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {report.fit.rms * 1e3:.2f} mm in the "
         f"fit, {report.held_out.rms * 1e3:.2f} mm held out; noise floor {noise}; "
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p = {found.structure.p_value:.1g}",
+        *left_blocks(report.left),
         _ranking_table(report),
     ]
     if report.verdict == "unexplained_structure":
@@ -83,6 +87,7 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
         blocks += section("\nIts anatomy: what it acts like, and what that follows", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}")
+    blocks += section("\nHints that are no effects", report.hints)
     blocks += section("\nWhat these data cannot show", report.limitations)
     blocks += section("\nNot testable", _untestable(found.not_testable))
     return Document([*blocks, f"\nNext poses: {report.hint}"], "lrm/diagnosis/1", values)
@@ -91,10 +96,10 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
 def _verdict(report: DiagnosisReport) -> str:
     """The verdict in words; nothing found above the noise floor is not the same as nothing missing."""
     floor, sigma = report.diagnosis.floor.sd, report.diagnosis.fit.sigma
-    if report.verdict == "nothing_missing" and floor is not None and sigma > FLOOR_RATIO * floor:
+    if report.verdict == "unpredictable" and floor is not None:
         return (
-            f"No effect can be shown to be missing, yet the error is {sigma / floor:.2f} times the noise: "
-            "there are too few poses to tell, or the noise is larger than said."
+            f"{VERDICTS[report.verdict]}: the error is {sigma / floor:.2f} times the noise. It may be creep, something "
+            "loose, a target that moved, or noise larger than said; with more poses it may show what it follows."
         )
     return VERDICTS[report.verdict]
 
@@ -138,13 +143,24 @@ def _untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
         yield f"{name} at {', '.join(places)}: {reason}"
 
 
-def step_blocks(number: int, step: AutoStep, held_out: float) -> Iterator[Block]:
-    """One step of `lrm-ident auto`: errors (held out: m), and the effects that explain the data equally well."""
-    bar = "█" * int(np.clip(round(held_out * 1e3 * 3), 1, 24))
-    errors = f"fit {error_stats(step.fit.residual).rms * 1e3:5.2f}   held out ≈ {held_out * 1e3:5.2f} mm  {bar}"
+def step_blocks(number: int, step: AutoStep) -> Iterator[Block]:
+    """One step of `lrm-ident auto`: errors, the effects that explain the data equally well, and what was freed."""
+    held_out = error_stats(step.held_out).rms * 1e3
+    bar = "█" * int(np.clip(round(held_out * 3), 1, 24))
+    errors = f"fit {error_stats(step.fit.residual).rms * 1e3:5.2f}   held out {held_out:5.2f} mm  {bar}"
     yield f"{number:3d}  {step.added or 'start':28s} {len(step.fit.model.free):3d} parameters   {errors}"
     if step.equivalent:
         yield Text(f"       or {enumerate_words(step.equivalent, RIVALS_SHOWN)}: these data cannot tell", style="dim")
+    if step.refines:
+        yield Text(f"       another form of {' or '.join(step.refines)}, no new cause", style="dim")
+    if step.freed:
+        yield Text(f"       can be told now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
+
+
+def step_words(step: AutoStep) -> str:
+    """A step of `auto` in the history of a model file: the effect added, and the rest of its class."""
+    rivals = f", or {enumerate_words(step.equivalent, RANKED)}: these data cannot tell" if step.equivalent else ""
+    return f"add {step.added}{rivals}"
 
 
 def step_document(effect: str, free: int, before: ErrorSummary, fit: Fit, after: ErrorSummary) -> Document:
@@ -169,12 +185,15 @@ def course_document(
             {
                 "added": step.added,
                 "indistinguishable_from": step.equivalent,
+                "form_of": step.refines,
+                "freed": step.freed,
                 "parameters": len(step.fit.model.free),
                 "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
             }
             for step in course.steps
         ],
-        "verdict": course.diagnosis.verdict,
+        "verdict": report.verdict,
+        **left_values(report.left),
         "held_out_effects_fixed": held_out.error,
         "held_out": nested.error,
     }

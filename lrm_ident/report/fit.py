@@ -12,12 +12,18 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.error_breakdown import Factor, HeldOutResidual, ModelComparison, PoseGroup
 from lrm_ident.estimation.identifiability import IdentifiedFit, UnidentifiableParameter
 from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_ident.report.document import Block, Document, ResultTable, section
+from lrm_ident.nonparametric.predictability import PredictableError
+from lrm_ident.report.document import Block, Document, ResultTable, enumerate_words, heading, section
 from lrm_math.arrays import Array
 from lrm_math.model.model import Model
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
 PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
+LEFT_OUT_SHOWN = 12
+DAMPED = (
+    "Least squares alone did not converge; fitted with weak priors (three typical sizes about zero). Look at the standard "
+    "errors: some parameters are hardly known."
+)
 OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:"
 
 
@@ -28,19 +34,31 @@ class ErrorSummary:
     nominal: ErrorStats
     fitted: ErrorStats
     held_out: HeldOutResidual
+    nameless: PredictableError | None = None
 
     def blocks(self, title: str) -> list[Block]:
         """A table of all three, or the reason why there is no held-out error."""
         rows = [("nominal arm", *in_mm(self.nominal)), ("model", *in_mm(self.fitted))]
         if self.held_out.error is not None:
             rows.append(("held out (10 joint-space blocks)", *in_mm(self.held_out.error)))
+        if self.nameless is not None:
+            rows.append(("held out, with a nameless model on top", *in_mm(self.nameless.error)))
         table = ResultTable(("TCP error, mm", "mean|.2f", "RMS|.2f", "max|.2f", "SD|.2f"), rows, title)
         return [table] if self.held_out.error else [table, f"held out: none, because {self.held_out.reason}"]
 
     def as_json(self) -> dict[str, object]:
         """The table `error`."""
         reason = {} if self.held_out.error else {"held_out_reason": self.held_out.reason}
-        return {"nominal": self.nominal, "fit": self.fitted, "held_out": self.held_out.error, **reason}
+        nameless = {} if self.nameless is None else {"nameless": self.nameless}
+        return {"nominal": self.nominal, "fit": self.fitted, "held_out": self.held_out.error, **reason, **nameless}
+
+
+def fit_words(loss: str, left_out: Sequence[int]) -> str:
+    """How a model is fitted, where it differs from least squares of all poses; else nothing."""
+    how = [] if loss == "squared" else [f"loss {loss}"]
+    if left_out:
+        how.append(f"{len(left_out)} poses left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}")
+    return "; ".join(how)
 
 
 def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements) -> Document:
@@ -48,20 +66,25 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
     fit, model = result.fit, result.fit.model
     mean, before, held_out = errors.fitted.mean, errors.nominal.mean, errors.held_out.error
     outliers = [(data.pose[row], np.linalg.norm(fit.residual[row]) * 1e3) for row in fit.outliers]
+    how = fit_words(fit.loss.name, data.left_out)
     blocks = [
+        *([heading(DAMPED)] if fit.damped else []),
         parameter_table(fit),
         *section(
             "Held at zero, because these poses cannot tell them:", (f"{p.key}: {_why(model, p)}" for p in result.held)
         ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
         *section(OUTLIERS, (f"pose {pose}: {error:.1f} mm" for pose, error in outliers)),
-        *errors.blocks(f"{len(data)} poses, {len(model.free)} parameters"),
+        *errors.blocks(f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         f"The mean error fell from {before * 1e3:.2f} to {mean * 1e3:.2f} mm ({100 * (1 - mean / before):.0f} % less)"
         + ("." if held_out is None else f"; on poses it never saw it is {held_out.mean * 1e3:.2f} mm."),
     ]
     values = {
         "poses": len(data),
         "parameters": len(model.free),
+        "loss": fit.loss.name,
+        "left_out": data.left_out,
+        "damped": fit.damped,
         "error": errors,
         "residual_sd_per_axis_mm": fit.sigma * 1e3,
         "steps": fit.steps,
@@ -85,7 +108,7 @@ def comparison_document(found: ModelComparison) -> Document:
     """Result of `lrm-ident compare`, schema `lrm/comparison/1`."""
     data = found.data
     free, q = len(found.rest.model.free), np.degrees(data.poses.q)
-    errors = ErrorSummary(found.nominal, found.error, found.held_out)
+    errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
     load, residual = data.poses.payload * 1e3, found.residual * 1e3
     distance = [np.linalg.norm(row) * 1e3 for row in found.residual]
     angles = " ".join(f"{'q' + str(i + 1):>4s}" for i in range(q.shape[1]))
@@ -95,6 +118,7 @@ def comparison_document(found: ModelComparison) -> Document:
         worst.append((data.pose[i], turned, load[i], distance[i], _vector(residual[i])))
     blocks = [
         *errors.blocks(f"{len(data)} poses, {free} parameters"),
+        *([] if found.predictable is None else [found.predictable.sentence]),
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *(_group_table(factor) for factor in found.factors[:2]),
         ResultTable(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -75,30 +76,11 @@ class Arm:
     shapes: Shapes = field(default_factory=Shapes)
 
     def __post_init__(self) -> None:
-        for body in self.bodies:
-            self._check(body)
+        for fault in contradictions(self.joints, self.bodies):
+            raise LrmError(fault)
         for capsule in self.shapes.capsules:
             if not 0 <= capsule.frame <= self.dof + 1:
                 raise LrmError(f"capsule '{capsule.name}' stands in frame {capsule.frame}, not in 0 to {self.dof + 1}")
-        for before, after in pairwise(self.bodies_outwards):
-            if after.loads_joint < before.loads_joint:
-                raise LrmError(
-                    f"body '{after.name}' stands beyond '{before.name}' but loads joint {after.loads_joint}, before "
-                    f"joint {before.loads_joint}; bodies further out must not load earlier joints only"
-                )
-
-    def _check(self, body: Body) -> None:
-        n = len(self.joints)
-        lowest = max(1, min(body.frame, n))
-        if not lowest <= body.loads_joint <= n:
-            raise LrmError(
-                f"body '{body.name}' moves with joint {lowest} but loads_joint is {body.loads_joint}; "
-                f"it must be {lowest} to {n}"
-            )
-        if body.near_end and 0 < body.frame <= n and self.joints[body.frame - 1].extra_z is None:
-            raise LrmError(f"body '{body.name}': com_from near_end, but joint {body.frame} has no extra_z_mm")
-        if body.near_end and body.frame == 0:
-            raise LrmError(f"body '{body.name}': com_from near_end has no meaning in the base frame")
 
     @property
     def dof(self) -> int:
@@ -108,9 +90,37 @@ class Arm:
     @property
     def bodies_outwards(self) -> tuple[Body, ...]:
         """The bodies, ordered from base to tool."""
-        return tuple(sorted(self.bodies, key=lambda body: (body.frame, not body.near_end)))
+        return outwards(self.bodies)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """joint1 … jointN."""
         return tuple(f"joint{i + 1}" for i in range(self.dof))
+
+
+def outwards(bodies: Iterable[Body]) -> tuple[Body, ...]:
+    """Bodies ordered from base to tool."""
+    return tuple(sorted(bodies, key=lambda body: (body.frame, not body.near_end)))
+
+
+def contradictions(joints: Sequence[Joint | None], bodies: Sequence[Body]) -> Iterator[str]:
+    """What bodies say against the joints, or against each other; a joint that is not known is None."""
+    n = len(joints)
+    for body in bodies:
+        lowest = max(1, min(body.frame, n))
+        if not lowest <= body.loads_joint <= n:
+            yield (
+                f"body '{body.name}' moves with joint {lowest} but loads_joint is {body.loads_joint}; "
+                f"it must be {lowest} to {n}"
+            )
+        joint = joints[body.frame - 1] if 0 < body.frame <= n else None
+        if body.near_end and joint is not None and joint.extra_z is None:
+            yield f"body '{body.name}': com_from near_end, but joint {body.frame} has no extra_z_mm"
+        if body.near_end and body.frame == 0:
+            yield f"body '{body.name}': com_from near_end has no meaning in the base frame"
+    for before, after in pairwise(outwards(bodies)):
+        if after.loads_joint < before.loads_joint:
+            yield (
+                f"body '{after.name}' stands beyond '{before.name}' but loads joint {after.loads_joint}, before "
+                f"joint {before.loads_joint}; bodies further out must not load earlier joints only"
+            )

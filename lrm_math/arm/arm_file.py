@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, ValidationError
 
-from lrm_math.arm.arm import Arm, Body, Joint, Placement
+from lrm_math.arm.arm import Arm, Body, Joint, Placement, contradictions
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.arrays import Vector3
-from lrm_math.errors import FileError, LrmError, name_suggestion
-from lrm_math.toml_file import StrictSchema, read_toml
+from lrm_math.errors import FileError, LrmError, name_suggestion, raise_faults
+from lrm_math.toml_file import S, StrictSchema, parse_toml, schema_faults
 
 MM, GRAM, MICROSECOND = 1e-3, 1e-3, 1e-6
+ARM_SCHEMA = "lrm/arm/1"
+Built = TypeVar("Built")
 
 Components = Annotated[list[float], Field(min_length=3, max_length=3)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
@@ -44,6 +48,12 @@ class ServoCalibrationTable(StrictSchema):
     pulse_us: Annotated[list[Annotated[float, Field(ge=100, lt=20_000)]], Field(min_length=2)]
 
 
+def _ascending(limits: list[float]) -> list[float]:
+    if not limits[0] < limits[1]:
+        raise ValueError("[lower, upper] with lower < upper")
+    return limits
+
+
 class JointTable(StrictSchema):
     """One `[[joint]]`, in the order of the chain."""
 
@@ -52,7 +62,7 @@ class JointTable(StrictSchema):
     a_mm: Length
     alpha_deg: Angle
     extra_z_mm: Length | None = None
-    limits_deg: Annotated[list[Angle], Field(min_length=2, max_length=2)]
+    limits_deg: Annotated[list[Angle], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
     servo: ServoCalibrationTable | None = None
 
 
@@ -138,12 +148,41 @@ def load_arm(name_or_path: str | Path) -> Arm:
 
 
 def read_arm(path: Path) -> Arm:
-    """Reads one arm file. Raises `FileError`."""
-    tables = read_toml(path, ArmFile)
+    """Reads one arm file. Raises `FileError`, `FileFaults` if there is more than one fault."""
+    tables = parse_toml(path)
+    found = schema_faults(path, tables, ArmFile)
+    if not found or tables.get("schema") == ARM_SCHEMA:
+        found += [FileError(path, "", fault) for fault in _contradictions(tables)]
+    raise_faults(path, found)
+    return to_arm(ArmFile.model_validate(tables))
+
+
+def _contradictions(tables: dict[str, Any]) -> Iterator[str]:
+    """What valid tables of an arm file say against each other, whatever is wrong with the others."""
+    dof = len(_listed(tables, "joint"))
+    faults: list[str] = []
+    joints = [_built(t, JointTable, partial(_joint, number), faults) for number, t in _listed(tables, "joint")]
+    bodies = [_built(t, BodyTable, partial(_body, dof=dof), faults) for _, t in _listed(tables, "body")]
+    for _, capsule in _listed(tables, "capsule"):
+        _built(capsule, CapsuleTable, partial(_capsule, dof=dof), faults)
+    yield from faults
+    yield from contradictions(joints, [body for body in bodies if body is not None])
+
+
+def _listed(tables: dict[str, Any], name: str) -> list[tuple[int, Any]]:
+    found = tables.get(name)
+    return list(enumerate(found, start=1)) if isinstance(found, list) else []
+
+
+def _built(raw: Any, schema: type[S], build: Callable[[S], Built], faults: list[str]) -> Built | None:
+    """What a table describes; None if it is not valid, or, with a line in `faults`, contradicts itself."""
     try:
-        return to_arm(tables)
+        return build(schema.model_validate(raw))
+    except ValidationError:
+        return None
     except LrmError as error:
-        raise FileError(path, "", str(error)) from None
+        faults.append(str(error))
+        return None
 
 
 def to_arm(tables: ArmFile) -> Arm:
@@ -169,8 +208,6 @@ def _placement(t: PlacementTable) -> Placement:
 
 def _joint(number: int, t: JointTable) -> Joint:
     lower, upper = (math.radians(limit) for limit in t.limits_deg)
-    if not lower < upper:
-        raise LrmError(f"joint {number}: limits_deg = {t.limits_deg}; should be [lower, upper] with lower < upper")
     return Joint(
         theta=math.radians(t.theta_deg),
         d=t.d_mm * MM,

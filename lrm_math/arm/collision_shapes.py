@@ -72,4 +72,3 @@ class Shapes:
     def names(self) -> tuple[str, ...]:
         """Capsules first, then boxes."""
         return (*(capsule.name for capsule in self.capsules), *(box.name for box in self.boxes))
-

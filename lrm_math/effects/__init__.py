@@ -5,7 +5,8 @@ from __future__ import annotations
 from lrm_math.arm.arm import Arm
 from lrm_math.effects.backlash import Backlash, Hysteresis
 from lrm_math.effects.base import AngleDependentEffect, Effect, JointEffect, LoadedJointEffect, Parameter
-from lrm_math.effects.compliance import BaseCompliance, Compliance, LateralCompliance, NonlinearStiffness
+from lrm_math.effects.compliance import BaseCompliance, BendingEnds, Compliance, LateralCompliance, NonlinearStiffness
+from lrm_math.effects.curves import AngleCurve, AngleHarmonics, CouplingCurve, DriftCurve, TorqueCurve
 from lrm_math.effects.forces import CableSpring, Mass, Payload
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Coupling, Eccentricity, Quantisation, ServoGain
@@ -31,6 +32,8 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Session,
     MeasurementFrame,
 )
+FORMS: tuple[type[Effect], ...] = (BendingEnds, AngleHarmonics, TorqueCurve, AngleCurve, CouplingCurve, DriftCurve)
+"""Other forms of effects of the catalogue, fitted beside them, from plain to rich."""
 
 
 def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> tuple[Effect, ...]:
@@ -40,7 +43,7 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
         UnknownName: no such effect, or it cannot act at that place; the message lists what there is.
     """
     effect_id, _, place = name.partition("@")
-    by_id = {effect.id: effect for effect in catalogue}
+    by_id = {effect.id: effect for effect in (*catalogue, *FORMS)}
     if effect_id not in by_id:
         raise UnknownName("effect", effect_id, by_id)
     places = by_id[effect_id].places(arm)
@@ -50,5 +53,6 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
 
 
 __all__ = [
-    "CATALOGUE", "AngleDependentEffect", "Effect", "JointEffect", "LoadedJointEffect", "Parameter", "effects_at",
+    "CATALOGUE", "FORMS", "AngleDependentEffect", "Effect", "JointEffect", "LoadedJointEffect", "Parameter",
+    "effects_at",
 ]

@@ -112,6 +112,8 @@ class Effect(ABC):
     formula: ClassVar[str]
     source: ClassVar[str]
     needs: ClassVar[str] = ""
+    refines: ClassVar[tuple[str, ...]] = ()
+    """Ids of the effects of which this is another form, fitted beside them; empty for an effect of its own."""
     claim: ClassVar[str] = ""
     """A sentence that reports it, with the parameters' names in braces: `{place} has {b_rad} of play`."""
     online: ClassVar[bool] = True
@@ -138,6 +140,11 @@ class Effect(ABC):
     @property
     def moves(self) -> tuple[str, ...]:
         """The slots that it moves, `place.name`."""
+        return ()
+
+    @property
+    def bends_at_ends(self) -> tuple[str, ...]:
+        """Links (`linkN`) of which it turns an end, `linkN.near_x` for instance, beside their middle."""
         return ()
 
     @property

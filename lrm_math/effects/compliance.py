@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from lrm_math.arm.arm import BASE, Arm
 from lrm_math.effects.base import Amounts, Effect, LoadedJointEffect, Parameter
+from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude
 
@@ -89,6 +90,45 @@ class LateralCompliance(_Spring):
     def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """k about the moment's own axis."""
         return ((float(p[0]), 0.0), (0.0, float(p[1])))
+
+
+class BendingEnds(_Spring):
+    """Where along its length a link bends: hinges at its near and far end, beside that at its middle.
+
+    The far end is the bearing of the next joint. A compliance at any one point along the link equals springs at both
+    ends and the middle whose stiffness weights interpolate quadratically, so the three stand for a bend anywhere.
+    """
+
+    id = "bending_ends"
+    refines = ("lateral_compliance",)
+    cause = "A link bends most where it is thinnest, or its bearing tilts: at one end rather than at its middle."
+    formula = "rotation about x and y at both ends of the link: k M there"
+    source = "virtual joint model as in Klimchik et al. 2014, three nodes"
+    claim = "{place} bends elsewhere than at its middle"
+    parameters = tuple(
+        Parameter(f"k_{end}_{axis}_rad_per_Nm", f"bending about {axis} at its {end} end, beside its middle", 0.05)
+        for end in ("near", "far")
+        for axis in "xy"
+    )
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every link that carries another one and has a length."""
+        return tuple(place for place in LateralCompliance.places(arm) if any(chain_of(arm).hinges(place)))
+
+    @property
+    def bends_at_ends(self) -> tuple[str, ...]:
+        """The link."""
+        return (self.place,)
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The bending angles of both ends."""
+        return tuple(f"{self.place}.{end}_{axis}" for end in ("near", "far") for axis in "xy")
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """k M about each axis of each end."""
+        return tuple(k * moment for k, moment in zip(p, tau, strict=True))
 
 
 class BaseCompliance(_Spring):

@@ -1,4 +1,7 @@
-"""Level 2: errors of the nominal geometry (thesis Table 4.3, 38 parameters for six joints)."""
+"""Level 2: errors of the nominal geometry (thesis Table 4.3, 38 parameters for six joints without parallel axes).
+
+A link whose two axes are (nearly) parallel has Hayati's angle beta too: a turn about its y (Hayati & Mirmirani 1985).
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ class Offsets(Effect):
     id = "offsets"
     cause = "Parts are printed and screwed together a little longer, shorter or more twisted than drawn."
     formula = "each nominal dimension + its own constant"
-    source = "Conenna 2024, Table 4.3; Hayati 1983"
+    source = "Conenna 2024, Table 4.3; Hayati & Mirmirani 1985 (beta of parallel axes)"
     claim = "{place} is not as drawn"
     constant = True
     follows_angles = False

@@ -300,5 +300,6 @@ def _columns(tcp: ScalarFrame) -> Rotation:
 def _rotation_error(goal: Goal, tcp: ScalarFrame) -> float:
     """Remaining rotation to the goal's orientation (rad)."""
     if goal.rotation is not None:
-        return math.hypot(*pose_residual(goal.rotation, goal.position, tcp)[3:]) / CHAR_LENGTH
+        rodrigues = math.hypot(*pose_residual(goal.rotation, goal.position, tcp)[3:]) / CHAR_LENGTH  # 2 tan(angle / 2)
+        return 2.0 * math.atan(rodrigues / 2.0)
     return float(np.linalg.norm(Target.of(goal).error(matrices([tcp]))[0, 3:])) / CHAR_LENGTH

@@ -3,6 +3,9 @@
 Base: T(x, y, z) Rx(alpha) Ry(beta) Rz(gamma). Link i: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Tz(extra z) (modified DH,
 thesis section 4.1), then the bending of link i about x and y at its middle. Tool: Rx Ry Rz T(x, y, z).
 
+Where consecutive axes are (nearly) parallel, Ry(beta) follows Rx(alpha), nominally zero: four numbers do not describe
+every small deviation of such axes, whose common normal jumps far along them (Hayati & Mirmirani 1985).
+
 Effects add amounts (rad or m) to slots. A slot's amount is a float where it is the same for all poses, or an array
 `(N,)`; the same code serves both, so one pose costs scalar Python and a batch numpy.
 """
@@ -11,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -27,6 +30,8 @@ Angle: TypeAlias = "tuple[Number, Number] | None"
 
 X, Y, Z = 0, 1, 2
 ROUND_OFF = 1e-15
+NEARLY_PARALLEL = 0.1
+"""Sine of the angle between axes that errors of assembly (0.05 rad at either end) can make parallel."""
 PLANE = ((Y, Z), (Z, X), (X, Y))  # the two axes that a rotation about x, y, z mixes
 
 
@@ -101,8 +106,8 @@ class Chain:
 
 
 @lru_cache(maxsize=64)
-def chain_of(arm: Arm) -> Chain:
-    """The chain of an arm."""
+def chain_of(arm: Arm, bends_at_ends: frozenset[str] = frozenset()) -> Chain:
+    """The chain of an arm; links of `bends_at_ends` have hinges at both ends too, beside that at their middle."""
     shifts, turns = _placement_slots(BASE, arm.base)
     slots = [*shifts, *turns]
     frame_ends = [len(slots)]
@@ -110,7 +115,7 @@ def chain_of(arm: Arm) -> Chain:
         slots += _link_slots(arm, i)
         frame_ends.append(len(slots))
         if i + 1 < arm.dof:
-            slots += _bending_slots(arm, i)
+            slots += _bending_slots(arm, i, f"link{i + 1}" in bends_at_ends)
     shifts, turns = _placement_slots(TOOL, arm.tool)
     slots += [*turns, *shifts]
     frame_ends.append(len(slots))
@@ -160,20 +165,28 @@ def _link_slots(arm: Arm, i: int) -> Iterable[Slot]:
     yield Slot(place, "d", False, Z, joint.d)
     yield Slot(place, "a", False, X, joint.a)
     yield Slot(place, "alpha", True, X, joint.alpha)
+    if i + 1 < arm.dof and abs(math.sin(joint.alpha)) < NEARLY_PARALLEL:
+        yield Slot(place, "beta", True, Y, 0.0)
     if joint.extra_z is not None:
         yield Slot(place, "extra_z", False, Z, joint.extra_z)
 
 
-def _bending_slots(arm: Arm, i: int) -> Iterable[Slot]:
+def _bending_slots(arm: Arm, i: int, at_ends: bool) -> Iterable[Slot]:
     """Rotations about x and y of the link's far frame, at the link's middle: the pseudo-rigid-body hinge of a beam.
 
     A cantilever under a moment at its end turns by M L/EI and shifts by M L²/2EI: a hinge at half its length.
     """
     place = f"link{i + 1}"
     half = [(axis, length) for axis, length in enumerate(_half_length(arm, i)) if length]
-    yield from (Slot(place, f"back_{'xyz'[axis]}", False, axis, -length) for axis, length in half)
-    yield from (Slot(place, name, True, axis, 0.0) for name, axis in (("x", X), ("y", Y)))
-    yield from (Slot(place, f"on_{'xyz'[axis]}", False, axis, length) for axis, length in half)
+    back = [Slot(place, f"back_{'xyz'[axis]}", False, axis, -length) for axis, length in half]
+    middle = [Slot(place, name, True, axis, 0.0) for name, axis in (("x", X), ("y", Y))]
+    on = [Slot(place, f"on_{'xyz'[axis]}", False, axis, length) for axis, length in half]
+    if not at_ends:
+        yield from (*back, *middle, *on)
+        return
+    near, far = ([replace(slot, name=f"{end}_{slot.name}") for slot in middle] for end in ("near", "far"))
+    inner = [[replace(slot, name=f"near_{slot.name}") for slot in part] for part in (back, on)]
+    yield from (*back, *inner[0], *near, *inner[1], *middle, *on, *far)
 
 
 def _half_length(arm: Arm, i: int) -> list[float]:

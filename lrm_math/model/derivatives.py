@@ -62,9 +62,9 @@ def respond(rest: Equilibrium) -> Response:
     D = _elastic_compliance(rest)
     system = np.eye(len(model.load_slots)) - np.einsum("ksn,sjn->nkj", H[:, moving], D)
     deflected = np.einsum("scn,sjn->njc", rigid[moving], D)
-    by_load = np.linalg.solve(system.transpose(0, 2, 1), deflected)
-    total = rigid + np.einsum("nkc,ksn->scn", by_load, H)
-    return _as_measured(Response(rest, geometry, total, by_load.transpose(1, 2, 0)))
+    by_load = np.ascontiguousarray(np.linalg.solve(system.transpose(0, 2, 1), deflected).transpose(1, 2, 0))
+    total = rigid + np.einsum("kcn,ksn->scn", by_load, H)
+    return _as_measured(Response(rest, geometry, total, by_load))
 
 
 def _as_measured(response: Response) -> Response:

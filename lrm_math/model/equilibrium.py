@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
@@ -50,6 +51,12 @@ class Equilibrium:
         slots, tau = (tuple(_at(a, row) for a in amounts) for amounts in (self.slots, self.tau))
         tcp, true = self.tcp[[row]], self.true_tcp[[row]]
         return Equilibrium(self.model, self.poses.one(row), slots, tau, tcp, true, self.iterations)
+
+    def take(self, rows: NDArray[np.int64]) -> Equilibrium:
+        """The poses of these rows."""
+        slots, tau = (tuple(_part(a, rows) for a in amounts) for amounts in (self.slots, self.tau))
+        tcp, true = self.tcp[rows], self.true_tcp[rows]
+        return Equilibrium(self.model, self.poses.take(rows), slots, tau, tcp, true, self.iterations)
 
     @cached_property
     def weights(self) -> tuple[statics.Weight, ...]:
@@ -136,6 +143,10 @@ def solve_equilibrium(
 
 def _at(amount: Number, row: int) -> float:
     return amount if isinstance(amount, float) else float(amount[row if len(amount) > 1 else 0])
+
+
+def _part(amount: Number, rows: NDArray[np.int64]) -> Number:
+    return amount[rows] if isinstance(amount, np.ndarray) and len(amount) > 1 else amount
 
 
 def _columns(components: Sequence[Number], count: int) -> Array:

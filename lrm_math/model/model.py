@@ -39,7 +39,7 @@ class Model:
     @cached_property
     def chain(self) -> Chain:
         """The arm's kinematic chain."""
-        return chain_of(self.arm)
+        return chain_of(self.arm, frozenset(link for effect in self.effects for link in effect.bends_at_ends))
 
     @cached_property
     def keys(self) -> tuple[str, ...]:

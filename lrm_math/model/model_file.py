@@ -15,11 +15,15 @@ from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.reading import Reading
 from lrm_math.toml_file import StrictSchema, read_toml
 
 
 class ProvenanceTable(StrictSchema):
-    """Table `[provenance]`: data, tool and date of the fit."""
+    """Table `[provenance]`: data, tool and date of the fit; and the file of the user's own effects, if it has any.
+
+    `poses`: how many were fitted. `left_out`: numbers of those that were not.
+    """
 
     data: str
     data_sha256: str
@@ -28,6 +32,10 @@ class ProvenanceTable(StrictSchema):
     date: str
     loss: str = "squared"
     prior: str | None = None
+    left_out: list[int] = []
+    effects_file: str | None = None
+    effects_sha256: str | None = None
+    reading: Reading | None = None
 
 
 class HistoryTable(StrictSchema):
@@ -106,9 +114,19 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
             empty.position(key)
         model = model_of(arm, effects, values)
     except LrmError as error:
-        raise FileError(path, where, str(error)) from None
+        raise FileError(path, where, str(error), _own_effects(tables) if where == "effects" else "") from None
     shape = {key for key, parameter in zip(model.keys, model.parameters, strict=True) if parameter.fixed is not None}
     return replace(model, free=tuple(key for key in model.keys if key in values and key not in shape))
+
+
+def _own_effects(tables: ModelFile) -> str:
+    """Where a model's own effects are, if it has any."""
+    known = tables.provenance
+    if known is None or known.effects_file is None:
+        return ""
+    gone = "" if Path(known.effects_file).exists() else ", which is gone"
+    where = f"{known.effects_file}{gone} (sha256 {known.effects_sha256})"
+    return f"the model has effects of its own, from {where}; give that file with --effects-file"
 
 
 def parameter_tables(model: Model) -> dict[str, float]:

@@ -5,15 +5,28 @@ from __future__ import annotations
 import threading
 import time
 
+from lrm_math.errors import FileError, LrmError
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel, deploy
 from lrmd.ik.service import solver_of
 from lrmd.ramp.shared_memory import SharedRecords
 from lrmd.safety.collision_guard import Guard, guard_of
+from lrmd.safety.model_check import check_comes_to_rest
 
 IK_TIMEOUT, POLL_INTERVAL = 5.0, 0.005
 """s: time of the ik process for its present query and the new model, and how often its digest is read."""
+
+
+def load_checked(config: Config) -> tuple[DeployedModel, Guard | None]:
+    """The configured model, and the guard with its sag. Raises `LrmError` for a file that cannot be used."""
+    deployed = deploy(config)
+    solver_of(config, deployed)
+    try:
+        check_comes_to_rest(config.arm, deployed.model)
+    except LrmError as error:
+        raise FileError(deployed.path, "", str(error)) from None
+    return deployed, guard_of(config.arm, deployed.model if deployed.sha256 else None)
 
 
 class ActiveModel:
@@ -32,9 +45,7 @@ class ActiveModel:
         The ik process sees the new digest after its present query, and loads the file itself.
         """
         with self._lock:
-            deployed = deploy(self._config)
-            solver_of(self._config, deployed)
-            self.guard = guard_of(self._config.arm, deployed.model if deployed.sha256 else None)
+            deployed, self.guard = load_checked(self._config)
             self._shared.model = deployed.digest
             return deployed
 

@@ -14,20 +14,25 @@ import structlog
 import zenoh
 
 from lrm_math.errors import FileError, LrmError
+from lrmd.api import router_process
+from lrmd.api.event_log import EventRing, EventThrottle
 from lrmd.api.model_reload import ActiveModel
 from lrmd.api.publisher import StatePublisher
-from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded
+from lrmd.api.readiness import IkProbe
+from lrmd.api.router_setup import router_setup
+from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded, silence
 from lrmd.api.systemd_notify import notify, watchdog_s
 from lrmd.api.zenoh_server import ZenohServer
 from lrmd.config import SECOND, Config
 from lrmd.control.controller import Controller
-from lrmd.control.events import ControllerEvent, Level, RequestResult
+from lrmd.control.events import ControllerEvent, Level
 from lrmd.errors import RequestError
 from lrmd.ik import process as ik_process
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.messages.control import EstopCommand, Message, ReloadRequest, error_reply, pack, unpack
-from lrmd.messages.zenoh_session import router
+from lrmd.messages.control import Message, ReloadRequest, error_reply, pack
+from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence import state_file
+from lrmd.persistence.arm_identity import of_this_arm
 from lrmd.persistence.background_writer import BackgroundWriter
 from lrmd.ramp import process as ramp_process
 from lrmd.ramp.core import BoardSettings
@@ -40,9 +45,8 @@ PERIOD = SECOND // 50
 RAMP_TIMEOUT = SECOND // 2
 """ns without a tick after which the ramp process is restarted: half of the board's own timeout."""
 START_TIMEOUT = 5 * SECOND
-IK_TIMEOUT = 5 * SECOND
+IK_TIMEOUT, ROUTER_TIMEOUT = 5 * SECOND, 2 * SECOND
 SAVE_INTERVAL = 60 * SECOND
-KEPT_EVENTS = 500
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 
@@ -54,16 +58,18 @@ class ApiProcess:
         self._log = structlog.get_logger().bind(robot=config.robot)
         self._lock = threading.RLock()
         self._pending: deque[ControllerEvent] = deque()
-        self._events: deque[bytes] = deque(maxlen=KEPT_EVENTS)
+        self._throttle, self._events = EventThrottle(), EventRing()
         self._shared = SharedRecords.create()
-        self._estop = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        estop = SharedFd(os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
         memory = SharedFd(self._shared.descriptor)
         setup = RampSetup(
             BoardSettings.of(config, speed), config.link.port, config.link.baud, config.tick, config.realtime_priority,
-            speed, memory, SharedFd(self._estop),
+            speed, memory, estop,
         )  # fmt: skip
         self._ramp = ChildProcess("ramp", ramp_process.run, setup)
         self._ik = ChildProcess("ik", ik_process.run, config, memory)
+        self._router = ChildProcess("router", router_process.run, router_setup(config, memory, estop))
+        self._estops_seen = 0
         now = time.monotonic_ns()
         self._model = ActiveModel(config, self._shared)
         if self._model.guard is None:
@@ -86,23 +92,23 @@ class ApiProcess:
         signal.signal(signal.SIGHUP, lambda *_: setattr(self, "_reloading", True))
         now = time.monotonic_ns()
         self._shared.write_order(self._controller.order)
+        self._router.start(now)
         self._ramp.start(now)
+        self._ik.start(now)
         try:
-            with zenoh.open(router(self._config.zenoh)) as session:
-                self._ik.start(now)
+            self._wait_for_router()
+            with zenoh.open(own_client(self._config.zenoh)) as session:
                 self._wait_for_ramp()
                 self._server = ZenohServer(session, self._config.robot, self, tuple(self._publisher.states))
-                notify("READY=1\nSTATUS=disarmed")
-                self._log.info("ready", boot_id=self._publisher.boot_id, port=self._config.link.port)
-                self._loop()
+                self._loop(IkProbe(session, self._config.robot))
                 notify("STOPPING=1")
                 self._server = None
         except (RestartLimitExceeded, zenoh.ZError) as error:
             self._log.error("given_up", text=str(error).split(" at /")[0])
             return 1
         finally:
-            self._ramp.stop()
-            self._ik.stop()
+            for child in (self._ramp, self._ik, self._router):
+                child.stop()
             with self._lock:
                 self._observe(time.monotonic_ns())
                 self._save(time.monotonic_ns(), at_once=True)
@@ -113,14 +119,21 @@ class ApiProcess:
         self._log.info("stopped")
         return 0
 
+    def _wait_for_router(self) -> None:
+        deadline = time.monotonic() + START_TIMEOUT / SECOND
+        while not self._shared.router[0]:
+            if (ended := self._router.ended()) or time.monotonic() > deadline:
+                raise RestartLimitExceeded(f"no zenoh router: its process {f'ended ({ended})' if ended else 'hangs'}")
+            time.sleep(0.002)
+
     def _wait_for_ramp(self) -> None:
         deadline = time.monotonic() + START_TIMEOUT / SECOND
         while self._shared.read_report() is None and time.monotonic() < deadline and not self._ramp.ended():
             time.sleep(0.002)
 
-    def _loop(self) -> None:
+    def _loop(self, probe: IkProbe) -> None:
         notify_every = int((watchdog_s() or 2.0) / 4 * SECOND)
-        due, notified_at = time.monotonic_ns(), 0
+        due, notified_at, ready = time.monotonic_ns(), 0, False
         while not self._stopping:
             now = time.monotonic_ns()
             if self._reloading:
@@ -129,11 +142,21 @@ class ApiProcess:
                     self.reload()
             with self._lock:
                 self._cycle(now)
+            if not ready and self._ready(probe, now):
+                ready = True
+                notify(f"READY=1\nSTATUS={self._controller.mode}")
+                self._log.info("ready", boot_id=self._publisher.boot_id, port=self._config.link.port)
             if now - notified_at >= notify_every and now - self._ticked_at < RAMP_TIMEOUT:
                 notified_at = now
                 notify(f"WATCHDOG=1\nSTATUS={self._controller.mode}")
             due = max(due + PERIOD, now)
             time.sleep(max(0, due - time.monotonic_ns()) / SECOND)
+
+    def _ready(self, probe: IkProbe, now: int) -> bool:
+        """Whether all three processes work: the ramp ticks, and the ik process has the model and answers."""
+        probe.ask(now)
+        ik = probe.answered and self._shared.ik[0] > 0 and self._shared.ik_model == self._shared.model
+        return ik and self._shared.read_report() is not None
 
     def reload(self) -> DeployedModel:
         """Reads the model file again. Raises `RequestError` if it cannot be used: the model in use stays."""
@@ -154,7 +177,7 @@ class ApiProcess:
     def _cycle(self, now: int) -> None:
         self._observe(now)
         self._controller.tick(now)
-        self._shared.write_order(self._controller.order)
+        self._write_order()
         self._supervise(now)
         if self._server is not None:
             for tail, message in self._publisher.due(now):
@@ -162,7 +185,15 @@ class ApiProcess:
         self._flush()
         self._save(now)
 
+    def _write_order(self) -> None:
+        self._shared.write_order(self._controller.order)
+        self._shared.payload = self._controller.payload
+
     def _observe(self, now: int) -> None:
+        estops = self._shared.router[1]
+        if estops != self._estops_seen:
+            self._estops_seen = estops
+            self._controller.estop(now, self._shared.estop_reason)
         report = self._shared.read_report()
         if report is not None:
             self._controller.observe(report, now)
@@ -173,10 +204,10 @@ class ApiProcess:
         silent = now - max(self._ticked_at, self._ramp.started_at)
         stuck = silent > (RAMP_TIMEOUT if self._ticked_at > self._ramp.started_at else START_TIMEOUT)
         self._keep_alive(self._ramp, f"no tick for {silent / SECOND:.1f} s" if stuck else None, "error", now)
-        stuck = 0 < self._shared.ik[0] < now - IK_TIMEOUT
-        reason = f"no sign of life for {IK_TIMEOUT // SECOND} s" if stuck else None
-        if self._keep_alive(self._ik, reason, "warning", now):
+        if self._keep_alive(self._ik, silence(self._shared.ik[0], IK_TIMEOUT, now), "warning", now):
             self._shared.ik[0] = 0
+        if self._keep_alive(self._router, silence(self._shared.router[0], ROUTER_TIMEOUT, now), "error", now):
+            self._shared.router[0] = 0
 
     def _keep_alive(self, child: ChildProcess, stuck: str | None, level: Level, now: int) -> bool:
         ended = child.ended() or stuck
@@ -191,21 +222,33 @@ class ApiProcess:
         folder = self._config.state
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            return state_file.load(folder)
+            stored = state_file.load(folder)
         except FileError as error:
             self._emit("state_damaged", "error", f"{error}; it is set aside, and the pose is unknown")
-            try:
-                state_file.set_aside(folder)
-            except OSError as fault:
-                self._emit("state_damaged", "error", f"it cannot be set aside either ({fault.strerror})")
+            self._set_aside(".damaged")
+            return None
         except OSError as error:
             self._emit("state_not_saved", "error", f"{folder}: {error.strerror}")
-        return None
+            return None
+        if stored is None:
+            return None
+        stored, why_not = of_this_arm(stored, self._config)
+        if why_not:
+            text = f"{folder / state_file.NAME}: {why_not}; it is set aside, and the pose is unknown"
+            self._emit("state_foreign", "error", text)
+            self._set_aside(".foreign")
+        return stored
+
+    def _set_aside(self, suffix: str) -> None:
+        try:
+            state_file.set_aside(self._config.state, suffix)
+        except OSError as fault:
+            self._emit("state_not_saved", "error", f"it cannot be set aside either ({fault.strerror})")
 
     def _save(self, now: int, at_once: bool = False) -> None:
         """Saves on change, at least once a minute; during a motion only at the configured interval."""
         c = self._controller
-        state = (c.mode, c.position, c.report.moving)
+        state = (c.mode, c.position, c.report.moving, c.payload, *map(c.thermal.model.level, c.thermal.temperature))
         still_moving = c.report.moving and bool(self._saved) and self._saved[2]
         wait = self._config.save if still_moving else 0
         changed = state != self._saved and now - self._saved_at >= wait
@@ -233,7 +276,7 @@ class ApiProcess:
             now = time.monotonic_ns()
             self._observe(now)
             result = self._controller.handle(request, now)
-            self._shared.write_order(self._controller.order)
+            self._write_order()
             self._flush()
             return self._publisher.reply(tail, result)
 
@@ -244,28 +287,16 @@ class ApiProcess:
             self._emit("refused", "warning", f"{tail}: {reply.msg}", why=reply.code)
             self._flush()
 
-    def emergency_stop(self, data: bytes) -> Message:
-        """Signals the ramp first, then reads the message: an invalid one stops the arm, too."""
-        os.eventfd_write(self._estop, 1)
-        try:
-            why = unpack(EstopCommand, data).why
-        except LrmError:
-            why = "a message that cannot be read"
-        with self._lock:
-            self._controller.estop(time.monotonic_ns(), why)
-            self._shared.write_order(self._controller.order)
-            self._flush()
-            return self._publisher.reply("rpc/estop", RequestResult())
-
     def state(self, tail: str) -> Message:
         """The present state message of a key."""
         with self._lock:
+            self._observe(time.monotonic_ns())
             return self._publisher.states[tail]()
 
     def events(self) -> list[bytes]:
         """The last events, oldest first."""
         with self._lock:
-            return list(self._events)
+            return self._events.all()
 
     def _emit(self, code: str, level: Level, text: str, **detail: Any) -> None:
         self._pending.append(ControllerEvent(code, level, text, detail))
@@ -274,9 +305,18 @@ class ApiProcess:
         """Logs, keeps and publishes the pending events."""
         self._pending.extend(self._controller.events)
         self._controller.events.clear()
-        while self._server is not None and self._pending:
+        if self._server is None:
+            return
+        now = time.monotonic_ns()
+        while self._pending:
             event = self._pending.popleft()
-            getattr(self._log, event.level)(event.code, text=event.text, detail=event.detail)
-            data = pack(self._publisher.event(event))
-            self._events.append(data)
-            self._server.publish_event(event.code, data)
+            if self._throttle.passes(event, now):
+                self._publish(event, self._server)
+        for event in self._throttle.due(now):
+            self._publish(event, self._server)
+
+    def _publish(self, event: ControllerEvent, server: ZenohServer) -> None:
+        getattr(self._log, event.level)(event.code, text=event.text, detail=event.detail)
+        data = pack(self._publisher.event(event))
+        self._events.add(event.code, data)
+        server.publish_event(event.code, data)

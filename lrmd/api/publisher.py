@@ -7,6 +7,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any
 
+from lrm_math.arm.servo_table import COUNTS_PER_PERIOD
 from lrmd.api.supervisor import ChildProcess
 from lrmd.config import SECOND, Config
 from lrmd.control.arming_pose import stored_angles
@@ -135,7 +136,9 @@ class StatePublisher:
             names=list(config.names), joints=config.dof, limits_rad=limits, rate_rad_per_s=rates,
             tables_rad=[list(s.table.angle) for s in config.servos],
             tables_us=[[p * 1e6 for p in s.table.pulse] for s in config.servos],
-            tick_ms=config.tick / 1e6, lease_ms=config.lease / 1e6, command_ms=config.command / 1e6,
+            tick_ms=config.tick / 1e6, step_us=config.step / 1e3, count_us=config.clock.count_s * 1e6,
+            pwm_hz=1.0 / (COUNTS_PER_PERIOD * config.clock.count_s),
+            lease_ms=config.lease / 1e6, command_ms=config.command / 1e6,
             model=None if config.model is None else str(config.model),
             model_sha256="" if config.model is None else self._shared.model.hex(),
             stored_rad=stored_angles(config, stored), stored_still=bool(stored and stored.still),

@@ -59,3 +59,8 @@ class ChildProcess:
             self._process.terminate()
             self._process.join(1.0)
         self.kill()
+
+
+def silence(heartbeat: int, timeout: int, now: int) -> str | None:
+    """What is wrong with a process whose last heartbeat (monotonic ns, 0: none yet) is older than `timeout` (ns)."""
+    return f"no sign of life for {timeout // SECOND} s" if 0 < heartbeat < now - timeout else None

@@ -1,4 +1,4 @@
-"""The daemon's zenoh server: its keys, and the calls and replies of the messages that arrive on them."""
+"""The zenoh server of the api process: its keys, and the calls and replies of the messages that arrive on them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import structlog
 import zenoh
 
 from lrm_math.errors import LrmError
+from lrmd.errors import RequestError
 from lrmd.messages.control import (
     ArmRequest,
     DisarmRequest,
@@ -24,7 +25,7 @@ from lrmd.messages.control import (
     pack,
     unpack,
 )
-from lrmd.messages.zenoh_session import key, reply_error, serve
+from lrmd.messages.zenoh_session import addresses, key, reply_error, serve
 
 REQUESTS: dict[str, type[Message]] = {
     "rpc/lease": LeaseRequest,
@@ -44,7 +45,6 @@ class RequestHandler(Protocol):
 
     def handle(self, tail: str, request: Message) -> Message: ...
     def report_refusal(self, tail: str, error: LrmError) -> None: ...
-    def emergency_stop(self, data: bytes) -> Message: ...
     def state(self, tail: str) -> Message: ...
     def events(self) -> list[bytes]: ...
 
@@ -61,9 +61,8 @@ class ZenohServer:
             self._serve(tail, partial(self._state, tail), wildcards=True)
         for tail in REQUESTS:
             self._serve(tail, partial(self._request, tail))
-        self._serve("rpc/estop", lambda data: [pack(handler.emergency_stop(data))])
         self._serve("rpc/events", lambda _: handler.events())
-        for tail in (*COMMANDS, "cmd/estop"):
+        for tail in COMMANDS:
             session.declare_subscriber(key(robot, tail), partial(self._command, tail))
         self._alive = session.liveliness().declare_token(key(robot, "alive/lrmd"))
 
@@ -96,10 +95,9 @@ class ZenohServer:
 
     def _command(self, tail: str, sample: zenoh.Sample) -> None:
         try:
-            if tail == "cmd/estop":
-                self._handler.emergency_stop(sample.payload.to_bytes())
-            else:
-                self._handler.handle(tail, unpack(COMMANDS[tail], sample.payload.to_bytes()))
+            if not addresses(sample.key_expr, self._robot, tail):
+                raise RequestError("wildcard", f"put on {str(sample.key_expr)[:64]}, which is not a key of commands")
+            self._handler.handle(tail, unpack(COMMANDS[tail], sample.payload.to_bytes()))
         except LrmError as error:
             self._handler.report_refusal(tail, error)
         except Exception:

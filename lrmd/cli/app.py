@@ -104,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
     _motion(c)
     c = command("fk", cartesian.fk, "where the bent arm's tool is for joint angles (mm)")
     c.add_argument("--q", metavar="Q1,Q2,...", help="default: where the arm was told to be")
-    c.add_argument("--payload-g", type=float, default=0.0, metavar="G", help="what the gripper carries")
+    _payload(c)
     command("hold", motion.hold, "stop where it is, with pulses on; anybody may")
     c = command("relax", motion.relax, "stop the pulses: what they carried falls")
     c.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
@@ -132,7 +132,11 @@ def _goal(c: argparse.ArgumentParser) -> None:
     turn.add_argument("--approach", metavar="X,Y,Z", help="direction that the tool points along")
     c.add_argument("--method", choices=["cube", "direct", "iterative"], default="cube", help="default: %(default)s")
     c.add_argument("--round", choices=["each", "best"], default="best", help="how angles become counts")
-    c.add_argument("--payload-g", type=float, default=0.0, metavar="G", help="what the gripper carries")
+    _payload(c)
+
+
+def _payload(c: argparse.ArgumentParser) -> None:
+    c.add_argument("--payload-g", type=float, metavar="G", help="what the gripper carries (default: as before)")
 
 
 def _motion(c: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ import argparse
 from lrm_math.errors import LrmError
 from lrmd.cli import text
 from lrmd.cli.motion import run_motion
-from lrmd.cli.parsing import joint_angles, open_rover, parse_angles, parse_numbers, vector3
+from lrmd.cli.parsing import joint_angles, open_rover, parse_angles, parse_numbers, payload_kg, vector3
 from lrmd.client import Rover
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 
@@ -27,7 +27,7 @@ def _solve_goal(o: argparse.Namespace, rover: Rover) -> IkAnswer:
         approach=vector3("--approach", parse_numbers("--approach", o.approach)) if o.approach else None,
     )
     request = IkRequest(
-        goals=[goal], near_rad=rover.commanded_q(), method=o.method, round=o.round, payload_kg=o.payload_g / 1000,
+        goals=[goal], near_rad=rover.commanded_q(), method=o.method, round=o.round, payload_kg=payload_kg(o),
         deadline_ms=5000.0,
     )  # fmt: skip
     answer = rover.ik(request).answers[0]
@@ -41,18 +41,18 @@ def goto(o: argparse.Namespace) -> int:
     with open_rover(o) as rover:
         answer = _solve_goal(o, rover)
         print(text.ik_text(answer, rover.info().names))
-        waypoints = _plan_path(rover, answer.rounded_q_rad or answer.q_rad or [], o.payload_g / 1000, 0)
-        return run_motion(o, rover, waypoints, o.payload_g / 1000)
+        waypoints = _plan_path(rover, answer.rounded_q_rad or answer.q_rad or [], payload_kg(o), 0)
+        return run_motion(o, rover, waypoints, payload_kg(o))
 
 
 def plan(o: argparse.Namespace) -> int:
     """`lrm plan`: plans a path to joint angles, and moves with `--go`."""
     with open_rover(o) as rover:
-        waypoints = _plan_path(rover, list(joint_angles(rover, o.q).values()), 0.0, o.seed)
+        waypoints = _plan_path(rover, list(joint_angles(rover, o.q).values()), None, o.seed)
         return run_motion(o, rover, waypoints) if o.go else 0
 
 
-def _plan_path(rover: Rover, q: list[float], payload: float, seed: int) -> list[dict[str, float]]:
+def _plan_path(rover: Rover, q: list[float], payload: float | None, seed: int) -> list[dict[str, float]]:
     """Plans a path to joint angles (rad), prints it and returns its waypoints. Raises `LrmError` if there is none."""
     reply = rover.plan(PlanRequest(from_rad=rover.commanded_q(), to_rad=q, payload_kg=payload, seed=seed))
     if not reply.found:
@@ -66,5 +66,5 @@ def fk(o: argparse.Namespace) -> int:
     """`lrm fk`: prints the TCP pose of joint angles."""
     with open_rover(o) as rover:
         q = list(joint_angles(rover, o.q).values()) if o.q else rover.commanded_q()
-        print(text.tcp_text(rover.fk(FkRequest(q_rad=[q], payload_kg=o.payload_g / 1000)).places[0]))
+        print(text.tcp_text(rover.fk(FkRequest(q_rad=[q], payload_kg=payload_kg(o))).places[0]))
     return 0

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping, Sequence
 
 from lrm_math.errors import LrmError
-from lrmd.cli.parsing import joint_angles, lease_holder, open_rover, parse_angles, servo_angles
+from lrmd.cli.parsing import joint_angles, lease_holder, open_rover, parse_angles, payload_kg, servo_angles
 from lrmd.client import RequestRefused, Rover
 
 
@@ -45,7 +45,7 @@ def move(o: argparse.Namespace) -> int:
         targets |= servo_angles(rover, [(f"joint{n.removeprefix('joint')}", a) for n, a in o.joint] + o.servo)
         if not targets:
             raise LrmError("move: nothing to move; give --joint N ANGLE, --servo NAME ANGLE or --q")
-        return run_motion(o, rover, [targets], None if o.payload_g is None else o.payload_g / 1000)
+        return run_motion(o, rover, [targets], payload_kg(o))
 
 
 def gripper(o: argparse.Namespace) -> int:

@@ -32,6 +32,11 @@ def open_rover(o: argparse.Namespace) -> Rover:
     return Rover(o.robot, o.connect.split(",") if o.connect else None, o.zenoh_config)
 
 
+def payload_kg(o: argparse.Namespace) -> float | None:
+    """The payload (kg) of the option `--payload-g`, None for what the arm carries already."""
+    return None if o.payload_g is None else float(o.payload_g) / 1000
+
+
 def lease_holder() -> str:
     """Name under which the lease is requested."""
     return f"lrm ({getpass.getuser()})"

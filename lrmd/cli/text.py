@@ -86,6 +86,7 @@ def info_text(info: InfoState) -> str:
     model = model_text(info.model or "nominal", info.model_sha256)
     lines = [
         f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, {model}",
+        step_text(info),
         paint(f"{'servo':<10}{'limits':>18}{'fastest':>12}", "bold"),
     ]
     for name, (low, high), rate in zip(info.names, info.limits_rad, info.rate_rad_per_s, strict=True):
@@ -95,6 +96,15 @@ def info_text(info: InfoState) -> str:
         pose = ", ".join(f"{n} {math.degrees(q):.1f}" for n, q in info.stored_rad.items())
         lines.append(f"last pose (deg): {pose}{'' if info.stored_still else '; it was moving then'}")
     return "\n".join(lines)
+
+
+def step_text(info: InfoState) -> str:
+    """Largest change of a pulse at once: as commanded, and as the board puts it out in counts."""
+    largest = math.ceil(round(info.step_us / info.count_us, 6)) * info.count_us
+    return (
+        f"pulses: commanded in steps of at most {info.step_us:g} us per tick; put out in counts of "
+        f"{info.count_us:.2f} us ({info.pwm_hz:.0f} Hz), so in steps of at most {largest:.2f} us"
+    )
 
 
 def model_text(model: str, sha256: str) -> str:

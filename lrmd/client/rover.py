@@ -95,6 +95,7 @@ class Rover:
         except zenoh.ZError:
             raise LrmError(f"{self._where}: should be zenoh endpoints like {DEFAULT_ENDPOINT}") from None
         self._lease: str | None = None
+        self._querier: zenoh.Querier | None = None
 
     def __enter__(self) -> Self:
         try:
@@ -218,15 +219,23 @@ class Rover:
 
     def ik(self, request: IkRequest) -> IkReply:
         """Calibrated inverse kinematics: commanded angles for goals of the TCP."""
-        return self._query(IkReply, "rpc/ik", request, self._timeout + request.deadline_ms / 1000)
+        return self._solve(IkReply, "rpc/ik", request)
 
     def fk(self, request: FkRequest) -> FkReply:
         """Calibrated forward kinematics: TCP poses of commanded angles."""
-        return self._query(FkReply, "rpc/fk", request, self._timeout + 1.0)
+        return self._solve(FkReply, "rpc/fk", request)
 
     def plan(self, request: PlanRequest) -> PlanReply:
         """A collision-free joint path."""
-        return self._query(PlanReply, "rpc/plan", request, self._timeout + request.deadline_ms / 1000)
+        return self._solve(PlanReply, "rpc/plan", request)
+
+    def _solve(self, kind: type[S], tail: str, request: IkRequest | FkRequest | PlanRequest) -> S:
+        """Asks the ik process, in this session's name: it has a share of the queue of its own."""
+        if self._querier is None:
+            self._querier = self._session.declare_querier(key(self.robot, tail))
+        source = zenoh.SourceInfo(self._querier.id, 0)
+        timeout = self._timeout + request.deadline_ms / 1000
+        return unpack(kind, self._replies(tail, pack(request), timeout, source)[0])
 
     def cancel(self, name: str) -> None:
         """Cancels the query or plan with this `id`; its caller gets the verdict `cancelled`."""
@@ -289,12 +298,15 @@ class Rover:
         payload = b"" if request is None else pack(request)
         return unpack(kind, self._replies(tail, payload, timeout or self._timeout)[0])
 
-    def _replies(self, tail: str, payload: bytes, timeout: float) -> list[bytes]:
+    def _replies(
+        self, tail: str, payload: bytes, timeout: float, source: zenoh.SourceInfo | None = None
+    ) -> list[bytes]:
         """Payloads of all replies. Raises `RequestRefused` on an error reply, `NoReply` without any."""
         whole = key(self.robot, tail)
         found: list[bytes] = []
+        no_merging = zenoh.ConsolidationMode.NONE
         for reply in self._session.get(
-            whole, payload=payload, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE
+            whole, payload=payload, timeout=timeout, consolidation=no_merging, source_info=source
         ):
             if reply.ok is not None:
                 found.append(reply.ok.payload.to_bytes())

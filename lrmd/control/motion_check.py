@@ -26,32 +26,37 @@ class MotionCheck:
         """Raises `RequestError` for a path that collides, or a waypoint that loads a hot servo more than now.
 
         `here`: pulses (ns) now; `targets`: pulses (ns) of the motion under way, which a waypoint overrides.
-        Each segment between two corners is straight in joint space, as the guard requires.
         """
         torques_now, goal = self.servo_torques(here, payload), targets
         for number, waypoint in enumerate(waypoints, start=1):
             goal = overlaid(goal, waypoint)
-            ramp = move(here, goal, (stride,) * len(here), pace)
-            for corner in (ramp.at(k) for k in corners(self._config, ramp)):
-                self.check_segment(here, corner, number)
-                here = corner
+            try:
+                here = self.check_path(here, goal, stride, pace, payload)
+            except ClearanceViolation as error:
+                raise _collision(error, number) from None
             self._thermal.check_load(torques_now, self.servo_torques(goal, payload))
 
-    def check_segment(self, here: Pulses, there: Pulses, number: int = 1) -> None:
-        """Raises `RequestError` if a straight segment between pulses (ns), before waypoint `number`, collides."""
-        if self._joints(here) == self._joints(there):
-            return
-        try:
-            self.check_clearance(here, there)
-        except ClearanceViolation as error:
-            raise RequestError(
-                "collision", f"waypoint {number}: {error}", waypoint=number, bodies=[error.first, error.second],
-                distance_m=error.distance, fraction=error.fraction,
-            ) from None  # fmt: skip
+    def check_path(self, here: Pulses, goal: Pulses, stride: int, pace: Pace, payload: float) -> Pulses:
+        """Passes the ramp's path to a goal (ns) to the guard; returns its last pulses. Raises the guard's `LrmError`.
 
-    def check_clearance(self, here: Pulses, there: Pulses) -> None:
-        """Passes a straight segment between pulses (ns) to the guard. Raises its `LrmError`."""
-        self.guard(self._joints(here), self._joints(there))
+        Each segment between two corners is straight in joint space, as the guard requires.
+        """
+        ramp = move(here, goal, (stride,) * len(here), pace)
+        for corner in (ramp.at(k) for k in corners(self._config, ramp)):
+            self._check_straight(here, corner, payload)
+            here = corner
+        return here
+
+    def check_jog(self, here: Pulses, ahead: Pulses, payload: float) -> None:
+        """Raises `RequestError` if the straight segment between pulses (ns) collides, or the guard's `LrmError`."""
+        try:
+            self._check_straight(here, ahead, payload)
+        except ClearanceViolation as error:
+            raise _collision(error, 1) from None
+
+    def _check_straight(self, here: Pulses, there: Pulses, payload: float) -> None:
+        if self._joints(here) != self._joints(there):
+            self.guard(self._joints(here), self._joints(there), payload)
 
     def servo_torques(self, pulses: Pulses, payload: float) -> tuple[float, ...]:
         """Gravity torque (N m) on every servo for pulses (ns) and a payload (kg); 0 for servos that are no joint."""
@@ -60,3 +65,10 @@ class MotionCheck:
 
     def _joints(self, pulses: Pulses) -> list[float]:
         return angles(self._config, pulses)[: self._config.dof]
+
+
+def _collision(error: ClearanceViolation, waypoint: int) -> RequestError:
+    return RequestError(
+        "collision", f"waypoint {waypoint}: {error}", waypoint=waypoint, bodies=[error.first, error.second],
+        distance_m=error.distance, fraction=error.fraction,
+    )  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from lrmd.config import SECOND
 from lrmd.control import lease as leases
+from lrmd.control import thermal_protection
 from lrmd.control.arming_pose import arming_pulses
 from lrmd.control.events import RequestResult
 from lrmd.control.pulses import armed_index, duration, jog_order, pulses_of
@@ -54,6 +55,7 @@ def _acquire(s: ControllerState, request: LeaseRequest, now: int) -> RequestResu
 
 def _hold(s: ControllerState, _: HoldRequest, now: int) -> RequestResult:
     s.hold(now, "hold")
+    s.held_at = now
     return RequestResult()
 
 
@@ -63,6 +65,7 @@ def _arm(s: ControllerState, request: ArmRequest, now: int) -> RequestResult:
         why = s.port_trouble or f"link {s.report.link.name.lower()}"
         raise RequestError("link", f"the board is not ready ({why})", retryable=True)
     first_pulses = arming_pulses(request, s.config, s.report, s.stored)
+    thermal_protection.check_arming(s, sorted(first_pulses))
     s.transition(Trigger.ARM, "arm", now)
     pose = tuple(first_pulses.get(i, pulse) for i, pulse in enumerate(s.position))
     adopted = s.report.board_outputs & sum(1 << i for i in first_pulses) if request.where == "board" else 0
@@ -73,19 +76,21 @@ def _arm(s: ControllerState, request: ArmRequest, now: int) -> RequestResult:
 
 def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     next_mode(s.mode, Trigger.MOVE)
+    thermal_protection.check_motion(s)
     payload = s.payload if request.payload_kg is None else request.payload_kg
     waypoints = [pulses_of(s.config, w, s.report.outputs) for w in request.waypoints]
     stride = max(1, int(s.config.step * request.speed))
     pace = Pace[request.pace.upper()]
     s.motion_check.check(s.position, s.targets, waypoints, stride, pace, payload)
     s.transition(Trigger.MOVE, "move", now)
-    s.payload = payload
+    s.payload, s.rest_goal = payload, None
     s.orders.start_move(waypoints, stride, pace, now)
     return RequestResult(seconds=duration(s.config, s.position, waypoints, stride))
 
 
 def _jog(s: ControllerState, request: JogRequest, now: int) -> RequestResult:
     next_mode(s.mode, Trigger.MOVE)
+    thermal_protection.check_motion(s)
     stride, target = list(s.order.stride), [HOLD_PULSE] * len(s.config.servos)
     for name, rate in request.rate_rad_per_s.items():
         i = armed_index(s.config, name, s.report.outputs)

@@ -14,7 +14,8 @@ from lrmd.control.motion_check import MotionCheck
 from lrmd.control.pulses import Pulses, angles, overlaid
 from lrmd.control.ramp_orders import OrderScheduler
 from lrmd.control.state_machine import Mode, Trigger, next_mode
-from lrmd.persistence.state_file import StoredState
+from lrmd.persistence.arm_identity import arm_identity
+from lrmd.persistence.state_file import HOTTEST, StoredState
 from lrmd.ramp.shared_memory import RampOrder, RampReport
 from lrmd.safety.collision_guard import Guard
 from lrmd.safety.thermal_model import Torques
@@ -26,6 +27,8 @@ class ControllerState:
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, `lease`, `orders` for the ramp, `report` of the
     ramp, `thermal` monitor, `motion_check`, `payload` (kg), unpublished `events`, and the state file as `stored`.
+    Of the thermal protection: `held_at`, `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest,
+    `rest_goal` (pulses, ns) of the last motion to rest, and `rest_blocked` while its path is not free.
     """
 
     def __init__(
@@ -37,14 +40,18 @@ class ControllerState:
         self.events: list[ControllerEvent] = []
         self.lease: Lease | None = None
         self.report = RampReport()
-        self.payload = 0.0
+        self.payload = stored.payload_kg if stored else 0.0
         self.stored = stored
+        self._identity = arm_identity(config)
         self._stored_at_rest = stored is None or stored.still
         self.boots = (stored.boots if stored else 0) + 1
         self.thermal = ThermalMonitor(config, stored, now, wall)
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
         self.orders = OrderScheduler(config, now)
         self.last_look_ahead = now
+        self.held_at: int | None = None
+        self.rest_goal: Pulses | None = None
+        self.rest_tried_at, self.rest_blocked = now, False
 
     def angles(self, pulses: Sequence[int]) -> list[float]:
         """Angle (rad) of every servo for these pulses (ns); 0 where none was ever sent."""
@@ -66,6 +73,11 @@ class ControllerState:
         return overlaid(self.position, self.orders.goal)
 
     @property
+    def going_to_rest(self) -> bool:
+        """Whether the motion under way is that of the thermal protection."""
+        return self.mode is Mode.MOVING and self.orders.goal == self.rest_goal
+
+    @property
     def port_trouble(self) -> str:
         """Why the port cannot be opened; empty if it is open."""
         number = self.report.port_error
@@ -77,9 +89,10 @@ class ControllerState:
         before = dict(self.stored.pulse_ns) if self.stored else {}
         known = {n: p for n, p in zip(self.config.names, self.position, strict=True) if p}
         still = not self.report.moving and (self._stored_at_rest or before.keys() <= known.keys())
+        heat = {n: min(T, HOTTEST) for n, T in zip(self.config.names, self.thermal.temperature, strict=True)}
         return StoredState(
-            saved_wall_ns=wall, boots=self.boots, mode=self.mode, still=still, pulse_ns=before | known,
-            temperature_c=dict(zip(self.config.names, self.thermal.temperature, strict=True)),
+            saved_wall_ns=wall, boots=self.boots, arm=self.config.arm.name, identity=self._identity, mode=self.mode,
+            still=still, pulse_ns=before | known, payload_kg=self.payload, temperature_c=heat,
         )  # fmt: skip
 
     def transition(self, trigger: Trigger, why: str, now: int) -> None:
@@ -96,8 +109,8 @@ class ControllerState:
         self.orders.stop(now)
 
     def stop_motion(self, now: int, why: str) -> None:
-        """Holds if a motion is under way; a stationary arm keeps its mode."""
-        if self.mode in (Mode.MOVING, Mode.ARMING):
+        """Holds if a client's motion is under way; a stationary arm keeps its mode, a hot one goes on to rest."""
+        if self.mode in (Mode.MOVING, Mode.ARMING) and not self.going_to_rest:
             self.hold(now, why)
 
     def estop(self, now: int, why: str) -> None:

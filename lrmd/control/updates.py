@@ -115,13 +115,14 @@ def _order_dropped(s: ControllerState, report: RampReport, now: int) -> None:
 
 
 def tick(s: ControllerState, now: int) -> None:
-    """Checks the timeouts, continues arming, updates the temperatures, renews the heartbeat in the order."""
+    """Checks the timeouts, continues arming, protects from heat, renews the heartbeat in the order."""
     _check_lease(s, now)
     _check_jog(s, now)
     if s.report.order == s.order.number:
         s.orders.switch_on_next(now)
     if s.thermal.due(now):
         thermal_protection.update(s, now)
+    thermal_protection.protect(s, now)
     s.orders.set_heartbeat(now)
 
 
@@ -147,7 +148,7 @@ def _look_ahead(s: ControllerState, now: int) -> None:
     reach = [LOOK_AHEAD // s.config.tick * stride for stride in s.order.stride]
     ahead = tuple(min(max(g, p - r), p + r) for g, p, r in zip(s.targets, s.position, reach, strict=False))
     try:
-        s.motion_check.check_segment(s.position, ahead)
+        s.motion_check.check_jog(s.position, ahead, s.payload)
     except LrmError as error:
         detail = error.detail if isinstance(error, RequestError) else {}
         s.emit("jog_stopped", "warning", str(error), **detail)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.collision.rrt_connect import NoPath, plan
+from lrm_math.collision.rrt_connect import Check, NoPath, plan
 from lrm_math.collision.scene import Scene, clearance_of
 from lrm_math.collision.straight_move import MotionClearance, check_move
 from lrm_math.errors import NoEquilibrium
@@ -60,14 +60,19 @@ class Planner:
     ) -> JointPath | str:
         """A path from a pose (rad) to one of the goal poses, or the reason why the first goal was given up.
 
-        Tries all goals in turn, repeatedly, until `check_cancelled` raises. Deterministic for one seed.
+        Tries all goals in turn, repeatedly, until `check_cancelled` raises, which is called before every move that is
+        checked. Deterministic for one seed.
         """
+
+        def check(before: Array, after: Array, margin: float) -> MotionClearance:
+            check_cancelled()
+            return self._check_move(before, after, margin)
+
         searches = [_GoalSearch(np.random.default_rng([seed, number]), goal) for number, goal in enumerate(goals)]
         reasons: list[str] = []
         while searches:
             for search in tuple(searches):
-                check_cancelled()
-                found = self._attempt(start, search)
+                found = self._attempt(start, search, check)
                 if isinstance(found, JointPath):
                     return found
                 if found is not None:
@@ -75,10 +80,10 @@ class Planner:
                     searches.remove(search)
         return reasons[0]
 
-    def _attempt(self, start: Sequence[float], search: _GoalSearch) -> JointPath | str | None:
+    def _attempt(self, start: Sequence[float], search: _GoalSearch, check: Check) -> JointPath | str | None:
         """A path, the reason why there is none, or None to try again."""
         margin = self.scene.margin + search.extra_margin
-        found = plan(self.scene, start, search.goal, search.rng, margin=margin, samples=SAMPLES, check=self._check_move)
+        found = plan(self.scene, start, search.goal, search.rng, margin=margin, samples=SAMPLES, check=check)
         if isinstance(found, NoPath):
             return self._reason(found, start, search)
         waypoints = _with_corners(self.config, found.waypoints)
@@ -127,7 +132,7 @@ class Planner:
         guard = CollisionGuard(self.scene, self.model)
         try:
             for before, after in pairwise(waypoints):
-                guard(before, after)
+                guard(before, after, self.payload)
                 move = self._check_move(np.array(before), np.array(after), self.scene.margin)
                 if not move.free:
                     return str(move)

@@ -1,12 +1,13 @@
-"""The ik process: a queue of kinematics queries and the loop that answers them, apart from the real-time ramp."""
+"""The ik process: kinematics queries answered by turns, apart from the real-time ramp."""
 
 from __future__ import annotations
 
-import queue
 import signal
+import sys
 import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Generator
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -18,30 +19,61 @@ from lrmd import log
 from lrmd.config import MS, Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import deploy, digest_of
+from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
 from lrmd.messages.control import Header, HeaderSource, Message, pack, unpack
-from lrmd.messages.kinematics import CancelRequest, FkReply, FkRequest, IkReply, IkRequest, PlanReply, PlanRequest
-from lrmd.messages.zenoh_session import client, key, own_endpoints, reply_error, serve
-from lrmd.ramp.process import die_with_parent
+from lrmd.messages.kinematics import (
+    CancelRequest,
+    FkReply,
+    FkRequest,
+    IkReply,
+    IkRequest,
+    PlanReply,
+    PlanRequest,
+    with_payload,
+)
+from lrmd.messages.zenoh_session import key, own_client, reply_error, serve
+from lrmd.ramp.parent import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
 from lrmd.ramp.shared_memory import NO_MODEL, SharedRecords
 
-QUEUE = 64
+QUEUE = 128
 """Capacity of the queue; a query beyond it is refused as `busy`."""
-FK_DEADLINE = 1000 * MS
+SHARE = QUEUE // 2
+"""Queries of one client in the queue. Clients that do not name themselves (zenoh's source info) have one share."""
+TURN = 25 * MS
+"""ns: a query whose turn it is computes goals until so much time has passed, one at least."""
+SWITCH_INTERVAL = 0.5e-3
+"""s: a query that arrives during a goal waits for the interpreter at most about so long, so its deadline is right."""
 KinematicsRequest = IkRequest | FkRequest | PlanRequest
 REQUESTS: dict[str, type[KinematicsRequest]] = {"rpc/ik": IkRequest, "rpc/fk": FkRequest, "rpc/plan": PlanRequest}
+Steps = Generator[None, None, Message]
+"""The work on one query: pauses after every goal, and returns the reply."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class QueuedQuery:
-    """A queued query: its request, deadline `until` (monotonic ns), and whether it was cancelled."""
+    """A query of a client: its request, deadline `until` (monotonic ns), whether it was cancelled, its work so far."""
 
     query: zenoh.Query
+    client: str
     request: KinematicsRequest
     until: int
-    cancelled: threading.Event
+    cancelled: threading.Event = field(default_factory=threading.Event)
+    steps: Steps | None = None
+
+    @property
+    def plans(self) -> bool:
+        """Whether it is a plan: one at a time, whose pauses are the turns of the others."""
+        return isinstance(self.request, PlanRequest)
+
+    def check(self) -> None:
+        """Raises `RequestError` if it is too late, or if nobody wants the answer any more."""
+        if time.monotonic_ns() >= self.until:
+            raise RequestError("deadline", "the deadline passed before the answer was there", retryable=True)
+        if self.cancelled.is_set():
+            raise RequestError("cancelled", "the request was cancelled")
 
 
 class IkProcess:
@@ -51,9 +83,8 @@ class IkProcess:
         self._config = config
         self._shared = SharedRecords(memory.number)
         self._log = structlog.get_logger().bind(robot=config.robot, process="ik")
-        self._queue: queue.Queue[QueuedQuery] = queue.Queue(QUEUE)
+        self._queue: FairQueue[QueuedQuery] = FairQueue(QUEUE, SHARE)
         self._ending = False
-        self._pending: list[QueuedQuery] = []
         self._headers = HeaderSource()
         self._service: IkService | None = None
         self._checked: tuple[bytes, bytes] | None = None
@@ -65,45 +96,67 @@ class IkProcess:
         signal.signal(signal.SIGTERM, lambda *_: setattr(self, "_ending", True))
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        zenoh_table = self._config.zenoh
-        with zenoh.open(client(own_endpoints(zenoh_table), zenoh_table.config)) as session:
+        sys.setswitchinterval(SWITCH_INTERVAL)
+        with zenoh.open(own_client(self._config.zenoh)) as session:
             for tail, kind in REQUESTS.items():
                 serve(session, key(self._config.robot, tail), partial(self._enqueue, kind), self._refuse)
             serve(session, key(self._config.robot, "rpc/cancel"), self._cancel, self._refuse)
-            self._work()
+            while not self._ending:
+                self._work()
 
     def _enqueue(self, kind: type[KinematicsRequest], query: zenoh.Query, data: bytes) -> None:
-        request = unpack(kind, data)
-        allowed = FK_DEADLINE if isinstance(request, FkRequest) else request.deadline_ms * MS
-        queued = QueuedQuery(query, request, time.monotonic_ns() + int(allowed), threading.Event())
-        self._pending.append(queued)
-        try:
-            self._queue.put_nowait(queued)
-        except queue.Full:
-            self._pending.remove(queued)
-            raise RequestError("busy", f"{QUEUE} queries are waiting; ask again", retryable=True) from None
+        arrived = time.monotonic_ns()
+        request = with_payload(unpack(kind, data), self._shared.payload)
+        source = query.source_info
+        asker = "" if source is None else str(source.source_id.zid)
+        self._queue.add(asker, QueuedQuery(query, asker, request, arrived + int(request.deadline_ms * MS)))
 
     def _cancel(self, query: zenoh.Query, data: bytes) -> None:
         request = unpack(CancelRequest, data)
-        for queued in tuple(self._pending):
-            if not isinstance(queued.request, FkRequest) and queued.request.id == request.id:
+        for queued in self._queue:
+            if queued.request.id == request.id:
                 queued.cancelled.set()
         with query:
             query.reply(query.key_expr, pack(Message()))
 
     def _work(self) -> None:
-        while not self._ending:
-            self._shared.ik[0] = time.monotonic_ns()
+        """One turn of the next query, and of a plan."""
+        self._look_up()
+        self._queue.wait(0.2)
+        if (queued := self._queue.next()) is not None:
+            self._turn(queued)
+
+    def _look_up(self) -> None:
+        """What has to be done between two goals: sign of life, the daemon's model, queries that are over."""
+        self._shared.ik[0] = time.monotonic_ns()
+        self._update_model()
+        for queued in self._queue:
             try:
-                queued = self._queue.get(timeout=0.2)
-            except queue.Empty:
-                self._update_model()
-                continue
-            self._update_model()
-            try:
-                self._answer(queued)
-            finally:
-                self._pending.remove(queued)
+                queued.check()
+            except RequestError as error:
+                self._end(queued, error)
+
+    def _turn(self, queued: QueuedQuery) -> None:
+        """Continues a query for at least one goal, and for `TURN`."""
+        end = time.monotonic_ns() + TURN
+        try:
+            queued.steps = queued.steps or self._steps(queued)
+            while True:
+                next(queued.steps)
+                queued.check()
+                if time.monotonic_ns() >= end:
+                    return
+        except StopIteration as finished:
+            self._reply(queued, finished.value)
+        except Exception as error:
+            self._end(queued, error)
+
+    def _pause(self, plan: QueuedQuery) -> None:
+        """Between two moves of a plan: a turn of another query, then the plan's own deadline."""
+        self._look_up()
+        if (other := self._queue.next(lambda queued: not queued.plans)) is not None:
+            self._turn(other)
+        plan.check()
 
     def _update_model(self) -> None:
         """Loads the model that the daemon accepted, once the file has its digest."""
@@ -125,40 +178,44 @@ class IkProcess:
         except LrmError as error:
             self._log.error("model_refused", text=str(error))
 
-    def _answer(self, queued: QueuedQuery) -> None:
-        try:
-            reply = self._solve(queued, time.perf_counter())
-        except Exception as error:
-            self._refuse(queued.query, error)
-        else:
-            self._shared.ik[1] += 1
-            with queued.query as query:
-                query.reply(query.key_expr, pack(reply))
-
-    def _solve(self, queued: QueuedQuery, started: float) -> Message:
-        request, service = queued.request, self._service
+    def _steps(self, queued: QueuedQuery) -> Steps:
+        started, request, service = time.perf_counter(), queued.request, self._service
         if service is None:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
-
-        def check_cancelled() -> None:
-            self._shared.ik[0] = time.monotonic_ns()
-            if time.monotonic_ns() > queued.until:
-                raise RequestError("deadline", "the deadline passed before the answer was there", retryable=True)
-            if queued.cancelled.is_set():
-                raise RequestError("cancelled", "the request was cancelled")
-
-        deployed = service.deployed
         kind: type[Header]
-        content: dict[str, Any] = {"left_out": list(deployed.left_out)}
+        content: dict[str, Any] = {"left_out": list(service.deployed.left_out)}
         if isinstance(request, IkRequest):
-            kind, content["answers"] = IkReply, service.inverse(request, check_cancelled)
+            kind, content["answers"] = IkReply, []
+            for answer in service.inverse(request):
+                content["answers"].append(answer)
+                yield
         elif isinstance(request, FkRequest):
-            kind, content["places"] = FkReply, service.forward(request, check_cancelled)
+            kind, content["places"] = FkReply, []
+            for place in service.forward(request):
+                content["places"].append(place)
+                yield
         else:
-            kind, content = PlanReply, _plan_content(service.plan(request, check_cancelled))
-        content |= {"model": deployed.path, "model_sha256": deployed.sha256}
+            kind, content = PlanReply, _plan_content(service.plan(request, partial(self._pause, queued)))
+        content |= {"model": service.deployed.path, "model_sha256": service.deployed.sha256}
         content["elapsed_ms"] = (time.perf_counter() - started) * 1e3
         return kind(**self._headers.next("ik"), **content)
+
+    def _reply(self, queued: QueuedQuery, reply: Message) -> None:
+        data = pack(reply)
+        try:
+            queued.check()
+        except RequestError as error:
+            self._end(queued, error)
+            return
+        self._shared.ik[1] += 1
+        self._queue.remove(queued.client, queued)
+        with queued.query as query:
+            query.reply(query.key_expr, data)
+
+    def _end(self, queued: QueuedQuery, error: Exception) -> None:
+        """Refuses a query, once."""
+        if self._queue.remove(queued.client, queued):
+            self._refuse(queued.query, error)
 
     def _refuse(self, query: zenoh.Query, error: Exception) -> None:
         self._shared.ik[2] += 1

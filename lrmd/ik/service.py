@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,7 +45,7 @@ EQUILIBRIUM_TOLERANCE = 1e-7
 UNIQUE_TOLERANCE = 1e-6
 """rad, m: slots of one equilibrium differ by less."""
 CancellationCheck = Callable[[], None]
-"""Called between goals; raises an `LrmError` once the request is cancelled or its deadline has passed."""
+"""Called before every move that a plan checks; raises an `LrmError` once the plan is not wanted any more."""
 
 
 def goal_of(entry: GoalEntry) -> Goal:
@@ -171,15 +171,13 @@ class IkService:
         self._feasibility = FeasibilityCheck(self._scene, self._model)
         self._solver.warm_up()
 
-    def inverse(self, request: IkRequest, check_cancelled: CancellationCheck) -> list[IkAnswer]:
-        """One answer per goal. Raises `LrmError` for invalid goals, and what `check_cancelled` raises."""
+    def inverse(self, request: IkRequest) -> Iterator[IkAnswer]:
+        """One answer per goal, each computed when it is asked for. Raises `LrmError` for invalid goals."""
         self._check_angles("near_rad", request.near_rad)
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         method, rounding = method_of(request), Rounding(request.round)
-        payload, near = request.payload_kg, request.near_rad
-        answers = []
+        payload, near = request.payload_kg or 0.0, request.near_rad
         for goal in goals:
-            check_cancelled()
             started = time.perf_counter()
             try:
                 reply = self._solver.solve(goal, payload, near, method, rounding, self._feasibility.feasible)
@@ -187,8 +185,7 @@ class IkService:
                 content: dict[str, Any] = {"verdict": "not_converged", "text": str(error)}
             else:
                 content = self._answer(reply, payload)
-            answers.append(IkAnswer(**content, elapsed_ms=(time.perf_counter() - started) * 1e3))
-        return answers
+            yield IkAnswer(**content, elapsed_ms=(time.perf_counter() - started) * 1e3)
 
     def _goal(self, number: int, entry: GoalEntry) -> Goal:
         try:
@@ -200,22 +197,17 @@ class IkService:
         if q is not None and len(q) != (n := self._config.dof):
             raise MessageError(f"{name}: {len(q)} angles; {self._config.arm.name} has {n} joints")
 
-    def forward(self, request: FkRequest, check_cancelled: CancellationCheck) -> list[FkAnswer]:
-        """One answer per row of angles. Raises `LrmError`."""
+    def forward(self, request: FkRequest) -> Iterator[FkAnswer]:
+        """One answer per row of angles, each computed when it is asked for. Raises `LrmError`."""
         self._check_angles("near_rad", request.near_rad)
         for number, q in enumerate(request.q_rad):
             self._check_angles(f"q_rad.{number}", q)
-        places = []
         for q in request.q_rad:
-            check_cancelled()
-            f = self._solver.forward(q, request.payload_kg, request.near_rad)
-            places.append(
-                FkAnswer(
-                    tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
-                    sd_m=None if f.uncertainty is None else f.uncertainty.sd,
-                )
+            f = self._solver.forward(q, request.payload_kg or 0.0, request.near_rad)
+            yield FkAnswer(
+                tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
+                sd_m=None if f.uncertainty is None else f.uncertainty.sd,
             )  # fmt: skip
-        return places
 
     def plan(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | str:
         """A path, or the reason why there is none. Raises `LrmError`, and what `check_cancelled` raises."""
@@ -223,15 +215,15 @@ class IkService:
             raise LrmError(f"{self._config.arm.name} has no collision shapes: no path can be checked")
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
-        goals = [request.to_rad] if request.to_rad is not None else self._commands(request, check_cancelled)
-        planner = Planner(self._config, self._scene, self.deployed.model, request.payload_kg)
+        goals = [request.to_rad] if request.to_rad is not None else self._commands(request)
+        planner = Planner(self._config, self._scene, self.deployed.model, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
 
-    def _commands(self, request: PlanRequest, check_cancelled: CancellationCheck) -> list[list[float]]:
+    def _commands(self, request: PlanRequest) -> list[list[float]]:
         """Commands that reach the goal of a plan, nearest first. Raises `LrmError` if there are none."""
         assert request.goal is not None
         ik = IkRequest(goals=[request.goal], near_rad=request.from_rad, payload_kg=request.payload_kg, method="direct")
-        answer = self.inverse(ik, check_cancelled)[0]
+        (answer,) = self.inverse(ik)
         if answer.verdict != "solved":
             raise RequestError(answer.verdict, answer.text)
         return answer.branches_rad

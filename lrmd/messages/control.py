@@ -247,7 +247,10 @@ class MetricsState(Header):
 
 
 class InfoState(Header):
-    """`info`: configuration of the arm. `model_sha256`: of the loaded model file, empty for the nominal arm."""
+    """`info`: configuration of the arm. `model_sha256`: of the loaded model file, empty for the nominal arm.
+
+    `step_us`: largest change of a commanded pulse in one tick. The board rounds it to `count_us` at `pwm_hz`.
+    """
 
     robot: str
     arm: str
@@ -259,6 +262,9 @@ class InfoState(Header):
     tables_rad: list[list[float]]
     tables_us: list[list[float]]
     tick_ms: float
+    step_us: float
+    count_us: float
+    pwm_hz: float
     lease_ms: float
     command_ms: float
     model: str | None

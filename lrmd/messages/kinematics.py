@@ -13,6 +13,7 @@ Position = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
 JointAngles = Annotated[list[JointAngle], Field(min_length=1, max_length=16)]
 Payload = Annotated[float, Field(ge=0, le=2)]
+Deadline = Annotated[float, Field(gt=0, le=60_000)]
 
 
 class GoalEntry(Part):
@@ -42,21 +43,23 @@ class IkRequest(Message):
 
     id: Label = ""
     goals: Annotated[list[GoalEntry], Field(min_length=1, max_length=1000)]
-    payload_kg: Payload = 0.0
+    payload_kg: Payload | None = None
     near_rad: JointAngles | None = None
     method: Literal["cube", "direct", "iterative"] = "cube"
     cube_side_m: Annotated[float, Field(gt=0, le=0.2)] = 0.01
     cube_points: Annotated[int, Field(ge=2, le=21)] = 11
     round: Literal["each", "best"] = "each"
-    deadline_ms: Annotated[float, Field(gt=0, le=60_000)] = 1000.0
+    deadline_ms: Deadline = 1000.0
 
 
 class FkRequest(Message):
     """`rpc/fk`: forward kinematics of the sagging arm for commanded angles, coming from `near_rad`."""
 
+    id: Label = ""
     q_rad: Annotated[list[JointAngles], Field(min_length=1, max_length=1000)]
-    payload_kg: Payload = 0.0
+    payload_kg: Payload | None = None
     near_rad: JointAngles | None = None
+    deadline_ms: Deadline = 10_000.0
 
 
 class PlanRequest(Message):
@@ -66,15 +69,23 @@ class PlanRequest(Message):
     from_rad: JointAngles
     to_rad: JointAngles | None = None
     goal: GoalEntry | None = None
-    payload_kg: Payload = 0.0
+    payload_kg: Payload | None = None
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
-    deadline_ms: Annotated[float, Field(gt=0, le=60_000)] = 10_000.0
+    deadline_ms: Deadline = 10_000.0
 
     @model_validator(mode="after")
     def _one_end(self) -> PlanRequest:
         if (self.to_rad is None) == (self.goal is None):
             raise ValueError("give to_rad or goal, one of them")
         return self
+
+
+KinematicsRequest = IkRequest | FkRequest | PlanRequest
+
+
+def with_payload(request: KinematicsRequest, carried: float) -> KinematicsRequest:
+    """The request with what the arm carries (kg), unless it says so itself: then a plan is that of the next move."""
+    return request if request.payload_kg is not None else request.model_copy(update={"payload_kg": carried})
 
 
 class CancelRequest(Message):

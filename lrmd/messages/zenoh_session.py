@@ -14,10 +14,18 @@ from lrmd.config import ZenohTable
 from lrmd.errors import RequestError
 from lrmd.messages.control import error_reply, pack
 
+OWN_TIMEOUT_MS = 5000
+"""For the daemon's own processes to reach its router."""
+
 
 def key(robot: str, tail: str) -> str:
     """Key expression of a robot's `tail`, such as `state/mode`."""
     return f"lrm/{robot}/{tail}"
+
+
+def addresses(key_expr: object, robot: str, tail: str) -> bool:
+    """Whether a message was put on a robot's `tail`, or on that of all robots: no wildcard that happens to match."""
+    return str(key_expr) in (key(robot, tail), key("*", tail))
 
 
 def router(table: ZenohTable) -> zenoh.Config:
@@ -32,6 +40,15 @@ def client(endpoints: list[str], file: str | None = None) -> zenoh.Config:
     """Configuration of a client; access control is the router's. Raises `FileError`."""
     values = {"mode": "client", "listen/endpoints": [], "connect/endpoints": endpoints}
     return _configured(file, {**values, "access_control/enabled": False})
+
+
+def own_client(table: ZenohTable) -> zenoh.Config:
+    """Configuration of the daemon's other processes: clients of its router, which may come up later, or again."""
+    config = client(own_endpoints(table), table.config)
+    retry = {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 2}
+    for place, value in {"connect/timeout_ms": OWN_TIMEOUT_MS, "connect/retry": retry}.items():
+        config.insert_json5(place, json.dumps(value))
+    return config
 
 
 def own_endpoints(table: ZenohTable) -> list[str]:
@@ -52,12 +69,17 @@ def serve(
     def received(query: zenoh.Query) -> None:
         try:
             if not wildcards and str(query.key_expr) != own:
-                raise RequestError("wildcard", f"ask {own} itself; requests to several at once are not carried out")
+                raise wildcard_error(own)
             handler(query, query.payload.to_bytes() if query.payload else b"")
         except Exception as error:
             fail(query, error)
 
     session.declare_queryable(own, received)
+
+
+def wildcard_error(own: str) -> RequestError:
+    """The error of a query to several keys at once, `own` among them."""
+    return RequestError("wildcard", f"ask {own} itself; requests to several at once are not carried out")
 
 
 def reply_error(query: zenoh.Query, error: Exception, log: Any) -> None:

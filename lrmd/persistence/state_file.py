@@ -12,20 +12,27 @@ from pydantic import Field, ValidationError
 from lrm_math.errors import FileError
 from lrm_math.toml_file import StrictSchema
 
+HOTTEST = 300.0
+"""degC: higher modelled temperatures are stored as this one."""
+
 
 class StoredState(StrictSchema):
     """The state file, schema `lrm/state/1`: last commanded pulse (ns) and modelled temperature of each servo.
 
-    `still`: no motion was under way when it was written, so the pulses are the arm's final position.
+    `still`: no motion was under way when it was written, so the pulses are the arm's final position. `arm`, `identity`:
+    name and `arm_identity` of the arm that they are of, empty in files of older releases. `payload_kg`: its load.
     """
 
     schema_: Literal["lrm/state/1"] = Field(default="lrm/state/1", alias="schema")
     saved_wall_ns: int
     boots: Annotated[int, Field(ge=0)]
+    arm: str = ""
+    identity: str = ""
     mode: str
     still: bool
     pulse_ns: dict[str, Annotated[int, Field(ge=0, le=20_000_000)]]
-    temperature_c: dict[str, Annotated[float, Field(ge=-50, le=300)]]
+    payload_kg: Annotated[float, Field(ge=0, le=2)] = 0.0
+    temperature_c: dict[str, Annotated[float, Field(ge=-50, le=HOTTEST)]]
 
 
 NAME = "state.json"
@@ -67,9 +74,9 @@ def load(folder: Path) -> StoredState | None:
         raise FileError(path, ".".join(map(str, first["loc"])), f"is damaged ({first['msg']})") from None
 
 
-def set_aside(folder: Path) -> Path:
-    """Renames a damaged file, for inspection. Returns its new path."""
+def set_aside(folder: Path, suffix: str = ".damaged") -> Path:
+    """Renames a file that cannot be used, for inspection. Returns its new path."""
     path = folder / NAME
-    damaged = path.with_suffix(".damaged")
-    os.replace(path, damaged)
-    return damaged
+    aside = path.with_suffix(suffix)
+    os.replace(path, aside)
+    return aside

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from lrmd.link.serial_port import SerialPort
 from lrmd.ramp.clock import MonotonicClock
 from lrmd.ramp.core import BoardSettings, RampCore
+from lrmd.ramp.parent import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
 from lrmd.ramp.shared_memory import BUCKET_NS, BUCKETS, LinkState, RampReport, SharedRecords
 from lrmd.ramp.stepping import next_due
 
 MCL_CURRENT, MCL_FUTURE = 1, 2
-PR_SET_PDEATHSIG = 1
 DUTY_SHARE = 0.01
 """Weight of the newest tick in the exponential moving average of the duty."""
 REOPEN_EVERY = 3
@@ -98,11 +98,6 @@ def _stop_flag() -> list[int]:
     signal.signal(signal.SIGTERM, lambda number, _: flag.append(number))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return flag
-
-
-def die_with_parent() -> None:
-    """Asks the kernel to end this process when its parent ends: an orphan would keep the port."""
-    ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def request_realtime(priority: int) -> bool:

@@ -135,6 +135,7 @@ def _padded(values: Sequence[int]) -> tuple[int, ...]:
 
 
 _CHECK = struct.Struct("<I")
+_PAYLOAD = struct.Struct("<d")
 
 
 class Mailbox:
@@ -165,14 +166,15 @@ DIGEST = 32
 """Bytes of a SHA-256."""
 NO_MODEL, NOMINAL = bytes(DIGEST), bytes(DIGEST - 1) + b"\1"
 """Digests for "no model yet" and for the nominal arm, which has no file."""
+ESTOP_REASON_BYTES = 256
 
 
 class SharedRecords:
-    """Shared memory of the processes, behind one descriptor: order, report, lateness histogram, ik process state.
+    """Shared memory of the processes, behind one descriptor: order, report, lateness histogram, states of processes.
 
-    `lateness`: counts per bucket. `ik`: [last heartbeat (ns, 0 = none yet), queries answered, refused]. `model`:
-    SHA-256 of the model file that the daemon accepted, `ik_model`: of the one in use by the ik process; see `NOMINAL`
-    and `NO_MODEL`.
+    `lateness`: counts per bucket. `ik`: [last heartbeat (ns, 0 = none yet), queries answered, refused]; `router`: [last
+    heartbeat, emergency stops]. `model`: SHA-256 of the model file that the daemon accepted, `ik_model`: of the one in
+    use by the ik process; see `NOMINAL` and `NO_MODEL`.
     """
 
     _ORDER = 0
@@ -182,7 +184,10 @@ class SharedRecords:
     _DUTY = _IK + 8 * 3
     _MODEL = _DUTY + 8
     _IK_MODEL = _MODEL + DIGEST
-    SIZE = _IK_MODEL + DIGEST
+    _ROUTER = _IK_MODEL + DIGEST
+    _ESTOP_REASON = _ROUTER + 8 * 2
+    _PAYLOAD = _ESTOP_REASON + _CHECK.size + ESTOP_REASON_BYTES
+    SIZE = _PAYLOAD + 8
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
@@ -193,7 +198,10 @@ class SharedRecords:
         self.lateness = view[self._HISTOGRAM : self._IK].cast("Q")
         self.ik = view[self._IK : self._DUTY].cast("Q")
         self._duty = view[self._DUTY : self._MODEL].cast("d")
-        self._model, self._ik_model = view[self._MODEL : self._IK_MODEL], view[self._IK_MODEL : self.SIZE]
+        self._model, self._ik_model = view[self._MODEL : self._IK_MODEL], view[self._IK_MODEL : self._ROUTER]
+        self.router = view[self._ROUTER : self._ESTOP_REASON].cast("Q")
+        self._payload = view[self._PAYLOAD : self.SIZE]
+        self._estop_reason = Mailbox(view, self._ESTOP_REASON, ESTOP_REASON_BYTES)
 
     @classmethod
     def create(cls) -> SharedRecords:
@@ -212,6 +220,15 @@ class SharedRecords:
         self._duty[0] = share
 
     @property
+    def payload(self) -> float:
+        """What the arm carries (kg), for queries that do not say it."""
+        return float(_PAYLOAD.unpack_from(self._payload)[0])
+
+    @payload.setter
+    def payload(self, mass: float) -> None:
+        _PAYLOAD.pack_into(self._payload, 0, mass)
+
+    @property
     def model(self) -> bytes:
         """Digest of the accepted model."""
         return bytes(self._model)
@@ -228,6 +245,15 @@ class SharedRecords:
     @ik_model.setter
     def ik_model(self, digest: bytes) -> None:
         self._ik_model[:] = digest
+
+    @property
+    def estop_reason(self) -> str:
+        """Why the last emergency stop was asked for; empty if nobody said so."""
+        return (self._estop_reason.read() or b"").rstrip(b"\0").decode(errors="replace")
+
+    @estop_reason.setter
+    def estop_reason(self, reason: str) -> None:
+        self._estop_reason.write(reason.encode()[:ESTOP_REASON_BYTES].ljust(ESTOP_REASON_BYTES, b"\0"))
 
     def write_order(self, order: RampOrder) -> None:
         """Publishes an order (API process)."""

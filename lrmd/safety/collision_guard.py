@@ -17,8 +17,8 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 
-Guard = Callable[[Sequence[float], Sequence[float]], None]
-"""Raises an `LrmError` if the straight move between two poses (rad, one angle per joint) is not safe."""
+Guard = Callable[[Sequence[float], Sequence[float], float], None]
+"""Raises an `LrmError` if the straight move between two poses (rad, per joint) with a payload (kg) is not safe."""
 SAMPLING_STEP = 0.05
 """rad, about 3 degrees: largest joint step between the sampled poses of the sagging arm."""
 SLACK = 1e-3
@@ -43,8 +43,8 @@ class CollisionGuard:
     scene: Scene
     model: Model | None
 
-    def __call__(self, here: Sequence[float], there: Sequence[float]) -> None:
-        """Raises `ClearanceViolation` for a move that comes within the margin.
+    def __call__(self, here: Sequence[float], there: Sequence[float], payload: float) -> None:
+        """Raises `ClearanceViolation` for a move with a payload (kg) that comes within the margin.
 
         An arm that starts within it may leave: then the margin is its present distance.
         """
@@ -53,11 +53,11 @@ class CollisionGuard:
         if not rigid.free:
             raise ClearanceViolation(rigid.first, rigid.second, rigid.distance, rigid.fraction, margin)
         if self.model is not None:
-            self._check_sagging(self.model, here, there)
+            self._check_sagging(self.model, here, there, payload)
 
-    def _check_sagging(self, model: Model, here: Sequence[float], there: Sequence[float]) -> None:
+    def _check_sagging(self, model: Model, here: Sequence[float], there: Sequence[float], payload: float) -> None:
         q, at = sample_move(np.array(here), np.array(there))
-        rest = equilibrium(model, poses_of(q, 0.0))
+        rest = equilibrium(model, poses_of(q, payload))
         near = clearance_of(self.scene, frames(model.chain, rest.slots, len(at)))
         margin = min(self.scene.margin, float(near.distance[0]) - SLACK)
         worst = int(np.argmin(near.distance))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,9 @@ from lrmd.config import SECOND, Config
 from lrmd.errors import RequestError
 from lrmd.persistence.state_file import StoredState
 from lrmd.safety.thermal_model import ThermalLevel, ThermalModel
+
+STEPS = 100
+"""Updates within one time constant, at least; once a second for slow servos."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,8 @@ class ThermalMonitor:
         self.model = ThermalModel.of(config)
         self._names = config.names
         self._at = now
+        self._interval = min(SECOND, round(self.model.time_constant * SECOND / STEPS))
+        self._levels = [ThermalLevel.COOL] * len(config.servos)
         self.tau: tuple[float, ...] = (0.0,) * len(config.servos)
         self.temperature = self._cooled(stored, wall)
 
@@ -39,8 +45,23 @@ class ThermalMonitor:
         return self.model.after((wall - stored.saved_wall_ns) / SECOND, was, (0.0,) * len(cold))
 
     def due(self, now: int) -> bool:
-        """Whether a second has passed since the last update."""
-        return now - self._at >= SECOND
+        """Whether the time for the next update has come."""
+        return now - self._at >= self._interval
+
+    def level(self, servo: int) -> ThermalLevel:
+        """Level of servo number `servo`."""
+        return self.model.level(self.temperature[servo])
+
+    def hottest(self, servos: int) -> int | None:
+        """Number of the hottest servo of some (bits), None without any."""
+        chosen = [i for i in range(len(self.temperature)) if servos >> i & 1]
+        return max(chosen, key=self.temperature.__getitem__, default=None)
+
+    def cooling_time(self, servo: int) -> float:
+        """Time (s) until a servo without pulses is no longer too hot."""
+        model, limit = self.model, self.model.limits[ThermalLevel.TOO_HOT - 1]
+        warmer = (self.temperature[servo] - model.ambient) / (limit - model.ambient)
+        return model.time_constant * math.log(max(1.0, warmer))
 
     @property
     def time_to_hot(self) -> list[float]:
@@ -52,13 +73,16 @@ class ThermalMonitor:
         ]
 
     def update(self, now: int, tau: Sequence[float]) -> list[LevelChange]:
-        """Integrates to `now` (ns) under torques `tau` (N m, 0 without pulses); returns the changed levels."""
+        """Integrates to `now` (ns) under torques `tau` (N m, 0 without pulses); returns the changed levels.
+
+        The first update compares with COOL: a servo that was stored hot is reported, too.
+        """
         seconds, self._at = (now - self._at) / SECOND, now
-        before = [self.model.level(T) for T in self.temperature]
+        before = self._levels
         self.tau = tuple(tau)
         self.temperature = self.model.after(seconds, self.temperature, self.tau)
-        after = [self.model.level(T) for T in self.temperature]
-        changes = [LevelChange(i, old, new) for i, (old, new) in enumerate(zip(before, after, strict=True))]
+        self._levels = [self.model.level(T) for T in self.temperature]
+        changes = [LevelChange(i, old, new) for i, (old, new) in enumerate(zip(before, self._levels, strict=True))]
         return [change for change in changes if change.before is not change.after]
 
     def check_load(self, now: Sequence[float], then: Sequence[float]) -> None:

@@ -128,6 +128,7 @@ def host_frame(rng: random.Random) -> Frame:
     return Frame(kind, seq, mask, tuple(words)[: word_count(kind, mask)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_the_firmware_does_what_the_simulated_board_does(seed: int) -> None:
     rng = random.Random(seed)
@@ -163,6 +164,7 @@ def registers(chip: Pca9685Chip, set_up: bool) -> bytes:
     return out
 
 
+@pytest.mark.slow
 @given(st.integers(50, 10_000), st.lists(st.integers(1, 400), max_size=30), st.data())
 def test_pulses_stop_when_arm_frames_stop_whatever_else_comes(
     silence_ms: int, pauses: list[int], data: st.DataObject

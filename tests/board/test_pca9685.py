@@ -50,6 +50,7 @@ def test_registers_are_read_as_a_pulse_only_if_the_chip_puts_that_pulse_out(data
     assert (chip.width(5) or 0) == count
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.integers(0, 15), COUNT), st.dictionaries(st.integers(0, 15), COUNT))
 def test_writes_set_their_channels_and_no_others(before: dict[int, int], counts: dict[int, int]) -> None:
     chip = started(121)

@@ -96,6 +96,7 @@ def test_a_payload_too_long_to_stuff_by_one_byte_is_refused() -> None:
     assert cobs_decode(b"\xff" + b"x" * 254) is None
 
 
+@pytest.mark.slow
 @given(frames())
 def test_every_frame_survives_the_wire(frame: Frame) -> None:
     wire = encode(frame)
@@ -103,6 +104,7 @@ def test_every_frame_survives_the_wire(frame: Frame) -> None:
     assert wire.index(0) == len(wire) - 1 <= LONGEST_WIRE
 
 
+@pytest.mark.slow
 @given(st.lists(frames() | st.binary(max_size=90), max_size=8), st.data())
 def test_decoding_is_independent_of_chunking(parts: list[Frame | bytes], data: st.DataObject) -> None:
     stream = b"".join(encode(part) if isinstance(part, Frame) else part for part in parts)
@@ -130,6 +132,7 @@ def test_bytes_put_in_cost_the_frame_they_hit_and_the_one_they_run_into(
         assert [event for event in got if isinstance(event, Frame)] == sent
 
 
+@pytest.mark.slow
 @given(st.lists(frames(), min_size=1, max_size=5), st.data())
 def test_bytes_lost_cost_the_frame_they_were_of_and_the_one_behind(sent: list[Frame], data: st.DataObject) -> None:
     hit = data.draw(st.integers(0, len(sent) - 1))
@@ -174,6 +177,7 @@ def test_endless_noise_is_one_event_and_no_memory() -> None:
     assert decoder.feed(b"\0" + encode(protocol.hello(3))) == [protocol.hello(3)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", READERS)
 @given(data=st.data())
 def test_parsed_frames_re_encode_identically(kind: int, data: st.DataObject) -> None:
@@ -234,6 +238,7 @@ def test_only_two_frame_types_have_no_words() -> None:
     assert {kind for kind in range(256) if word_count(kind, 0xFFFF) == 0} == WITHOUT_WORDS
 
 
+@pytest.mark.slow
 def test_noise_and_damage_are_handled_without_undetected_errors() -> None:
     result = fuzz(100_000, seed=20)
     assert result.counts["strings"] == 100_000

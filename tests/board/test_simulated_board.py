@@ -222,6 +222,7 @@ strange = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(strange, max_size=12), st.booleans())
 def test_a_refused_frame_has_had_no_effect(several: list[Frame], ready: bool) -> None:
     board = set_up_board() if ready else new_board()
@@ -502,6 +503,7 @@ def test_invalid_fault_names_the_valid_syntax(text: str, word: str) -> None:
         parse_fault(text)
 
 
+@pytest.mark.slow
 @given(st.binary(max_size=300), st.lists(st.integers(0, 300), max_size=5))
 @settings(max_examples=200)
 def test_any_bytes_in_any_chunks_are_handled(data: bytes, cuts: list[int]) -> None:

@@ -99,6 +99,64 @@ def test_an_error_is_reported_in_one_line(
         assert word in line, line
 
 
+TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
+MODELS: dict[str, tuple[str, str, str]] = {
+    "of another arm": ('arm = "lrm-rover"', 'arm = "lrm-lab"', "a model of lrm-lab; this daemon drives lrm-rover"),
+    "with an unknown effect": ('"compliance"]', '"magic"]', "magic"),
+    "absurd": ('joint2.k_rad_per_Nm" = ', 'joint2.k_rad_per_Nm" = 50.0 # ', "does not settle"),
+}
+
+
+def checked(tmp_path: Path, old: str, new: str) -> int:
+    path = tmp_path / "lrmd.toml"
+    assert old in SHIPPED
+    path.write_text(SHIPPED.replace(old, new), encoding="utf-8")
+    return main(["--config", str(path), "--check"])
+
+
+@pytest.mark.parametrize("what", MODELS)
+def test_a_model_that_the_start_would_refuse_is_refused_by_the_check(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str
+) -> None:
+    old, new, words = MODELS[what]
+    model = tmp_path / "model.toml"
+    text = TABLE_B2.read_text(encoding="utf-8")
+    model.write_text(text, encoding="utf-8")
+    line = '# model = "/etc/lrm/model.toml"', f'model = "{model}"'
+    assert checked(tmp_path, *line) == 0
+    in_order = capsys.readouterr().out
+    assert old in text
+    model.write_text(text.replace(old, new), encoding="utf-8")
+    assert checked(tmp_path, *line) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert len(said.err.splitlines()) == 1
+    assert said.err.startswith(f"lrmd: {model}: ")
+    assert words in said.err
+    assert f"model {model}" in in_order, "and it says which model is in order"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            '# model = "/etc/lrm/model.toml"',
+            'model = "/nowhere/model.toml"',
+            "/nowhere/model.toml: model: No such file",
+        ),
+        ('# config = "/etc/lrm/zenoh.json5"', 'config = "/nowhere/z.json5"', "/nowhere/z.json5: zenoh config: no such"),
+        ('"tcp/127.0.0.1:7447"', '"nonsense"', "zenoh: Endpoints must be of the form <protocol>/<address>"),
+    ],
+)
+def test_a_file_that_the_start_would_miss_is_missed_by_the_check(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
+) -> None:
+    assert checked(tmp_path, old, new) == 2
+    said = capsys.readouterr()
+    assert (said.out, len(said.err.splitlines())) == ("", 1)
+    assert words in said.err
+
+
 def test_a_missing_arm_file_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "lrmd.toml"
     path.write_text(SHIPPED.replace('"lrm-rover"', '"lrm-rovr"'), encoding="utf-8")

@@ -10,6 +10,7 @@ from tests.soak.fuzz_messages import check, fuzz
 from tests.soak.fuzz_result import FuzzResult
 
 
+@pytest.mark.slow
 def test_twenty_thousand_strings_are_messages_or_message_errors() -> None:
     result = fuzz(20_000, seed=1)
     assert result.violations == []

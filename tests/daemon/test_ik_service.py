@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -20,12 +18,12 @@ from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance, clearance_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.direct import Direct
+from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.reply import Solved
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrmd.config import Config, load_config
-from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import deploy
 from lrmd.ik.service import IkService, goal_of, solver_of
 from lrmd.messages.control import Message, MessageError, unpack
@@ -56,12 +54,8 @@ def drawn_service() -> IkService:
     return IkService(drawn, deploy(drawn))
 
 
-def never_cancelled() -> None:
-    """A cancellation check that never cancels."""
-
-
-def asked(*goals: GoalEntry, **more: object) -> list[IkAnswer]:
-    return service().inverse(IkRequest(goals=list(goals), **more), never_cancelled)  # type: ignore[arg-type]
+def solve_goals(*goals: GoalEntry, **more: object) -> list[IkAnswer]:
+    return list(service().inverse(IkRequest(goals=list(goals), **more)))  # type: ignore[arg-type]
 
 
 def bent(q: Array, payload: float) -> Array:
@@ -108,8 +102,12 @@ def clear_rows(q: Array, payload: float) -> NDArray[np.bool_]:
     return np.asarray(np.minimum(rigid.distance, sagging.distance) >= scene.margin)
 
 
-def assert_true(answer: IkAnswer, goal: GoalEntry, payload: float) -> None:
-    """A solved answer says nothing but what the model, the servo tables and the shapes say as well."""
+def assert_true(answer: IkAnswer, goal: GoalEntry, payload: float, exact: bool = True) -> None:
+    """A solved answer agrees with the model, the servo tables and the shapes.
+
+    The tool is at the goal if the method is exact, else within the millimetre at which the thesis's iteration stops,
+    turned by as much as the answer predicts.
+    """
     assert answer.q_rad is not None
     assert answer.predicted_error_m is not None
     assert answer.tcp_m is not None
@@ -118,15 +116,19 @@ def assert_true(answer: IkAnswer, goal: GoalEntry, payload: float) -> None:
     assert ((q >= lower) & (q <= upper)).all()
     assert clear_rows(q, payload).all()
     tools = bent(q, payload)[:, -1]
-    np.testing.assert_allclose(tools[:, :3, 3], [goal.position_m] * len(q), atol=EXACT)
+    np.testing.assert_allclose(tools[:, :3, 3], [goal.position_m] * len(q), atol=EXACT if exact else Iterative().enough)
     np.testing.assert_allclose(answer.tcp_m, tools[0, :3, 3], atol=EXACT)
     assert answer.predicted_error_m == pytest.approx(math.dist(answer.tcp_m, goal.position_m), abs=1e-9)
+    turn = 0.0 if exact else answer.predicted_turn_rad
     if goal.quaternion_xyzw is not None:
         for tool in tools:
-            assert abs(np.dot(quaternion_of(tool[:3, :3]), goal.quaternion_xyzw)) == pytest.approx(1.0, abs=1e-9)
+            cosine = abs(np.dot(quaternion_of(tool[:3, :3]), goal.quaternion_xyzw))
+            assert cosine == pytest.approx(math.cos(turn / 2), abs=1e-9)
     if goal.approach is not None:
         along = np.array(goal.approach) / np.linalg.norm(goal.approach)
-        np.testing.assert_allclose(tools[:, :3, 2], [along] * len(q), atol=1e-5)
+        sine = np.linalg.norm(np.cross(tools[:, :3, 2], along), axis=1)
+        np.testing.assert_allclose(sine, math.sin(turn), atol=1e-5)
+        assert (tools[:, :3, 2] @ along > 0).all()
     clock, tables = config().clock, [joint.servo for joint in config().arm.joints]
     counts = answer.counts or []
     put_out = [float(t.angle_of(clock.pulse_of(c))) for t, c in zip(tables, counts, strict=True) if t is not None]
@@ -138,6 +140,7 @@ def assert_true(answer: IkAnswer, goal: GoalEntry, payload: float) -> None:
 METHODS = ("direct", "cube", "iterative")
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(
     seed=st.integers(0, 10_000), payload=st.sampled_from([0.0, 0.0663]), method=st.sampled_from(METHODS),
@@ -154,16 +157,17 @@ def test_every_answer_agrees_with_the_model(
         "point": GoalEntry(position_m=position),
     }[kind]
     here = anywhere(seed + 1).tolist() if near else None
-    (answer,) = asked(goal, payload_kg=payload, method=method, near_rad=here, round=rounding)
+    (answer,) = solve_goals(goal, payload_kg=payload, method=method, near_rad=here, round=rounding)
     assert answer.verdict in ("solved", "collision", "not_converged", "outside_limits")
     assert method != "direct" or answer.verdict in ("solved", "collision"), "a pose that the arm can have"
     if answer.verdict == "solved":
-        assert_true(answer, goal, payload)
+        assert_true(answer, goal, payload, exact=method != "iterative")
     else:
         assert answer.q_rad is None
         assert not answer.branches_rad
 
 
+@pytest.mark.slow
 def test_where_the_first_branch_collides_a_free_one_is_the_answer_with_figures_of_its_own() -> None:
     solver, found = solver_of(config(), service().deployed), 0
     everywhere = np.array([anywhere(seed) for seed in range(400)])
@@ -173,7 +177,7 @@ def test_where_the_first_branch_collides_a_free_one_is_the_answer_with_figures_o
         reply = solver.solve(goal_of(goal), near=here, method=Direct())
         assert isinstance(reply, Solved)
         free = clear_rows(np.array([branch.q for branch in reply.branches]), 0.0).tolist()
-        (answer,) = asked(goal, near_rad=here, method="direct")
+        (answer,) = solve_goals(goal, near_rad=here, method="direct")
         assert (answer.verdict == "solved") == any(free)
         if not free[0] and any(free):
             found += 1
@@ -183,7 +187,7 @@ def test_where_the_first_branch_collides_a_free_one_is_the_answer_with_figures_o
 
 
 def test_a_collision_names_two_bodies_and_their_distance() -> None:
-    answers = [a for a in asked(*map(reached_goal, range(80)), method="direct") if a.verdict == "collision"]
+    answers = [a for a in solve_goals(*map(reached_goal, range(80)), method="direct") if a.verdict == "collision"]
     assert answers
     shapes, margin = config().arm.shapes, config().arm.shapes.margin
     for answer in answers:
@@ -200,9 +204,9 @@ def test_the_distance_of_a_collision_is_that_of_plain_geometry() -> None:
     seen = 0
     for seed in range(60):
         at = anywhere(seed)
-        place = rigid.forward(FkRequest(q_rad=[at.tolist()]), never_cancelled)[0]
+        place = next(rigid.forward(FkRequest(q_rad=[at.tolist()])))
         goal = GoalEntry(position_m=place.tcp_m, quaternion_xyzw=quaternion_of(np.array(place.rotation)))
-        answer = rigid.inverse(IkRequest(goals=[goal], near_rad=at.tolist(), method="direct"), never_cancelled)[0]
+        (answer,) = rigid.inverse(IkRequest(goals=[goal], near_rad=at.tolist(), method="direct"))
         if answer.verdict == "collision" and answer.clearance_m is not None and answer.clearance_m > 0:
             distance = sampled_distance(config().arm, at, *answer.bodies, 60)
             assert distance == pytest.approx(answer.clearance_m, abs=2e-3)
@@ -238,8 +242,8 @@ def test_turns_about_fixed_axes_and_their_quaternion_are_the_same_goal(
 
 def test_a_batch_is_answered_in_order_and_like_single_goals() -> None:
     goals = [reached_goal(5), GoalEntry(position_m=[5.0, 0, 0]), reached_goal(6), GoalEntry(position_m=[0.2, 0.1, 0.3])]
-    together = asked(*goals, method="direct")
-    alone = [asked(goal, method="direct")[0] for goal in goals]
+    together = solve_goals(*goals, method="direct")
+    alone = [solve_goals(goal, method="direct")[0] for goal in goals]
     for one, other in zip(together, alone, strict=True):
         assert one.model_copy(update={"elapsed_ms": 0.0}) == other.model_copy(update={"elapsed_ms": 0.0})
     assert together[1].verdict == "out_of_reach"
@@ -249,7 +253,7 @@ def test_the_nearest_command_to_what_is_out_of_reach_is_as_near_as_it_says() -> 
     rng, (lower, upper) = np.random.default_rng(3), limits()
     for _ in range(10):
         position = (rng.normal(size=3) * 2).clip(-3, 3)
-        (answer,) = asked(GoalEntry(position_m=position.tolist()), method="direct")
+        (answer,) = solve_goals(GoalEntry(position_m=position.tolist()), method="direct")
         if answer.verdict == "solved":
             continue
         q = np.array(answer.nearest_rad)
@@ -258,9 +262,10 @@ def test_the_nearest_command_to_what_is_out_of_reach_is_as_near_as_it_says() -> 
         assert answer.nearest_distance_m == pytest.approx(distance, abs=EXACT)
 
 
+@pytest.mark.slow
 def test_the_best_counts_are_never_worse_than_the_nearest_of_each_joint() -> None:
     goals = [reached_goal(seed) for seed in range(40)]
-    each, best = (asked(*goals, method="direct", round=how) for how in ("each", "best"))
+    each, best = (solve_goals(*goals, method="direct", round=how) for how in ("each", "best"))
     pairs = [(a.rounded_error_m, b.rounded_error_m) for a, b in zip(each, best, strict=True)]
     known = [(a, b) for a, b in pairs if a is not None and b is not None]
     assert len(known) > 20
@@ -268,6 +273,7 @@ def test_the_best_counts_are_never_worse_than_the_nearest_of_each_joint() -> Non
     assert np.median([b for _, b in known]) < 0.6 * np.median([a for a, _ in known])
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     angles=st.lists(st.sampled_from([0.0, 0.5, -0.7, math.pi / 2, 1.7]), min_size=6, max_size=6),
@@ -277,14 +283,14 @@ def test_the_drawn_arm_finds_poses_in_which_its_axes_line_up(
     angles: list[float], near: str | None, method: str
 ) -> None:
     drawn = drawn_service()
-    place = drawn.forward(FkRequest(q_rad=[angles]), never_cancelled)[0]
+    place = next(drawn.forward(FkRequest(q_rad=[angles])))
     here = {"zero": [0.0] * 6, "there": angles, None: None}[near]
     goal = GoalEntry(position_m=place.tcp_m, quaternion_xyzw=quaternion_of(np.array(place.rotation)))
     ask = IkRequest(goals=[goal], near_rad=here, method=method)  # type: ignore[arg-type]
-    (answer,) = drawn.inverse(ask, never_cancelled)
+    (answer,) = drawn.inverse(ask)
     assert answer.verdict in ("solved", "collision")
     for branch in answer.branches_rad:
-        back = drawn.forward(FkRequest(q_rad=[branch]), never_cancelled)[0]
+        back = next(drawn.forward(FkRequest(q_rad=[branch])))
         np.testing.assert_allclose(back.tcp_m, place.tcp_m, atol=EXACT)
 
 
@@ -302,21 +308,23 @@ def test_a_direction_leaves_equations_without_a_unique_answer_which_is_no_reason
     ]  # fmt: skip
     for position, along, here in found:
         goal = GoalEntry(position_m=position, approach=along)
-        answers = drawn_service().inverse(IkRequest(goals=[goal], near_rad=here, method="direct"), never_cancelled)
-        assert answers[0].verdict == "solved"
+        (answer,) = drawn_service().inverse(IkRequest(goals=[goal], near_rad=here, method="direct"))
+        assert answer.verdict == "solved"
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), payload=st.floats(0.3, 2.0))
 def test_an_answer_for_an_overloaded_arm_is_a_unique_equilibrium(seed: int, payload: float) -> None:
     """What is answered is where the model has the arm rest when nothing is known of how it got there."""
     tool = bent(anywhere(seed)[None], 0.0)[0, -1]
-    (answer,) = asked(pose_goal(tool), payload_kg=payload, method="direct")
+    (answer,) = solve_goals(pose_goal(tool), payload_kg=payload, method="direct")
     assert answer.text
     if answer.verdict == "solved":
         assert_true(answer, pose_goal(tool), payload)
 
 
+@pytest.mark.slow
 def test_random_requests_violate_nothing() -> None:
     result, _ = fuzz(120, 3)
     assert result.violations == []
@@ -324,7 +332,7 @@ def test_random_requests_violate_nothing() -> None:
 
 def test_forward_kinematics_is_that_of_the_sagging_arm() -> None:
     q = np.array([anywhere(seed) for seed in range(20)])
-    places = service().forward(FkRequest(q_rad=q.tolist(), payload_kg=0.05), never_cancelled)
+    places = list(service().forward(FkRequest(q_rad=q.tolist(), payload_kg=0.05)))
     tools = bent(q, 0.05)[:, -1]
     np.testing.assert_allclose([p.tcp_m for p in places], tools[:, :3, 3], atol=1e-8)
     np.testing.assert_allclose([p.rotation for p in places], tools[:, :3, :3], atol=1e-7)
@@ -362,11 +370,11 @@ WRONG: list[tuple[type[Message], dict[str, object], str]] = [
 def ask(kind: type[Message], content: dict[str, object]) -> None:
     match unpack(kind, msgpack.packb(content)):
         case IkRequest() as request:
-            service().inverse(request, never_cancelled)
+            next(service().inverse(request))
         case FkRequest() as request:
-            service().forward(request, never_cancelled)
+            next(service().forward(request))
         case PlanRequest() as request:
-            service().plan(request, never_cancelled)
+            service().plan(request, lambda: None)
 
 
 @pytest.mark.parametrize(("kind", "content", "says"), WRONG)
@@ -379,24 +387,13 @@ def test_wrong_shapes_and_units_are_one_line_that_names_the_field(
     assert len(str(caught.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("code", ["deadline", "cancelled"])
-def test_a_cancelled_request_ends_between_two_goals(code: str) -> None:
-    looked = itertools.count(1)
-
-    def check_cancelled() -> None:
-        if next(looked) > 3:
-            raise RequestError(code, "no longer wanted")
-
-    questions: list[Callable[[], object]] = [
-        lambda: service().inverse(IkRequest(goals=[GoalEntry(position_m=[0.2, 0.1, 0.3])] * 50), check_cancelled),
-        lambda: service().forward(FkRequest(q_rad=[HOME] * 50), check_cancelled),
-    ]
-    for question in questions:
-        looked = itertools.count(1)
-        with pytest.raises(RequestError) as caught:
-            question()
-        assert caught.value.code == code
-        assert next(looked) == 5, "it looks once before every goal, and no more once it was told"
+def test_a_question_is_answered_goal_by_goal() -> None:
+    """What is asked for next is computed next, so that a long question can wait for others between two goals."""
+    good = GoalEntry(position_m=[0.2, 0.1, 0.3])
+    answers = service().inverse(IkRequest(goals=[good] * 1000, method="direct"))
+    assert [next(answers).verdict for _ in range(2)] == ["solved"] * 2
+    places = service().forward(FkRequest(q_rad=[HOME] * 1000))
+    assert next(places).tcp_m == next(places).tcp_m
 
 
 def test_a_model_of_another_arm_is_refused() -> None:

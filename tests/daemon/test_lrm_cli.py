@@ -149,7 +149,10 @@ def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., st
     log = does("logs")
     assert "holding -> disarmed: disarmed" in log
     assert log.index("arming -> armed") < log.index("moving -> armed: arrived")
-    assert does("info").splitlines()[0] == "rover: arm lrm-rover, lrm-arm 0.1.0, tick 6.5 ms, model nominal"
+    first, second = does("info").splitlines()[:2]
+    assert first == "rover: arm lrm-rover, lrm-arm 0.1.0, tick 6.5 ms, model nominal"
+    assert "at most 1 us per tick" in second
+    assert second.endswith("counts of 4.88 us (50 Hz), so in steps of at most 4.88 us")
     assert daemon.sim.core.lease is None, "every command gave its lease back"
 
 
@@ -257,6 +260,7 @@ def test_words_that_are_wrong_without_a_daemon(refuses: Callable[..., str], word
     assert match in refuses(*words)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "match"),
     [

@@ -84,6 +84,7 @@ def test_content_that_the_schema_allows_survives_a_round_trip(name: str) -> None
     law()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MESSAGES)
 @given(unknown=st.text(st.characters(codec="utf-8")))
 def test_an_unknown_field_is_named(name: str, unknown: str) -> None:

@@ -257,6 +257,7 @@ def test_the_pose_of_a_pulsing_board_is_adopted_without_a_step(sim: SimulatedDae
     assert sum(pulse is not None for pulse in later.outputs.values()) == 6
 
 
+@pytest.mark.slow
 def test_hot_servos_derate_then_rest_then_stop(sim: SimulatedDaemon) -> None:
     token = armed(sim)
     sim.torque = (0.0, 0.0, 0.0, 0.25, 0.0, 0.0)
@@ -425,6 +426,7 @@ class DaemonStateMachine(RuleBasedStateMachine):
 CONFIGS: dict[float, object] = {}
 
 
+@pytest.mark.slow
 def test_state_machine(tmp_path_factory) -> None:
     from hypothesis.stateful import run_state_machine_as_test
 

@@ -62,7 +62,7 @@ class Workcell:
         return clearance_of(Scene.of(self.config.arm), frames(self.model.chain, rest.slots, len(q))).distance
 
 
-def limited(looks: int = 400) -> Callable[[], None]:
+def limited(looks: int = 100_000) -> Callable[[], None]:
     """Cancels after a number of calls, not after a time: reproducible on every machine."""
     counter = itertools.count()
 
@@ -121,6 +121,7 @@ def densely(way: Array, step: float = 0.01) -> Array:
     return np.concatenate(pieces)
 
 
+@pytest.mark.slow
 def test_the_daemon_refuses_the_straight_move_and_accepts_the_planned_path(place: Workcell) -> None:
     sim, token = daemon_at(place)
     with pytest.raises(RequestError) as caught:
@@ -134,6 +135,7 @@ def test_the_daemon_refuses_the_straight_move_and_accepts_the_planned_path(place
     assert (sim.core.handle(MoveRequest(lease=token, waypoints=waypoints), sim.now).seconds or 0.0) > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("payload", [0.0, LOAD])
 def test_the_path_is_free_for_the_rigid_and_the_sagging_arm(place: Workcell, payload: float) -> None:
     way = place.way(0, payload)
@@ -147,6 +149,7 @@ def test_the_path_is_free_for_the_rigid_and_the_sagging_arm(place: Workcell, pay
         assert min(sampled_distance(place.config.arm, pose, name, "post", 30) for name in tools) >= margin
 
 
+@pytest.mark.slow
 def test_every_piece_is_straight_in_angles_and_in_pulses(place: Workcell) -> None:
     """Half way between two waypoints in angles is half way in pulses, to a nanosecond."""
     tables = [servo.table for servo in place.config.servos[: place.config.dof]]
@@ -156,10 +159,12 @@ def test_every_piece_is_straight_in_angles_and_in_pulses(place: Workcell) -> Non
             assert float(table.pulse_of(0.5 * (a + b))) == pytest.approx(middle, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_same_seed_finds_the_same_path(place: Workcell) -> None:
     assert place.planned(5) == place.planned(5)
 
 
+@pytest.mark.slow
 def test_a_path_to_a_goal_ends_with_the_tool_there(place: Workcell) -> None:
     rest = equilibrium(place.model, poses_of(END[None], LOAD))
     tool = frames(place.model.chain, rest.slots, 1)[0, -1]
@@ -194,6 +199,7 @@ def test_a_cancelled_search_ends(place: Workcell) -> None:
     assert caught.value.code == "deadline"
 
 
+@pytest.mark.slow
 def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(place: Workcell) -> None:
     """With a margin between the distances that the rigid arm and the bent one have in some pose."""
     scene, rng = Scene.of(place.config.arm), np.random.default_rng(0)

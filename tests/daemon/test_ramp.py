@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from itertools import pairwise
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -48,6 +49,7 @@ def test_servos_of_a_move_end_together_or_each_as_soon_as_it_can(m) -> None:
         assert each.at(shortest)[i] == target[i] != each.at(shortest - 1)[i]
 
 
+@pytest.mark.slow
 @given(moves(), st.sampled_from(Pace))
 def test_a_move_never_turns_back(m, pace: Pace) -> None:
     going = move(*m, pace)

@@ -57,7 +57,8 @@ class FakeRover:
         return InfoState(
             **HEADER, robot="r", arm="a", version="1", names=["joint1", self.name], joints=2,
             limits_rad=[[-1.0, 1.0]] * 2, rate_rad_per_s=[1.0, 1.0], tables_rad=table[0] * 2, tables_us=table[1] * 2,
-            tick_ms=6.5, lease_ms=400.0, command_ms=500.0, model=None, model_sha256="",
+            tick_ms=6.5, step_us=1.0, count_us=4.88, pwm_hz=50.0, lease_ms=400.0, command_ms=500.0, model=None,
+            model_sha256="",
             stored_rad={}, stored_still=False,
         )  # fmt: skip
 
@@ -105,6 +106,7 @@ def test_taking_every_angle_as_it_is_measures_the_daemons_own_table(tmp_path: Pa
     assert str(out) in person.heard[-1]
 
 
+@pytest.mark.slow
 @given(n=st.integers(2, 9), shift=st.floats(-20, 20))
 def test_any_number_of_angles_and_nudges_of_the_same_size_shift_every_pulse(
     tmp_path_factory: pytest.TempPathFactory, n: int, shift: float

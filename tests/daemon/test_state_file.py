@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.errors import FileError
+from lrmd.config import Config, load_config
 from lrmd.control import lease
 from lrmd.control.lease import Lease, LeaseError
+from lrmd.errors import RequestError
+from lrmd.messages.control import ArmRequest, LeaseRequest
 from lrmd.persistence import state_file
+from lrmd.persistence.arm_identity import arm_identity, of_this_arm
 from lrmd.persistence.state_file import StoredState
+from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
 
 MS = 1_000_000
 NAMES = st.text(min_size=1, max_size=12)
@@ -30,6 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("state")
 
 
+@pytest.mark.slow
 @given(
     state=st.builds(
         StoredState, saved_wall_ns=st.integers(0, 2**62), boots=st.integers(0, 10**9), mode=NAMES, still=st.booleans(),
@@ -186,3 +193,59 @@ def test_tokens_are_not_guessed() -> None:
     tokens = {lease.acquire(None, "me", 0, LIFETIME, take=False).token for _ in range(1000)}
     assert len(tokens) == 1000
     assert all(len(token) >= 16 for token in tokens)
+
+
+CONFIGURED = load_config(CONFIG)
+OTHER_TABLE = replace(CONFIGURED, servos=(replace(CONFIGURED.servos[0], channel=15), *CONFIGURED.servos[1:]))
+OTHER_ARM = replace(CONFIGURED, arm=replace(CONFIGURED.arm, name="lrm-lab"))
+
+
+def saved_by(config: Config) -> StoredState:
+    """What a controller of that configuration stores."""
+    sim = SimulatedDaemon(config)
+    sim.core.payload = 0.2
+    state = sim.core.saved(1)
+    return state.model_copy(
+        update={"pulse_ns": {"joint1": 1_500_000}, "still": False, "temperature_c": {"joint2": 90.0}}
+    )
+
+
+def test_the_state_of_the_same_arm_is_used_as_it_is() -> None:
+    stored = saved_by(CONFIGURED)
+    assert of_this_arm(stored, load_config(CONFIG)) == (stored, "")
+    sim = SimulatedDaemon(CONFIGURED, stored=stored)
+    assert sim.core.payload == 0.2
+    assert sim.core.saved(2).payload_kg == 0.2
+
+
+@pytest.mark.parametrize(
+    ("stored", "words", "temperatures"),
+    [
+        (saved_by(OTHER_ARM), "the state of lrm-lab, and this daemon drives lrm-rover", {}),
+        (saved_by(OTHER_TABLE), "servo tables of lrm-rover were changed", {"joint2": 90.0}),
+        (saved(), "an older release wrote it", {"joint1": 40.0}),
+    ],
+)
+def test_pulses_of_another_arm_or_of_nobody_knows_which_are_no_pose(stored, words, temperatures) -> None:
+    used, why = of_this_arm(stored, CONFIGURED)
+    assert words in why
+    assert used.pulse_ns == {}
+    assert used.temperature_c == temperatures
+    assert used.boots == stored.boots
+    sim = SimulatedDaemon(CONFIGURED, stored=used)
+    sim.run(30)
+    token = sim.core.handle(LeaseRequest(action="acquire", holder="test"), sim.now).lease
+    with pytest.raises(RequestError, match="no pose was stored"):
+        sim.core.handle(ArmRequest(lease=token.token, where="stored"), sim.now)
+
+
+def test_the_identity_is_of_everything_that_gives_a_pulse_its_meaning_and_of_nothing_else() -> None:
+    first, *others = CONFIGURED.servos
+    shifted = replace(first.table, pulse=tuple(p + 1e-6 for p in first.table.pulse))
+    bent = replace(CONFIGURED.arm, joints=(replace(CONFIGURED.arm.joints[0], d=0.2), *CONFIGURED.arm.joints[1:]))
+    meaning = [
+        OTHER_TABLE, OTHER_ARM, replace(CONFIGURED, servos=(replace(first, table=shifted), *others)),
+        replace(CONFIGURED, servos=tuple(others)), replace(CONFIGURED, arm=bent),
+    ]  # fmt: skip
+    assert len({arm_identity(config) for config in (CONFIGURED, *meaning)}) == 6
+    assert arm_identity(replace(CONFIGURED, save=1, rest=None, robot="other")) == arm_identity(CONFIGURED)

@@ -116,6 +116,7 @@ def test_temperatures_survive_a_restart(config: Config) -> None:
     assert at_once[0] == config.thermal.ambient_c
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(0.05, 50), min_size=1, max_size=20))
 def test_the_monitor_agrees_with_the_model_at_any_interval(steps: list[float]) -> None:
     monitor = ThermalMonitor(load_config(CONFIG), None, 0, 0)
@@ -126,6 +127,7 @@ def test_the_monitor_agrees_with_the_model_at_any_interval(steps: list[float]) -
     assert monitor.temperature == pytest.approx(MODEL.after(now / SECOND, MODEL.cold(), tau), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_every_level_change_is_reported_once(config: Config) -> None:
     monitor, now, seen = ThermalMonitor(config, None, 0, 0), 0, []
     for tau in (0.31, 0.0):

@@ -136,6 +136,7 @@ def test_models(tmp_path: Path, name: str, command: str) -> None:
     assert not output.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "said"),
     [

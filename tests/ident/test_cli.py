@@ -49,6 +49,7 @@ def test_the_model_file_tells_where_it_comes_from(folder: Path) -> None:
     assert set(tables["sigma"]) <= set(tables["parameters"])
 
 
+@pytest.mark.slow
 def test_compare_repeats_the_fits_figures(folder: Path) -> None:
     outputs = ("--json", folder / "c.json", "--figure", folder / "c.svg")
     said = stdout_of("compare", folder / "model.toml", EXAMPLE, *outputs)
@@ -78,6 +79,7 @@ def test_predict_gives_the_residuals_of_compare(folder: Path) -> None:
     assert len(json.loads((folder / "p.json").read_text())["poses"]) == 300
 
 
+@pytest.mark.slow
 def test_a_fit_can_start_from_a_model_and_grow(folder: Path) -> None:
     grown = folder / "grown.toml"
     start = ["--start", folder / "model.toml"]
@@ -88,6 +90,7 @@ def test_a_fit_can_start_from_a_model_and_grow(folder: Path) -> None:
     assert tables["history"][-1]["held_out_rms_mm"] < 1.0
 
 
+@pytest.mark.slow
 def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Path) -> None:
     outputs = ("-o", folder / "best.toml", "--json", folder / "course.json")
     said = stdout_of("auto", folder / "model.toml", EXAMPLE, *outputs)
@@ -102,6 +105,7 @@ def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Pa
     ]
 
 
+@pytest.mark.slow
 def test_an_arm_of_ones_own(folder: Path) -> None:
     (folder / "mine.toml").write_text((ROOT / "config" / "arms" / "lrm-lab.toml").read_text())
     stdout_of("fit", EXAMPLE, "--arm", folder / "mine.toml", "--parameters", "option3", "-o", folder / "own.toml")

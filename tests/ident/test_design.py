@@ -97,6 +97,7 @@ def test_the_measured_poses_keep_the_distance_of_bodies(real: Measurements, lab:
     assert not broken["the TCP within 160 mm of an inner link"].any()
 
 
+@pytest.mark.slow
 def test_a_design_can_be_measured_as_it_stands(separating: PoseDesign) -> None:
     found = separating
     assert len(found.rows) == 40
@@ -112,6 +113,7 @@ def test_a_design_can_be_measured_as_it_stands(separating: PoseDesign) -> None:
     assert {-1.0, 1.0} == set(np.unique(found.poses.direction))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_loads_are_changed_once_each(lab: Arm) -> None:
     found = design(task(lab, RIVALS), offered(lab, 200, (0.0, 0.0663)))
     assert np.all(np.diff(found.poses.payload) >= 0)
@@ -133,6 +135,7 @@ def test_designed_poses_tell_more_than_blind_ones(lab: Arm, separating: PoseDesi
     assert plain.after.tcp <= separating.after.tcp
 
 
+@pytest.mark.slow
 def test_poses_at_hand_are_built_upon(lab: Arm) -> None:
     have = offered(lab, 60)
     some = design(task(lab, RIVALS, measured=have, count=10, first_number=61), offered(lab))
@@ -145,6 +148,7 @@ def test_poses_at_hand_are_built_upon(lab: Arm) -> None:
     np.testing.assert_allclose(more.before.standard_errors, some.before.standard_errors)
 
 
+@pytest.mark.slow
 def test_a_side_is_chosen_where_it_matters(lab: Arm) -> None:
     found = design(task(lab, ("hysteresis@joint2", "coupling@joint2<-joint3")), offered(lab, 200))
     sides = found.poses.direction[:, 1]  # type: ignore[index]
@@ -153,6 +157,7 @@ def test_a_side_is_chosen_where_it_matters(lab: Arm) -> None:
     assert all(rival.power > 0.99 for rival in found.after.discrimination.rivals)
 
 
+@pytest.mark.slow
 def test_expected_errors_are_what_fits_scatter_by(lab: Arm) -> None:
     """Inject and refit: the TCP errs as far as promised, on average over the candidates."""
     poses = offered(lab)
@@ -197,6 +202,7 @@ def test_rivals_that_nothing_can_tell_apart(lab: Arm) -> None:
         design(task(lab, RIVALS, count=10), offered(lab))
 
 
+@pytest.mark.slow
 def test_identification_on_chosen_real_poses(real: Measurements, lab: Arm) -> None:
     """Constrained sets identify physically; with bounds in the fit any set does."""
     model = model_45(lab)
@@ -214,6 +220,7 @@ def test_identification_on_chosen_real_poses(real: Measurements, lab: Arm) -> No
     assert np.all((values >= limits.lower) & (values <= limits.upper))
 
 
+@pytest.mark.slow
 def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     poses, figure = tmp_path / "next.csv", tmp_path / "why.svg"
     words = [
@@ -245,6 +252,7 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     assert read_csv(more, ["pose"]).numbers("pose").tolist() == [36, 37, 38]
 
 
+@pytest.mark.slow
 def test_choosing_among_the_shipped_measurements(tmp_path: Path) -> None:
     example = Path(__file__).resolve().parents[2] / "lrm_ident" / "examples" / "hidden-play.csv"
     words = ["-o", tmp_path / "few.csv", "--json", tmp_path / "c.json", "--figure", tmp_path / "c.png"]

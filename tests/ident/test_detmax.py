@@ -61,6 +61,7 @@ def test_measuring_everything_k_times(seed: int, k: int) -> None:
         assert often.value(cast(Index, index)) == pytest.approx(factor * once.value(cast(Index, index)), rel=1e-7)
 
 
+@pytest.mark.slow
 @given(seeds)
 def test_indices_do_not_see_how_the_tracker_is_turned(seed: int) -> None:
     J = columns_of(seed, 5, 6)
@@ -101,6 +102,7 @@ def test_determinants_follow_every_exchange(seed: int, m_thirds: int) -> None:
         assert told.log_det == pytest.approx(np.linalg.slogdet(stacked.T @ stacked)[1], abs=1e-5)
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(seeds, st.sampled_from(INDICES))
 def test_finds_what_trying_all_sets_finds(seed: int, index: Index) -> None:
@@ -114,6 +116,7 @@ def test_finds_what_trying_all_sets_finds(seed: int, index: Index) -> None:
         assert o1_upper_bound(J, chosen.rows) >= (1 - 1e-9) * best
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=20)
 def test_the_best_set_does_not_depend_on_units(seed: int) -> None:
@@ -122,6 +125,7 @@ def test_the_best_set_does_not_depend_on_units(seed: int) -> None:
     assert np.array_equal(exchange(J, 10, seed=seed).rows, exchange(J * units, 10, seed=seed).rows)
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=20)
 def test_no_single_swap_would_raise_it(seed: int) -> None:
@@ -134,6 +138,7 @@ def test_no_single_swap_would_raise_it(seed: int) -> None:
             assert observability(J[swapped]).value("O1") <= here * (1 + 1e-7)
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=10)
 def test_what_is_known_already_counts(seed: int) -> None:
@@ -144,6 +149,7 @@ def test_what_is_known_already_counts(seed: int) -> None:
     assert together[tuple(chosen.tolist())] >= (1 - 1e-7) * max(together.values())
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_poses() -> None:
     J = columns_of(3, 60, 9)
     assert np.array_equal(exchange(J, 12, seed=5).rows, exchange(J, 12, seed=5).rows)
@@ -162,6 +168,7 @@ def test_impossible_wishes_say_what_would_be_possible() -> None:
         exchange(J, 6, "O3")
 
 
+@pytest.mark.slow
 def test_physical_sets_identify_physically() -> None:
     """Residuals that pull one parameter below zero on most sets: the search finds sets where it stays above."""
     rng = np.random.default_rng(2)
@@ -196,6 +203,7 @@ def test_the_identification_follows_every_exchange(seed: int) -> None:
     np.testing.assert_allclose(whitened.unwhiten @ after.theta, direct, rtol=1e-5, atol=1e-7 * np.abs(direct).max())
 
 
+@pytest.mark.slow
 def test_fifty_of_the_real_poses_can_hardly_be_chosen_better(real: Measurements, lab: Arm) -> None:
     """No set of 50, whoever chose it, has an O1 more than 1 % above ours; blind sets have far less."""
     J = identification_jacobian(equilibrium(model_45(lab), real.poses), TABLE_4_5)
@@ -228,6 +236,7 @@ def thesis_search(J: Array, n: int, accepts: Callable[[list[int]], bool]) -> lis
             return sorted(inside)
 
 
+@pytest.mark.slow
 def test_the_published_fifty_are_found_again_and_ours_are_better(real: Measurements, lab: Arm, shared: Path) -> None:
     """The thesis prints neither its sets nor their index. Its search has no chance in it: what it finds, identified, is
     the published parameters to four digits, so it is the published set."""
@@ -251,6 +260,7 @@ def test_the_published_fifty_are_found_again_and_ours_are_better(real: Measureme
     assert ours >= observability(J[constrained]).O1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", INDICES)
 def test_every_index_is_raised_on_an_arm(lab: Arm, index: Index) -> None:
     q = np.random.default_rng(1).uniform(-1.7, 1.7, (120, 6))

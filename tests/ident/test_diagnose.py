@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from lrm_ident.data.data_audit import audit
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, load_measurements, load_poses
-from lrm_ident.diagnosis.add_effect import add_effects, run_auto
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
@@ -53,6 +54,7 @@ def first_class(report: DiagnosisReport) -> set[str]:
     return {report.first.scored.name, *report.first.equivalent}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "truth"),
     [
@@ -78,6 +80,7 @@ def test_a_hidden_effect_is_named_added_and_the_error_falls_to_the_floor(
     assert report.first.exact
 
 
+@pytest.mark.slow
 def test_nothing_hidden_nothing_named(tmp_path: Path, lab: Arm) -> None:
     data = case_data("nothing", tmp_path, lab)
     report = build_report(diagnose(base_fit(lab, data), data))
@@ -93,6 +96,7 @@ def page_effect(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_structure_without_a_name_then_the_users_own_effect_from_the_docs(tmp_path: Path, lab: Arm) -> None:
     """Outside the catalogue: no borrowed name, an anatomy that points right; written by the user, it is found."""
     data_file = write_case(CASES["sum-q1-q4"], 11, 300, tmp_path)
@@ -115,6 +119,7 @@ def test_structure_without_a_name_then_the_users_own_effect_from_the_docs(tmp_pa
     assert (tmp_path / "back.toml").read_text() == model.read_text()
 
 
+@pytest.mark.slow
 def test_auto_finds_two_hidden_effects_and_stops(tmp_path: Path, lab: Arm) -> None:
     data = case_data("play2+gain1", tmp_path, lab)
     course = run_auto(base_fit(lab, data), data)
@@ -122,9 +127,10 @@ def test_auto_finds_two_hidden_effects_and_stops(tmp_path: Path, lab: Arm) -> No
     assert "backlash@joint2" in added
     assert any(name in added for name in ("servo_gain@joint1", "eccentricity@joint1", "cable_spring@joint1"))
     assert error_stats(held_out_residual(course.model, data)).rms < 1.3 * FLOOR
-    assert course.diagnosis.verdict == "nothing_missing"
+    assert course.verdict == "nothing_missing"
 
 
+@pytest.mark.slow
 def test_wrong_measurements_are_named_and_not_explained(tmp_path: Path, lab: Arm) -> None:
     data = case_data("play3", tmp_path, lab)
     tcp = data.tcp.copy()
@@ -136,6 +142,7 @@ def test_wrong_measurements_are_named_and_not_explained(tmp_path: Path, lab: Arm
     assert "backlash@joint3" in first_class(report)
 
 
+@pytest.mark.slow
 def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
     model = base_fit(lab, real)
     found = diagnose(model, real)
@@ -147,6 +154,7 @@ def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
     assert {"hysteresis@joint1", "payload@tool", "session@joint2"} <= refused
 
 
+@pytest.mark.slow
 def test_gain_is_never_called_against_eccentricity_on_three_levels(real: Measurements, lab: Arm) -> None:
     model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
     found = diagnose(replace(model, free=select_parameters(model, "option1")), real)
@@ -157,6 +165,7 @@ def test_gain_is_never_called_against_eccentricity_on_three_levels(real: Measure
             assert f"{other}@{place}" in found.equivalent[scored.name]
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_there_already_cannot_be_added_twice(tmp_path: Path, lab: Arm) -> None:
     data = case_data("play3", tmp_path, lab)
     better = add_effects(base_fit(lab, data), data, effects_at(lab, "backlash@joint3"))
@@ -214,6 +223,7 @@ def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
     assert noise_floor(replace(data, noise_sd=None)).sd is None
 
 
+@pytest.mark.slow
 @given(st.integers(0, 200))
 def test_pure_noise_has_no_structure(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -255,6 +265,7 @@ def test_a_users_file_that_cannot_be_taken(tmp_path: Path, code: str, said: str)
         effects_in(path)
 
 
+@pytest.mark.slow
 def test_blocks_of_the_diagnosis_are_those_of_the_held_out_error(real: Measurements, lab: Arm) -> None:
     """The linear held-out error of the fitted model is close to the one from refitting every fold in full."""
     model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
@@ -285,6 +296,7 @@ def test_selftest_tells_what_a_plan_could_find(lab: Arm) -> None:
     assert [trial.outcome for trial in run_trials(plan, names)] == ["found", "found"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("figure", ["named", "nameless"])
 def test_a_diagnosis_can_be_drawn(tmp_path: Path, lab: Arm, figure: str) -> None:
     data = case_data({"named": "play3", "nameless": "sum-q1-q4"}[figure], tmp_path, lab, 150)

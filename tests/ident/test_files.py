@@ -65,6 +65,7 @@ def as_file(arm: Arm) -> dict[str, object]:
     }
 
 
+@pytest.mark.slow
 @given(arms)
 def test_arm_files(tmp_path_factory: pytest.TempPathFactory, arm: Arm) -> None:
     path = tmp_path_factory.mktemp("arm") / "arm.toml"
@@ -93,6 +94,7 @@ def test_shipped_arms_survive_their_own_schema(name: str) -> None:
     assert load_arm(name) == read_arm(path)
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_model_files(tmp_path_factory: pytest.TempPathFactory, lab: Arm, data: st.DataObject) -> None:
     effects = [e for name in ("offsets", "compliance", "backlash@joint2") for e in effects_at(lab, name)]
@@ -118,6 +120,7 @@ def test_model_files(tmp_path_factory: pytest.TempPathFactory, lab: Arm, data: s
     np.testing.assert_allclose(load_model(path).values, model.values, rtol=1e-14, atol=0)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 1000), st.integers(1, 12), st.booleans())
 def test_measurement_files(
     tmp_path_factory: pytest.TempPathFactory, lab: Arm, seed: int, count: int, full: bool

@@ -58,6 +58,7 @@ def random_poses(seed: int, count: int = 150) -> Poses:
     return poses_of(rng.uniform(-1.7, 1.7, (count, 6)), rng.choice([0.0, 0.0663], count))
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(st.integers(0, 1000))
 def test_exact_data_give_the_parameters_back(lab: Arm, seed: int) -> None:
@@ -81,6 +82,7 @@ def test_noisy_data_give_them_back_within_their_standard_errors(lab: Arm, seed: 
     assert 0.5 < np.sqrt(np.mean(z**2)) < 1.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_an_arm_of_the_generator_is_fitted_to_the_noise(lab: Arm, seed: int) -> None:
     """Rigid errors in all six directions of every body, springs, two loads; nothing hidden."""
@@ -95,6 +97,7 @@ def test_an_arm_of_the_generator_is_fitted_to_the_noise(lab: Arm, seed: int) -> 
     assert error_stats(result.residual).rms < left_out.rms < 1.3 * np.sqrt(3) * 3e-4
 
 
+@pytest.mark.slow
 def test_the_shipped_example_names_its_hidden_joint(lab: Arm) -> None:
     """What compare shows without knowing: the residual follows the torque of joint 2; play in it explains most."""
     data = load_measurements(EXAMPLE, lab)
@@ -147,6 +150,7 @@ def test_bounds_hold_compliances_above_zero(lab: Arm) -> None:
     assert bounds_of(start, [key]).lower[0] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", [Huber(), Cauchy()], ids=lambda loss: loss.name)
 def test_a_robust_loss_bears_wrong_measurements_and_names_them(lab: Arm, loss: Huber | Cauchy) -> None:
     truth, poses = random_truth(lab, 6), random_poses(6, 200)
@@ -201,7 +205,8 @@ def test_too_few_poses(lab: Arm) -> None:
 
 
 def test_a_fit_that_does_not_converge_says_so(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lrm_ident.estimation.levenberg_marquardt.MAX_STEPS", 2)
+    for most in ("MAX_STEPS", "DAMPED_STEPS"):
+        monkeypatch.setattr(f"lrm_ident.estimation.levenberg_marquardt.{most}", 2)
     truth, poses = random_truth(lab, 9), random_poses(9)
     data = measured(poses, equilibrium(truth, poses).tcp)
     with pytest.raises(FitNotConverged, match="did not converge"):
@@ -209,6 +214,7 @@ def test_a_fit_that_does_not_converge_says_so(lab: Arm, monkeypatch: pytest.Monk
     assert try_held_out(replace(base_model(lab), free=truth.free), data).residual is None
 
 
+@pytest.mark.slow
 @given(st.integers(0, 500), st.integers(10, 60), st.integers(2, 10), st.integers(1, 7))
 def test_blocks_part_the_poses_evenly_and_keep_repetitions_together(
     seed: int, count: int, folds: int, joints: int
@@ -236,6 +242,7 @@ def test_blocks_are_neighbourhoods(real: Measurements) -> None:
     assert within < 0.85 * np.mean([real.poses.q[shuffled == f].std(axis=0).mean() for f in range(10)])
 
 
+@pytest.mark.slow
 def test_held_out_poses_are_never_seen(lab: Arm) -> None:
     """Moving the measurements of one block does not change what the others' fits predict for it."""
     truth, poses = random_truth(lab, 10), random_poses(10, 120)
@@ -271,6 +278,7 @@ def test_the_thesis_options_on_the_real_data(real: Measurements, lab: Arm, optio
         assert error.max * 1e3 == pytest.approx(14.49, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_identifiable_part_does_better_on_held_out_real_poses(real: Measurements, lab: Arm) -> None:
     model = base_model(lab)
     option1 = fit(replace(model, free=select_parameters(model, "option1")), real)

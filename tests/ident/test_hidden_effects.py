@@ -16,23 +16,37 @@ import pytest
 from lrm_ident import synthetic
 from lrm_ident.synthetic import (
     ArmDescription,
+    AxialFloat,
     BaseRocking,
     BaseWarmUp,
     CablePull,
     CoupledJoint,
+    CreepingJoint,
+    DahlLoop,
     EccentricShaft,
     EntangledJoint,
+    FormulaJoint,
     FrictionLag,
+    GearRipple,
     GroundTruth,
     HardeningSpring,
+    HardStop,
     HiddenEffect,
+    HingedLink,
+    LiftingBase,
     LinkBending,
     OneSidedGain,
     Schedule,
     SessionStep,
+    SharedCable,
     SkewTracker,
     SoftPlay,
+    StickSlip,
+    TiltingBearing,
+    TwoStageWarmUp,
+    UnequalPlay,
     WarmUp,
+    WeatherLag,
     WrongBody,
     WrongLoad,
     base_displacement_to_deviations,
@@ -66,6 +80,20 @@ OF_SIZE_ZERO = [
     WarmUp(2, 0.0, 1000.0),
     WrongBody("link 3", 0.0),
     WrongLoad(0.0),
+    AxialFloat(2, 0.0, 1.0),
+    HingedLink(2, 0.1, (0.0, 0.0)),
+    LiftingBase((1.0, 0.0, 0.0), 0.0, 0.1, 0.05),
+    TiltingBearing(2, 0.0, 0.1),
+    CreepingJoint(2, 0.0, 60.0),
+    DahlLoop(1, 0.0, 0.5),
+    FormulaJoint(2, 0.0, "np.sin(q[1] + tau) * side"),
+    GearRipple(2, 5, 0.0, 0.3),
+    HardStop(2, 1, 1.0, 1.0, 0.1),
+    SharedCable((2, 4), 0.5, 0.0),
+    StickSlip(1, 0.0, 0.0, 1.0),
+    TwoStageWarmUp(2, (0.0, 0.0), (500.0, 3000.0)),
+    UnequalPlay(2, 0.0, 0.0, 0.1),
+    WeatherLag(2, 0.0, 3000.0, 600.0),
 ]
 PLACE = re.compile(
     r"(backlash|hysteresis|servo_gain|eccentricity|nonlinear_stiffness|cable_spring)@joint[1-6]"
@@ -100,6 +128,7 @@ def test_the_list_of_effects_is_complete() -> None:
     assert {type(effect) for effect in OF_SIZE_ZERO} == kinds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", OF_SIZE_ZERO, ids=lambda effect: type(effect).__name__)
 def test_size_zero_changes_nothing(arm: ArmDescription, effect: HiddenEffect) -> None:
     q, truth = random_poses(arm, 15, 1), GroundTruth.random(arm, 1)
@@ -108,6 +137,7 @@ def test_size_zero_changes_nothing(arm: ArmDescription, effect: HiddenEffect) ->
     np.testing.assert_allclose(seen[1], seen[0], atol=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*SINGLE, *OUTSIDE])
 def test_cases_have_a_size_worth_finding(arm: ArmDescription, name: str) -> None:
     truth = true_arm(CASES[name], 0, arm)
@@ -230,6 +260,7 @@ def test_coupled_and_entangled_joints_follow_the_others(arm: ArmDescription, sti
         assert not np.delete(extra, 2, axis=1).any()
 
 
+@pytest.mark.slow
 def test_rocking_base_turns_by_its_moment(arm: ArmDescription, stiff: GroundTruth) -> None:
     """Softly about the base's y axis it is what the base's own compliance is."""
     q = random_poses(arm, 15, 7)
@@ -248,6 +279,7 @@ def test_a_heavier_load_is_the_load_it_is(arm: ArmDescription) -> None:
     np.testing.assert_allclose(state.tcp_m, honest.tcp_m, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_wrong_centres_are_those_of_a_rig_with_the_centres_moved(arm: ArmDescription) -> None:
     q, truth = random_poses(arm, 10, 9), GroundTruth.random(arm, 9)
     shift = (0.01, -0.02, 0.03)
@@ -297,6 +329,7 @@ def test_cases_cover_the_vocabulary() -> None:
     assert all(case.truth is None for case in OUTSIDE.values())
 
 
+@pytest.mark.slow
 def test_case_files_repeat_and_are_mixed(tmp_path: Path) -> None:
     case = CASES["restart1"]
     (tmp_path / "again").mkdir()
@@ -359,7 +392,7 @@ def test_examine_follows_the_contract(tmp_path: Path, monkeypatch: pytest.Monkey
         out.write_text(f"[[history]]\nheld_out_rms_mm = 9.0\n[[history]]\nheld_out_rms_mm = {rms}\n")
         return 1.0
 
-    monkeypatch.setattr(confusion, "_tool", tool)
+    monkeypatch.setattr(confusion, "run_tool", tool)
     outcome = confusion.examine("play2", 0, 20, tmp_path)
     assert outcome == CaseOutcome(
         "play2", 0, "effect_missing", ("backlash@joint2", "coupling@joint2<-joint1"), 2.0, 0.6, 2.5, ""

@@ -163,6 +163,7 @@ def written(folder: Path, arm: Arm) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_commands_and_what_stands_behind_their_figures(tmp_path: Path, lab: Arm) -> None:
     poses = written(tmp_path, lab)
     words = ["--json", tmp_path / "i.json", "--figure", tmp_path / "i.svg"]

@@ -61,6 +61,7 @@ def normal_matrix(found: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
     return data + np.diag(prior.sd_of(found.model.free) ** -2.0), data
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000), sizes=st.floats(0.1, 3.0), count=st.integers(20, 60))
 @settings(max_examples=6)
 def test_the_estimate_is_the_top_of_the_posterior(whole: Model, seed: int, sizes: float, count: int) -> None:
@@ -119,6 +120,7 @@ def test_robust_losses_take_a_prior_too(whole: Model, loss: str) -> None:
     assert rms[1] < 2.0 * rms[0]
 
 
+@pytest.mark.slow
 def test_it_predicts_no_worse_than_elimination(whole: Model) -> None:
     prior, left = load_prior("printed", whole), []
     for seed in range(4):
@@ -135,6 +137,7 @@ def test_it_predicts_no_worse_than_elimination(whole: Model) -> None:
     assert with_prior < 1.05 * eliminated
 
 
+@pytest.mark.slow
 def test_stated_errors_are_honest() -> None:
     for found in (option_1(range(16)), all_with_prior(range(8), poses=60)):
         assert 0.90 < found.within_95 < 0.985
@@ -211,6 +214,7 @@ def test_a_wrong_prior_is_one_line(tmp_path: Path, fault: str) -> None:
     assert not (tmp_path / "m.toml").exists()
 
 
+@pytest.mark.slow
 def test_the_commands_know_the_prior(tmp_path: Path) -> None:
     model, data = tmp_path / "map.toml", part_of_example(tmp_path, 90)
     said = stdout_of("fit", data, "--prior", "printed", "-o", model, "--json", tmp_path / "fit.json")
@@ -229,6 +233,7 @@ def test_the_commands_know_the_prior(tmp_path: Path) -> None:
     assert tables["poses"] == 90
 
 
+@pytest.mark.slow
 def test_poses_too_few_for_elimination_are_enough_for_a_prior(tmp_path: Path) -> None:
     data = part_of_example(tmp_path, 20)
     stderr_of("fit", data, "-o", tmp_path / "none.toml")

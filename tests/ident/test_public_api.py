@@ -17,10 +17,12 @@ from lrm_math.errors import LrmError
 from tests.conftest import ROOT
 
 
+@pytest.mark.slow
 def test_the_doctest_of_the_api_holds() -> None:
     assert doctest.testmod(api, verbose=False) == doctest.TestResults(failed=0, attempted=4)
 
 
+@pytest.mark.slow
 def test_the_notebook_of_the_docs_names_the_hidden_effect(capsys: pytest.CaptureFixture[str]) -> None:
     told = runpy.run_path(str(ROOT / "docs" / "example.py"))
     assert told["diagnosis"].first.scored.name == "backlash@joint2"

@@ -237,6 +237,7 @@ def test_near_end_bodies_stay_when_their_link_grows(arm: ArmDescription) -> None
     assert moved == pytest.approx([0.0, 0.0, *[0.01] * 6])
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_play_lifts_and_lowers(arm: ArmDescription, seed: int) -> None:

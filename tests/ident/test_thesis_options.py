@@ -78,6 +78,7 @@ def test_the_options_are_the_thesis(lab: Arm) -> None:
         option_named("option6")
 
 
+@pytest.mark.slow
 def test_every_option_sees_fifty_poses_and_no_more(method: OptionStudy) -> None:
     for one in method.identified:
         assert len(one.rows) == len(np.unique(one.rows)) == 50
@@ -117,6 +118,7 @@ def test_physical_options_obey_physics(method: OptionStudy) -> None:
         assert min(fitted.value(key) for key in fitted.free if key.startswith("compliance")) >= 0.0
 
 
+@pytest.mark.slow
 def test_on_an_arm_as_the_model_says_option_1_reaches_the_noise(lab: Arm) -> None:
     rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
     names = ("joint2.theta_rad", "joint3.alpha_rad", "joint5.theta_rad")
@@ -197,6 +199,7 @@ def test_the_thesis_tables_hang_together(lab: Arm) -> None:
         LOADED.model(lab, "option1_2")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_real_poses_no_worse_than_the_authors_own_parameters(lab: Arm, real: Measurements, seed: int) -> None:
     found = run_options(lab, real, seed=seed)
@@ -206,6 +209,7 @@ def test_real_poses_no_worse_than_the_authors_own_parameters(lab: Arm, real: Mea
     assert not error_distribution(found.of("option1").residual).is_gaussian
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_it_draws(tmp_path: Path, method: OptionStudy, loaded: OptionStudy) -> None:
     from lrm_ident.data.measurements import measurements_csv
 

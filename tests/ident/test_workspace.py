@@ -121,12 +121,14 @@ def test_a_tool_turns_the_shell_into_shares_known_by_hand() -> None:
     assert found.directions == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_volume_comes_closer_with_finer_cells() -> None:
     true = 4 / 3 * math.pi * ((UPPER + FORE) ** 3 - (UPPER - FORE) ** 3)
     tools = rotations(directions(12), 1)
     assert plain(shell_arm(), 0.025, tools).volume == pytest.approx(true, rel=0.01)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     st.lists(st.floats(-100, -10), min_size=6, max_size=6),

@@ -49,6 +49,7 @@ def missed(name: str, q: Array, found: list[CommandBatch | None]) -> int:
     return sum(not is_among(own, some, name) for own, some in zip(q, found, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_both_solutions_beside_a_fold_are_found(name: str) -> None:
     """The command that a goal was made from is known independently of the solver."""
@@ -61,6 +62,7 @@ def test_both_solutions_beside_a_fold_are_found(name: str) -> None:
     assert few < 0.6 * missed(name, q, [Direct().find(context, query) for query in queries])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_branches_are_nearly_complete_and_all_reach_the_goal(name: str) -> None:
     context = solver(name).context
@@ -97,6 +99,7 @@ def test_unreachable_goals_have_no_branches() -> None:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(arm=arms.filter(lambda arm: arm.dof >= 4))
 def test_extended_search_keeps_the_branches_of_the_direct_method(arm: Arm) -> None:

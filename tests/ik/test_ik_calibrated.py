@@ -109,6 +109,7 @@ def in_limits(arm: Arm, q: Array) -> bool:
     return all(np.all((x >= j.lower) & (x <= j.upper)) for x, j in zip(np.transpose(q), arm.joints, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_direct_solves_what_the_calibrated_arm_reaches(name: str) -> None:
     model, payload = solver(name).context.model, 0.04
@@ -132,6 +133,7 @@ def test_direct_solves_what_the_calibrated_arm_reaches(name: str) -> None:
     assert missed <= 0.03 * len(q)  # of two branches that nearly meet, one may be taken for both
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["table_b2", "lab"])
 def test_cube_error_is_below_its_spacing_and_newton_removes_it(name: str) -> None:
     payload = 0.0663
@@ -161,6 +163,7 @@ def test_invalid_cubes_are_refused(bad: dict[str, float]) -> None:
         Cube(**bad)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_first_method_of_the_thesis_stalls() -> None:
     """The first correction helps, the iteration then loses it again: the target is mirrored, not improved."""
     solve = solver("table_b2")
@@ -175,6 +178,7 @@ def test_the_first_method_of_the_thesis_stalls() -> None:
     assert np.median([errors[2:].mean() for errors in loops]) > 5e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 @settings(max_examples=12)
 @given(

@@ -147,6 +147,7 @@ def test_reach_ball_contains_every_tool_position(arm: Arm, load: float, seed: in
     assert all(ball.contains(position) for position in at.tolist())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("form", FORMS)
 @settings(max_examples=8)
@@ -166,6 +167,7 @@ def test_nearest_keeps_the_limits_and_no_random_pose_is_nearer(
     assert error(found) <= math.sqrt(others.square.min()) + SETTLED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 @settings(max_examples=10)
 @given(form=st.sampled_from(FORMS), position=positions, turn=turns)
@@ -174,6 +176,7 @@ def test_nearest_is_idempotent(name: str, form: str, position: tuple[float, ...]
     assert error(find(name, found.goal, [found.q])) <= SETTLED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 @settings(max_examples=10)
 @given(position=positions, share=st.floats(0.05, 0.95))
@@ -186,6 +189,7 @@ def test_distance_shrinks_linearly_towards_the_nearest_point(
     assert find(name, point(between), [found.q]).distance <= share * found.distance + SETTLED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_goals_made_from_commands_are_solved(name: str) -> None:
     context, rng = solver(name).context, np.random.default_rng(7)

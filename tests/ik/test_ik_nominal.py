@@ -82,6 +82,7 @@ def check_solves(arm: Arm, goal: Goal, answer: NominalAnswer) -> None:
         assert branch.margin >= 0.0
 
 
+@pytest.mark.slow
 @given(shipped | meeting_arms, seeds)
 def test_every_branch_solves_the_goal_and_the_original_angles_are_found(arm: Arm, seed: int) -> None:
     solver = solver_of(arm)
@@ -110,6 +111,7 @@ def test_many_reachable_poses_all_solved(name: str) -> None:
     assert np.abs(took_R - R[row]).max() < 1e-9
 
 
+@pytest.mark.slow
 @given(shipped | meeting_arms, seeds)
 @settings(max_examples=40)
 def test_batch_and_single_goals_agree(arm: Arm, seed: int) -> None:
@@ -149,6 +151,7 @@ def test_branches_agree_with_eaik(arm: Arm, seed: int) -> None:
             assert all(apart(theirs, x).min() < 1e-5 for x in ours)
 
 
+@pytest.mark.slow
 @given(shipped, seeds)
 def test_near_orders_the_branches(arm: Arm, seed: int) -> None:
     q, near = angles(arm, seed, 2)
@@ -169,6 +172,7 @@ def test_multi_turn_limits_give_the_nearest_equivalent_angle(lab: Arm) -> None:
         np.testing.assert_allclose(best.q, near, atol=1e-9)
 
 
+@pytest.mark.slow
 @given(shipped, seeds, st.integers(0, 63))
 def test_angles_at_the_limits_are_found(arm: Arm, seed: int, corner: int) -> None:
     q = angles(arm, seed, 1)[0]
@@ -180,6 +184,7 @@ def test_angles_at_the_limits_are_found(arm: Arm, seed: int, corner: int) -> Non
     assert apart(np.array([branch.q for branch in answer]), q).min() < 1e-6
 
 
+@pytest.mark.slow
 @given(shipped, seeds, st.sampled_from([1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 0.0]))
 def test_axes_1_and_3_aligned(arm: Arm, seed: int, tilt: float) -> None:
     q = angles(arm, seed, 1)[0] * 0.4
@@ -232,6 +237,7 @@ def test_shoulder_singularity(seed: int) -> None:
     assert solver_of(arm).solve(goal, q).branches[0].distance(tuple(q)) < 1e-6
 
 
+@pytest.mark.slow
 @given(shipped, seeds)
 def test_stretched_arms_at_the_edge_of_reach(arm: Arm, seed: int) -> None:
     q = angles(arm, seed, 1)[0]
@@ -255,6 +261,7 @@ def metric(goal: Goal, p: Array, R: Array, length: float) -> Array:
     return np.sqrt(square)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pose", "point", "point_along"])
 @settings(max_examples=8)
 @given(seed=seeds, arm=shipped)
@@ -310,6 +317,7 @@ def test_outside_limits_names_the_joint_and_the_excess(arm: Arm, seed: int) -> N
         assert abs(answer.beyond[0].q[answer.violation.joint - 1]) == pytest.approx(0.05 + least, abs=1e-6)
 
 
+@pytest.mark.slow
 @given(shipped, seeds)
 @settings(max_examples=40)
 def test_positions_and_directions_of_reachable_poses_are_solved(arm: Arm, seed: int) -> None:
@@ -322,6 +330,7 @@ def test_positions_and_directions_of_reachable_poses_are_solved(arm: Arm, seed: 
         assert already.distance(tuple(q)) < 1e-3, "an arm that is there already need not move"
 
 
+@pytest.mark.slow
 def test_free_roll_minimises_joint_motion(lab: Arm) -> None:
     turns = np.linspace(0, 2 * np.pi, 1000)
     about = np.array([[[math.cos(t), -math.sin(t), 0], [math.sin(t), math.cos(t), 0], [0, 0, 1]] for t in turns])
@@ -335,6 +344,7 @@ def test_free_roll_minimises_joint_motion(lab: Arm) -> None:
     assert further <= 2, "turns that a branch allows for less than two degrees may be missed, rarely"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_arms_without_a_closed_form(seed: int) -> None:
     arm = random_arm(seed, 6)

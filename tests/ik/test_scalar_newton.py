@@ -89,6 +89,7 @@ def test_load_derivatives_match_finite_differences(name: str) -> None:
         np.testing.assert_allclose(load_derivatives[:, v], (up - down) / (2 * h), atol=2e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["table_b2", "lab"])
 def test_scalar_and_batch_newton_find_the_same_branches(name: str) -> None:
     """But for a few branches that nearly merge."""

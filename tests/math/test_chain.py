@@ -41,6 +41,7 @@ def link_matrices(arm: Arm, q: Array) -> list[Array]:
     return out
 
 
+@pytest.mark.slow
 @given(arms, st.integers(0, 1000))
 def test_frames_are_products_of_link_matrices(arm: Arm, seed: int) -> None:
     q = np.random.default_rng(seed).uniform(-2, 2, (3, arm.dof))
@@ -51,6 +52,7 @@ def test_frames_are_products_of_link_matrices(arm: Arm, seed: int) -> None:
         np.testing.assert_allclose(ours[pose], link_matrices(arm, q[pose]), atol=1e-13)
 
 
+@pytest.mark.slow
 @given(arms, st.integers(0, 1000))
 def test_one_pose_in_scalar_python_equals_the_batch(arm: Arm, seed: int) -> None:
     q = np.random.default_rng(seed).uniform(-2, 2, (4, arm.dof))
@@ -64,6 +66,7 @@ def test_one_pose_in_scalar_python_equals_the_batch(arm: Arm, seed: int) -> None
         np.testing.assert_allclose(alone, together[pose], atol=1e-14)
 
 
+@pytest.mark.slow
 @given(arms, st.integers(0, 1000))
 def test_slot_jacobian_against_central_differences(arm: Arm, seed: int) -> None:
     q = np.random.default_rng(seed).uniform(-2, 2, (2, arm.dof))

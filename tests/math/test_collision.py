@@ -116,6 +116,7 @@ def sampled_distance(arm: Arm, q: Array, first: str, second: str, count: int = 2
 # distances
 
 
+@pytest.mark.slow
 @given(points, points, points, points)
 def test_segment_distance_against_sampled_points(a: Array, b: Array, c: Array, d: Array) -> None:
     ours = float(segment_to_segment(a, b, c, d))
@@ -207,6 +208,7 @@ def test_distances_against_coal(arm: Arm, seed: int) -> None:
 # clearance
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(shaped_arms, seeds)
 def test_clearance_is_the_least_distance_of_checked_pairs(arm: Arm, seed: int) -> None:
@@ -228,6 +230,7 @@ def test_clearance_is_the_least_distance_of_checked_pairs(arm: Arm, seed: int) -
         assert said == pytest.approx(float(found.distance[pose]), abs=longest)
 
 
+@pytest.mark.slow
 @given(shaped_arms, seeds)
 def test_clearance_is_invariant_to_motion_of_arm_and_obstacles_together(arm: Arm, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -250,6 +253,7 @@ def test_clearance_is_invariant_to_motion_of_arm_and_obstacles_together(arm: Arm
     np.testing.assert_allclose(here, there, atol=1e-7)
 
 
+@pytest.mark.slow
 @given(shaped_arms, seeds)
 def test_one_pose_equals_the_batch(arm: Arm, seed: int) -> None:
     scene = Scene.of(arm)
@@ -323,6 +327,7 @@ def test_elastic_deflection_reduces_the_distance_to_the_ground(rover: Arm) -> No
 # straight moves
 
 
+@pytest.mark.slow
 @given(shaped_arms, seeds)
 def test_distances_change_no_faster_than_the_motion_bound(arm: Arm, seed: int) -> None:
     scene = Scene.of(arm)
@@ -333,6 +338,7 @@ def test_distances_change_no_faster_than_the_motion_bound(arm: Arm, seed: int) -
     assert (change <= np.abs(nudged - q) @ scene.motion_bound.T + 1e-7).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(shaped_arms, seeds, st.sampled_from([0.0, 0.005, 0.03]))
 def test_check_move_agrees_with_dense_sampling(arm: Arm, seed: int, margin: float) -> None:

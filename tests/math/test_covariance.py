@@ -116,6 +116,7 @@ def test_an_invalid_covariance_is_a_file_error(
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_every_command_that_fits_writes_it(tmp_path: Path) -> None:
     data = part_of_example(tmp_path, 90)
     stdout_of("fit", data, "--parameters", "option4", "-o", tmp_path / "a.toml")

@@ -49,11 +49,13 @@ def assert_parameter_derivatives(model: Model, poses: Poses) -> None:
         assert np.abs(J[:, :, j] - difference).max() <= allowed, model.keys[j]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_parameters_of_the_lab_arm(lab: Arm, seed: int) -> None:
     assert_parameter_derivatives(full_model(lab, seed), some_poses(lab, seed, 20))
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(arms, st.integers(0, 100))
 def test_parameters_of_any_arm(arm: Arm, seed: int) -> None:

@@ -46,6 +46,7 @@ def assert_good(arm: Arm, path: PlannedPath, start: Array, goal: Array, margin: 
     assert clearance(Scene.of(arm), interpolate_path(path, 1e-3)).distance.min() >= margin
 
 
+@pytest.mark.slow
 def test_a_path_is_found_where_the_straight_move_is_refused(blocked: Arm) -> None:
     scene = Scene.of(blocked)
     straight = check_move(scene, START, GOAL)
@@ -57,6 +58,7 @@ def test_a_path_is_found_where_the_straight_move_is_refused(blocked: Arm) -> Non
     assert path.length < 3 * np.linalg.norm(GOAL - START)
 
 
+@pytest.mark.slow
 def test_the_path_is_clear_of_the_post_by_plain_matrices_and_samples(blocked: Arm) -> None:
     """Independent of the code under test: link matrices and points on the capsules' axes."""
     path = found(blocked, START, GOAL)
@@ -66,6 +68,7 @@ def test_the_path_is_clear_of_the_post_by_plain_matrices_and_samples(blocked: Ar
             assert sampled_distance(blocked, q, name, "post", 30) >= blocked.shapes.margin
 
 
+@pytest.mark.slow
 def test_every_piece_passes_the_check_that_the_ramp_makes_again(blocked: Arm) -> None:
     scene, path = Scene.of(blocked), found(blocked, START, GOAL)
     targets = interpolate_path(path, 0.2)
@@ -73,6 +76,7 @@ def test_every_piece_passes_the_check_that_the_ramp_makes_again(blocked: Arm) ->
         assert check_move(scene, a, b).free
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_path(blocked: Arm) -> None:
     first, again, other = (found(blocked, START, GOAL, seed) for seed in (7, 7, 8))
     np.testing.assert_array_equal(first.waypoints, again.waypoints)
@@ -80,6 +84,7 @@ def test_the_same_seed_gives_the_same_path(blocked: Arm) -> None:
     assert first.waypoints.shape != other.waypoints.shape or (first.waypoints != other.waypoints).any()
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(st.integers(0, 10_000), st.sampled_from(["lab", "rover"]))
 def test_any_two_free_poses_of_the_shipped_arms(lab: Arm, rover: Arm, seed: int, name: str) -> None:
@@ -99,6 +104,7 @@ def test_a_free_straight_move_is_returned(lab: Arm) -> None:
     np.testing.assert_array_equal(found(lab, goal, goal).waypoints[[0, -1]], [goal, goal])
 
 
+@pytest.mark.slow
 def test_narrower_limits_are_kept(lab: Arm) -> None:
     x, y, z = link_matrices(lab, 0.5 * (START + GOAL))[-1][:3, 3].tolist()
     post = Box("post", (x, y, z), (0.05, 0.05, 0.05))

@@ -24,17 +24,20 @@ def tables(draw: st.DrawFn) -> ServoTable:
     return ServoTable(tuple(angles.tolist()), tuple(pulses.tolist()))
 
 
+@pytest.mark.slow
 @given(tables(), st.floats(-3.0, 8.0))
 def test_angle_to_pulse_and_back(table: ServoTable, angle: float) -> None:
     assert float(table.angle_of(table.pulse_of(angle))) == pytest.approx(angle, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(tables())
 def test_table_hits_its_own_points(table: ServoTable) -> None:
     np.testing.assert_allclose(table.pulse_of(table.angle), table.pulse, rtol=1e-12)
     np.testing.assert_allclose(table.angle_of(table.pulse), table.angle, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(tables(), st.floats(-3.0, 8.0), st.floats(-3.0, 8.0))
 def test_tables_are_monotone(table: ServoTable, a: float, b: float) -> None:
     rises = table.pulse[-1] > table.pulse[0]
@@ -51,6 +54,7 @@ def test_counts_to_pulse_and_back(frequency: float, oscillator: float, counts: i
     assert int(clock.counts_of(clock.pulse_of(counts))) == counts
 
 
+@pytest.mark.slow
 @given(st.floats(24.0, 400.0), st.floats(23e6, 27e6), st.floats(0.0, 2e-3))
 def test_rounding_is_at_most_half_a_count(frequency: float, oscillator: float, pulse: float) -> None:
     try:

@@ -46,6 +46,7 @@ def gravity_energy(arm: Arm, slots: list[object], payload: Array) -> Array:
     return np.sum([w.mass * h for w, h in zip(weights, heights, strict=True)], axis=0)
 
 
+@pytest.mark.slow
 @given(arms, st.integers(0, 100))
 def test_load_is_the_slope_of_the_energy(arm: Arm, seed: int) -> None:
     poses = some_poses(arm, seed)
@@ -60,6 +61,7 @@ def test_load_is_the_slope_of_the_energy(arm: Arm, seed: int) -> None:
         np.testing.assert_allclose(load, -slope, atol=1e-8)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(arms, st.integers(0, 100))
 def test_equilibrium_is_a_stationary_point_of_elastic_and_gravitational_energy(arm: Arm, seed: int) -> None:
@@ -83,6 +85,7 @@ def test_equilibrium_is_a_stationary_point_of_elastic_and_gravitational_energy(a
         np.testing.assert_allclose((energy(up) - energy(down)) / (2 * h), 0.0, atol=1e-8)
 
 
+@pytest.mark.slow
 @given(arms, st.integers(0, 100))
 def test_load_derivatives_against_central_differences(arm: Arm, seed: int) -> None:
     poses = some_poses(arm, seed, 2)
@@ -122,6 +125,7 @@ def test_load_derivatives_with_bodies_that_load_other_joints(lab: Arm) -> None:
         np.testing.assert_allclose(H[:, j], (plus - minus) / (2 * h), atol=1e-9)
 
 
+@pytest.mark.slow
 @given(arms, st.integers(0, 100), st.floats(1e-3, 1.0))
 def test_stiff_limit_is_the_rigid_arm(arm: Arm, seed: int, scale: float) -> None:
     poses = some_poses(arm, seed)
@@ -134,6 +138,7 @@ def test_stiff_limit_is_the_rigid_arm(arm: Arm, seed: int, scale: float) -> None
     assert sag[1] == pytest.approx(10 * sag[0], rel=1e-3, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(arms, st.integers(0, 100), st.floats(-3.0, 3.0))
 def test_turning_the_base_and_gravity_together_changes_no_load(arm: Arm, seed: int, angle: float) -> None:
     """Base and gravity rotated together about the vertical axis: torques are invariant, positions rotate."""
@@ -168,6 +173,7 @@ def test_without_gravity_nothing_bends(arm: Arm, seed: int) -> None:
     np.testing.assert_array_equal(bent.joint_torque, 0.0)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 50))
 def test_poses_of_a_batch_are_independent(lab: Arm, seed: int) -> None:
     """Batches do not mix poses: any subset gives the same result."""

@@ -242,7 +242,7 @@ class DaemonProcess(ProcessGroup):
         return [str(entry["event"]) for entry in self.log_entries()]
 
     def child(self, name: str) -> int:
-        """The number of its `ramp` or `ik` process, once that is at work: only the latter has zenoh loaded."""
+        """The number of its `ramp`, `ik` or `router` process, once that is at work."""
         found: list[int] = []
 
         def there() -> bool:
@@ -271,14 +271,16 @@ def children(pid: int) -> list[int]:
 
 
 def _role(pid: int) -> str:
-    """`ramp`, `ik` or neither: a process that multiprocessing made, with the shared memory mapped; zenoh is ik's."""
+    """Which of them a process with the shared memory is, by its libraries: ramp has no zenoh, router no numpy."""
     try:
         maps = Path(f"/proc/{pid}/maps").read_text()
     except OSError:
         return ""
     if "memfd:lrmd" not in maps:
         return ""
-    return "ik" if "zenoh" in maps else "ramp"
+    if "zenoh" not in maps:
+        return "ramp"
+    return "ik" if "numpy" in maps else "router"
 
 
 def is_alive(pid: int) -> bool:

@@ -8,12 +8,15 @@ from random import Random
 
 from lrmd.config import Config, load_config
 from lrmd.control.controller import Controller
+from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.core import BoardSettings, RampCore
 from lrmd.ramp.shared_memory import LinkState, RampOrder, RampReport
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.pca9685_chip import Pca9685Chip
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "lrmd.toml"
+WALL = 1_700_000_000_000_000_000
+"""ns: the wall clock at its start."""
 CYCLE = 3
 """Ticks between two cycles of the API, about 20 ms."""
 
@@ -43,6 +46,7 @@ class SimulatedDaemon:
     unplugged: int = 0
     api_stopped: bool = False
     torque: tuple[float, ...] = (0.0,) * 6
+    stored: StoredState | None = None
     starts: int = 1
     ticks: int = 0
     held_in: bytes = b""
@@ -57,7 +61,7 @@ class SimulatedDaemon:
         self.board = SimulatedBoard(Pca9685Chip(self.config.clock.oscillator_hz), self.random, self.now)
         self.ramp = RampCore(BoardSettings.of(self.config))
         self.core = Controller(
-            self.config, lambda *_: self.torque, None, lambda *_: None, self.now, 1_700_000_000_000_000_000
+            self.config, lambda *_: self.torque, self.stored, lambda *_: None, self.now, WALL
         )
         self.report = self._report()
         self.allowed: dict[int, int] = {}

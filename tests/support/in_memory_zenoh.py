@@ -13,10 +13,13 @@ import zenoh
 
 from lrm_math.errors import LrmError
 from lrmd.api.publisher import StatePublisher
+from lrmd.api.router_process import EstopServer
+from lrmd.api.router_setup import estop_replies
 from lrmd.api.supervisor import ChildProcess
 from lrmd.api.zenoh_server import ZenohServer
-from lrmd.control.events import ControllerEvent, RequestResult
-from lrmd.messages.control import EstopCommand, LeaseRequest, Message, error_reply, pack, unpack
+from lrmd.control.events import ControllerEvent
+from lrmd.messages.control import LeaseRequest, Message, error_reply, pack
+from lrmd.messages.zenoh_session import key
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.support.in_memory_daemon import SimulatedDaemon
 
@@ -123,6 +126,8 @@ class InMemoryDaemon:
             sim.config, sim.core, self.shared, ChildProcess("ramp", print), ChildProcess("ik", print)
         )
         self.server = ZenohServer(self.session, sim.config.robot, self, tuple(self._publisher.states))
+        command, query = (key(sim.config.robot, tail) for tail in ("cmd/estop", "rpc/estop"))
+        self.estop = EstopServer(self.session, (command,), query, estop_replies(query), self.emergency_stop)
 
     def _flush(self) -> None:
         for event in self.sim.core.events:
@@ -141,11 +146,11 @@ class InMemoryDaemon:
         self.sim.core.events.append(ControllerEvent("refused", "warning", f"{tail}: {reply.msg}", {"why": reply.code}))
         self._flush()
 
-    def emergency_stop(self, data: bytes) -> Message:
+    def emergency_stop(self, reason: str) -> bool:
         self.sim.estop_requested = True
-        self.sim.core.estop(self.sim.now, unpack(EstopCommand, data).why)
+        self.sim.core.estop(self.sim.now, reason)
         self.sim.run(2)
-        return self._publisher.reply("rpc/estop", RequestResult())
+        return True
 
     def state(self, tail: str) -> Message:
         core = self.sim.core

@@ -94,9 +94,9 @@ def _fit_and_name(data: Path, folder: Path, found: dict[str, Any]) -> None:
     model, diagnosis = folder / "model.toml", folder / "d.json"
     for stale in (model, diagnosis, folder / "m2.toml"):
         stale.unlink(missing_ok=True)
-    _tool("fit", data, "-o", model)
+    run_tool("fit", data, "-o", model)
     found["before_mm"] = last_held_out_mm(model)
-    found["diagnose_s"] = _tool("diagnose", model, data, "--json", diagnosis)
+    found["diagnose_s"] = run_tool("diagnose", model, data, "--json", diagnosis)
     diagnosed = json.loads(diagnosis.read_text(encoding="utf-8"))
     found["verdict"] = diagnosed["verdict"]
     if diagnosed["verdict"] != EFFECT_MISSING:
@@ -105,7 +105,7 @@ def _fit_and_name(data: Path, folder: Path, found: dict[str, Any]) -> None:
     if first is None:
         raise CommandFailed(f"verdict {EFFECT_MISSING}, but the ranking supports nothing")
     found["first_class"] = tuple(dict.fromkeys([_name(first), *first["indistinguishable_from"]]))
-    _tool("add", model, data, _name(first), "-o", folder / "m2.toml", "--json", folder / "a.json")
+    run_tool("add", model, data, _name(first), "-o", folder / "m2.toml", "--json", folder / "a.json")
     found["after_mm"] = last_held_out_mm(folder / "m2.toml")
 
 
@@ -130,8 +130,8 @@ def last_held_out_mm(model: Path) -> float | None:
     return None if value is None else float(value)
 
 
-def _tool(command: str, *arguments: object) -> float:
-    """Run one command of lrm-ident; return the seconds it took."""
+def run_tool(command: str, *arguments: object) -> float:
+    """Runs one command of lrm-ident; returns the seconds it took. Raises `CommandFailed`."""
     start = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-m", "lrm_ident", command, *map(str, arguments)],

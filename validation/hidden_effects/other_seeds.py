@@ -16,7 +16,7 @@ from pathlib import Path
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, load_measurements
-from lrm_ident.diagnosis.add_effect import run_auto
+from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.estimation.cross_validation import held_out_residual
@@ -74,7 +74,7 @@ def examine(spec: DataSetSpec) -> SearchOutcome:
             course = run_auto(model, data)
             named = tuple(step.added for step in course.steps[1:])
             return SearchOutcome(
-                spec, named, course.diagnosis.verdict, error_stats(held_out_residual(course.model, data)).rms / FLOOR_M
+                spec, named, course.verdict, error_stats(held_out_residual(course.model, data)).rms / FLOOR_M
             )
         report = build_report(diagnose(model, data))
     except LrmError as error:

@@ -60,12 +60,12 @@ def _cases(ran: dict[str, list[CaseOutcome]]) -> str:
                 f"{sum(o.hit for o in found)}/{len(found)}",
                 f"{sum(o.confident and o.hit for o in found)}",
                 f"{sum(o.confidently_wrong for o in found)}",
-                _spread([o.ratio for o in found], 2),
-                _spread([o.diagnose_s for o in found], 1),
+                spread([o.ratio for o in found], 2),
+                spread([o.diagnose_s for o in found], 1),
                 ", ".join(f"{what} ×{count}" for what, count in named),
             )
         )
-    return _table(head, rows)
+    return markdown_table(head, rows)
 
 
 def _confusion(ran: dict[str, list[CaseOutcome]]) -> str:
@@ -79,7 +79,7 @@ def _confusion(ran: dict[str, list[CaseOutcome]]) -> str:
         cells.setdefault(truth, Counter()).update(_column(o, truth) for o in found)
     columns = [*cells, *sorted({column for row in cells.values() for column in row} - set(cells), key=_last)]
     head = ("truth \\ named", *columns)
-    return _table(head, [(truth, *(str(row[c] or "·") for c in columns)) for truth, row in cells.items()])
+    return markdown_table(head, [(truth, *(str(row[c] or "·") for c in columns)) for truth, row in cells.items()])
 
 
 def _column(outcome: CaseOutcome, truth: str) -> str:
@@ -105,17 +105,17 @@ def _totals(ran: dict[str, list[CaseOutcome]]) -> str:
         (
             kind,
             str(len(found)),
-            _share(o.hit for o in found),
-            _share(o.confident and o.hit for o in found),
-            _share(o.confidently_wrong for o in found),
-            _spread([o.ratio for o in found], 2),
-            _spread([o.diagnose_s for o in found], 1),
+            share(o.hit for o in found),
+            share(o.confident and o.hit for o in found),
+            share(o.confidently_wrong for o in found),
+            spread([o.ratio for o in found], 2),
+            spread([o.diagnose_s for o in found], 1),
             str(sum(bool(o.trouble) for o in found)),
         )
         for kind, found in groups.items()
         if found
     ]
-    return _table(head, rows)
+    return markdown_table(head, rows)
 
 
 def _troubles(outcomes: Iterable[CaseOutcome]) -> list[str]:
@@ -125,16 +125,19 @@ def _troubles(outcomes: Iterable[CaseOutcome]) -> list[str]:
     return ["## Failures", "\n".join(f"- {count} × {trouble}" for trouble, count in bad.most_common())]
 
 
-def _share(flags: Iterable[bool]) -> str:
+def share(flags: Iterable[bool]) -> str:
+    """How many, and what percentage."""
     values = list(flags)
     return f"{sum(values)} ({100.0 * sum(values) / len(values):.0f} %)"
 
 
-def _spread(values: Sequence[float | None], digits: int) -> str:
+def spread(values: Sequence[float | None], digits: int) -> str:
+    """Median (worst) of what is known."""
     known = sorted(value for value in values if value is not None)
     return f"{known[len(known) // 2]:.{digits}f} ({known[-1]:.{digits}f})" if known else "–"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of Markdown."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)

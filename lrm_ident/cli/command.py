@@ -1,0 +1,89 @@
+"""Registration of commands: what all of them check, and the options by which measurements are read."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+from pydantic import ValidationError
+from typer import Option
+
+from lrm_ident.cli.common import app
+from lrm_ident.data.measurements import is_something_else
+from lrm_ident.data.output_files import check_outputs
+from lrm_math.errors import LrmError
+from lrm_math.model.reading import Reading
+
+OUTPUTS = {"output": "-o", "json": "--json", "figure": "--figure", "cross_figure": "--cross-figure"}
+"""Parameters of commands that name files to be written."""
+READING_OPTIONS: dict[str, Any] = {
+    "unit": Option("--unit", help="Unit of the positions: mm, m, cm, um or inch. Default: as the columns' names say."),
+    "angle_unit": Option("--angle-unit", help="Unit of the joint angles: deg or rad. Default: as the names say."),
+    "axes": Option("--axes", help="Which axes of the file are the arm's x, y, z, for instance x,y,-z or y,x,z."),
+    "frame": Option("--frame", help="unknown: find the frame of the positions too. arm: that of the arm file."),
+    "joint_sign": Option("--joint-sign", help="1 or -1 for each joint, for instance 1,1,-1,1,1,1."),
+    "joint_order": Option("--joint-order", help="For each joint of the arm, its number in the file: 1,3,2,4,5,6."),
+}
+"""Options that a parameter `reading` of a command stands for."""
+
+
+def command(function: Callable[..., None]) -> Callable[..., None]:
+    """Registers a command. Its outputs are checked before the work; a parameter `reading` becomes its options."""
+    signature, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
+    own = [parameter.replace(annotation=hints[name]) for name, parameter in signature.parameters.items()]
+    shown = [parameter for parameter in own if parameter.name != "reading"]
+    reads = len(shown) < len(own)
+    if reads:
+        for name, option in READING_OPTIONS.items():
+            annotation = Annotated[str | None, option]
+            shown.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation))
+
+    @functools.wraps(function)
+    def run(**values: Any) -> None:
+        if reads:
+            values["reading"] = _reading({name: values.pop(name) for name in READING_OPTIONS})
+        check_outputs(_outputs(values), _inputs(values))
+        function(**values)
+
+    run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
+    app.command()(run)
+    return function
+
+
+def _outputs(values: dict[str, Any]) -> dict[str, Path]:
+    return {option: values[name] for name, option in OUTPUTS.items() if values.get(name) is not None}
+
+
+def _inputs(values: dict[str, Any]) -> list[Path]:
+    """Files that the command reads: its other paths, arms and priors given by path, and what is beside the data."""
+    named = [value for name, value in values.items() if name not in OUTPUTS]
+    paths = [value for value in named if isinstance(value, Path)]
+    paths += [Path(value) for value in named if isinstance(value, str) and value.endswith(".toml")]
+    beside = [path.with_suffix(".toml") for path in paths if path.suffix != ".toml"]
+    return [*paths, *(path for path in beside if path.exists() and not is_something_else(path))]
+
+
+def _reading(options: dict[str, str | None]) -> Reading:
+    """The reading that the options state. Raises `LrmError`."""
+    said: dict[str, Any] = {name: text for name, text in options.items() if text is not None}
+    for name in ("joint_sign", "joint_order"):
+        if name in said:
+            said[name] = _whole_numbers(name, said[name])
+    try:
+        return Reading(**said)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        name = str(fault["loc"][0])
+        message = fault["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+        raise LrmError(f"--{name.replace('_', '-')} {options[name]}: should be {message}") from None
+
+
+def _whole_numbers(name: str, text: str) -> list[int]:
+    try:
+        return [int(word) for word in text.split(",")]
+    except ValueError:
+        raise LrmError(f"--{name.replace('_', '-')} {text}: should be whole numbers by commas") from None

@@ -1,0 +1,46 @@
+"""Command `propose`: a law where no known effect fits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.command import command
+from lrm_ident.cli.common import log, progress, publish, read_identifiable, show
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.laws.law_file import law_id
+from lrm_ident.laws.proposal import propose_law
+from lrm_ident.report.laws import proposal_document
+
+
+@command
+def propose(
+    model: arg.ModelPath,
+    data: arg.DataFile,
+    output: Annotated[Path | None, Option("-o", "--output", metavar="LAW.py", help="Where to write the law.")] = None,
+    json: arg.JsonFile = None,
+    effects_file: arg.EffectsFile = None,
+) -> None:
+    """Propose a law where no known effect fits: a small grammar searched at every joint, judged by held-out error.
+
+    Writes the best as an effect of your own (docs/effects.md): read it, then add it with --effects-file.
+    """
+    _, the_model, measured, _ = read_identifiable(model, data, effects_file)
+    with progress("trying every law at every joint") as tick, log.status("searching") as status:
+        found = propose_law(the_model, measured, tick, status.update)
+    publish(proposal_document(found), json)
+    if found.best is None:
+        return
+    law = found.best.law
+    if output is None:
+        show("Not saved; give -o LAW.py to keep it.")
+    else:
+        write_text(output, found.best.source)
+        show(
+            f"Law written to {output}",
+            f"Add it with: lrm-ident add {model} {data} {law_id(law)}@joint{law.joint + 1} "
+            f"--effects-file {output} -o MODEL2",
+        )

@@ -1,0 +1,66 @@
+"""Measured numbers as a `Reading` says: signed axes, a frame's rigid motion, signs and order of the joints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lrm_math.arm.arm_file import MM
+from lrm_math.arrays import Array
+from lrm_math.model.reading import AXES, FrameTable, Reading
+
+LENGTH_UNITS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0}
+"""Metres of each unit of positions."""
+ANGLE_UNITS = {"deg": float(np.radians(1.0)), "rad": 1.0}
+"""Radians of each unit of joint angles."""
+
+
+def axes_matrix(axes: str) -> Array:
+    """(3, 3), signed permutation that takes the file's coordinates to the arm's."""
+    matrix = np.zeros((3, 3))
+    for row, word in enumerate(axes.split(",")):
+        matrix[row, AXES.index(word[-1])] = -1.0 if word.startswith("-") else 1.0
+    return matrix
+
+
+def axes_words(matrix: Array) -> str:
+    """The inverse of `axes_matrix`: the nearest signed permutation of a matrix (3, 3), as `x,y,-z`."""
+    columns = np.argmax(np.abs(matrix), axis=1)
+    return ",".join(
+        ("-" if matrix[row, column] < 0 else "") + AXES[int(column)] for row, column in enumerate(columns.tolist())
+    )
+
+
+def frame_table(rotation: Array, translation: Array) -> FrameTable:
+    """The table of a rigid motion: rotation (3, 3) and translation (3,), m."""
+    alpha = np.arctan2(-rotation[1, 2], rotation[2, 2])
+    beta = np.arctan2(rotation[0, 2], np.hypot(rotation[0, 0], rotation[0, 1]))
+    gamma = np.arctan2(-rotation[0, 1], rotation[0, 0])
+    x, y, z = (translation / MM).tolist()
+    a, b, c = np.degrees([alpha, beta, gamma]).tolist()
+    return FrameTable(x_mm=x, y_mm=y, z_mm=z, alpha_deg=a, beta_deg=b, gamma_deg=c)
+
+
+def rigid_motion(frame: FrameTable) -> tuple[Array, Array]:
+    """Rotation (3, 3) and translation (3,), m, of a frame."""
+    (sa, sb, sc), (ca, cb, cc) = (
+        f(np.radians([frame.alpha_deg, frame.beta_deg, frame.gamma_deg])) for f in (np.sin, np.cos)
+    )
+    Rx = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]])
+    Ry = np.array([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]])
+    Rz = np.array([[cc, -sc, 0], [sc, cc, 0], [0, 0, 1]])
+    return Rx @ Ry @ Rz, np.array([frame.x_mm, frame.y_mm, frame.z_mm]) * MM
+
+
+def read_positions(reading: Reading, positions: Array) -> Array:
+    """(N, 3), positions of a file (m) in the arm's frame; in the file's own if that frame is not known yet."""
+    turned = positions if reading.axes is None else positions @ axes_matrix(reading.axes).T
+    if not isinstance(reading.frame, FrameTable):
+        return turned
+    rotation, translation = rigid_motion(reading.frame)
+    return np.asarray(turned @ rotation.T + translation)
+
+
+def read_joints(reading: Reading, columns: Array) -> Array:
+    """(..., n), quantities of the file's joints in the order and with the signs of the arm's joints."""
+    ordered = columns if reading.joint_order is None else columns[..., [number - 1 for number in reading.joint_order]]
+    return ordered if reading.joint_sign is None else ordered * np.array(reading.joint_sign, dtype=np.float64)

@@ -1,0 +1,76 @@
+"""Tables of measurements and poses, columns named as ours whatever the file calls them."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+from lrm_ident.data.column_names import ColumnName, column_name
+from lrm_ident.data.csv_table import CsvTable, read_table
+from lrm_math.errors import FileError
+
+POSITION = ("x_mm", "y_mm", "z_mm")
+ANGLES = re.compile(r"q\d+_deg")
+
+
+def read_measurement_table(path: Path) -> CsvTable:
+    """Reads a table and names its columns as ours. Raises `FileError`: two columns that are the same by name."""
+    table = read_table(path)
+    found = [ColumnName(name) if _is_ours(name) else column_name(name) for name in table.header]
+    exact = {column.name for column, name in zip(found, table.header, strict=True) if column and column.name == name}
+    same: defaultdict[str, list[str]] = defaultdict(list)
+    columns: list[ColumnName | None] = []
+    for column, name in zip(found, table.header, strict=True):
+        beside = column is not None and name != column.name and column.name in exact and not _is_measured(column.name)
+        columns.append(None if beside else column)
+        if column and not beside:
+            same[column.name].append(name)
+    for ours, names in same.items():
+        if len(names) > 1:
+            which = (
+                f"column {names[0]} stands twice" if len(set(names)) == 1 else f"{' and '.join(names)} are both {ours}"
+            )
+            raise FileError(table.path, f"header, line {table.header_line}", which, "leave one, or rename the other")
+    return _from_zero(
+        replace(
+            table,
+            header=tuple(column.name if column else name for column, name in zip(columns, table.header, strict=True)),
+            stated={c.name: name for c, name in zip(columns, table.header, strict=True) if c and c.name != name},
+            factors={column.name: column.factor for column in columns if column and column.factor != 1.0},
+        )
+    )
+
+
+def numbered(table: CsvTable) -> CsvTable:
+    """The table with a column `pose`: 1, 2, 3 … if it has none."""
+    if "pose" in table.header:
+        return table
+    rows = tuple((str(number), *row) for number, row in enumerate(table.rows, start=1))
+    return replace(table, header=("pose", *table.header), rows=rows)
+
+
+def _is_ours(name: str) -> bool:
+    return _is_measured(name) or name == "pose"
+
+
+def _is_measured(name: str) -> bool:
+    return name in POSITION or ANGLES.fullmatch(name) is not None
+
+
+def _from_zero(table: CsvTable) -> CsvTable:
+    """The table with joints numbered from 1 if the file numbers them from 0."""
+    if "q0_deg" not in table.header:
+        return table
+
+    def shifted(name: str) -> str:
+        return f"q{int(name[1:-4]) + 1}_deg" if ANGLES.fullmatch(name) else name
+
+    stated = {**{name: name for name in table.header if ANGLES.fullmatch(name)}, **table.stated}
+    return replace(
+        table,
+        header=tuple(map(shifted, table.header)),
+        stated={shifted(ours): name for ours, name in stated.items()},
+        factors={shifted(ours): factor for ours, factor in table.factors.items()},
+    )

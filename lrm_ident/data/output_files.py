@@ -1,0 +1,46 @@
+"""Where results are written: never over an input, a file beside it, an arm or metadata, nor to a device or folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from lrm_math.errors import FileError
+from lrm_math.toml_file import schema_of
+
+REPLACEABLE = ("lrm/model/",)
+"""Schemas of TOML files that a result may take the place of."""
+
+
+def check_outputs(outputs: Mapping[str, Path], inputs: Iterable[Path]) -> None:
+    """Raises `FileError` unless every output can be written, each to a file of its own that nothing else needs.
+
+    Args:
+        outputs: paths by the option that names them; symbolic links are followed.
+        inputs: files that are read; a `.toml` beside a `.csv` belongs to it.
+    """
+    read = {path.resolve() for path in inputs}
+    taken: dict[Path, str] = {}
+    for option, path in outputs.items():
+        target = path.resolve()
+        if target in read:
+            raise FileError(path, "", f"{option} is an input of the command", "write the result to another file")
+        if target in taken:
+            raise FileError(path, "", f"{taken[target]} and {option} are the same file", "give them different names")
+        taken[target] = option
+        _check_writable(option, path, target)
+
+
+def _check_writable(option: str, path: Path, target: Path) -> None:
+    if target.is_dir():
+        raise FileError(path, "", f"{option} is a folder", "name a file")
+    if target.exists() and not target.is_file():
+        raise FileError(path, "", f"{option} is a device, no file", "name a file")
+    if not target.parent.is_dir():
+        raise FileError(path, "", "cannot be written", f"there is no folder {target.parent}")
+    if not os.access(target.parent, os.W_OK | os.X_OK) or (target.exists() and not os.access(target, os.W_OK)):
+        raise FileError(path, "", "cannot be written", "you may not write there")
+    schema = schema_of(target) if target.suffix == ".toml" and target.exists() else None
+    if schema is not None and not schema.startswith(REPLACEABLE):
+        raise FileError(path, "", f"{option} would overwrite a file of schema {schema}", "write to another file")

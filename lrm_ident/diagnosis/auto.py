@@ -1,0 +1,106 @@
+"""`auto`: diagnose, add the first effect that the judge supports, and again, until it supports none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
+from lrm_ident.diagnosis.judge import Judgement, judge
+from lrm_ident.estimation.levenberg_marquardt import Fit
+from lrm_ident.estimation.loss import Loss
+from lrm_math.arrays import Array
+from lrm_math.effects import CATALOGUE, Effect
+from lrm_math.model.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class AutoStep:
+    """One step of `auto`.
+
+    Attributes:
+        added: `effect@place`, "" at the start. refines: ids of the effects of which that is another form.
+        fit: with it. held_out: (N, 3), held-out residual with it (m).
+        data: the measurements that were fitted, outliers left out.
+        equivalent: the rest of its class: effects that these data cannot distinguish from it.
+        freed: keys of base parameters that could be told with it.
+    """
+
+    added: str
+    fit: Fit
+    held_out: Array
+    data: Measurements
+    equivalent: tuple[str, ...] = ()
+    refines: tuple[str, ...] = ()
+    freed: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The causes that it can stand for, `effect@place`: those that a form refines, else itself and its class."""
+        place = self.added.partition("@")[2]
+        own = tuple(f"{cause}@{place}" for cause in self.refines) or (self.added,)
+        return (*own, *self.equivalent)
+
+
+@dataclass(frozen=True, eq=False)
+class AutoRun:
+    """A run of `auto`: its steps, and the judgement that ended it."""
+
+    steps: tuple[AutoStep, ...]
+    judgement: Judgement
+
+    @property
+    def model(self) -> Model:
+        """The model after the last step."""
+        return self.steps[-1].fit.model
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """The last diagnosis."""
+        return self.judgement.diagnosis
+
+    @property
+    def verdict(self) -> Verdict:
+        """The last verdict."""
+        return self.judgement.verdict
+
+
+def run_auto(
+    model: Model,
+    data: Measurements,
+    max_effects: int = 20,
+    catalogue: Iterable[type[Effect]] = CATALOGUE,
+    on_step: Callable[[AutoStep], object] = lambda _: None,
+    loss: Loss | None = None,
+) -> AutoRun:
+    """Stepwise selection: diagnoses, adds the first supported effect as the judge refitted it, and again.
+
+    Raises:
+        LrmError: a diagnosis fails.
+    """
+    kinds = tuple(catalogue)
+    now = judge(diagnose(model, data, kinds, loss=loss))
+    steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
+    on_step(steps[0])
+    while now.first is not None and len(steps) <= max_effects:
+        before, added = now, now.first
+        now = judge(diagnose(before.refits[added.name].fit.model, data, kinds, loss=loss))
+        steps.append(_step(before, added.name, now))
+        on_step(steps[-1])
+    return AutoRun(tuple(steps), now)
+
+
+def _step(before: Judgement, added: str, after: Judgement) -> AutoStep:
+    effect = next(one for one in before.supported if one.name == added).candidate.effect
+    own = {f"{effect.id}.{effect.place}.{parameter.name}" for parameter in effect.parameters}
+    old = {*before.diagnosis.fit.model.free, *own}
+    return AutoStep(
+        added=added,
+        fit=after.diagnosis.fit,
+        held_out=after.held_out,
+        data=after.diagnosis.data,
+        equivalent=before.diagnosis.equivalent[added],
+        refines=effect.refines,
+        freed=tuple(key for key in after.diagnosis.fit.model.free if key not in old),
+    )

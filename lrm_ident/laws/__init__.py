@@ -1,0 +1,1 @@
+"""Proposing a law: an exhaustive small grammar over the quantities that a joint's error may follow."""

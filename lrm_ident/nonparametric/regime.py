@@ -1,0 +1,194 @@
+"""Regimes: parts of joint space, load or time in which what a model leaves is larger than elsewhere.
+
+For every quantity an interval is chosen on one half of the poses, by the rank sum test of the residuals' sizes (Mann &
+Whitney 1947), and tested on the other half; p values of many random halvings are aggregated (twice the median;
+Meinshausen, Meier & Bühlmann 2009), and those of all quantities adjusted for false discovery under any dependence
+(Benjamini & Yekutieli 2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import false_discovery_control, norm, rankdata
+
+from lrm_ident.data.measurements import Measurements
+from lrm_math.arrays import Array
+
+HALVINGS, SEED, PARTS = 25, 0, 10
+LARGEST_SHARE, FEWEST = 0.5, 8  # of the poses that an interval may hold; poses of it in either half
+SIGNIFICANCE, MIN_RATIO = 0.01, 1.5  # false discovery rate; RMS inside over RMS outside that is worth saying
+HINTS = {
+    ("angle", "end"): "a stop, a cable that tightens, parts that touch?",
+    ("angle", "middle"): "a gear tooth, a cable that catches?",
+    ("load", "end"): "the load's mass or centre, a spring that is not linear?",
+    ("load", "middle"): "a load that was not what it was said to be?",
+    ("order", "end"): "warming up at the start, something that came loose or moved at the end?",
+    ("order", "middle"): "something that moved or was touched meanwhile?",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class RegimeQuantity:
+    """A quantity by which poses are parted: `name`, values (N,) in the `unit` that is printed."""
+
+    kind: Literal["angle", "load", "order"]
+    name: str
+    values: Array
+    unit: str
+
+
+@dataclass(frozen=True)
+class Regime:
+    """An interval of one quantity in which the residual is larger than elsewhere.
+
+    Attributes:
+        low, high: its ends in the quantity's unit; None where it reaches to the end of what was measured.
+        poses, share: how many poses it holds, and the share (0 to 1) of the squared residual that they make.
+        inside, outside: RMS of the residual in it and elsewhere (m). p_value: adjusted.
+    """
+
+    quantity: RegimeQuantity
+    low: float | None
+    high: float | None
+    poses: int
+    share: float
+    inside: float
+    outside: float
+    p_value: float
+
+    @property
+    def where(self) -> str:
+        """For instance `q2 < -40°`."""
+        name, unit = self.quantity.name, self.quantity.unit
+        if self.low is None:
+            return f"{name} < {self.high:.4g}{unit}"
+        if self.high is None:
+            return f"{name} > {self.low:.4g}{unit}"
+        return f"{self.low:.4g}{unit} < {name} < {self.high:.4g}{unit}"
+
+    @property
+    def sentence(self) -> str:
+        """What is concentrated where, and what it may be."""
+        hint = HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]
+        return (
+            f"{100 * self.share:.0f} % of the squared error lies where {self.where} ({self.poses} poses): RMS "
+            f"{self.inside * 1e3:.2f} mm there, {self.outside * 1e3:.2f} mm elsewhere; {hint}"
+        )
+
+    def as_json(self) -> dict[str, object]:
+        """One entry of the table `regimes`."""
+        return {
+            "quantity": self.quantity.name,
+            "unit": self.quantity.unit.strip(),
+            "low": self.low,
+            "high": self.high,
+            "poses": self.poses,
+            "share_of_squared_error": self.share,
+            "inside_rms_mm": self.inside * 1e3,
+            "outside_rms_mm": self.outside * 1e3,
+            "p_value": self.p_value,
+            "sentence": self.sentence,
+        }
+
+
+def regime_quantities(data: Measurements) -> Iterator[RegimeQuantity]:
+    """Joint angles, load, order and time that vary."""
+    poses = data.poses
+    angles = np.degrees(poses.q).T
+    found = [RegimeQuantity("angle", f"q{i + 1}", values, "°") for i, values in enumerate(angles)]
+    found.append(RegimeQuantity("load", "load", poses.payload * 1e3, " g"))
+    found.append(RegimeQuantity("order", "number in order", np.arange(1.0, len(data) + 1.0), ""))
+    yield from (quantity for quantity in found if np.ptp(quantity.values) > 0)
+
+
+def studentised_squares(residual: Array, columns: Array) -> Array:
+    """(N,), squares of a residual (N, 3) over the share of pure noise that a fit of columns (3 N, P) leaves there."""
+    basis, singular, _ = np.linalg.svd(columns, full_matrices=False)
+    leverage = (basis[:, singular > 1e-9 * singular.max(initial=0.0)] ** 2).sum(axis=1).reshape(-1, 3)
+    return np.asarray((residual**2).sum(axis=1) / np.maximum(1.0 - leverage.mean(axis=1), 1e-3))
+
+
+def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
+    """The regimes in which squared residuals (N,) in m² are significantly larger than elsewhere, the clearest first."""
+    quantities = list(regime_quantities(data))
+    halves = _halves(data.repeat_of)
+    if not quantities or min(int(half.sum()) for half in halves) < 2 * FEWEST:
+        return ()
+    p_values = [_aggregated_p_value(quantity, squares, halves) for quantity in quantities]
+    adjusted = false_discovery_control(np.array(p_values), method="by")
+    found = [
+        _regime(quantity, _best_interval(quantity, squares), squares, p_value)
+        for quantity, p_value in sorted(zip(quantities, adjusted.tolist(), strict=True), key=lambda pair: pair[1])
+        if p_value < SIGNIFICANCE
+    ]
+    return tuple(one for one in found if one.inside > MIN_RATIO * one.outside)
+
+
+def _halves(repeat_of: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
+    """Random halves of the poses; repetitions of a pose stay together."""
+    _, group = np.unique(repeat_of, return_inverse=True)
+    count, rng = int(group.max()) + 1, np.random.default_rng(SEED)
+    return [np.isin(group, rng.permutation(count)[: count // 2]) for _ in range(HALVINGS)]
+
+
+def _aggregated_p_value(quantity: RegimeQuantity, squares: Array, halves: list[NDArray[np.bool_]]) -> float:
+    parts, p_values = _parts(quantity), []
+    for half in halves:
+        z, allowed = _interval_scores(parts, squares, half)
+        again, fair = _interval_scores(parts, squares, ~half)
+        best = np.unravel_index(np.argmax(np.where(allowed, z, -np.inf)), z.shape)
+        p_values.append(float(norm.sf(again[best])) if allowed[best] and fair[best] else 1.0)
+    return min(1.0, 2.0 * float(np.median(p_values)))
+
+
+def _parts(quantity: RegimeQuantity) -> NDArray[np.int64]:
+    """(N,), the part of each pose: a level if there are few, else a tenth of the poses; equal values share a part."""
+    levels, level = np.unique(np.round(quantity.values, 6), return_inverse=True)
+    if len(levels) <= PARTS:
+        return level.reshape(-1)
+    edges = np.unique(np.quantile(quantity.values, np.linspace(0.0, 1.0, PARTS + 1)[1:-1]))
+    return np.searchsorted(edges, quantity.values, side="right")
+
+
+def _interval_scores(
+    parts: NDArray[np.int64], squares: Array, rows: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """z scores of the rank sums (Mann & Whitney 1947) of all intervals, and which hold enough rows and not too many.
+
+    Row i and column j of the (P + 1, P + 1) tables: the interval of parts i to j − 1.
+    """
+    ranks, chosen, top = rankdata(squares[rows]), parts[rows], int(parts.max()) + 1
+    count = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, minlength=top))])
+    total = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, ranks, minlength=top))])
+    n, inside = len(ranks), count[None, :] - count[:, None]
+    allowed = (inside >= FEWEST) & (inside <= LARGEST_SHARE * n)
+    spread = np.sqrt(np.where(allowed, inside * (n - inside) * (n + 1) / 12, 1.0))
+    return (total[None, :] - total[:, None] - inside * (n + 1) / 2) / spread, allowed
+
+
+def _best_interval(quantity: RegimeQuantity, squares: Array) -> NDArray[np.bool_]:
+    """(N,), whether a pose lies in the interval whose residuals stand highest in rank among all."""
+    parts = _parts(quantity)
+    z, allowed = _interval_scores(parts, squares, np.ones(len(squares), dtype=np.bool_))
+    low, high = np.unravel_index(np.argmax(np.where(allowed, z, -np.inf)), z.shape)
+    return np.asarray((parts >= low) & (parts < high))
+
+
+def _regime(quantity: RegimeQuantity, inside: NDArray[np.bool_], squares: Array, p_value: float) -> Regime:
+    values, total = quantity.values, float(squares.sum())
+    below, above = values[~inside & (values < values[inside].min())], values[~inside & (values > values[inside].max())]
+    return Regime(
+        quantity=quantity,
+        low=float((below.max() + values[inside].min()) / 2) if len(below) else None,
+        high=float((above.min() + values[inside].max()) / 2) if len(above) else None,
+        poses=int(inside.sum()),
+        share=float(squares[inside].sum()) / total,
+        inside=float(np.sqrt(squares[inside].mean())),
+        outside=float(np.sqrt(squares[~inside].mean())),
+        p_value=p_value,
+    )

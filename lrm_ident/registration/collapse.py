@@ -1,0 +1,59 @@
+"""Whether a fit explains measurements by destroying the arm: nothing fitted, an arm shrunk, a length gone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import numpy as np
+
+from lrm_ident.registration.loose_fit import reach
+from lrm_ident.registration.question import nominal_tcp
+from lrm_ident.registration.similarity import robust_similarity
+from lrm_math.arm.arm_file import MM
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.model import Model
+
+LEAST_SCALE, MOST_SCALE = 0.7, 1.4
+LONG, LEFT = 0.1, 0.3
+"""Share of the reach of a length that is looked at, and share of it that must be left."""
+CHECK = "are unit, axes and frame right, and is it this arm?"
+
+
+def check_fit(rest: Equilibrium, free: Sequence[str], residual: Array) -> None:
+    """Raises `LrmError` if a fit does not describe the arm that it was asked for.
+
+    Args:
+        rest: equilibrium of the fitted model at the poses.
+        free: keys of the fitted parameters.
+        residual: (N, 3), m.
+    """
+    model = rest.model
+    if not free:
+        distance = float(np.sqrt((residual**2).sum(axis=1).mean())) / MM
+        raise LrmError(f"nothing can be fitted: no parameter helps, and {distance:.1f} mm RMS are left; {CHECK}")
+    nominal = nominal_tcp(model.arm, rest.poses)
+    if len(nominal) > len(free) and np.ptp(nominal, axis=0).max() > 0:
+        scale = robust_similarity(nominal, rest.tcp, mirrored=False).scale
+        if not LEAST_SCALE < scale < MOST_SCALE:
+            verb = "shrinks" if scale < 1 else "stretches"
+            raise LrmError(f"the fit lowers the error only as it {verb} the arm to {100 * scale:.0f} %; {CHECK}")
+    for key, drawn, fitted in lengths(model, free):
+        if abs(drawn) > LONG * reach(model.arm) and fitted / drawn < LEFT:
+            change = f"from {drawn / MM:.1f} to {fitted / MM:.1f} mm"
+            raise LrmError(f"the fit lets a length collapse: {key} goes {change}; {CHECK}")
+
+
+def lengths(model: Model, free: Sequence[str]) -> list[tuple[str, float, float]]:
+    """Every fitted length of the links and the tool: its key, as drawn, and as fitted (m)."""
+    arm, found = model.arm, []
+    places = {**{name: asdict(joint) for name, joint in zip(arm.joint_names, arm.joints, strict=True)}}
+    places["tool"] = asdict(arm.tool)
+    for key in free:
+        effect, place, name = key.split(".", 2)
+        if effect == "offsets" and place in places and name.endswith("_mm"):
+            drawn = places[place].get(name.removesuffix("_mm")) or 0.0
+            found.append((key, drawn, drawn + model.value(key)))
+    return found

@@ -1,0 +1,135 @@
+"""The router process: zenoh's router of the daemon, and the emergency stop.
+
+Clients connect to it, and it signals the ramp itself: an emergency stop passes through no process that is busy, or
+stopped. So it does nothing else, and imports little.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+import msgpack
+import zenoh
+
+from lrmd.ramp.parent import die_with_parent
+from lrmd.ramp.shared_fd import SharedFd
+from lrmd.ramp.shared_memory import SharedRecords
+
+HEARTBEAT_S = 0.2
+CONFIRM_S, POLL_S = 0.1, 0.001
+"""s: how long the ramp may take to confirm, 15 of its ticks, and how often that is looked for."""
+LONGEST_REASON = 64
+UNREADABLE = "a message that cannot be read"
+
+
+@dataclass(frozen=True)
+class EstopReplies:
+    """Contents of the replies to `rpc/estop`; the time and number of a reply are filled in."""
+
+    stopped: dict[str, Any]
+    unconfirmed: dict[str, Any]
+    wildcard: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class RouterSetup:
+    """Start arguments. `zenoh`: the router's configuration as JSON; `keys`: on which a put is an emergency stop;
+    `query`: the key of the query."""
+
+    zenoh: str
+    keys: tuple[str, ...]
+    query: str
+    replies: EstopReplies
+    memory: SharedFd
+    estop: SharedFd
+
+
+def reason_of(data: bytes) -> str:
+    """The `why` of an `EstopCommand`; also a message that cannot be read stops the arm."""
+    try:
+        content = msgpack.unpackb(data) if data else {}
+    except (ValueError, msgpack.UnpackException):
+        return UNREADABLE
+    reason = content.get("why", "") if isinstance(content, dict) else UNREADABLE
+    if not isinstance(reason, str):
+        return UNREADABLE
+    return "".join(c for c in reason if c.isprintable())[:LONGEST_REASON]
+
+
+class EstopServer:
+    """The keys of the emergency stop on a session. `stop`: stops for a reason; whether the ramp confirmed it."""
+
+    def __init__(
+        self, session: zenoh.Session, keys: tuple[str, ...], query: str, replies: EstopReplies,
+        stop: Callable[[str], bool],
+    ) -> None:  # fmt: skip
+        self._keys, self._query, self._replies, self._stop = keys, query, replies, stop
+        self._seq = count(1)
+        session.declare_subscriber(keys[0], self._command)
+        session.declare_queryable(query, self._request)
+
+    def _command(self, sample: zenoh.Sample) -> None:
+        if str(sample.key_expr) in self._keys:
+            print("DBG", time.monotonic_ns(), file=sys.stderr, flush=True)
+            self._stop(reason_of(sample.payload.to_bytes()))
+
+    def _request(self, query: zenoh.Query) -> None:
+        with query:
+            if str(query.key_expr) != self._query:
+                query.reply_err(msgpack.packb(self._replies.wildcard))
+            elif self._stop(reason_of(query.payload.to_bytes() if query.payload else b"")):
+                now = {"seq": next(self._seq), "t_mono_ns": time.monotonic_ns(), "t_wall_ns": time.time_ns()}
+                query.reply(self._query, msgpack.packb(self._replies.stopped | now))
+            else:
+                query.reply_err(msgpack.packb(self._replies.unconfirmed))
+
+
+class RampSignal:
+    """The ramp's eventfd, and its report."""
+
+    def __init__(self, shared: SharedRecords, estop: int) -> None:
+        self._shared, self._estop = shared, estop
+
+    def stop(self, reason: str) -> bool:
+        """Signals the ramp, then the api process; whether the ramp has read the signal, which it does in every tick."""
+        os.eventfd_write(self._estop, 1)
+        self._shared.estop_reason = reason
+        self._shared.router[1] += 1
+        before, deadline = self._tick(), time.monotonic() + CONFIRM_S
+        while self._tick() < before + 2:
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(POLL_S)
+        return True
+
+    def _tick(self) -> int:
+        report = self._shared.read_report()
+        return 0 if report is None else report.tick
+
+
+def run(setup: RouterSetup) -> None:
+    """Entry point of the process: routes until SIGTERM or until its parent ends."""
+    die_with_parent()
+    ending: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: ending.append(number))
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    shared = SharedRecords(setup.memory.number)
+    try:
+        with zenoh.open(zenoh.Config.from_json5(setup.zenoh)) as session:
+            EstopServer(session, setup.keys, setup.query, setup.replies, RampSignal(shared, setup.estop.number).stop)
+            while not ending:
+                shared.router[0] = time.monotonic_ns()
+                time.sleep(HEARTBEAT_S)
+    except zenoh.ZError as error:
+        text = str(error).split(" at /")[0]
+        print(json.dumps({"level": "error", "event": "router_failed", "text": text}), file=sys.stderr, flush=True)
+        sys.exit(1)

@@ -1,0 +1,30 @@
+"""Check of a configuration without starting anything: it loads what the start loads."""
+
+from __future__ import annotations
+
+import re
+
+import zenoh
+
+from lrm_math.errors import LrmError
+from lrmd.api.model_reload import load_checked
+from lrmd.config import Config
+from lrmd.messages.zenoh_session import client, own_endpoints, router
+
+
+def check_start(config: Config) -> str:
+    """Loads the model, its solver and its guard, and both zenoh configurations; returns what was loaded, in one line.
+
+    Raises `LrmError` for what the start would refuse. The state file is not read: no content of it stops a start.
+    """
+    deployed, guard = load_checked(config)
+    try:
+        router(config.zenoh)
+        client(own_endpoints(config.zenoh), config.zenoh.config)
+    except zenoh.ZError as error:
+        text = str(error).split(" at /")[0]
+        said = re.search(r'msg: "(.*)', text)
+        raise LrmError(f"zenoh: {said[1] if said else text}") from None
+    model = f"model {deployed.path}" + (f" ({deployed.sha256[:12]})" if deployed.sha256 else "")
+    shapes = "" if guard else "; no collision shapes: no move is checked"
+    return f"{config.robot}, {config.arm.name}, servos {', '.join(config.names)}; {model}{shapes}"

@@ -1,0 +1,351 @@
+"""Thermal protection follows from the level, whatever happened before: the arm's own torques, a fast time constant."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_math.errors import LrmError
+from lrmd.config import Config, load_config
+from lrmd.control.state_machine import Mode
+from lrmd.errors import RequestError
+from lrmd.messages.control import (
+    ArmRequest,
+    HoldRequest,
+    JogRequest,
+    LeaseRequest,
+    Message,
+    MoveRequest,
+    RelaxRequest,
+    ResetRequest,
+)
+from lrmd.persistence.state_file import StoredState
+from lrmd.ramp.shared_memory import LinkState
+from lrmd.safety.thermal_model import gravity_torques
+from tests.support.in_memory_daemon import CONFIG, CYCLE, WALL, SimulatedDaemon
+
+SECOND = 1_000_000_000
+TIME_CONSTANT = 10.0
+STRETCHED = [0.0] * 6
+"""rad: joint 2 carries 0.89 N m and would reach 327 degC, joint 4 173 degC."""
+LEANING = [0.0, -0.6, 0.0, 0.0, 0.0, 0.0]
+"""rad: joint 2 carries 0.43 N m and would stay at 94 degC: hot, never too hot."""
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    shipped = load_config(CONFIG)
+    thermal = shipped.thermal.model_copy(update={"time_constant_s": TIME_CONSTANT})
+    return replace(shipped, thermal=thermal, stagger=20_000_000)
+
+
+class HeatingDaemon(SimulatedDaemon):
+    """A simulated daemon with the arm's own torques, and a client that keeps its lease while `keeps_lease`."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.core.motion_check.torques = gravity_torques(self.config.arm)
+        self.keeps_lease = True
+        self.token = "none"
+        self.run(30)
+        assert self.ramp.link is LinkState.READY
+        self.take_lease()
+
+    def take_lease(self) -> None:
+        self.token = self.request(LeaseRequest(action="acquire", holder="test", take=True)) or self.token
+
+    def request(self, message: Message) -> str | None:
+        done = self.core.handle(message, self.now)
+        return done.lease.token if done.lease else None
+
+    def tick(self) -> None:
+        if self.keeps_lease and self.ticks % 20 == 0:
+            with suppress(LrmError):
+                self.request(LeaseRequest(action="renew", lease=self.token))
+        super().tick()
+
+    def seconds(self, seconds: float) -> None:
+        self.run(math.ceil(seconds * SECOND / self.config.tick))
+
+    def arm(self, q: list[float], *others: str) -> None:
+        angles = {f"joint{i}": angle for i, angle in enumerate(q, start=1)} | dict.fromkeys(others, 0.0)
+        self.request(ArmRequest(lease=self.token, where="given", q_rad=angles))
+
+    def heat(self, degrees: float, joint: int = 2) -> None:
+        T = list(self.core.thermal.temperature)
+        T[joint - 1] = degrees
+        self.core.thermal.temperature = tuple(T)
+
+    @property
+    def hottest(self) -> float:
+        """degC, of the servos that have pulses."""
+        pulsing = [i for i, pulse in self.outputs.items() if pulse is not None]
+        return max((self.core.thermal.temperature[i] for i in pulsing), default=25.0)
+
+    @property
+    def at_rest(self) -> bool:
+        assert self.config.rest is not None
+        now = self.core.angles(self.ramp.position)
+        return all(a == pytest.approx(b, abs=1e-3) for a, b in zip(self.config.rest, now, strict=False))
+
+    @property
+    def limp(self) -> bool:
+        return all(pulse is None for pulse in self.outputs.values())
+
+    def codes(self) -> list[str]:
+        return [event.code for event in self.core.events]
+
+
+def stored_at(degrees: float) -> StoredState:
+    return StoredState(
+        saved_wall_ns=WALL, boots=1, mode="armed", still=True, pulse_ns={}, temperature_c={"joint2": degrees}
+    )
+
+
+@pytest.fixture
+def sim(config: Config) -> HeatingDaemon:
+    return HeatingDaemon(config)
+
+
+def armed_hot(config: Config, degrees: float) -> HeatingDaemon:
+    """Heated while it was disarmed: no level changes while it is armed."""
+    sim = HeatingDaemon(config)
+    sim.heat(degrees)
+    sim.seconds(0.2)
+    return sim
+
+
+def restarted_hot(config: Config, degrees: float) -> HeatingDaemon:
+    return HeatingDaemon(config, stored=stored_at(degrees))
+
+
+def reset_hot(config: Config, degrees: float) -> HeatingDaemon:
+    """Heated by its own weight until the pulses stopped, then reset."""
+    sim = HeatingDaemon(config)
+    sim.arm(STRETCHED)
+    sim.seconds(8)
+    assert sim.core.mode is Mode.FAULT
+    assert sim.limp
+    sim.request(ResetRequest(lease=sim.token))
+    sim.heat(degrees)
+    return sim
+
+
+WAYS = [armed_hot, restarted_hot, reset_hot]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_servo_that_is_too_hot_is_not_switched_on_and_the_refusal_says_when_it_is_cool_enough(config, way) -> None:
+    sim = way(config, 120.0)
+    with pytest.raises(RequestError, match=r"joint2 is at 1\d\d degC .* below 95 degC, in \d+ s") as refused:
+        sim.arm(STRETCHED)
+    assert (refused.value.code, refused.value.retryable) == ("too_warm", True)
+    assert sim.core.mode is Mode.DISARMED
+    seconds = refused.value.detail["seconds"]
+    assert seconds == pytest.approx(TIME_CONSTANT * math.log(95 / 70), rel=0.1)
+    sim.seconds(seconds - 0.5)
+    with pytest.raises(RequestError, match="too hot to be switched on"):
+        sim.arm(STRETCHED)
+    sim.seconds(0.6)
+    sim.arm(STRETCHED)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_servo_that_is_armed_just_below_the_limit_stops_at_it(config, way) -> None:
+    """The weight of the stretched arm heats it by 27 degC in a second: faster than it can go to rest."""
+    sim = way(config, 96.0)
+    while sim.core.thermal.temperature[1] >= 94.9:
+        sim.tick()
+    sim.arm(STRETCHED)
+    highest = 0.0
+    for _ in range(600):
+        sim.tick()
+        highest = max(highest, sim.hottest)
+    assert sim.core.mode is Mode.FAULT
+    assert "too_hot" in sim.core.faults
+    assert sim.limp
+    assert 85 < highest < 98, "it stops within one update of the model"
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_an_arm_that_is_armed_hot_goes_to_rest_and_cools_down_there(config, way) -> None:
+    sim = way(config, 92.0)
+    sim.arm(LEANING)
+    sim.seconds(4)
+    assert sim.core.mode is Mode.ARMED
+    assert sim.at_rest
+    assert not sim.limp
+    sim.seconds(3 * TIME_CONSTANT)
+    assert sim.hottest < 40
+    sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint1": 0.05}]))
+    sim.seconds(1)
+    assert sim.core.mode is Mode.ARMED
+    assert not sim.at_rest
+
+
+def test_a_start_with_a_stored_heat_is_reported(config) -> None:
+    assert "servo_hot" in restarted_hot(config, 90.0).codes()
+    assert "servo_too_hot" in restarted_hot(config, 120.0).codes()
+    assert "servo_hot" not in restarted_hot(config, 60.0).codes()
+
+
+def test_pulses_that_a_fault_left_on_stop_when_the_servo_is_too_hot(sim: HeatingDaemon) -> None:
+    sim.arm(LEANING)
+    sim.seconds(1)
+    sim.unplugged = 20
+    sim.seconds(0.5)
+    assert sim.core.mode is Mode.FAULT
+    assert not sim.limp
+    assert "too_hot" not in sim.core.faults
+    sim.heat(96.0)
+    sim.seconds(0.3)
+    assert "too_hot" in sim.core.faults
+    assert sim.limp
+
+
+def test_the_pulses_stop_as_soon_as_the_link_is_back(sim: HeatingDaemon) -> None:
+    sim.arm(LEANING)
+    sim.seconds(1)
+    sim.unplugged = 60
+    sim.seconds(0.1)
+    sim.heat(96.0)
+    while sim.unplugged:
+        sim.tick()
+    assert not sim.limp
+    sim.seconds(0.3)
+    assert sim.limp
+    assert sim.codes().count("servo_too_hot") == 1
+
+
+def under_way_to_rest(sim: HeatingDaemon) -> None:
+    sim.arm(STRETCHED, "gripper")
+    sim.seconds(1)
+    sim.heat(30.0)
+    sim.heat(93.0, joint=1)
+    sim.seconds(0.5)
+    assert sim.core.mode is Mode.MOVING
+
+
+def keep_hot(sim: HeatingDaemon, seconds: float) -> Iterator[None]:
+    """Time passes while joint 1, which carries nothing, stays hot and the others cool."""
+    end = sim.now + int(seconds * SECOND)
+    while sim.now < end:
+        sim.heat(86.0, joint=1)
+        sim.heat(30.0, joint=2)
+        sim.heat(30.0, joint=4)
+        sim.tick()
+        yield
+
+
+def test_a_client_that_dies_or_fights_for_the_lease_does_not_stop_the_way_to_rest(sim: HeatingDaemon) -> None:
+    under_way_to_rest(sim)
+    sim.keeps_lease = False
+    for step in keep_hot(sim, 6):
+        assert step is None
+        if sim.ticks % 2:
+            sim.take_lease()
+    assert sim.at_rest
+    assert "a hot servo goes to rest" in [e.text.partition(": ")[2] for e in sim.core.events if e.code == "mode"]
+
+
+def test_requests_to_move_are_refused_while_the_arm_goes_to_rest(sim: HeatingDaemon) -> None:
+    under_way_to_rest(sim)
+    for request in (
+        MoveRequest(lease=sim.token, waypoints=[{"gripper": 0.1}]),
+        JogRequest(lease=sim.token, rate_rad_per_s={"gripper": 0.1}),
+    ):
+        with pytest.raises(RequestError, match=r"joint1 is at 90 degC .* below 85 degC") as refused:
+            sim.request(request)
+        assert refused.value.code == "too_warm"
+
+
+def test_a_hold_stops_the_way_to_rest_for_ten_seconds(sim: HeatingDaemon) -> None:
+    """Somebody may be in the way; the documentation says so."""
+    under_way_to_rest(sim)
+    sim.request(HoldRequest())
+    list(keep_hot(sim, 0.2))
+    there = sim.ramp.position
+    for _ in keep_hot(sim, 9.5):
+        assert sim.ramp.position == there
+    assert sim.core.mode is Mode.HOLDING
+    list(keep_hot(sim, 6))
+    assert sim.at_rest
+
+
+def test_an_arm_whose_way_to_rest_is_blocked_says_so_once_and_may_be_moved(sim: HeatingDaemon) -> None:
+    sim.arm(LEANING)
+    sim.seconds(1)
+    blocked = True
+
+    def guard(_: list[float], there: list[float], __: float) -> None:
+        if blocked and there[1] < -0.7:
+            raise LrmError("a wall")
+
+    sim.core.motion_check.guard = guard
+    sim.heat(90.0)
+    sim.seconds(3)
+    assert sim.core.mode is Mode.ARMED
+    assert sim.codes().count("rest_blocked") == 1
+    assert "waypoint" not in next(e.text for e in sim.core.events if e.code == "rest_blocked")
+    sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": -0.65}]))
+    sim.seconds(1)
+    assert sim.core.angles(sim.ramp.position)[1] == pytest.approx(-0.65, abs=1e-3)
+    blocked = False
+    sim.heat(90.0)
+    sim.seconds(4)
+    assert sim.at_rest
+    assert sim.codes().count("rest_blocked") == 1
+
+
+ACTIONS = st.sampled_from(["arm", "move", "hold", "relax", "reset", "estop", "lease", "no lease", "ramp", "unplug"])
+
+
+@pytest.mark.slow
+@settings(max_examples=8, deadline=None)
+@given(st.lists(st.tuples(ACTIONS, st.integers(0, 200)), min_size=5, max_size=15), st.floats(25.0, 140.0))
+def test_no_sequence_of_requests_and_faults_heats_a_servo_with_pulses_beyond_the_limit(actions, degrees) -> None:
+    sim = HeatingDaemon(CONFIGS[0], stored=stored_at(degrees))
+    too_hot = 0
+    for action, ticks in itertools.chain([("arm", 100)], actions):
+        with suppress(LrmError):
+            match action:
+                case "arm":
+                    sim.arm(STRETCHED)
+                case "move":
+                    sim.request(MoveRequest(lease=sim.token, waypoints=[{"joint2": 0.3}, {"joint2": -0.5}]))
+                case "hold":
+                    sim.request(HoldRequest())
+                case "relax":
+                    sim.request(RelaxRequest(lease=sim.token, servos=["joint1"]))
+                case "reset":
+                    sim.request(ResetRequest(lease=sim.token))
+                case "estop":
+                    sim.estop_requested = True
+                    sim.core.estop(sim.now, "x")
+                case "lease" | "no lease":
+                    sim.keeps_lease = action == "lease"
+                    sim.take_lease()
+                case "ramp":
+                    sim.restart_ramp()
+                case "unplug":
+                    sim.unplugged = ticks // 10
+        for _ in range(ticks):
+            sim.tick()
+            linked = sim.ramp.link is LinkState.READY
+            too_hot = too_hot + 1 if linked and sim.hottest >= 95.0 else 0
+            assert too_hot <= 3 * CYCLE, "a servo that is too hot has pulses although the board could be told"
+
+
+CONFIGS: list[Config] = []
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _configs(config: Config) -> None:
+    CONFIGS.append(config)

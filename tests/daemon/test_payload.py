@@ -1,0 +1,157 @@
+"""What the gripper carries is one figure for the move, the guard, the jog, the way to rest and the planner."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_math.arrays import Array
+from lrm_math.collision.scene import Scene, clearance_of
+from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrmd.config import Config, load_config
+from lrmd.control.state_machine import Mode
+from lrmd.errors import RequestError
+from lrmd.ik.deployed_model import DeployedModel, deploy
+from lrmd.ik.planner import JointPath, Planner
+from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest
+from lrmd.safety.collision_guard import guard_of
+from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
+
+TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
+HEAVY = 0.5
+ABOVE = {"joint1": 0.57, "joint2": 1.15, "joint3": -0.75, "joint4": -0.14, "joint5": -0.76, "joint6": -1.12}
+LOW = {"joint1": 0.85, "joint2": 1.29, "joint3": -0.72, "joint4": 0.12, "joint5": -0.96, "joint6": -0.98}
+"""rad: just above the ground; with a load the palm sags onto it."""
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    return replace(load_config(CONFIG), model=TABLE_B2, stagger=20_000_000)
+
+
+@pytest.fixture(scope="module")
+def deployed(config: Config) -> DeployedModel:
+    return deploy(config)
+
+
+class LoadedDaemon(SimulatedDaemon):
+    """A simulated daemon with the collision guard of its arm and model, armed at ABOVE."""
+
+    def __init__(self, config: Config, deployed: DeployedModel) -> None:
+        super().__init__(config)
+        guard = guard_of(config.arm, deployed.model)
+        assert guard is not None
+        self.core.motion_check.guard = guard
+        self.run(30)
+        lease = self.core.handle(LeaseRequest(action="acquire", holder="test"), self.now).lease
+        assert lease is not None
+        self.token = lease.token
+        self.core.handle(ArmRequest(lease=self.token, where="given", q_rad=ABOVE), self.now)
+        self.keep(60)
+        assert self.core.mode is Mode.ARMED
+
+    def keep(self, ticks: int) -> None:
+        for _ in range(ticks):
+            if self.ticks % 15 == 0:
+                self.core.handle(LeaseRequest(action="renew", lease=self.token), self.now)
+            self.tick()
+
+    def move(self, *waypoints: dict[str, float], payload: float | None = None) -> None:
+        request = MoveRequest(lease=self.token, waypoints=list(waypoints), payload_kg=payload)
+        self.core.handle(request, self.now)
+
+
+@pytest.fixture
+def sim(config: Config, deployed: DeployedModel) -> LoadedDaemon:
+    return LoadedDaemon(config, deployed)
+
+
+def nearest(config: Config, deployed: DeployedModel, q: Array, payload: float) -> float:
+    """Smallest distance (m) of two bodies of the sagging arm in poses (N, n): the model's own equilibrium, no guard."""
+    rest = equilibrium(deployed.model, poses_of(q, payload))
+    scene = Scene.of(config.arm)
+    return float(clearance_of(scene, frames(deployed.model.chain, rest.slots, len(q))).distance.min())
+
+
+def straight(count: int = 200) -> Array:
+    a, b = (np.array([pose[f"joint{i}"] for i in range(1, 7)]) for pose in (ABOVE, LOW))
+    return a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
+
+
+def test_the_load_makes_the_difference_between_clear_and_colliding(config, deployed) -> None:
+    assert nearest(config, deployed, straight(), 0.0) > 0.0
+    assert nearest(config, deployed, straight(), HEAVY) < 0.0
+
+
+def test_a_move_that_is_clear_empty_and_collides_with_its_load_is_refused(sim: LoadedDaemon) -> None:
+    with pytest.raises(RequestError, match="palm and ground would come to") as refused:
+        sim.move(LOW, payload=HEAVY)
+    assert refused.value.code == "collision"
+    assert sim.core.mode is Mode.ARMED
+    assert sim.core.payload == 0.0, "a refused request changes nothing"
+    sim.move(LOW)
+    assert sim.core.mode is Mode.MOVING
+
+
+def test_the_load_of_an_earlier_move_counts_for_the_next_one(sim: LoadedDaemon) -> None:
+    sim.move(ABOVE, payload=HEAVY)
+    sim.keep(30)
+    assert sim.core.mode is Mode.ARMED
+    with pytest.raises(RequestError, match="palm and ground"):
+        sim.move(LOW)
+
+
+def test_a_jog_stops_higher_above_the_ground_with_a_load(config, deployed) -> None:
+    ends = {}
+    for payload in (0.0, HEAVY):
+        sim = LoadedDaemon(config, deployed)
+        sim.move(ABOVE, payload=payload)
+        sim.keep(30)
+        while sim.core.mode is not Mode.HOLDING:
+            sim.core.handle(JogRequest(lease=sim.token, rate_rad_per_s={"joint2": 0.2}), sim.now)
+            sim.keep(10)
+        assert "jog_stopped" in [event.code for event in sim.core.events]
+        q = np.array([sim.core.angles(sim.ramp.position)[:6]])
+        assert nearest(config, deployed, q, payload) > 0.0
+        ends[payload] = q[0, 1]
+    assert ends[HEAVY] < ends[0.0] - 0.02
+
+
+def test_the_way_to_rest_is_checked_with_the_load(config, deployed) -> None:
+    """From ABOVE to a rest pose that is LOW: clear empty, on the ground with the load."""
+    low = replace(config, rest=tuple(LOW.values()))
+    for payload, blocked in ((0.0, False), (HEAVY, True)):
+        sim = LoadedDaemon(low, deployed)
+        sim.move(ABOVE, payload=payload)
+        sim.keep(30)
+        sim.core.thermal.temperature = (90.0, *sim.core.thermal.temperature[1:])
+        sim.keep(30)
+        assert (sim.core.mode is Mode.MOVING) is not blocked
+        assert ("rest_blocked" in [event.code for event in sim.core.events]) is blocked
+
+
+def test_the_planner_refuses_what_the_guard_refuses_and_its_path_is_accepted(config, deployed) -> None:
+    planner = Planner(config, Scene.of(config.arm), deployed.model, HEAVY)
+    high, side, low = ({**ABOVE, "joint2": 0.7}, {**ABOVE, "joint1": -0.3, "joint2": 0.7}, LOW)
+    checks = itertools.count()
+
+    def limited() -> None:
+        if next(checks) > 1000:
+            raise RequestError("deadline", "too many moves", retryable=True)
+
+    refused = planner.find(list(high.values()), [list(low.values())], 0, limited)
+    assert isinstance(refused, str)
+    assert "palm and ground" in refused
+    path = planner.find(list(high.values()), [list(side.values())], 0, limited)
+    assert isinstance(path, JointPath), path
+    sim = LoadedDaemon(config, deployed)
+    sim.move(high)
+    sim.keep(400)
+    sim.move(*(dict(zip(ABOVE, q, strict=True)) for q in path.waypoints[1:]), payload=HEAVY)
+    assert sim.core.mode is Mode.MOVING

@@ -1,0 +1,188 @@
+"""A formula that does not fit is refined before another cause is named; data of the independent generator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.add_effect import add_effects, free_base_parameters
+from lrm_ident.diagnosis.auto import run_auto
+from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.forward_selection import MIN_GAIN
+from lrm_ident.diagnosis.judge import judge
+from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.parameter_hints import parameter_hints
+from lrm_ident.synthetic import (
+    ArmDescription,
+    GroundTruth,
+    HiddenEffect,
+    JointLoad,
+    SkewTracker,
+    SoftPlay,
+    WarmUp,
+    base_displacement_to_deviations,
+    even_schedule,
+    load_arm,
+    measure,
+    random_poses,
+)
+from lrm_ident.synthetic.generate import directions
+from lrm_ident.synthetic.hidden_effect import EndLoad, at_joint
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.model import Model, model_of
+from validation.hidden_effects.data import ARM_FILE
+
+NOISE = 3e-4
+
+
+@dataclass(frozen=True)
+class RootHinge(HiddenEffect):
+    """A link that bends at its near end only, `length_m` from its far frame."""
+
+    link: int
+    length_m: float
+    compliance_rad_per_nm: float
+
+    def flexible_links(self) -> tuple[int, ...]:
+        return (self.link,)
+
+    def link_deflection(self, load: EndLoad) -> Array:
+        lever = np.array([0.0, 0.0, self.length_m])
+        turn = self.compliance_rad_per_nm * (load.moment_nm + np.cross(lever, load.force_n))
+        turn[:, 2] = 0.0
+        return np.hstack([turn, np.cross(turn, lever)])
+
+
+@dataclass(frozen=True)
+class GearTeeth(HiddenEffect):
+    """Five waves a turn."""
+
+    joint: int
+    size_rad: float
+
+    def added_angles(self, load: JointLoad) -> Array:
+        q = load.poses.q_rad[:, self.joint - 1]
+        return at_joint(self.joint, self.size_rad * np.sin(5.0 * q + 0.4), load.tau_nm)
+
+
+@pytest.fixture(scope="module")
+def described() -> ArmDescription:
+    return load_arm(ARM_FILE)
+
+
+def measured(described: ArmDescription, truth: GroundTruth, seed: int, count: int = 200) -> Measurements:
+    """Random poses with two loads in random order, 0.3 mm of noise."""
+    truth = base_displacement_to_deviations(described, truth)
+    q, plan = random_poses(described, count, seed, floor_m=0.1), even_schedule(count, 6)
+    load = np.random.default_rng(seed).choice([0.0, 0.0663], count)
+    tcp, number = measure(described, truth, q, load, NOISE, seed, plan), np.arange(1, count + 1)
+    poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s)
+    return Measurements(poses, number, tcp, None, NOISE, number, Path("synthetic.csv"), "")
+
+
+def hidden(described: ArmDescription, seed: int, *effects: HiddenEffect) -> Measurements:
+    return measured(described, GroundTruth.random(described, seed, effects), seed)
+
+
+def base_fit(arm: Arm, data: Measurements) -> Model:
+    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    return fit_identifiable(model, data, model.keys).fit.model
+
+
+def test_a_link_that_bends_at_its_near_end_is_named_then_refined(lab: Arm, described: ArmDescription) -> None:
+    """Before: two masses and the load were named to patch the difference."""
+    data = hidden(described, 2, RootHinge(2, 0.1035, 0.03))
+    found = diagnose(base_fit(lab, data), data)
+    assert found.selected[0].name == "lateral_compliance@link2"
+    better = add_effects(found.fit.model, data, effects_at(lab, "lateral_compliance@link2"))
+    assert better.sigma > 1.1 * NOISE
+    refined = diagnose(better.model, data)
+    assert refined.selected[0].name == "bending_ends@link2"
+    assert [one.candidate.effect.id for one in refined.supported if not one.candidate.effect.refines] == []
+    assert add_effects(better.model, data, effects_at(lab, "bending_ends@link2")).sigma < 1.06 * NOISE
+
+
+def test_five_waves_a_turn_are_eccentricity_in_another_form(lab: Arm, described: ArmDescription) -> None:
+    data = hidden(described, 4, GearTeeth(2, 0.008))
+    found = diagnose(base_fit(lab, data), data)
+    first = found.selected[0]
+    names = {first.name, *(f"{kind}@joint2" for kind in first.candidate.effect.refines)}
+    assert names & {"eccentricity@joint2", "angle_harmonics@joint2"}
+    assert add_effects(found.fit.model, data, effects_at(lab, "angle_harmonics@joint2")).sigma < 1.06 * NOISE
+
+
+def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
+    lab: Arm, described: ArmDescription
+) -> None:
+    """Play and drift of one joint together; one judge: each step is the first of the diagnosis before it."""
+    data = hidden(described, 5, WarmUp(2, np.radians(2.2), 1800.0), SoftPlay(2, np.radians(2.4), 0.03))
+    data = replace(data, tcp=data.tcp + np.where(data.pose[:, None] == 40, [0.1, 0.0, 0.0], 0.0))
+    course = run_auto(base_fit(lab, data), data)
+    assert {"drift@joint2", "backlash@joint2"} <= {name for step in course.steps[1:] for name in step.names}
+    assert course.judgement.first is None
+    assert course.verdict == "nothing_missing"
+    assert all(40 not in step.data.pose for step in course.steps)
+    first = judge(diagnose(course.steps[0].fit.model, data)).first
+    assert first is not None
+    assert first.name == course.steps[1].added
+    errors = [float((step.held_out**2).sum(axis=1).mean()) for step in course.steps]
+    assert all(after < (1.0 - MIN_GAIN) ** 2 * before for before, after in zip(errors, errors[1:], strict=False))
+
+
+def test_what_can_be_told_now_is_freed_with_the_effect(lab: Arm, described: ArmDescription) -> None:
+    data = hidden(described, 6, SoftPlay(2, np.radians(2.4), 0.03))
+    model = base_fit(lab, data)
+    key = "compliance.joint4.k_rad_per_Nm"
+    assert key in model.free
+    held = model.values.copy()
+    held[model.position(key)] = 0.0
+    without = replace(model.with_values(held), free=tuple(k for k in model.free if k != key))
+    fitted = add_effects(without, data, effects_at(lab, "backlash@joint2"))
+    assert key in fitted.model.free
+    assert fitted.sigma < 1.06 * NOISE
+    assert free_base_parameters(fitted, data).model.free == fitted.model.free
+
+
+def test_more_than_the_noise_is_never_called_nothing(lab: Arm, described: ArmDescription) -> None:
+    """White noise twice what the file says: nothing to follow, and yet not nothing."""
+    data = hidden(described, 7)
+    assert diagnose(base_fit(lab, data), data).verdict == "nothing_missing"
+    quieter = replace(data, noise_sd=NOISE / 2)
+    assert diagnose(base_fit(lab, data), quieter).verdict == "unpredictable"
+
+
+def test_an_arm_without_masses_can_be_diagnosed(lab: Arm, described: ArmDescription) -> None:
+    weightless = replace(lab, bodies=tuple(replace(body, mass=0.0) for body in lab.bodies))
+    data = measured(described, GroundTruth.nominal(described), 8, 80)
+    model = model_of(weightless, effects_at(weightless, "offsets"))
+    assert diagnose(fit_identifiable(model, data, model.keys).fit.model, data).fit.sigma > 0.0
+
+
+def test_lengths_that_are_long_by_one_share_ask_for_the_trackers_scale(lab: Arm, described: ArmDescription) -> None:
+    stretched = SkewTracker((0.0, 0.0, 0.0), (0.008, 0.008, 0.008), (0.0, 0.0, 0.0))
+    soft = GroundTruth.random(described, 0).joint_compliance_rad_per_nm
+    truth = replace(GroundTruth.nominal(described), joint_compliance_rad_per_nm=soft)
+    data = measured(described, replace(truth, effects=(stretched,)), 9)
+    [hint] = [hint for hint in parameter_hints(fit(base_fit(lab, data), data)) if "scale" in hint]
+    assert "0.80 ±" in hint
+    assert "longer" in hint
+    other = measured(described, GroundTruth.random(described, 0), 9)
+    assert not [hint for hint in parameter_hints(fit(base_fit(lab, other), other)) if "scale" in hint]
+
+
+def test_gain_at_few_levels_is_hinted_at(lab: Arm, described: ArmDescription) -> None:
+    data = measured(described, GroundTruth.nominal(described), 10, 90)
+    q = np.radians(np.array([-60.0, 0.0, 60.0])[np.random.default_rng(0).integers(0, 3, data.poses.q.shape)])
+    tcp = measure(described, GroundTruth.nominal(described), q, 0.0, NOISE, 0)
+    few = replace(data, poses=replace(data.poses, q=q, payload=np.zeros(90)), tcp=tcp)
+    model = model_of(lab, effects_at(lab, "servo_gain@joint2"))
+    hints = parameter_hints(fit(replace(model, free=model.keys), few))
+    assert any(hint.startswith("servo_gain of joint2 rest on 3 levels") for hint in hints)

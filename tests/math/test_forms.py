@@ -1,0 +1,99 @@
+"""Other forms of effects: what they are functions of, and their derivatives through the equilibrium."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import CATALOGUE, FORMS, Effect, effects_at
+from lrm_math.effects.curves import cubic_b_splines, spline_count
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+
+
+def some_poses(arm: Arm, count: int = 12) -> Poses:
+    rng = np.random.default_rng(1)
+    return replace(poses_of(rng.uniform(-1.5, 1.5, (count, arm.dof)), 0.05), t=60.0 * np.arange(count))
+
+
+def with_form(arm: Arm, name: str) -> Model:
+    """The lab arm's springs and one form, of a tenth of its typical size."""
+    effects = (*effects_at(arm, "compliance"), *effects_at(arm, "lateral_compliance"), *effects_at(arm, name))
+    model = model_of(arm, effects)
+    return model.with_values([0.1 * p.typical for p in model.parameters])
+
+
+@pytest.mark.parametrize("kind", FORMS, ids=lambda kind: kind.id)
+def test_a_form_explains_itself_and_refines_effects_of_the_catalogue(lab: Arm, kind: type[Effect]) -> None:
+    plain = {each.id: each for each in CATALOGUE}
+    assert kind.refines
+    assert kind.cause.endswith(".")
+    for place in kind.places(lab):
+        assert any(place in plain[name].places(lab) for name in kind.refines)
+        effect = kind(lab, place)
+        assert all(parameter.name.endswith("_" + parameter.unit) for parameter in effect.parameters)
+        effect.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["bending_ends@link2", "torque_curve@joint3", "angle_harmonics@joint2", "angle_curve@joint2",
+     "coupling_curve@joint3<-joint2", "drift_curve@joint2", "drift_curve@base"],
+)  # fmt: skip
+def test_derivatives_of_forms(lab: Arm, name: str) -> None:
+    model, poses = with_form(lab, name), some_poses(lab)
+    J = parameter_jacobian(equilibrium(model, poses, tolerance=1e-14))
+    for j, (key, parameter) in enumerate(zip(model.keys, model.parameters, strict=True)):
+        if key.startswith(name.partition("@")[0]):
+            step = 1e-4 * parameter.typical * (np.arange(len(model.keys)) == j)
+            tcp = [equilibrium(model.with_values(model.values + s), poses, tolerance=1e-14).tcp for s in (step, -step)]
+            difference = (tcp[0] - tcp[1]) / (2e-4 * parameter.typical)
+            assert np.abs(J[:, :, j] - difference).max() <= 1e-6 * np.abs(difference).max() + 1e-10, key
+
+
+@given(st.floats(-100.0, 100.0), st.floats(30.0, 720.0))
+def test_b_splines_are_a_partition_of_unity(at: float, span: float) -> None:
+    lower, upper = np.radians([at - span / 3, at + 2 * span / 3])
+    angles = np.linspace(lower, upper, 50)
+    splines = cubic_b_splines(angles, lower, upper)
+    assert len(splines) == spline_count(lower, upper)
+    np.testing.assert_allclose(sum(splines), 1.0, atol=1e-12)
+    assert all(np.min(spline) >= 0.0 for spline in splines)
+
+
+def test_a_link_that_bends_at_its_ends_has_the_same_zero_pose(lab: Arm) -> None:
+    poses, bending = some_poses(lab), effects_at(lab, "bending_ends")
+    plain = equilibrium(model_of(lab, effects_at(lab, "compliance")), poses).tcp
+    rigid_ends = equilibrium(model_of(lab, (*effects_at(lab, "compliance"), *bending)), poses).tcp
+    np.testing.assert_allclose(rigid_ends, plain, atol=1e-12)
+
+
+def test_springs_at_both_ends_and_the_middle_stand_for_a_bend_anywhere(lab: Arm) -> None:
+    """A uniform beam, softness k along the link, is Simpson's rule over the three hinges: a sixth, two thirds, a sixth.
+
+    Beside it: a bend of the same total softness at the middle only; they differ, and the beam's end shifts more.
+    """
+    poses, total = some_poses(lab), 0.03
+    names = ("lateral_compliance@link2", "bending_ends@link2")
+    model = model_of(lab, [effect for name in names for effect in effects_at(lab, name)])
+
+    def moved(near: float, middle: float, far: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+        weights = {"near": near, "far": far}
+        values = [
+            total * next((w for end, w in weights.items() if f"k_{end}_" in key), middle if "lateral" in key else 0.0)
+            for key in model.keys
+        ]
+        rigid = equilibrium(model.with_values(np.zeros(len(values))), poses).tcp
+        return np.asarray(equilibrium(model.with_values(values), poses).tcp - rigid)
+
+    beam = moved(1 / 6, 2 / 3, 1 / 6)
+    pieces = [moved(1.0, 0.0, 0.0) / 6, 2 * moved(0.0, 1.0, 0.0) / 3, moved(0.0, 0.0, 1.0) / 6]
+    np.testing.assert_allclose(beam, sum(pieces), atol=0.1 * np.abs(beam).max())
+    assert np.abs(beam - moved(0.0, 1.0, 0.0)).max() > 1e-5

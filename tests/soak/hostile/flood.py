@@ -1,0 +1,126 @@
+"""Clients that flood a daemon from processes of their own: `python -m tests.soak.hostile.flood ENDPOINT KIND SECONDS`."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import msgpack
+import zenoh
+
+ROOT = Path(__file__).resolve().parents[3]
+KEYS = (
+    "cmd/target", "cmd/jog", "rpc/lease", "rpc/arm", "rpc/move", "rpc/hold", "rpc/relax", "rpc/disarm",
+    "rpc/reset_fault", "rpc/events", "rpc/ik", "rpc/fk", "rpc/plan", "rpc/cancel", "state/joints", "state/mode",
+    "state/faults", "state/thermal", "state/metrics", "info", "event/mode", "alive/lrmd", "nothing/like/this",
+)  # fmt: skip
+"""Without those of the emergency stop, where also nonsense stops the arm, and without `rpc/reload`."""
+PATTERNS = ("lrm/**", "lrm/*/rpc/*", "lrm/*/cmd/*", "**", "lrm/*/state/*")
+HARMLESS = frozenset({"rpc/hold"})
+"""Keys on which an empty message is a valid one that needs no lease."""
+
+
+def nonsense(rng: random.Random) -> bytes:
+    """A payload that is no message of anybody: noise, a wrong type, wrong fields, too long, too deep."""
+    match rng.randrange(7):
+        case 0:
+            return rng.randbytes(rng.randrange(1, 300))
+        case 1:
+            return bytes(msgpack.packb(rng.choice([[], 7, None, "arm", [[[]]] * 50])))
+        case 2:
+            return bytes(msgpack.packb({"v": rng.choice([0, 2, "1", None]), "lease": "x"}))
+        case 3:
+            return bytes(msgpack.packb({"v": 1, "lease": "x", "waypoints": [{"joint1": float("nan")}]}))
+        case 4:
+            return bytes(msgpack.packb({"v": 1, "lease": "x", "rate_rad_per_s": {f"j{i}": 1.0 for i in range(900)}}))
+        case 5:
+            return b"\x91" * 5000 + b"\x90"
+    return bytes(msgpack.packb({"v": 1, "surprise": "x" * rng.choice([10, 100_000])}))
+
+
+def malformed(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+    """One bad put, and now and then a bad query, on any key, or on several at once."""
+    tail = rng.choice(KEYS)
+    where = f"lrm/{robot}/{tail}" if rng.random() < 0.9 else rng.choice(PATTERNS)
+    session.put(where, nonsense(rng))
+    if rng.random() < 0.2 and tail not in HARMLESS:
+        session.get(f"lrm/{robot}/{tail}", lambda _: None, payload=nonsense(rng), timeout=1.0)
+
+
+def fight(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+    """A stranger without a valid lease tries to renew, to move, to disarm, as fast as it can."""
+    for tail, fields in (
+        ("rpc/lease", {"action": "acquire", "holder": "fighter"}),
+        ("rpc/lease", {"action": "renew", "lease": "x" * 16}),
+        ("rpc/move", {"lease": "x" * 16, "waypoints": [{"joint1": rng.uniform(-1, 1)}]}),
+        ("rpc/disarm", {"lease": "x" * 16}),
+    ):
+        list(session.get(f"lrm/{robot}/{tail}", payload=msgpack.packb({"v": 1, **fields}), timeout=1.0))
+
+
+def curious(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+    """Everything there is to be read, again and again."""
+    list(session.get(f"lrm/{robot}/{rng.choice(['state/*', 'info', 'rpc/events'])}", timeout=1.0))
+
+
+def hog(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+    """A thousand goals, and one plan, as often as they are taken."""
+    goals = [{"position_m": [rng.uniform(-0.4, 0.4), rng.uniform(-0.4, 0.4), rng.uniform(0, 0.5)]} for _ in range(1000)]
+    ik = msgpack.packb({"v": 1, "goals": goals, "deadline_ms": 2000.0})
+    plan = msgpack.packb({"v": 1, "from_rad": [-1.5, 1.2, 0, 0, 0, 0], "to_rad": [1.5, 1.2, 0, 0, 0, 0]})
+    session.get(f"lrm/{robot}/rpc/plan", lambda _: None, payload=plan, timeout=5.0)
+    list(session.get(f"lrm/{robot}/rpc/ik", payload=ik, timeout=5.0))
+
+
+def large(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+    """Two megabytes on a key of commands."""
+    session.put(f"lrm/{robot}/{rng.choice(['cmd/target', 'rpc/ik', 'state/joints'])}", rng.randbytes(2_000_000))
+
+
+KINDS: dict[str, Callable[[zenoh.Session, str, random.Random], None]] = {
+    "malformed": malformed, "fight": fight, "curious": curious, "hog": hog, "large": large,
+}  # fmt: skip
+
+
+def flood(endpoint: str, kind: str, seconds: float, robot: str = "rover") -> int:
+    """Floods for a time with the settings that a foreign client has; how many rounds it came to."""
+    config = zenoh.Config()
+    for place, value in {
+        "mode": '"client"', "connect/endpoints": f'["{endpoint}"]', "scouting/multicast/enabled": "false",
+    }.items():  # fmt: skip
+        config.insert_json5(place, value)
+    rng, end, rounds = random.Random(kind), time.monotonic() + seconds, 0
+    with zenoh.open(config) as session:
+        act = partial(KINDS[kind], session, robot, rng)
+        while time.monotonic() < end:
+            act()
+            rounds += 1
+    return rounds
+
+
+@contextmanager
+def flooded(endpoint: str, kinds: tuple[str, ...] = tuple(KINDS), seconds: float = 600.0) -> Iterator[None]:
+    """Floods of these kinds while the block runs, each from a process of its own."""
+    command = [sys.executable, "-m", "tests.soak.hostile.flood", endpoint]
+    running = [
+        subprocess.Popen([*command, kind, str(seconds)], cwd=ROOT, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        for kind in kinds
+    ]
+    try:
+        time.sleep(1.0)
+        yield
+        assert all(process.poll() is None for process in running), "a flood ended by itself"
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+
+
+if __name__ == "__main__":
+    print(flood(sys.argv[1], sys.argv[2], float(sys.argv[3])), "rounds")

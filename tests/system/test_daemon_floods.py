@@ -1,0 +1,144 @@
+"""What foreign clients and foreign files may not do to the daemon: flood its events, stop it by accident, fool it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from lrmd.client import RequestRefused
+from lrmd.config import load_config
+from lrmd.messages.control import Event, LeaseRequest, pack
+from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
+from lrmd.messages.zenoh_session import client
+from lrmd.persistence import state_file
+from lrmd.persistence.state_file import StoredState
+from tests.support.daemon_harness import DaemonHarness, connected
+from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
+
+BAD_MESSAGES = 600
+
+
+class AttackedDaemon(DaemonHarness):
+    """A daemon, and a foreign session with zenoh alone."""
+
+    def codes(self) -> list[str]:
+        return [event.code for event in self.rover.events()]
+
+    def count(self, code: str) -> int:
+        """Number of events of a code, those that were only counted included."""
+        return sum(int(str(e.detail.get("count", 1))) for e in self.rover.events() if e.code == code)
+
+    def log_lines(self, code: str) -> int:
+        return self.daemon.codes().count(code)
+
+
+@pytest.fixture
+def attacked(tmp_path: Path) -> Iterator[AttackedDaemon]:
+    setup = DaemonSetup.make(tmp_path)
+    with BoardProcess(setup) as board, connected(setup) as (daemon, rover):
+        harness = AttackedDaemon(setup, board, daemon, rover)
+        yield harness
+        harness.check_invariants()
+
+
+@pytest.fixture
+def stranger(attacked: AttackedDaemon) -> Iterator[zenoh.Session]:
+    with zenoh.open(client([attacked.setup.endpoint])) as session:
+        yield session
+
+
+def test_bad_messages_are_counted_and_displace_no_other_event(
+    attacked: AttackedDaemon, stranger: zenoh.Session
+) -> None:
+    with attacked.rover.control("test"):
+        attacked.arm()
+        before = attacked.codes()
+        assert {"link_up", "mode"} <= set(before)
+        started = time.monotonic()
+        for number in range(BAD_MESSAGES):
+            stranger.put(attacked.setup.key("cmd/target"), b"\xc1 no message %d" % number)
+        wait_for(lambda: attacked.count("refused") == BAD_MESSAGES, "each is counted")
+        seconds = time.monotonic() - started
+    assert [code for code in attacked.codes() if code != "refused"][: len(before)] == before
+    assert attacked.log_lines("refused") <= 11 * (seconds + 1)
+    assert attacked.log_lines("refused") < BAD_MESSAGES // 4
+
+
+def test_a_fight_for_the_lease_is_a_few_lines_in_the_log(attacked: AttackedDaemon, stranger: zenoh.Session) -> None:
+    takes, started = 0, time.monotonic()
+    while time.monotonic() < started + 2.0:
+        request = pack(LeaseRequest(action="acquire", holder=f"fighter {takes % 2}", take=True))
+        takes += len(list(stranger.get(attacked.setup.key("rpc/lease"), payload=request, timeout=5.0)))
+    wait_for(lambda: attacked.count("lease_taken") == takes - 1, "each is counted")
+    assert takes > 100
+    assert attacked.log_lines("lease_taken") <= 11 * (time.monotonic() - started + 1)
+
+
+def test_only_its_own_keys_are_an_emergency_stop(attacked: AttackedDaemon, stranger: zenoh.Session) -> None:
+    with attacked.rover.control("test"):
+        attacked.arm()
+        for wildcard in ("lrm/**", "**", "lrm/rover/**", "lrm/rover/cmd/*", "lrm/**/estop"):
+            for payload in (b"", b"anything", pack(Event(
+                boot_id="", seq=0, t_mono_ns=0, t_wall_ns=0, code="x", level="info", text="not for the daemon"
+            ))):  # fmt: skip
+                stranger.put(wildcard, payload)
+        wait_for(lambda: "refused" in attacked.codes(), "they are told of")
+        time.sleep(0.2)
+        assert attacked.mode() == "armed"
+        assert len(attacked.pulses()) == 6
+        stranger.put("lrm/*/cmd/estop", b"")
+        wait_for(lambda: attacked.pulses() == [], "one for all robots stops this one")
+        assert attacked.mode() == "estop"
+
+
+def test_ready_means_that_kinematics_are_answered(tmp_path: Path) -> None:
+    setup = DaemonSetup.make(tmp_path)
+    with BoardProcess(setup), DaemonProcess(setup) as daemon, daemon.ready().setup.rover() as rover:
+        assert rover.ik(IkRequest(goals=[GoalEntry(position_m=[0.2, 0.1, 0.3])], method="direct")).answers
+        assert rover.metrics().ticks > 0
+
+
+def test_kinematics_carry_what_the_last_move_said(attacked: AttackedDaemon) -> None:
+    def torque(payload: float | None) -> list[float]:
+        return attacked.rover.fk(FkRequest(q_rad=[[0.0] * 6], payload_kg=payload)).places[0].tau_nm
+
+    assert torque(None) == torque(0.0)
+    with attacked.rover.control("test"):
+        attacked.arm()
+        attacked.rover.move({"joint1": 0.01}, payload_kg=0.2)
+    assert torque(None) == torque(0.2) != torque(0.0)
+
+
+FOREIGN = {
+    "another arm's": (
+        {"arm": "lrm-lab", "identity": "0" * 64},
+        "the state of lrm-lab, and this daemon drives lrm-rover",
+    ),
+    "another table's": ({"arm": "lrm-rover", "identity": "0" * 64}, "servo tables of lrm-rover were changed"),
+    "an older release's": ({}, "an older release wrote it"),
+}
+
+
+@pytest.mark.parametrize("whose", FOREIGN)
+def test_foreign_pulses_are_not_taken_for_the_stored_pose(tmp_path: Path, whose: str) -> None:
+    identity, words = FOREIGN[whose]
+    setup = DaemonSetup.make(tmp_path)
+    setup.state.mkdir()
+    pulses = {servo.name: (servo.lowest + servo.highest) // 2 for servo in load_config(setup.config).servos}
+    content = {"saved_wall_ns": 1, "boots": 7, "mode": "armed", "still": True, "pulse_ns": pulses, "temperature_c": {}}
+    state_file.save(setup.state, StoredState(**content))
+    path = setup.state / state_file.NAME
+    kept = {"schema": "lrm/state/1", **content, **identity}
+    path.write_text(str(kept).replace("'", '"').replace("True", "true"), encoding="utf-8")
+    with BoardProcess(setup) as board, connected(setup) as (_, rover):
+        assert rover.info().stored_rad == {}
+        assert [words in e.text for e in rover.events() if e.code == "state_foreign"] == [True]
+        with rover.control("test"), pytest.raises(RequestRefused, match="no pose was stored"):
+            rover.arm("stored")
+        time.sleep(0.2)
+        assert board.pulses() == []
+    assert (setup.state / "state.foreign").exists()

@@ -1,0 +1,117 @@
+"""One data set of the second catalogue through the tool's own commands fit, auto and predict, against the truth."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from validation.hidden_effects.confusion import FLOOR_MM, NOTHING_MISSING, run_tool
+from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
+from validation.hidden_effects.unfamiliar_data import arm_file, write_data
+from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase
+
+ALWAYS_TRUE = ("offsets", "compliance")  # every generated arm has these errors at all places
+NEAR_FLOOR, ABOVE_FLOOR = 1.10, 1.15
+
+
+@dataclass(frozen=True)
+class AutoOutcome:
+    """What `auto` ended with.
+
+    steps: for each step its name (a form counts as the effect that it refines) and all that the data cannot tell from
+    it. ratio: RMS error at unseen poses with the noise of a measurement added, over that noise. trouble: what failed,
+    with the last line that the tool printed.
+    """
+
+    case: str
+    seed: int
+    steps: tuple[tuple[str, ...], ...] = ()
+    verdict: str = ""
+    ratio: float | None = None
+    auto_s: float | None = None
+    trouble: str = ""
+
+    @property
+    def of(self) -> UnfamiliarCase:
+        """Its case."""
+        return UNFAMILIAR[self.case]
+
+    @property
+    def truths_named(self) -> int:
+        """How many of the hidden effects a step names, or has in its class."""
+        return sum(any(right & set(step) for step in self.steps) for right in self.of.truths or ())
+
+    @property
+    def all_named(self) -> bool:
+        """Whether every hidden effect is named."""
+        return not self.trouble and self.truths_named == len(self.of.truths or ())
+
+    @property
+    def false_names(self) -> tuple[str, ...]:
+        """First name of each step in whose class there is no truth."""
+        right = frozenset[str]().union(*(self.of.truths or ()))
+        plain = [step for step in self.steps if not any(_kind(name) in ALWAYS_TRUE for name in step)]
+        return tuple(step[0] for step in plain if not right & set(step))
+
+    @property
+    def near_floor(self) -> bool:
+        """Whether hardly any error above the noise is left."""
+        return self.ratio is not None and self.ratio <= NEAR_FLOOR
+
+    @property
+    def wrong_form(self) -> bool:
+        """All is named rightly, and yet error is left."""
+        return self.all_named and not self.false_names and not self.near_floor
+
+    @property
+    def falsely_content(self) -> bool:
+        """It says that nothing is missing while much more than the noise is left."""
+        return self.verdict == NOTHING_MISSING and self.ratio is not None and self.ratio > ABOVE_FLOOR
+
+
+def examine_auto(name: str, seed: int, poses: int, keep: Path | None = None) -> AutoOutcome:
+    """Makes a data set and runs the tool on it; the files stay in the folder keep if one is given. Never raises."""
+    case = UNFAMILIAR[name]
+    with TemporaryDirectory(prefix="unfamiliar-") as scratch:
+        folder = Path(scratch) if keep is None else keep / f"{name.replace('/', '-').replace(' ', '-')}-{seed}"
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            return _run(name, case, seed, poses, folder)
+        except Exception as problem:  # one failure must not end a run of hours; it is in the table
+            return AutoOutcome(name, seed, trouble=f"{type(problem).__name__}: {problem}")
+
+
+def _run(name: str, case: UnfamiliarCase, seed: int, poses: int, folder: Path) -> AutoOutcome:
+    data, unseen = write_data(case, seed, poses, folder)
+    model, better, course, predicted = (folder / f for f in ("model.toml", "better.toml", "course.json", "at.csv"))
+    run_tool("fit", data, "--arm", arm_file(case), "-o", model, *(["--loss", "huber"] if case.outliers else []))
+    seconds = run_tool("auto", model, data, "--no-nested", "-o", better, "--json", course)
+    run_tool("predict", better, unseen, "-o", predicted)
+    found = json.loads(course.read_text(encoding="utf-8"))
+    steps = tuple(_names(step) for step in found["steps"] if step["added"])
+    apart = (_tcp_mm(predicted) - _tcp_mm(unseen))[1:]  # before the first pose the direction is not known
+    ratio = float(np.sqrt((apart**2).sum(axis=1).mean() + FLOOR_MM**2) / FLOOR_MM)
+    return AutoOutcome(name, seed, steps, found["verdict"], ratio, seconds)
+
+
+def _names(step: dict[str, Any]) -> tuple[str, ...]:
+    """The causes that a step stands for: those whose other form it is, else its own name; then its class."""
+    place = step["added"].partition("@")[2]
+    own = tuple(f"{cause}@{place}" for cause in step["form_of"]) or (step["added"],)
+    return (*own, *step["indistinguishable_from"])
+
+
+def _tcp_mm(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = [[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in csv.DictReader(file)]
+    return np.array(rows)
+
+
+def _kind(name: str) -> str:
+    return name.partition("@")[0]
