@@ -77,6 +77,8 @@ def _other_kind(path: Path, tables: dict[str, Any], schema: type[BaseModel]) -> 
 
 def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel]) -> FileError:
     *table, key = fault["loc"] or ("",)
+    if isinstance(key, int) and table:
+        key = f"{table.pop()} {key + 1}"
     where = " ".join(str(part + 1 if isinstance(part, int) else part) for part in table)
     expected = ""
     match fault["type"]:

@@ -9,9 +9,9 @@ from pathlib import Path
 from lrm_math.errors import LrmError
 
 TEXT = """\
-The daemon that owns a robot arm on RC servos: it has the serial link to the servo board, changes every commanded pulse by
-at most 1 us per 6.5 ms tick (the board rounds it to counts: 4.88 us at 50 Hz), publishes state on zenoh, and moves the arm
-only on request.
+The daemon that owns a robot arm on RC servos: it has the serial link to the servo board, changes every commanded pulse
+by at most 1 us per 6.5 ms tick (the board rounds it to counts: 4.88 us at 50 Hz), publishes state on zenoh, and moves
+the arm only on request.
 
   lrmd --config /etc/lrm/lrmd.toml           run (systemd does this)
   lrmd --config /etc/lrm/lrmd.toml --check   load what the start loads, report its errors, and stop

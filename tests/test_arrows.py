@@ -17,7 +17,7 @@ ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
     "lrm_math": "errors arrays toml_file arm kinematics collision effects model ik",
-    "lrm_ident": "synthetic progress data registration effect_plugins nonparametric estimation diagnosis laws "
+    "lrm_ident": "synthetic progress digits data registration effect_plugins nonparametric estimation diagnosis laws "
     "design thesis workspace report plots api cli",
     "lrmd": "errors log config persistence link messages ramp safety control sim ik api client cli main demo",
 }

@@ -40,6 +40,7 @@ app = typer.Typer(
 )
 out = Console(width=None if sys.stdout.isatty() else 100)
 log = Console(stderr=True)
+LISTED = 15  # lines of a list without --all
 Name = TypeVar("Name", bound=str)
 
 
@@ -49,10 +50,14 @@ def show(*blocks: Block) -> None:
 
 
 def publish(
-    result: Document, json: Path | None, figure: Path | None = None, draw: Callable[[Path], None] | None = None
+    result: Document,
+    json: Path | None,
+    figure: Path | None = None,
+    draw: Callable[[Path], None] | None = None,
+    most: int | None = None,
 ) -> None:
-    """Prints a result, then writes its JSON file, its figure, and the numbers behind the figure."""
-    show(*result.blocks)
+    """Prints a result (`most` lines of a list), then writes its JSON file, its figure, and the numbers behind that."""
+    write(out, result.blocks, most)
     if json:
         write_text(json, result.json())
     if figure and draw:

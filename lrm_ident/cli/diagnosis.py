@@ -10,7 +10,17 @@ from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import error_of, log, loss_of, nominal_error, progress, publish, read_identifiable, show
+from lrm_ident.cli.common import (
+    LISTED,
+    error_of,
+    log,
+    loss_of,
+    nominal_error,
+    progress,
+    publish,
+    read_identifiable,
+    show,
+)
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import AS_NAMED, load_poses
@@ -35,7 +45,7 @@ from lrm_ident.report.diagnosis import (
 )
 from lrm_ident.report.fit import ErrorSummary, fit_words
 from lrm_math.arm.arm_file import MM, load_arm
-from lrm_math.effects import effects_at
+from lrm_math.effects import FORMS, effects_at
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import Reading
@@ -48,7 +58,7 @@ def effects(
     effects_file: arg.EffectsFile = None,
 ) -> None:
     """Explain the effects that the tool knows: cause, formula, parameters, what data it takes to see them."""
-    catalogue = catalogue_with(effects_file)
+    catalogue = (*catalogue_with(effects_file), *FORMS)
     chosen = [kind for kind in catalogue if name in (None, kind.id)]
     if not chosen:
         raise UnknownName("effect", str(name), [kind.id for kind in catalogue])
@@ -62,6 +72,7 @@ def diagnose(
     data: arg.DataFile,
     json: arg.JsonFile = None,
     figure: arg.FigureFile = None,
+    show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
@@ -71,7 +82,7 @@ def diagnose(
         found = run_diagnose(the_model, measured, catalogue, tick, loss_of(file))
     with log.status("cross-validating") as status:
         report = build_report(found, status.update)
-    publish(diagnosis_document(report), json, figure, partial(draw_report, report))
+    publish(diagnosis_document(report), json, figure, partial(draw_report, report), None if show_all else LISTED)
 
 
 @command
@@ -81,6 +92,7 @@ def add(
     effect: Annotated[str, Argument(metavar="EFFECT[@PLACE]", help="For instance backlash@joint2.")],
     output: arg.NewModel,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
@@ -103,7 +115,11 @@ def add(
     nominal = nominal_error(before.arm, measured)
     errors_before = ErrorSummary(nominal, error_of(before, measured), left_before)
     errors_after = ErrorSummary(nominal, error_stats(fitted.residual), left_after)
-    publish(step_document(effect, len(before.free), errors_before, fitted, errors_after), json)
+    publish(
+        step_document(effect, len(before.free), errors_before, fitted, errors_after),
+        json,
+        most=None if show_all else LISTED,
+    )
     step = model_file(fitted, measured, left_after, file.arm, f"add {effect}", loss.name, file.history)
     write_text(output, model_text(step))
     show(f"Model written to {output}")
@@ -129,6 +145,7 @@ def auto(
         bool, Option("--nested/--no-nested", help="Also choose the effects anew in every fold: honest, but longer.")
     ] = True,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
@@ -153,7 +170,9 @@ def auto(
     if nested:
         with progress("choosing anew in every fold") as tick:
             whole = nested_held_out(the_model, measured, max_effects, catalogue, effects_file, tick, loss)
-    publish(course_document(course, report_of(course.judgement), held_out, whole), json)
+    publish(
+        course_document(course, report_of(course.judgement), held_out, whole), json, most=None if show_all else LISTED
+    )
 
 
 @command

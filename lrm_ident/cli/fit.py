@@ -13,10 +13,11 @@ from typer import Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
-    nominal_error,
-    progress,
+    LISTED,
     leave_out_poses,
     loss_of,
+    nominal_error,
+    progress,
     publish,
     read_inputs,
     read_measurements,
@@ -85,6 +86,7 @@ def fit(
     ] = None,
     output: Annotated[Path | None, Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
@@ -112,7 +114,7 @@ def fit(
         document = replace(
             document, blocks=[*document.blocks, *beside.blocks()], values={**document.values, "prior": beside}
         )
-    publish(document, json)
+    publish(document, json, most=None if show_all else LISTED)
     if output:
         name = arm_name_for(arm_name, output.parent)
         where = None if prior is None else prior_name_for(prior)
@@ -144,6 +146,7 @@ def compare(
     data: arg.DataFile,
     json: arg.JsonFile = None,
     figure: arg.FigureFile = None,
+    show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
@@ -155,7 +158,13 @@ def compare(
     prior = prior_of_file(file, the_model, catalogue)
     with progress("held-out error") as tick:
         comparison = run_compare(the_model, measured, tick, prior, loss_of(file))
-    publish(comparison_document(comparison), json, figure, partial(draw_comparison, comparison))
+    publish(
+        comparison_document(comparison),
+        json,
+        figure,
+        partial(draw_comparison, comparison),
+        None if show_all else LISTED,
+    )
 
 
 def _alone(

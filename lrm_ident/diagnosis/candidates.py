@@ -16,6 +16,7 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
 REFINEMENT, PLAIN, FORM = 0, 1, 2
+NO_TORQUE = 1e-9  # N·m: round-off
 Unfitted = tuple[Effect, tuple[int, ...]]
 """An effect, and which of its parameters are not fitted yet."""
 
@@ -83,9 +84,19 @@ def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:
 def split_testable(effects: Iterable[Unfitted], rest: Equilibrium) -> tuple[list[Unfitted], list[tuple[Effect, str]]]:
     """The effects that these poses can test, and the others with the reason."""
     excitation = Excitation(rest.poses, rest.joint_torque)
-    tried = [(one, one[0].missing_excitation(excitation)) for one in effects]
+    tried = [(one, _no_torque(one[0], rest) or one[0].missing_excitation(excitation)) for one in effects]
     testable = [one for one, reason in tried if reason is None]
     return testable, [(effect, reason) for (effect, _), reason in tried if reason is not None]
+
+
+def _no_torque(effect: Effect, rest: Equilibrium) -> str | None:
+    """Why an effect that acts by loads cannot act at these poses: nothing has weight, or none reaches its axes."""
+    if (effect.feels or effect.pushes or effect.weighs) and rest.weightless:
+        return "the arm's file gives no masses"
+    felt = sorted(rest.model.chain.index[key] for key in effect.feels)
+    if felt and float(np.abs(rest.loads_on(felt)).max()) < NO_TORQUE:
+        return f"gravity puts no torque on {effect.place}"
+    return None
 
 
 def differentiate_candidates(

@@ -16,6 +16,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 
 SINGLE_DEGREE, PRODUCT_DEGREE, TYPICAL_SIZE = 6, 5, 0.02  # degrees of the Legendre polynomials; rad
+CONSTANT = 1e-9  # rad or N·m: a quantity that varies less is round-off
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +35,7 @@ class Covariate:
 
 def _covariate(name: str, values: Array) -> Covariate:
     span = np.ptp(values)
-    scaled = np.zeros_like(values) if span == 0 else 2.0 * (values - values.min()) / span - 1.0
+    scaled = np.zeros_like(values) if span < CONSTANT else 2.0 * (values - values.min()) / span - 1.0
     return Covariate(name, scaled, len(np.unique(np.round(scaled, 3))))
 
 

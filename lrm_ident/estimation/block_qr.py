@@ -1,6 +1,6 @@
 """QR factor of a tall Jacobian by blocks of poses (Golub 1965; TSQR, Demmel et al. 2012).
 
-R of a QR decomposition holds all that least squares needs of the columns: RᵀR = JᵀJ. Blocks are computed and factored
+R of a QR decomposition holds all that least squares needs of the columns: RᵀR = JᵀJ. Blocks are computed and taken in
 one after the other, so that memory does not grow with the number of poses; unlike sums of normal equations the condition
 number is not squared.
 """
@@ -40,10 +40,10 @@ def compress(rest: Equilibrium, keys: Sequence[str], weight: Array, residual: Ar
         residual: (N, 3), not weighted yet (m, or in the unit of its noise).
     """
     typical = np.array([rest.model.parameters[rest.model.position(key)].typical for key in keys])
-    factor = np.empty((0, len(keys) + 1))
+    factor: Array = np.empty((0, len(keys) + 1))
     for rows in np.split(np.arange(len(rest.poses)), range(BLOCK, len(rest.poses), BLOCK)):
         scale = weight if len(weight) == 1 else weight[rows]
         J = parameter_jacobian(rest.take(rows), keys) * typical
         block = np.concatenate([J, residual[rows][:, :, None]], axis=2) * scale[:, :, None]
-        factor = np.linalg.qr(np.concatenate([factor, block.reshape(-1, len(keys) + 1)]), mode="r")
+        factor = np.asarray(np.linalg.qr(np.concatenate([factor, block.reshape(-1, len(keys) + 1)]), mode="r"))
     return CompressedRows(factor[:, :-1], factor[:, -1])

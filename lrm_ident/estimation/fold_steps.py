@@ -42,7 +42,10 @@ def models_without(
         rows = CompressedRows(
             np.concatenate([part.columns for part in others]), np.concatenate([part.residual for part in others])
         )
-        A, descent = objective.gauss_newton(rows.columns, noise, free), objective.negative_gradient(iterate, rows, noise)
+        A, descent = (
+            objective.gauss_newton(rows.columns, noise, free),
+            objective.negative_gradient(iterate, rows, noise),
+        )
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         values = fitted.model.values.copy()

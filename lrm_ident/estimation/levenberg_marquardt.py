@@ -1,8 +1,8 @@
 """Least squares of a model's free parameters: Levenberg–Marquardt (Marquardt 1963) on scaled parameters, with bounds.
 
 With a prior: maximum a posteriori (Conenna 2024, Eq 2.66; Tenhumberg & Bäuml 2021). The noise that weighs data against
-prior is estimated from the residual, with MacKay's (1992) effective number of parameters. Where least squares alone does
-not converge, it is damped by weak priors (ridge regression, Hoerl & Kennard 1970), and the result says so.
+prior is estimated from the residual, with MacKay's (1992) effective number of parameters. Where least squares alone
+does not converge, it is damped by weak priors (ridge regression, Hoerl & Kennard 1970), and the result says so.
 """
 
 from __future__ import annotations
@@ -205,9 +205,7 @@ class _LevenbergMarquardt:
             damping *= 10.0
         return iterate, damping
 
-    def _result(
-        self, iterate: Iterate, columns: Array, held: NDArray[np.bool_], steps: int, noise: NoiseScale
-    ) -> Fit:
+    def _result(self, iterate: Iterate, columns: Array, held: NDArray[np.bool_], steps: int, noise: NoiseScale) -> Fit:
         """The fit at the last iterate; `columns`: compressed Jacobian before the last step, which changed nothing."""
         objective, data, free, distance = self.objective, self.objective.data, ~held, iterate.distance
         covariance = np.zeros((len(held), len(held)))

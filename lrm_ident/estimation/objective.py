@@ -104,9 +104,7 @@ class Objective:
         prior = 0.5 * noise.prior_weight * float(self._prior_precision @ (iterate.z - self._prior_mean) ** 2)
         return float(self.loss.rho(iterate.distance / noise.scale).sum()) + prior
 
-    def linearise(
-        self, iterate: Iterate, noise: NoiseScale, poses: NDArray[np.int64] | None = None
-    ) -> CompressedRows:
+    def linearise(self, iterate: Iterate, noise: NoiseScale, poses: NDArray[np.int64] | None = None) -> CompressedRows:
         """Scaled Jacobian and residual of all or some poses, weighted by the loss (iteratively reweighted)."""
         weight = np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None] / self.stated_noise
         residual = iterate.residual * self.stated_noise

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.digits import in_mm
 from lrm_ident.nonparametric.gaussian_process import Kernel, condition, fit_kernel
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
@@ -102,12 +103,12 @@ class PredictableError:
     @property
     def sentence(self) -> str:
         """What it predicts of the residual, and what that follows."""
-        before, after = error_stats(self.named).rms * 1e3, self.error.rms * 1e3
+        before, after = in_mm(error_stats(self.named).rms), in_mm(self.error.rms)
         if not self.more_to_find:
-            return f"A model without names (a Gaussian process on the residual) predicts no better: {after:.2f} mm."
+            return f"A model without names (a Gaussian process on the residual) predicts no better: {after} mm."
         return (
-            f"A model without names (a Gaussian process on the residual) brings the held-out error from {before:.2f} "
-            f"to {after:.2f} mm; it follows {', '.join(self.follows)}. So much at least is left to find."
+            f"A model without names (a Gaussian process on the residual) brings the held-out error from {before} "
+            f"to {after} mm; it follows {', '.join(self.follows)}. So much at least is left to find."
         )
 
     def as_json(self) -> dict[str, object]:

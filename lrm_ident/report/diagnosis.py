@@ -12,6 +12,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
+from lrm_ident.digits import in_mm
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, enumerate_words, heading, section
@@ -76,14 +77,14 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
     }
     blocks: list[Block] = [
         heading(_verdict(report)),
-        f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {report.fit.rms * 1e3:.2f} mm in the "
-        f"fit, {report.held_out.rms * 1e3:.2f} mm held out; noise floor {noise}; "
+        f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {in_mm(report.fit.rms)} mm in the "
+        f"fit, {in_mm(report.held_out.rms)} mm held out; noise floor {noise}; "
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p = {found.structure.p_value:.1g}",
         *left_blocks(report.left),
         _ranking_table(report),
     ]
     if report.verdict == "unexplained_structure":
-        lines = (f"{function.name} would leave {rms:.2f} mm held out" for function, rms in ranking)
+        lines = (f"{function.name} would leave {in_mm(rms * 1e-3)} mm held out" for function, rms in ranking)
         blocks += section("\nIts anatomy: what it acts like, and what that follows", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}")
@@ -108,7 +109,7 @@ def _ranking_table(report: DiagnosisReport) -> ResultTable:
     supported = sum(advice.verdict != "no_evidence" for advice in report.ranking)
     rows = []
     for rank, advice in enumerate(report.ranking[: min(supported, SHOWN) + REFUSED_SHOWN], start=1):
-        rms = ("" if advice.exact else "≈ ") + f"{advice.held_out_rms * 1e3:.2f}"
+        rms = ("" if advice.exact else "≈ ") + in_mm(advice.held_out_rms)
         rows.append((rank, advice.scored.name, MARKS[advice.verdict], rms, advice.why))
     return ResultTable(("|", "effect", "verdict", "held out mm|", "why"), rows)
 
@@ -147,7 +148,7 @@ def step_blocks(number: int, step: AutoStep) -> Iterator[Block]:
     """One step of `lrm-ident auto`: errors, the effects that explain the data equally well, and what was freed."""
     held_out = error_stats(step.held_out).rms * 1e3
     bar = "█" * int(np.clip(round(held_out * 3), 1, 24))
-    errors = f"fit {error_stats(step.fit.residual).rms * 1e3:5.2f}   held out {held_out:5.2f} mm  {bar}"
+    errors = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}   held out {in_mm(held_out * 1e-3):>5s} mm  {bar}"
     yield f"{number:3d}  {step.added or 'start':28s} {len(step.fit.model.free):3d} parameters   {errors}"
     if step.equivalent:
         yield Text(f"       or {enumerate_words(step.equivalent, RIVALS_SHOWN)}: these data cannot tell", style="dim")
@@ -179,7 +180,7 @@ def course_document(
     what = "Held out, effects chosen anew in every fold (nested):"
     last: Block = f"{what} none, because {nested.reason}"
     if nested.error is not None:
-        last = heading(f"{what} mean {nested.error.mean * 1e3:.2f}, RMS {nested.error.rms * 1e3:.2f} mm")
+        last = heading(f"{what} mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm")
     values = {
         "steps": [
             {
@@ -220,6 +221,8 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
     """What one effect is; in full, with source, places and parameters."""
     yield Text.assemble((kind.id, "bold"), f": {kind.cause}")
     yield f"    {kind.formula}"
+    if kind.refines:
+        yield f"    another form of {' and '.join(kind.refines)}, fitted beside it"
     if in_full:
         arm = load_arm(next(iter(shipped_arms())))
         effect = kind(arm, kind.places(arm)[0])

@@ -57,7 +57,21 @@ class ResultTable:
         return [dict(zip(self.names, row, strict=True)) for row in self.cells]
 
 
-Block = str | Text | ResultTable
+@dataclass(frozen=True)
+class ListSection:
+    """A heading and one indented line per item; a long list is cut where it is printed, never in JSON."""
+
+    title: str
+    lines: tuple[str, ...]
+
+    def shown(self, most: int | None) -> Iterator[str]:
+        """The first lines, and how many more there are; None: all."""
+        yield from (f"  {line}" for line in self.lines[:most])
+        if most is not None and len(self.lines) > most:
+            yield f"  … and {len(self.lines) - most} more; --all shows them"
+
+
+Block = str | Text | ResultTable | ListSection
 
 
 @dataclass(frozen=True)
@@ -98,11 +112,14 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write(console: Console, blocks: Iterable[Block]) -> None:
-    """Prints blocks: tables fitted to the console, text as it is."""
+def write(console: Console, blocks: Iterable[Block], most: int | None = None) -> None:
+    """Prints blocks: tables fitted to the console, text as it is, at most so many lines of a list."""
     for block in blocks:
         if isinstance(block, ResultTable):
             console.print(block.grid())
+        elif isinstance(block, ListSection):
+            lines = "\n".join(block.shown(most))
+            console.print(Text.assemble((block.title, "bold"), f"\n{lines}"), highlight=False, soft_wrap=True)
         else:
             console.print(block, highlight=False, soft_wrap=True, markup=False)
 
@@ -114,8 +131,8 @@ def heading(text: str) -> Text:
 
 def section(title: str, lines: Iterable[str]) -> list[Block]:
     """A heading with indented lines; nothing if there are none."""
-    found = [f"  {line}" for line in lines]
-    return [heading(title), *found] if found else []
+    found = tuple(lines)
+    return [ListSection(title, found)] if found else []
 
 
 def enumerate_words(names: Sequence[str], most: int) -> str:

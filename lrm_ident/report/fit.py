@@ -7,22 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrm_ident import digits
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.digits import decimals
 from lrm_ident.estimation.error_breakdown import Factor, HeldOutResidual, ModelComparison, PoseGroup
 from lrm_ident.estimation.identifiability import IdentifiedFit, UnidentifiableParameter
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.nonparametric.predictability import PredictableError
 from lrm_ident.report.document import Block, Document, ResultTable, enumerate_words, heading, section
 from lrm_math.arrays import Array
+from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
 PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
-LEFT_OUT_SHOWN = 12
+LEFT_OUT_SHOWN, PARAMETER_DECIMALS = 12, 4
 DAMPED = (
-    "Least squares alone did not converge; fitted with weak priors (three typical sizes about zero). Look at the standard "
-    "errors: some parameters are hardly known."
+    "Least squares alone did not converge; fitted with weak priors (three typical sizes about zero). Look at the "
+    "standard errors: some parameters are hardly known."
 )
 OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:"
 
@@ -43,7 +46,10 @@ class ErrorSummary:
             rows.append(("held out (10 joint-space blocks)", *in_mm(self.held_out.error)))
         if self.nameless is not None:
             rows.append(("held out, with a nameless model on top", *in_mm(self.nameless.error)))
-        table = ResultTable(("TCP error, mm", "mean|.2f", "RMS|.2f", "max|.2f", "SD|.2f"), rows, title)
+        spec = f".{decimals(*(row[2] for row in rows))}f"
+        table = ResultTable(
+            ("TCP error, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))), rows, title
+        )
         return [table] if self.held_out.error else [table, f"held out: none, because {self.held_out.reason}"]
 
     def as_json(self) -> dict[str, object]:
@@ -71,13 +77,15 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
         *([heading(DAMPED)] if fit.damped else []),
         parameter_table(fit),
         *section(
-            "Held at zero, because these poses cannot tell them:", (f"{p.key}: {_why(model, p)}" for p in result.held)
+            "Held at zero, because these poses cannot tell them:",
+            (f"{p.key}: {_why(fit.rest, p)}" for p in result.held),
         ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
-        *section(OUTLIERS, (f"pose {pose}: {error:.1f} mm" for pose, error in outliers)),
+        *section(OUTLIERS, (f"pose {pose}: {digits.in_mm(error * 1e-3)} mm" for pose, error in outliers)),
         *errors.blocks(f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
-        f"The mean error fell from {before * 1e3:.2f} to {mean * 1e3:.2f} mm ({100 * (1 - mean / before):.0f} % less)"
-        + ("." if held_out is None else f"; on poses it never saw it is {held_out.mean * 1e3:.2f} mm."),
+        f"The mean error fell from {digits.in_mm(before)} to {digits.in_mm(mean)} mm "
+        f"({100 * (1 - mean / before):.0f} % less)"
+        + ("." if held_out is None else f"; on poses it never saw it is {digits.in_mm(held_out.mean)} mm."),
     ]
     values = {
         "poses": len(data),
@@ -112,17 +120,17 @@ def comparison_document(found: ModelComparison) -> Document:
     load, residual = data.poses.payload * 1e3, found.residual * 1e3
     distance = [np.linalg.norm(row) * 1e3 for row in found.residual]
     angles = " ".join(f"{'q' + str(i + 1):>4s}" for i in range(q.shape[1]))
-    worst = []
+    worst, places = [], decimals(found.error.rms * 1e3)
     for i in found.worst:
         turned = " ".join(f"{angle:4.0f}" for angle in q[i]) + "    "
-        worst.append((data.pose[i], turned, load[i], distance[i], _vector(residual[i])))
+        worst.append((data.pose[i], turned, load[i], distance[i], _vector(residual[i], places)))
     blocks = [
         *errors.blocks(f"{len(data)} poses, {free} parameters"),
         *([] if found.predictable is None else [found.predictable.sentence]),
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *(_group_table(factor) for factor in found.factors[:2]),
         ResultTable(
-            ("pose|", angles + "|", "load g|.1f", "error mm|.2f", "residual mm|"),
+            ("pose|", angles + "|", "load g|.1f", f"error mm|.{places}f", "residual mm|"),
             worst,
             "The worst poses (angles in deg)",
         ),
@@ -154,9 +162,10 @@ def parameter_table(fit: Fit) -> ResultTable:
     rows = []
     for key, error in zip(fit.model.free, fit.standard_error, strict=True):
         name, scale, unit = screen_unit(fit.model, key)
-        note = "at its bound" if key in fit.at_bound else f"± {error * scale:.4f}"
-        rows.append((name, fit.model.value(key) * scale, note, unit))
-    columns = ("parameter", "value|.4f", "± standard error|", "unit")
+        places = max(PARAMETER_DECIMALS, decimals(error * scale))
+        note = "at its bound" if key in fit.at_bound else f"± {error * scale:.{places}f}"
+        rows.append((name, f"{fit.model.value(key) * scale:.{places}f}", note, unit))
+    columns = ("parameter", "value|", "± standard error|", "unit")
     return ResultTable(columns, rows, f"{len(fit.model.free)} parameters")
 
 
@@ -190,7 +199,11 @@ def norms_mm(residual: Array) -> Array:
     return np.asarray(np.linalg.norm(residual, axis=1) * 1e3)
 
 
-def _why(model: Model, held: UnidentifiableParameter) -> str:
+def _why(rest: Equilibrium, held: UnidentifiableParameter) -> str:
+    model = rest.model
+    if held.survival == 0.0 and not held.combination:
+        massless = rest.weightless and held.key.startswith("compliance.")
+        return "does not move the TCP" + (": the arm's file gives no masses" if massless else " at any of these poses")
     if not held.combination or held.survival > 0.2:
         _, scale, unit = screen_unit(model, held.key)
         return f"hardly moves the TCP (it would be known to ± {held.standard_error * scale:.3g} {unit})"
@@ -210,7 +223,8 @@ def _correlated(fit: Fit) -> Iterator[str]:
 
 
 def _factor_table(factors: Sequence[Factor]) -> ResultTable:
-    columns = ("split by", "explains|", "", "worst group", "RMS mm|.2f", "poses|")
+    spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
+    columns = ("split by", "explains|", "", "worst group", f"RMS mm|{spec}", "poses|")
     rows = [
         (f.name, f"{100 * f.share:.0f} %", "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
         for f, w in ((factor, factor.worst) for factor in factors)
@@ -219,19 +233,20 @@ def _factor_table(factors: Sequence[Factor]) -> ResultTable:
 
 
 def _group_table(factor: Factor) -> ResultTable:
-    columns = ["group", "poses|", "mean|.2f", "RMS mm|.2f", "mean residual mm|"]
+    places = decimals(*(group.error.rms * 1e3 for group in factor.groups))
+    columns = ["group", "poses|", f"mean|.{places}f", f"RMS mm|.{places}f", "mean residual mm|"]
     rows: list[tuple[object, ...]] = []
     for group in factor.groups:
         turn = () if group.equivalent_rotation is None else (np.degrees(group.equivalent_rotation),)
-        bias = _vector(1e3 * np.array(group.bias))
+        bias = _vector(1e3 * np.array(group.bias), places)
         rows.append((group.label, group.count, *in_mm(group.error)[:2], bias, *turn))
     if factor.groups[0].equivalent_rotation is not None:
         columns.append(f"like q{factor.name.split()[-1]} deg|+.2f")
     return ResultTable(columns, rows, f"By {factor.name}")
 
 
-def _vector(mm: Array) -> str:
-    return " ".join(f"{component:+6.2f}" for component in mm)
+def _vector(mm: Array, places: int) -> str:
+    return " ".join(f"{component:+{places + 4}.{places}f}" for component in mm)
 
 
 def _group(group: PoseGroup) -> dict[str, object]:

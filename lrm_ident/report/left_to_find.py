@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lrm_ident.digits import in_mm
 from lrm_ident.estimation.left_to_find import LeftToFind
 from lrm_ident.report.document import Block, section
 
@@ -24,5 +25,5 @@ def left_values(left: LeftToFind) -> dict[str, object]:
 def noise_words(floor_mm: float | None, source: str, left: LeftToFind) -> str:
     """The noise floor, or its upper bound where it is not known."""
     if floor_mm is None:
-        return f"unknown (at most {left.predictable.noise_bound * 1e3:.2f} mm: the rest can be predicted)"
-    return f"{floor_mm:.2f} mm ({source})"
+        return f"unknown (at most {in_mm(left.predictable.noise_bound)} mm: the rest can be predicted)"
+    return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

@@ -70,6 +70,11 @@ class Equilibrium:
         return np.stack([np.broadcast_to(load, len(self.poses)) for load in loads], axis=1)
 
     @property
+    def weightless(self) -> bool:
+        """Whether no body has mass, payload and effects included, so that gravity loads nothing."""
+        return all(not np.any(weight.mass) for weight in self.weights)
+
+    @property
     def joint_torque(self) -> Array:
         """(N, n), gravity's torque on every joint axis (N·m), thesis Eq 2.48."""
         return self.loads_on(self.model.chain.joint_slots)

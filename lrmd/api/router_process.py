@@ -78,7 +78,6 @@ class EstopServer:
 
     def _command(self, sample: zenoh.Sample) -> None:
         if str(sample.key_expr) in self._keys:
-            print("DBG", time.monotonic_ns(), file=sys.stderr, flush=True)
             self._stop(reason_of(sample.payload.to_bytes()))
 
     def _request(self, query: zenoh.Query) -> None:

@@ -7,15 +7,25 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from lrm_ident.registration.question import nominal_tcp
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import FileError
+from lrm_math.kinematics.poses import poses_of
 from tests.conftest import ROOT
-from tests.support.commands import stderr_of
+from tests.support.commands import run_command, stderr_of
 
 HEADER = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm"
+NUMBERS = np.arange(1, 61)
+ANGLES = np.stack([NUMBERS, 2 * NUMBERS % 90, -NUMBERS, 3 * NUMBERS % 90, -2 * NUMBERS % 90, NUMBERS % 50], axis=1)
+NOMINAL = nominal_tcp(load_arm("lrm-lab"), poses_of(np.radians(ANGLES))) * 1e3
 ROWS = [
-    f"{i},{i},{2 * i % 90},{-i},{3 * i % 90},{-2 * i % 90},{i % 50},{200 + i},{10 + i},{300 - i}" for i in range(1, 61)
+    ",".join(map(str, [number, *angles, *(f"{value:.3f}" for value in position)]))
+    for number, angles, position in zip(NUMBERS, ANGLES.tolist(), NOMINAL, strict=True)
 ]
+"""Sixty poses of the nominal arm."""
 LAB = (ROOT / "config" / "arms" / "lrm-lab.toml").read_text()
 
 
@@ -77,11 +87,6 @@ BAD_ARM: dict[str, tuple[Callable[[str], str], tuple[str, ...]]] = {
     "not finite": (lambda t: t.replace("mass_g = 177.0", "mass_g = nan"), ("body 2", "mass_g", "finite")),
     "a text": (lambda t: t.replace("a_mm = 0.0", 'a_mm = "none"', 1), ("joint 1", "a_mm", "number")),
     "missing key": (lambda t: t.replace("d_mm = 46.905\n", "", 1), ("joint 1", "missing key d_mm")),
-    "missing joint": (
-        lambda t: t.replace(t[t.rindex("[[joint]]") : t.index("[tool]")], ""),
-        ("link 6", "loads_joint is 6"),
-    ),
-    "missing table": (lambda t: t.replace("[tool]", "[tooool]"), ("tooool", "tool")),
     "limits turned round": (lambda t: t.replace("[-100.0, 100.0]", "[100.0, -100.0]", 1), ("joint 1", "limits_deg")),
     "unknown frame": (lambda t: t.replace('frame = "joint4"', 'frame = "joint9"', 1), ("link 4", "joint9", "joint4")),
     "servo table": (lambda t: t.replace("[620.0, 1540.0, 2460.0]", "[620.0, 1540.0, 1000.0]"), ("joint 1", "pulses")),
@@ -91,6 +96,38 @@ BAD_ARM: dict[str, tuple[Callable[[str], str], tuple[str, ...]]] = {
 }
 
 
+def test_all_faults_of_an_arm_are_said_at_once(tmp_path: Path) -> None:
+    changes = [
+        ("d_mm = 46.905\n", "", ("joint 1", "missing key d_mm")),
+        ("[-100.0, 100.0]", "[100.0, -100.0]", ("joint 1", "limits_deg", "lower")),
+        ("beta_deg", "beta_rad", ("base", "beta_rad", "beta_deg")),
+        ("mass_g = 177.0", "mass_g = nan", ("body 2", "mass_g", "finite")),
+        ('frame = "joint4"', 'frame = "joint9"', ("link 4", "joint9", "joint4")),
+        ("loads_joint = 5", "loads_joint = 2", ("link 5", "loads_joint is 2")),
+        ("[tool]", "[tooool]", ("unknown key tooool", "tool")),
+    ]
+    text = LAB
+    for before, after, _ in changes:
+        text = text.replace(before, after, 1)
+    arm, data = tmp_path / "arm.toml", tmp_path / "data.csv"
+    arm.write_text(text)
+    data.write_text("\n".join([HEADER, *ROWS]) + "\n")
+    code, _, stderr = run_command("fit", data, "--arm", arm)
+    assert code == 2
+    first, *faults = stderr.splitlines()
+    assert f"{len(faults)} faults" in first
+    for _, _, words in changes:
+        assert any(all(word in fault for word in words) for fault in faults), f"{words} not in\n{stderr}"
+
+
+def test_a_missing_joint_is_said_of_every_body_that_needs_it(tmp_path: Path) -> None:
+    arm = tmp_path / "arm.toml"
+    arm.write_text(LAB.replace(LAB[LAB.rindex("[[joint]]") : LAB.index("[tool]")], ""))
+    with pytest.raises(FileError) as caught:
+        load_arm(str(arm))
+    assert_names(str(caught.value), "link 6", "target", "load screw", "loads_joint is 6")
+
+
 @pytest.mark.parametrize("name", BAD_ARM)
 def test_arms(tmp_path: Path, name: str) -> None:
     change, words = BAD_ARM[name]
@@ -98,7 +135,10 @@ def test_arms(tmp_path: Path, name: str) -> None:
     arm.write_text(change(LAB))
     data.write_text("\n".join([HEADER, *ROWS]) + "\n")
     output = tmp_path / "model.toml"
-    assert_names(stderr_of("fit", data, "--arm", arm, "-o", output), "arm.toml", *words)
+    code, _, stderr = run_command("fit", data, "--arm", arm, "-o", output)
+    assert code == 2
+    assert stderr.startswith("error: ")
+    assert_names(stderr, "arm.toml", *words)
     assert not output.exists()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -134,7 +135,7 @@ def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
     assert first is not None
     assert first.name == course.steps[1].added
     errors = [float((step.held_out**2).sum(axis=1).mean()) for step in course.steps]
-    assert all(after < (1.0 - MIN_GAIN) ** 2 * before for before, after in zip(errors, errors[1:], strict=False))
+    assert all(after < (1.0 - MIN_GAIN) ** 2 * before for before, after in pairwise(errors))
 
 
 def test_what_can_be_told_now_is_freed_with_the_effect(lab: Arm, described: ArmDescription) -> None:

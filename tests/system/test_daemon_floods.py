@@ -19,7 +19,7 @@ from lrmd.persistence.state_file import StoredState
 from tests.support.daemon_harness import DaemonHarness, connected
 from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
 
-BAD_MESSAGES = 600
+BAD_MESSAGES, TAKES = 600, 400
 
 
 class AttackedDaemon(DaemonHarness):
@@ -65,16 +65,14 @@ def test_bad_messages_are_counted_and_displace_no_other_event(
         seconds = time.monotonic() - started
     assert [code for code in attacked.codes() if code != "refused"][: len(before)] == before
     assert attacked.log_lines("refused") <= 11 * (seconds + 1)
-    assert attacked.log_lines("refused") < BAD_MESSAGES // 4
 
 
 def test_a_fight_for_the_lease_is_a_few_lines_in_the_log(attacked: AttackedDaemon, stranger: zenoh.Session) -> None:
-    takes, started = 0, time.monotonic()
-    while time.monotonic() < started + 2.0:
-        request = pack(LeaseRequest(action="acquire", holder=f"fighter {takes % 2}", take=True))
-        takes += len(list(stranger.get(attacked.setup.key("rpc/lease"), payload=request, timeout=5.0)))
-    wait_for(lambda: attacked.count("lease_taken") == takes - 1, "each is counted")
-    assert takes > 100
+    started = time.monotonic()
+    for number in range(TAKES):
+        request = pack(LeaseRequest(action="acquire", holder=f"fighter {number % 2}", take=True))
+        assert [r.ok is not None for r in stranger.get(attacked.setup.key("rpc/lease"), payload=request)] == [True]
+    wait_for(lambda: attacked.count("lease_taken") + attacked.count("lease_lost") == TAKES, "each is counted")
     assert attacked.log_lines("lease_taken") <= 11 * (time.monotonic() - started + 1)
 
 

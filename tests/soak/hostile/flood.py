@@ -1,4 +1,4 @@
-"""Clients that flood a daemon from processes of their own: `python -m tests.soak.hostile.flood ENDPOINT KIND SECONDS`."""
+"""Clients that flood a daemon from their own processes: `python -m tests.soak.hostile.flood ENDPOINT KIND SECONDS`."""
 
 from __future__ import annotations
 

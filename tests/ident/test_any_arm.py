@@ -1,0 +1,70 @@
+"""Fit and diagnosis of arms of any shape: with and without masses, with parallel and with meeting axes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_ident.data.measurements import Measurements, directions
+from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
+from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.estimation.loss import SQUARED
+from lrm_ident.estimation.model_fit import fit_model, nominal_model
+from lrm_ident.report.fit import ErrorSummary, fit_document
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
+from lrm_math.arm.arm import Arm
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+from tests.support.random_arms import random_arm
+
+GEOMETRIES = ("any", "parallel", "meeting")
+
+
+def described(seed: int, joints: int, geometry: str, masses: bool) -> Arm:
+    """A random arm whose consecutive axes are askew, all parallel, or meet at right angles; perhaps weightless."""
+    arm = random_arm(seed, joints)
+    if geometry == "parallel":
+        arm = replace(arm, joints=tuple(replace(joint, alpha=0.0) for joint in arm.joints))
+    if geometry == "meeting":
+        links = tuple(replace(joint, a=0.0, alpha=np.pi / 2 * (-1) ** i) for i, joint in enumerate(arm.joints))
+        arm = replace(arm, joints=links)
+    return arm if masses else replace(arm, bodies=())
+
+
+def measured_on(arm: Arm, seed: int, count: int, noise: float = 2e-4) -> Measurements:
+    """Random poses of an arm whose dimensions and compliances are a little off."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-1.5, 1.5, (count, arm.dof))
+    poses, number = Poses(q=q, payload=np.zeros(count), direction=directions(q, None)), np.arange(count)
+    model = nominal_model(arm)
+    values = {key: 0.1 * rng.uniform() * p.typical for key, p in zip(model.keys, model.parameters, strict=True)}
+    tcp = equilibrium(model_of(arm, model.effects, values), poses).tcp + rng.normal(0, noise, (count, 3))
+    return Measurements(poses, number, tcp, None, noise, number, Path("random.csv"), "", arm=arm)
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 1000), st.integers(1, 10), st.sampled_from(GEOMETRIES), st.booleans())
+def test_every_arm_is_fitted_and_diagnosed(seed: int, joints: int, geometry: str, masses: bool) -> None:
+    arm = described(seed, joints, geometry, masses)
+    data, model = measured_on(arm, seed, 40 + 6 * joints), nominal_model(arm)
+    before = error_stats(data.tcp - equilibrium(model, data.poses).tcp)
+    try:
+        result = fit_model(model, data, "identifiable", SQUARED)
+        found = diagnose(result.fit.model, data)
+    except LrmError as error:
+        assert "poses" in str(error) or "converge" in str(error)
+        return
+    after = error_stats(result.fit.residual)
+    assert after.rms <= before.rms
+    assert fit_document(result, ErrorSummary(before, after, HeldOutResidual(None, "")), data).json()
+    assert found.verdict
+    if not masses:
+        reasons = {effect.id: reason for effect, reason in found.not_testable}
+        assert all("gives no masses" in reasons[name] for name in ("backlash", "nonlinear_stiffness", "cable_spring"))

@@ -1,0 +1,188 @@
+"""Whether misread measurements are understood and healthy ones never refused, on arms of the independent generator.
+
+`python -m validation.misreadings` prints both for a half of the seeds: the thresholds of `registration.question`
+were chosen on the first half, the second one is the report.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from lrm_ident import synthetic
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.registration.question import Answer, ask
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.reading import Reading
+from validation.synthetic_measurements import measured
+
+ARMS = ("lrm-lab", "so101", "ur5")
+ELSEWHERE = {"lrm-lab": "lrm-rover", "so101": "two-joint", "ur5": "lrm-lab"}
+"""Another arm whose measurements are taken for the first one's."""
+KINDS = ("unit", "radians", "mirrored", "swapped", "turned", "frame", "sign", "order", "arm")
+LENGTH_UNITS = {"metres": 1e-3, "inches": 1.0 / 25.4, "micrometres": 1e3}
+STIFFNESS = {"ur5": 3e-3}
+"""Compliances of the arm over those of a printed one."""
+ANGLE, LENGTH = np.radians(10.0), 0.020
+"""Largest errors of healthy data."""
+POSES, FEW = 120, (10, 14, 20, 40, 120)
+HEALTHY = (*ARMS, "two-joint", "lrm-rover")
+HEALTHY_SEEDS = 6
+HALVES = {"thresholds": 0, "report": 100}
+"""First seed of each half."""
+AS_STATED = Reading(unit="mm", angle_unit="deg")
+
+
+@dataclass(frozen=True, eq=False)
+class MisreadCase:
+    """Measurements of an arm read wrongly, and words that say how."""
+
+    arm: Arm
+    data: Measurements
+    truth: str
+
+    def understood(self, answer: Answer | None) -> bool:
+        """Whether the answer says the truth, alone or as one of several."""
+        if answer is None or answer.right:
+            return False
+        said = [" and ".join((*scored.hypothesis.words, scored.hypothesis.remedy)) for scored in answer.found]
+        return not said if not self.truth else any(self.truth in words for words in said)
+
+
+def random_arm_data(name: str, seed: int, poses: int = POSES) -> Measurements:
+    """Measurements of an arm with the errors of a printed one."""
+    rig = synthetic.load_arm(shipped_arms()[name])
+    truth = _of_its_stiffness(name, synthetic.GroundTruth.random(rig, seed))
+    return replace(measured(rig, truth, synthetic.random_poses(rig, poses, seed), seed), stated=AS_STATED)
+
+
+def healthy_data(name: str, seed: int) -> Measurements:
+    """Measurements of a bad arm: every dimension off by up to 10 deg or 20 mm; few or many poses, loads, outliers."""
+    rig, rng = synthetic.load_arm(shipped_arms()[name]), np.random.default_rng([seed, 1])
+    places = [f"joint{number + 1}" for number in range(len(rig.links))]
+    angles = [f"{place}.{key}_rad" for place in places for key in ("theta", "alpha")]
+    angles += [f"base.{key}_rad" for key in ("alpha", "beta", "gamma")]
+    lengths = [f"{place}.{key}_m" for place in places for key in ("d", "a")]
+    lengths += [f"{place}.{axis}_m" for place in ("base", "tool") for axis in "xyz"]
+    off = {key: rng.uniform(-ANGLE, ANGLE) for key in angles} | {key: rng.uniform(-LENGTH, LENGTH) for key in lengths}
+    random = _of_its_stiffness(name, synthetic.GroundTruth.random(rig, seed))
+    truth = replace(
+        synthetic.GroundTruth.nominal(rig),
+        deviations=synthetic.Deviations.named(len(rig.links), off),
+        joint_compliance_rad_per_nm=random.joint_compliance_rad_per_nm,
+        effects=(synthetic.SoftPlay(2, np.radians(2.0), 0.02),) if name == "lrm-lab" and seed % 2 else (),
+    )
+    poses = FEW[seed % len(FEW)]
+    data = measured(rig, truth, synthetic.random_poses(rig, poses, seed), seed, load=0.0663 * (seed % 2))
+    wrong = rng.random(poses) < 0.05 * (seed % 3)
+    return replace(data, tcp=data.tcp + wrong[:, None] * rng.normal(0, 0.05, (poses, 3)), stated=AS_STATED)
+
+
+def misread(name: str, kind: str, seed: int) -> MisreadCase:
+    """One case: an arm's measurements, read wrongly in one way."""
+    rng, arm = np.random.default_rng([seed, KINDS.index(kind)]), load_arm(name)
+    if kind == "arm":
+        return _of_another_arm(name, seed)
+    data = random_arm_data(name, seed)
+    changed = dict(_changes(data.poses.q, data.tcp, rng, name))[kind]
+    truth, q, tcp = changed
+    return MisreadCase(arm, replace(data, poses=replace(data.poses, q=q), tcp=tcp), truth)
+
+
+def _changes(
+    q: Array, tcp: Array, rng: np.random.Generator, name: str
+) -> Iterator[tuple[str, tuple[str, Array, Array]]]:
+    n = q.shape[1] - (name == "ur5")  # the axis of its last joint goes through the TCP
+    unit = str(rng.choice(list(LENGTH_UNITS)))
+    yield "unit", (f"look like {unit}", q, tcp * LENGTH_UNITS[unit])
+    yield "radians", ("look like radians", np.radians(q), tcp)
+    axis, other = rng.choice(3, 2, replace=False).tolist()
+    sign = np.where(np.arange(3) == axis, -1.0, 1.0)
+    yield "mirrored", (f"{'xyz'[axis]} looks mirrored", q, tcp * sign)
+    swapped = tcp.copy()
+    swapped[:, [axis, other]] = tcp[:, [other, axis]]
+    first, second = sorted((axis, other))
+    yield "swapped", (f"{'xyz'[first]} and {'xyz'[second]} look swapped", q, swapped)
+    yield "turned", ("the axes look turned", q, tcp[:, [1, 2, 0]] if rng.integers(2) else -tcp * sign)
+    yield "frame", ("another frame", q, tcp @ _random_rotation(rng).T + rng.normal(0.0, 1.0, 3))
+    joint, partner = rng.choice(n, 2, replace=False).tolist()
+    flipped = q.copy()
+    flipped[:, joint] *= -1
+    yield "sign", (f"joint {joint + 1} looks counted the other way", flipped, tcp)
+    exchanged = q.copy()
+    exchanged[:, [joint, partner]] = q[:, [partner, joint]]
+    low, high = sorted((joint + 1, partner + 1))
+    yield "order", (f"joints {low} and {high} look swapped", exchanged, tcp)
+
+
+def _of_another_arm(name: str, seed: int) -> MisreadCase:
+    """Measurements of another arm; if that one has fewer joints, angles are made up for the rest."""
+    arm, other = load_arm(name), random_arm_data(ELSEWHERE[name], seed)
+    missing = arm.dof - other.poses.q.shape[1]
+    made_up = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(other), missing))
+    poses = poses_of(np.concatenate([other.poses.q, made_up], axis=1))
+    return MisreadCase(arm, replace(other, poses=poses), f"--arm {ELSEWHERE[name]}" if missing == 0 else "")
+
+
+def _random_rotation(rng: np.random.Generator) -> Array:
+    Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return np.asarray(Q * np.sign(np.linalg.det(Q)))
+
+
+def _of_its_stiffness(name: str, truth: synthetic.GroundTruth) -> synthetic.GroundTruth:
+    factor = STIFFNESS.get(name, 1.0)
+    return replace(
+        truth,
+        base_compliance_rad_per_nm=factor * truth.base_compliance_rad_per_nm,
+        joint_compliance_rad_per_nm=tuple(factor * k for k in truth.joint_compliance_rad_per_nm),
+    )
+
+
+def print_misreadings(seeds: Sequence[int]) -> None:
+    """How many misreadings are understood, and which are not."""
+    missed, shares = [], []
+    for name, kind, seed in product(ARMS, KINDS, seeds):
+        case = misread(name, kind, seed)
+        answer = ask(case.arm, case.data)
+        shares.append(np.inf if answer is None else answer.read.share)
+        if not case.understood(answer):
+            missed.append((name, kind, seed, case.truth, answer and [s.hypothesis.words for s in answer.found]))
+    print(f"  {len(shares) - len(missed)} of {len(shares)} misreadings understood; they miss {min(shares):.3f} or more")
+    for miss in missed:
+        print("   ", *miss)
+
+
+def print_healthy(seeds: Sequence[int]) -> None:
+    """How many healthy data sets are refused, and which."""
+    refused, shares = [], []
+    for name, seed in product(HEALTHY, seeds):
+        answer = ask(load_arm(name), healthy_data(name, seed))
+        shares.append(0.0 if answer is None else answer.read.share)
+        if answer is not None and not answer.right:
+            refused.append((name, seed, answer.read.share, [s.hypothesis.words for s in answer.found]))
+    print(f"  {len(refused)} of {len(shares)} healthy data sets refused; they miss {max(shares):.3f} or less")
+    for refusal in refused:
+        print("   ", *refusal)
+
+
+def main() -> None:
+    """Prints both, by halves."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=1, help="of every misreading and arm")
+    parser.add_argument("--half", choices=sorted(HALVES), default="report")
+    asked = parser.parse_args()
+    first = HALVES[asked.half]
+    print(f"{asked.half} (shares of the spread of the positions):")
+    print_misreadings(range(first, first + asked.seeds))
+    print_healthy(range(first, first + HEALTHY_SEEDS))
+
+
+if __name__ == "__main__":
+    main()
