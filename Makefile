@@ -11,7 +11,7 @@ HOURS ?= 24
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick lint docs bench soak coverage confusion unfamiliar install uninstall clean
+.PHONY: help setup demo test quick lint docs bench soak coverage confusion unfamiliar misreadings install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -64,6 +64,9 @@ soak: setup ## the daemon's controller, ramp and board for HOURS=24 of simulated
 coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250
 
+misreadings: setup ## are misread measurements understood and healthy ones accepted, on arms of the independent generator
+	$(ONE_THREAD) $(BIN)/python -m validation.misreadings
+
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md
 	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.other_seeds
@@ -71,6 +74,7 @@ confusion: setup ## confusion matrix: hidden effects against named ones, both ta
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects.unfamiliar --half tune --jobs 2
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws
 
 install: ## the daemon on this rover, as root (DESTDIR=, PYTHON=)
 	PYTHON=$(PYTHON) DESTDIR=$(DESTDIR) systemd/install.sh

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from lrm_math.errors import FileError, name_suggestion, raise_faults
+from lrm_math.errors import FileError, name_suggestion
 
 
 class StrictSchema(BaseModel):
@@ -48,8 +48,9 @@ def schema_of(path: Path) -> str | None:
 
 
 def validate(path: Path, tables: dict[str, Any], schema: type[S]) -> S:
-    """Validates parsed tables by a schema. Raises `FileError`, `FileFaults` if there is more than one fault."""
-    raise_faults(path, schema_faults(path, tables, schema))
+    """Validates parsed tables by a schema. Raises `FileError`: the first fault."""
+    for fault in schema_faults(path, tables, schema):
+        raise fault
     return schema.model_validate(tables)
 
 

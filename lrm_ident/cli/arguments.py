@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-DataFile = Annotated[Path, Argument(metavar="DATA", help="Measurements: CSV with pose, q1_deg…, x_mm, y_mm, z_mm.")]
+DataFile = Annotated[Path, Argument(metavar="DATA", help="Measurements: a CSV (docs/files.md).")]
 ModelPath = Annotated[Path, Argument(metavar="MODEL", help="A model file written by fit.")]
 PosesFile = Annotated[Path, Argument(metavar="POSES", help="CSV with q1_deg… and, optionally, payload_g.")]
 ArmArgument = Annotated[str, Argument(metavar="ARM", help="A shipped arm or the path of an arm file.")]
@@ -15,7 +15,7 @@ ArmName = Annotated[
     str | None,
     Option(
         "--arm",
-        help="A shipped arm (lrm-rover, lrm-lab) or the path of an arm file. "
+        help="A shipped arm (lrm-rover, lrm-lab, two-joint, so101, ur5) or the path of an arm file. "
         "Default: the arm that the .toml file beside DATA names.",
     ),
 ]

@@ -93,7 +93,8 @@ def _no_torque(effect: Effect, rest: Equilibrium) -> str | None:
     """Why an effect that acts by loads cannot act at these poses: nothing has weight, or none reaches its axes."""
     if (effect.feels or effect.pushes or effect.weighs) and rest.weightless:
         return "the arm's file gives no masses"
-    felt = sorted(rest.model.chain.index[key] for key in effect.feels)
+    index = rest.model.chain.index
+    felt = sorted(index[key] for key in effect.feels if key in index)
     if felt and float(np.abs(rest.loads_on(felt)).max()) < NO_TORQUE:
         return f"gravity puts no torque on {effect.place}"
     return None

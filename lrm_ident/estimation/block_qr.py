@@ -1,8 +1,8 @@
 """QR factor of a tall Jacobian by blocks of poses (Golub 1965; TSQR, Demmel et al. 2012).
 
 R of a QR decomposition holds all that least squares needs of the columns: RᵀR = JᵀJ. Blocks are computed and taken in
-one after the other, so that memory does not grow with the number of poses; unlike sums of normal equations the condition
-number is not squared.
+one after the other, so that memory does not grow with the number of poses; unlike in sums of normal equations the
+condition number is not squared.
 """
 
 from __future__ import annotations

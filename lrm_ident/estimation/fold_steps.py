@@ -1,7 +1,7 @@
 """Fits that leave a block of poses out, from the fit to all poses: one Gauss–Newton step (as Cook 1977 for one row).
 
-The step is exact for a linear model. With thousands of poses a block moves the parameters by a fraction of their standard
-errors, so what the step neglects is far below the noise; the Jacobian is computed once instead of in every fold.
+The step is exact for a linear model. With thousands of poses a block moves the parameters by a fraction of their
+standard errors, so what the step neglects is far below the noise; the Jacobian is computed once instead of per fold.
 """
 
 from __future__ import annotations

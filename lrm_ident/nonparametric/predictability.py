@@ -23,7 +23,7 @@ from lrm_math.arrays import Array
 SEARCH_ROWS, MOST_ROWS = 250, 1000  # evenly spaced training rows: for the search of a kernel, and to learn from
 REDUNDANT = 0.999  # correlation above which time says nothing beside the order of measurement
 RELEVANT = 0.1  # of the most relevant input
-MIN_GAIN, MIN_Z = 0.05, 3.0  # part of the held-out RMS, and standard errors, that make a difference worth stating
+MIN_GAIN, MIN_Z = 0.05, 2.0  # part of the held-out RMS, and standard errors, that make a difference worth stating
 
 
 @dataclass(frozen=True, eq=False)

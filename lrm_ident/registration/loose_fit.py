@@ -66,7 +66,8 @@ def loose_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> L
     columns = [model.position(key) for key in sizes.keys]
     z, telling = np.zeros(len(columns)), tcp.size >= TELLING * len(columns)
     best: LooseFit | None = None
-    for _ in range(STEPS + 1):
+    robust = telling  # weights slow a fit that can follow anything, so such a one starts without
+    for step in range(STEPS + 1):
         try:
             rest = equilibrium(_filled(model, columns, z), poses)
         except NoEquilibrium:
@@ -76,9 +77,10 @@ def loose_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> L
         now = LooseFit(rest.tcp, trimmed_rms(distance), telling)
         settled = best is not None and abs(now.score - best.score) < SETTLED * best.score
         best = now if best is None or now.score < best.score else best
-        if settled:
+        if settled and robust:
             break
-        weight = cauchy_weight(distance) if telling else np.ones_like(distance)
+        robust = robust or settled or step == STEPS // 2
+        weight = cauchy_weight(distance) if robust else np.ones_like(distance)
         root = np.sqrt(weight)[:, None] / max(now.score, SHARPEST)
         J = (parameter_jacobian(rest, sizes.keys) * root[:, :, None]).reshape(-1, len(columns))
         H = J.T @ J + np.diag(sizes.sd**-2)

@@ -93,7 +93,7 @@ class Answer:
         """Whether the data can be taken as they were read."""
         best = min((scored.share for scored in self.found), default=np.inf)
         if not self.read.telling:
-            return self.read.share <= PLAUSIBLE
+            return self.read.share <= HOPELESS
         return self.read.share <= min(max(FLOOR, best / BETTER), HOPELESS)
 
 

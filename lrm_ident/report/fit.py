@@ -81,7 +81,7 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
             (f"{p.key}: {_why(fit.rest, p)}" for p in result.held),
         ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
-        *section(OUTLIERS, (f"pose {pose}: {digits.in_mm(error * 1e-3)} mm" for pose, error in outliers)),
+        *section(OUTLIERS, (f"pose {pose}: {digits.in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
         *errors.blocks(f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         f"The mean error fell from {digits.in_mm(before)} to {digits.in_mm(mean)} mm "
         f"({100 * (1 - mean / before):.0f} % less)"

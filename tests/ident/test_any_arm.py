@@ -6,19 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements, directions
-from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
 from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.estimation.loss import SQUARED
 from lrm_ident.estimation.model_fit import fit_model, nominal_model
 from lrm_ident.report.fit import ErrorSummary, fit_document
-from lrm_ident.data.error_stats import error_stats
-from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_math.arm.arm import Arm
-from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
@@ -49,18 +47,14 @@ def measured_on(arm: Arm, seed: int, count: int, noise: float = 2e-4) -> Measure
     return Measurements(poses, number, tcp, None, noise, number, Path("random.csv"), "", arm=arm)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(st.integers(0, 1000), st.integers(1, 10), st.sampled_from(GEOMETRIES), st.booleans())
 def test_every_arm_is_fitted_and_diagnosed(seed: int, joints: int, geometry: str, masses: bool) -> None:
     arm = described(seed, joints, geometry, masses)
     data, model = measured_on(arm, seed, 40 + 6 * joints), nominal_model(arm)
     before = error_stats(data.tcp - equilibrium(model, data.poses).tcp)
-    try:
-        result = fit_model(model, data, "identifiable", SQUARED)
-        found = diagnose(result.fit.model, data)
-    except LrmError as error:
-        assert "poses" in str(error) or "converge" in str(error)
-        return
+    result = fit_model(model, data, "identifiable", SQUARED)
+    found = diagnose(result.fit.model, data)
     after = error_stats(result.fit.residual)
     assert after.rms <= before.rms
     assert fit_document(result, ErrorSummary(before, after, HeldOutResidual(None, "")), data).json()

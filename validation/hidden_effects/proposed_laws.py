@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,7 +99,10 @@ def main() -> None:
         ("", seed) for seed in range(options.null)
     ]
     with ProcessPoolExecutor(options.jobs) as pool:
-        found = list(pool.map(examine_law, *zip(*tasks, strict=True), [options.poses] * len(tasks)))
+        found = []
+        for one in pool.map(examine_law, *zip(*tasks, strict=True), [options.poses] * len(tasks)):
+            found.append(one)
+            print(f"{len(found)}/{len(tasks)} {one}", file=sys.stderr, flush=True)
     laws, null = [one for one in found if one.truth], [one for one in found if not one.truth]
     rows = [(one.truth, one.proposed or "–", f"{one.before:.2f}", f"{one.ratio:.2f}") for one in laws]
     print(markdown_table(("hidden", "proposed", "ratio before", "ratio after"), rows))

@@ -166,7 +166,9 @@ def creeps(half: Half, joint: int, compliance: float) -> UnfamiliarCase:
 def stops(half: Half, joint: int, side: int, at_deg: float) -> UnfamiliarCase:
     """A joint that meets a stop."""
     right = f"servo_gain@joint{joint} cable_spring@joint{joint}"
-    return hidden(half, f"stop{joint}", right, lambda by: HardStop(joint, side, at_deg * DEG, by.size(0.7), 3.0 * DEG))
+    return hidden(
+        half, f"stop{joint}", right, lambda by: HardStop(joint, side, at_deg * DEG, 1.0 - by.size(0.08), 3.0 * DEG)
+    )
 
 
 def gear_ripple(half: Half, joint: int, waves: int, degrees: float) -> UnfamiliarCase:
