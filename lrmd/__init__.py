@@ -1,1 +1,1 @@
-"""Daemon of the robot arm, in three processes: ramp (serial port), api (zenoh, state machine), ik (kinematics)."""
+"""Daemon of the robot arm, in four processes: ramp (serial port), api (state machine), ik (kinematics), router."""

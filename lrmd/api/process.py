@@ -123,7 +123,9 @@ class ApiProcess:
         deadline = time.monotonic() + START_TIMEOUT / SECOND
         while not self._shared.router[0]:
             if (ended := self._router.ended()) or time.monotonic() > deadline:
-                raise RestartLimitExceeded(f"no zenoh router: its process {f'ended ({ended})' if ended else 'hangs'}")
+                listen = ", ".join(self._config.zenoh.listen)
+                how = f"ended ({ended}); another program may use the address" if ended else "does not answer"
+                raise RestartLimitExceeded(f"no zenoh router on {listen}: its process {how}")
             time.sleep(0.002)
 
     def _wait_for_ramp(self) -> None:
@@ -146,14 +148,14 @@ class ApiProcess:
                 ready = True
                 notify(f"READY=1\nSTATUS={self._controller.mode}")
                 self._log.info("ready", boot_id=self._publisher.boot_id, port=self._config.link.port)
-            if now - notified_at >= notify_every and now - self._ticked_at < RAMP_TIMEOUT:
+            if ready and now - notified_at >= notify_every and now - self._ticked_at < RAMP_TIMEOUT:
                 notified_at = now
                 notify(f"WATCHDOG=1\nSTATUS={self._controller.mode}")
             due = max(due + PERIOD, now)
             time.sleep(max(0, due - time.monotonic_ns()) / SECOND)
 
     def _ready(self, probe: IkProbe, now: int) -> bool:
-        """Whether all three processes work: the ramp ticks, and the ik process has the model and answers."""
+        """Whether all processes work: the ramp ticks, and the ik process has the model and answers."""
         probe.ask(now)
         ik = probe.answered and self._shared.ik[0] > 0 and self._shared.ik_model == self._shared.model
         return ik and self._shared.read_report() is not None
