@@ -154,7 +154,10 @@ def read_arm(path: Path) -> Arm:
     if not found or tables.get("schema") == ARM_SCHEMA:
         found += [FileError(path, "", fault) for fault in _contradictions(tables)]
     raise_faults(path, found)
-    return to_arm(ArmFile.model_validate(tables))
+    try:
+        return to_arm(ArmFile.model_validate(tables))
+    except LrmError as error:
+        raise FileError(path, "", str(error)) from None
 
 
 def _contradictions(tables: dict[str, Any]) -> Iterator[str]:
