@@ -45,9 +45,8 @@ def nearest(context: SolverContext, query: IkQuery, starts: Array) -> Nearest:
     """
     found = nearest_from_library(context, query)
     if len(starts):
-        inside = np.clip(starts, context.bounds.lower, context.bounds.upper)
-        rest, _ = batch_equilibrium(context.model, context.poses(query, inside), None, COARSE)
-        other = _from(context, query, rest.poses.q, context.slot_amounts(rest)) if len(rest.poses) else None
+        refined = _refined(context, query, np.clip(starts, context.bounds.lower, context.bounds.upper))
+        other = None if refined is None else _nearest_at(context, query.goal, refined)
         found = min((some for some in (found, other) if some is not None), key=_error, default=None)
     if found is None:
         raise LrmError("the arm comes to rest in no pose near this goal; its compliances may be wrong")
