@@ -211,6 +211,7 @@ def test_a_pose_that_was_left_standing_survives_a_kill(harness: MovingHarness) -
     with harness.rover.control("test"):
         harness.arm()
         harness.rover.move({"joint1": 0.1})
+    wait_for(lambda: (stored := load(harness.setup.state)) is not None and stored.still, "the pose is stored at rest")
     harness.daemon.signal(signal.SIGKILL)
     harness.daemon.process.wait()
     with connected(harness.setup) as (_, rover):
