@@ -20,8 +20,9 @@ from lrm_math.model.model import Model
 
 TOLERANCE = 1e-9
 """m: the iteration ends when no TCP can still move more than this."""
-PLAIN_ITERATIONS, MOST_ITERATIONS = 20, 150
+ACCELERATED_ITERATIONS, MOST_ITERATIONS = 20, 150
 SMALLEST_FACTOR = 0.02
+TINY = 1e-300
 LARGEST_MOTION = 0.5
 """rad: larger elastic rotations are refused, since the effects' formulas hold for small motions."""
 
@@ -88,7 +89,7 @@ class Equilibrium:
 def equilibrium(
     model: Model, poses: Poses, start: Equilibrium | None = None, tolerance: float = TOLERANCE
 ) -> Equilibrium:
-    """The elastic equilibrium by fixed-point iteration (thesis Figure 4.4).
+    """The elastic equilibrium by fixed-point iteration (thesis Figure 4.4), accelerated (Anderson 1965, depth one).
 
     Poses that do not converge soon are under-relaxed by Aitken's method for vectors (Irons & Tuck 1969). One pose alone
     is computed with Python's floats, many with numpy's arrays: each is many times faster so.
@@ -116,6 +117,7 @@ def solve_equilibrium(
     angles = trig(chain, slots)
     tau: list[Number] = []
     relaxed: _Relaxation | None = None
+    before: _FixedPointStep | None = None
     for iteration in range(1, MOST_ITERATIONS + 1):
         tau = statics.loads(chain, slots, angles, weights, model.load_slots)
         tau = [load + pushed[k] if k in pushed else load for k, load in zip(model.load_slots, tau, strict=True)]
@@ -130,9 +132,12 @@ def solve_equilibrium(
         worst = maximum(change)
         if not math.isfinite(worst):
             break
-        if iteration > PLAIN_ITERATIONS and worst > tolerance:
+        if iteration > ACCELERATED_ITERATIONS and worst > tolerance:
             relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, len(poses)) for step in steps]))
             steps = relaxed.steps
+        elif worst > tolerance:
+            here = _FixedPointStep([slots[k] for k in binding.moving], steps)
+            steps, before = here.accelerated(before), here
         for k, step in zip(binding.moving, steps, strict=True):
             slots[k] = slots[k] + step
             if chain.slots[k].rotates:
@@ -159,6 +164,29 @@ def _columns(components: Sequence[Number], count: int) -> Array:
     if count == 1:
         return np.array([[float(c) for c in components]])
     return np.stack([np.broadcast_to(c, count) for c in components], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _FixedPointStep:
+    """Amounts of the M moving slots and the fixed-point step from there, each a float or (N,)."""
+
+    amounts: list[Number]
+    step: list[Number]
+
+    def accelerated(self, before: _FixedPointStep | None) -> list[Number]:
+        """The step of Anderson's (1965) method with one step of memory: a secant along the last change, per pose."""
+        if before is None:
+            return self.step
+        change = [now - last for now, last in zip(self.step, before.step, strict=True)]
+        size: Number = TINY
+        along: Number = 0.0
+        for step, c in zip(self.step, change, strict=True):
+            size, along = size + c * c, along + step * c
+        share = along / size
+        return [
+            step - share * (now - last + c)
+            for step, now, last, c in zip(self.step, self.amounts, before.amounts, change, strict=True)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
