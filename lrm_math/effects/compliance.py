@@ -114,7 +114,7 @@ class BendingEnds(_Spring):
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """Every link that carries another one and has a length."""
-        return tuple(place for place in LateralCompliance.places(arm) if any(chain_of(arm).hinges(place)))
+        return tuple(place for place in LateralCompliance.places(arm) if place in chain_of(arm).hinges)
 
     @property
     def bends_at_ends(self) -> tuple[str, ...]:

@@ -13,9 +13,9 @@ Effects add amounts (rad or m) to slots. A slot's amount is a float where it is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -54,7 +54,7 @@ class Slot:
         """`place.name`, for instance `joint2.theta`."""
         return f"{self.place}.{self.name}"
 
-    @property
+    @cached_property
     def to_hinge(self) -> bool:
         """Whether it is a translation to the hinge at the middle of a link, or back."""
         return self.place.startswith("link") and not self.rotates
@@ -100,9 +100,19 @@ class Chain:
             for slot in self.slots
         ]
 
-    def hinges(self, place: str) -> Iterator[tuple[int, float]]:
-        """The slots that translate to a link's hinge and back, and their amounts (m)."""
-        return ((k, slot.nominal) for k, slot in enumerate(self.slots) if slot.to_hinge and slot.place == place)
+    @cached_property
+    def hinges(self) -> dict[str, tuple[tuple[int, float], ...]]:
+        """For each link the slots that translate to its hinge and back, and their amounts (m)."""
+        out: dict[str, tuple[tuple[int, float], ...]] = {}
+        for k, slot in enumerate(self.slots):
+            if slot.to_hinge:
+                out[slot.place] = (*out.get(slot.place, ()), (k, slot.nominal))
+        return out
+
+    @cached_property
+    def length(self) -> float:
+        """m, the sum of all dimensions from the first joint to the TCP, an upper bound of the reach."""
+        return sum(abs(s.nominal) for s in self.slots if not s.rotates and not s.place.startswith(("base", "link")))
 
 
 @lru_cache(maxsize=64)

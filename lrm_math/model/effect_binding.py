@@ -76,8 +76,7 @@ def bind_effects(
         weighing=tuple(w for w in bound if w.weighs),
         distorting=tuple(w for w in bound if type(w.effect).seen is not Effect.seen),
         moving=tuple(sorted({k for w in bound if w.feels for k in w.moves})),
-        reach=1.2
-        * sum(abs(s.nominal) for s in chain.slots if not s.rotates and not s.place.startswith(("base", "link"))),
+        reach=1.2 * chain.length,
     )
 
 
@@ -102,7 +101,7 @@ def _constants(chain: Chain, bound: list[BoundEffect]) -> tuple[float, ...]:
     at_zero = poses_of([0.0] * chain.dof)
     amounts = [float(value) for value in chain.values([0.0] * chain.dof)]
     for place in {chain.slots[k].place for w in bound for k in w.moves}:
-        for k, length in chain.hinges(place):
+        for k, length in chain.hinges.get(place, ()):
             amounts[k] = length
     for w in bound:
         if w.effect.constant:

@@ -28,7 +28,7 @@ from lrm_math.ik.solver_context import Method
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import PLAIN_ITERATIONS, Equilibrium
+from lrm_math.model.equilibrium import ACCELERATED_ITERATIONS, Equilibrium
 from lrm_math.model.model import Model
 from lrmd.config import Config
 from lrmd.errors import RequestError
@@ -124,7 +124,7 @@ class FeasibilityCheck:
     def _equilibrium(self, poses: Poses) -> tuple[Equilibrium, Indices]:
         """As `batch_equilibrium`; slow convergence is repeated at the full tolerance."""
         rest, rows = batch_equilibrium(self.model, poses, tolerance=EQUILIBRIUM_TOLERANCE)
-        plain = len(rows) and rest.iterations <= PLAIN_ITERATIONS
+        plain = len(rows) and rest.iterations <= ACCELERATED_ITERATIONS
         return (rest, rows) if plain else batch_equilibrium(self.model, poses)
 
     def confirms_rounding(self, reply: Solved, payload: float) -> bool:
