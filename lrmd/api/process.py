@@ -17,6 +17,7 @@ from lrm_math.errors import FileError, LrmError
 from lrmd.api import router_process
 from lrmd.api.event_log import EventRing, EventThrottle
 from lrmd.api.model_reload import ActiveModel
+from lrmd.api.presence import Presence
 from lrmd.api.publisher import StatePublisher
 from lrmd.api.readiness import IkProbe
 from lrmd.api.router_setup import router_setup
@@ -80,6 +81,7 @@ class ApiProcess:
         self._writer = BackgroundWriter(config.state, self._on_write)
         self._stopping = self._reloading = False
         self._server: ZenohServer | None = None
+        self._presence: Presence | None = None
         self._tick_seen, self._ticked_at = 0, now
         self._saved_at = 0
         self._saved: tuple[Any, ...] = ()
@@ -100,6 +102,7 @@ class ApiProcess:
             with zenoh.open(own_client(self._config.zenoh)) as session:
                 self._wait_for_ramp()
                 self._server = ZenohServer(session, self._config.robot, self, tuple(self._publisher.states))
+                self._presence = Presence(session, self._config.robot, self._publisher.boot_id)
                 self._loop(IkProbe(session, self._config.robot))
                 notify("STOPPING=1")
                 self._server = None
@@ -181,6 +184,8 @@ class ApiProcess:
         self._controller.tick(now)
         self._write_order()
         self._supervise(now)
+        if self._presence is not None:
+            self._controller.others_seen(self._presence.others)
         if self._server is not None:
             for tail, message in self._publisher.due(now):
                 self._server.publish(tail, message)

@@ -71,7 +71,7 @@ class RampCore:
         self.sent, self.acknowledged = earlier.sent, earlier.acknowledged
         self.bad_frames, self.board_errors = earlier.bad_frames, earlier.board_errors
         self.reconnects = earlier.reconnects
-        self.link = LinkState.CLOSED
+        self.link, self.other_version = LinkState.CLOSED, 0
         self._decoder = FrameDecoder()
         self._move: Move | None = None
         self._k = self._seq = self._first_seq = 0
@@ -114,7 +114,7 @@ class RampCore:
     def opened(self, now: int) -> None:
         """The port was opened: restarts the handshake with HELLO."""
         self._decoder = FrameDecoder()
-        self.link, self._last_reply = LinkState.GREETING, now
+        self.link, self._last_reply, self.other_version = LinkState.GREETING, now, 0
         self.reconnects += 1
 
     def close(self) -> None:
@@ -148,6 +148,9 @@ class RampCore:
                     self.bad_frames += 1
                 elif self._handle_frame(event):
                     self._last_reply = now
+            except protocol.OtherVersion as other:
+                self.bad_frames += self.link is LinkState.READY
+                self.other_version = other.version if self.link is LinkState.GREETING else self.other_version
             except ProtocolError:
                 self.bad_frames += 1
 
@@ -196,6 +199,7 @@ class RampCore:
         if self._board.simulated and not info.simulated:
             return
         self._check_board(info.status, info.boot)
+        self.other_version = 0
         if self.link is not LinkState.GREETING or BoardStatus.CHIP_FAULT in info.status:
             return
         as_wanted = info.prescale == self._board.clock.prescale and info.silence_ms == self._board.silence_ms
@@ -293,5 +297,6 @@ class RampCore:
         return RampReport(
             tick, time, self.order, self.fault_count, self.sent, self.acknowledged, self.bad_frames, self.board_errors,
             self.reconnects, skipped, max_late_ns, starts, self.remaining, self.outputs, self.board_outputs, self.boot,
-            port_error, self.link, self.fault, self.moving, self.order_accepted, realtime, self.position, self.register,
+            port_error, self.other_version, self.link, self.fault, self.moving, self.order_accepted, realtime,
+            self.position, self.register,
         )  # fmt: skip
