@@ -7,7 +7,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any
 
-from lrm_math.arm.servo_table import COUNTS_PER_PERIOD
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
 from lrmd.api.supervisor import ChildProcess
 from lrmd.config import SECOND, Config
 from lrmd.control.arming_pose import stored_angles

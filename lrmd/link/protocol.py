@@ -10,7 +10,7 @@ from dataclasses import astuple, dataclass
 from enum import IntEnum, IntFlag
 from typing import Final
 
-from lrm_math.arm.servo_table import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
 from lrmd.link.frames import (
     CHANNELS,
     BadFrame,
