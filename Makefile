@@ -64,7 +64,6 @@ soak: setup ## the daemon's controller, ramp and board for HOURS=24 of simulated
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_ik
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile --minutes $(MINUTES)
-	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.client_memory
 
 coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250
