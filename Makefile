@@ -11,7 +11,7 @@ HOURS ?= 24
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick lint docs bench soak coverage confusion unfamiliar misreadings install uninstall clean
+.PHONY: help setup demo test quick lint schemas docs bench soak coverage confusion unfamiliar misreadings install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -43,6 +43,9 @@ lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+schemas: setup ## the JSON Schemas of the daemon's messages, written anew from the code
+	$(BIN)/python -m lrmd.messages.json_schemas
+
 docs: setup ## the API reference, built from the docstrings, in out/reference
 	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.api lrmd.client lrm_math.effects lrm_math.model
 
@@ -55,11 +58,12 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)
 
-soak: setup ## the daemon's controller, ramp and board for HOURS=24 of simulated time, and a million broken messages
+soak: setup ## the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, attacks for MINUTES=10
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_ik
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile --minutes $(MINUTES)
 
 coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250

@@ -19,9 +19,9 @@ from pathlib import Path
 
 from lrm_math.errors import LrmError
 from lrmd import log
-from lrmd.api.process import ApiProcess
 from lrmd.client import NoReply, Rover
 from lrmd.config import Config, load_config
+from lrmd.main import run as run_daemon
 from lrmd.messages.control import Event, JointsState
 from lrmd.sim.control_socket import query_board
 from lrmd.sim.launch import simulated_board
@@ -61,7 +61,7 @@ def config_in(folder: Path) -> Config:
 
 def _serve(config: Config, speed: float) -> None:
     log.set_up("error")
-    sys.exit(ApiProcess(config, speed).run())
+    sys.exit(run_daemon(config, speed))
 
 
 @contextmanager

@@ -5,8 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lrm_math.errors import LrmError
+
+if TYPE_CHECKING:
+    from lrmd.config import Config
 
 TEXT = """\
 The daemon that owns a robot arm on RC servos: it has the serial link to the servo board, changes every commanded pulse
@@ -17,6 +21,16 @@ the arm only on request.
   lrmd --config /etc/lrm/lrmd.toml --check   load what the start loads, report its errors, and stop
   lrmd --config lrmd.toml --simulated        run on a simulated board and arm instead of the port
 """
+
+
+def run(config: Config, speed: float = 1.0) -> int:
+    """Runs the daemon until SIGTERM; its exit code. The children load while this process does."""
+    from lrmd.api.children import ChildProcesses
+
+    with ChildProcesses(config, speed) as children:
+        from lrmd.api.process import ApiProcess
+
+        return ApiProcess(config, children).run()
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -39,14 +53,12 @@ def main(argv: list[str] | None = None) -> int:
             print(f"{options.config}: in order; {check_start(config)}")
             return 0
         log.set_up(options.log_level)
-        from lrmd.api.process import ApiProcess
-
         if not options.simulated:
-            return ApiProcess(config).run()
+            return run(config)
         from lrmd.sim.launch import simulated_board
 
         with simulated_board(config) as simulated:
-            return ApiProcess(simulated).run()
+            return run(simulated)
     except LrmError as error:
         print(f"lrmd: {error}", file=sys.stderr)
         return 2

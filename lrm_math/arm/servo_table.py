@@ -13,11 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-
-COUNTS_PER_PERIOD = 4096
-PRESCALE_MIN, PRESCALE_MAX = 3, 255
 
 
 @dataclass(frozen=True)

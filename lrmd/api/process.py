@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import threading
 import time
@@ -14,12 +13,12 @@ import structlog
 import zenoh
 
 from lrm_math.errors import FileError, LrmError
-from lrmd.api import router_process
+from lrmd.api.children import ChildProcesses
 from lrmd.api.event_log import EventRing, EventThrottle
 from lrmd.api.model_reload import ActiveModel
+from lrmd.api.presence import Presence
 from lrmd.api.publisher import StatePublisher
 from lrmd.api.readiness import IkProbe
-from lrmd.api.router_setup import router_setup
 from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded, silence
 from lrmd.api.systemd_notify import notify, watchdog_s
 from lrmd.api.zenoh_server import ZenohServer
@@ -27,18 +26,12 @@ from lrmd.config import SECOND, Config
 from lrmd.control.controller import Controller
 from lrmd.control.events import ControllerEvent, Level
 from lrmd.errors import RequestError
-from lrmd.ik import process as ik_process
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.control import Message, ReloadRequest, error_reply, pack
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence import state_file
 from lrmd.persistence.arm_identity import of_this_arm
 from lrmd.persistence.background_writer import BackgroundWriter
-from lrmd.ramp import process as ramp_process
-from lrmd.ramp.core import BoardSettings
-from lrmd.ramp.process import RampSetup
-from lrmd.ramp.shared_fd import SharedFd
-from lrmd.ramp.shared_memory import SharedRecords
 from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD = SECOND // 50
@@ -51,24 +44,15 @@ STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 
 class ApiProcess:
-    """The daemon's main process. `speed`: ratio of a simulated board's clock to real time."""
+    """The daemon's main process."""
 
-    def __init__(self, config: Config, speed: float = 1.0) -> None:
-        self._config = config
+    def __init__(self, config: Config, children: ChildProcesses) -> None:
+        self._config, self._children = config, children
+        self._shared, self._ramp, self._ik, self._router = children.shared, children.ramp, children.ik, children.router
         self._log = structlog.get_logger().bind(robot=config.robot)
         self._lock = threading.RLock()
         self._pending: deque[ControllerEvent] = deque()
         self._throttle, self._events = EventThrottle(), EventRing()
-        self._shared = SharedRecords.create()
-        estop = SharedFd(os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
-        memory = SharedFd(self._shared.descriptor)
-        setup = RampSetup(
-            BoardSettings.of(config, speed), config.link.port, config.link.baud, config.tick, config.realtime_priority,
-            speed, memory, estop,
-        )  # fmt: skip
-        self._ramp = ChildProcess("ramp", ramp_process.run, setup)
-        self._ik = ChildProcess("ik", ik_process.run, config, memory)
-        self._router = ChildProcess("router", router_process.run, router_setup(config, memory, estop))
         self._estops_seen = 0
         now = time.monotonic_ns()
         self._model = ActiveModel(config, self._shared)
@@ -80,6 +64,7 @@ class ApiProcess:
         self._writer = BackgroundWriter(config.state, self._on_write)
         self._stopping = self._reloading = False
         self._server: ZenohServer | None = None
+        self._presence: Presence | None = None
         self._tick_seen, self._ticked_at = 0, now
         self._saved_at = 0
         self._saved: tuple[Any, ...] = ()
@@ -92,14 +77,13 @@ class ApiProcess:
         signal.signal(signal.SIGHUP, lambda *_: setattr(self, "_reloading", True))
         now = time.monotonic_ns()
         self._shared.write_order(self._controller.order)
-        self._router.start(now)
         self._ramp.start(now)
-        self._ik.start(now)
         try:
             self._wait_for_router()
             with zenoh.open(own_client(self._config.zenoh)) as session:
                 self._wait_for_ramp()
                 self._server = ZenohServer(session, self._config.robot, self, tuple(self._publisher.states))
+                self._presence = Presence(session, self._config.robot, self._publisher.boot_id)
                 self._loop(IkProbe(session, self._config.robot))
                 notify("STOPPING=1")
                 self._server = None
@@ -107,8 +91,7 @@ class ApiProcess:
             self._log.error("given_up", text=str(error).split(" at /")[0])
             return 1
         finally:
-            for child in (self._ramp, self._ik, self._router):
-                child.stop()
+            self._children.stop()
             with self._lock:
                 self._observe(time.monotonic_ns())
                 self._save(time.monotonic_ns(), at_once=True)
@@ -181,6 +164,8 @@ class ApiProcess:
         self._controller.tick(now)
         self._write_order()
         self._supervise(now)
+        if self._presence is not None:
+            self._controller.others_seen(self._presence.others)
         if self._server is not None:
             for tail, message in self._publisher.due(now):
                 self._server.publish(tail, message)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any
 
-from lrm_math.arm.servo_table import COUNTS_PER_PERIOD
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
 from lrmd.api.supervisor import ChildProcess
 from lrmd.config import SECOND, Config
 from lrmd.control.arming_pose import stored_angles
@@ -57,7 +57,7 @@ class StatePublisher:
         """Keys and messages to publish at `now` (ns): joints always, others on change or every second."""
         c = self._controller
         keys = ["state/joints"]
-        published = (c.mode, c.why, tuple(c.faults), c.lease and c.lease.holder, c.report.link)
+        published = (c.mode, c.why, tuple(c.faults), c.lease and c.lease.holder, c.report.link, c.troubles)
         due = now - self._published_at >= SECOND
         if due or published != self._published:
             self._published = published
@@ -98,6 +98,7 @@ class StatePublisher:
         return ModeState(
             **self._header("state/mode"), mode=c.mode.value, why=c.why, since_mono_ns=c.since,
             holder=c.lease.holder if c.lease else None, link=c.report.link.name.lower(), payload_kg=c.payload,
+            troubles=c.troubles,
         )  # fmt: skip
 
     def _faults(self) -> FaultsState:

@@ -44,11 +44,12 @@ def joints_table(joints: JointsState, heat: ThermalState) -> str:
 
 
 def mode_line(mode: ModeState, joints: JointsState) -> str:
-    """Mode, reason, remaining time, lease and link, in one line."""
+    """Mode, reason, remaining time, lease and link, in one line; and what keeps the arm from being armed."""
     rest = f", {joints.remaining_s:.1f} s to go" if joints.moving else ""
     holder = f", lease: {mode.holder}" if mode.holder else ""
     link = "" if mode.link == "ready" else f", link {mode.link}"
-    return f"{paint(mode.mode, _MODE_COLOURS.get(mode.mode))} ({mode.why}{rest}){holder}{link}"
+    line = f"{paint(mode.mode, _MODE_COLOURS.get(mode.mode))} ({mode.why}{rest}){holder}{link}"
+    return "\n".join([line, *(paint(trouble, "red") for trouble in mode.troubles)])
 
 
 def faults_text(faults: FaultsState) -> str:

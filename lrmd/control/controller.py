@@ -15,3 +15,4 @@ class Controller(ControllerState):
     handle = requests.handle
     observe = updates.observe
     tick = updates.tick
+    others_seen = updates.others_seen

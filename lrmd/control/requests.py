@@ -62,7 +62,7 @@ def _hold(s: ControllerState, _: HoldRequest, now: int) -> RequestResult:
 def _arm(s: ControllerState, request: ArmRequest, now: int) -> RequestResult:
     next_mode(s.mode, Trigger.ARM)
     if s.report.link is not LinkState.READY:
-        why = s.port_trouble or f"link {s.report.link.name.lower()}"
+        why = s.port_trouble or s.board_trouble or f"link {s.report.link.name.lower()}"
         raise RequestError("link", f"the board is not ready ({why})", retryable=True)
     first_pulses = arming_pulses(request, s.config, s.report, s.stored)
     thermal_protection.check_arming(s, sorted(first_pulses))
@@ -138,6 +138,8 @@ def handle(s: ControllerState, request: Message, now: int) -> RequestResult:
     """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed."""
     if type(request) not in HANDLERS:
         raise RequestError("unknown_request", f"no such request: {type(request).__name__}")
+    if isinstance(request, ArmRequest) and s.other_daemons:  # before the lease: the other one gives its own
+        raise RequestError("name_taken", s.name_trouble, retryable=True)
     if isinstance(request, RequestWithLease):
         leases.checked(s.lease, request.lease, now)
     return HANDLERS[type(request)](s, request, now)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Sequence
+from importlib.metadata import version
 from typing import Any
 
 from lrmd.config import Config
@@ -14,6 +15,7 @@ from lrmd.control.motion_check import MotionCheck
 from lrmd.control.pulses import Pulses, angles, overlaid
 from lrmd.control.ramp_orders import OrderScheduler
 from lrmd.control.state_machine import Mode, Trigger, next_mode
+from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.persistence.arm_identity import arm_identity
 from lrmd.persistence.state_file import HOTTEST, StoredState
 from lrmd.ramp.shared_memory import RampOrder, RampReport
@@ -40,6 +42,7 @@ class ControllerState:
         self.events: list[ControllerEvent] = []
         self.lease: Lease | None = None
         self.report = RampReport()
+        self.other_daemons: frozenset[str] = frozenset()
         self.payload = stored.payload_kg if stored else 0.0
         self.stored = stored
         self._identity = arm_identity(config)
@@ -83,6 +86,29 @@ class ControllerState:
         number = self.report.port_error
         why = "another program has it open" if number == errno.EAGAIN else os.strerror(number).lower()
         return f"{self.config.link.port}: {why}" if number else ""
+
+    @property
+    def board_trouble(self) -> str:
+        """What is wrong with the board's firmware; empty if nothing is."""
+        if not self.report.other_version:
+            return ""
+        return (
+            f"the board speaks protocol {self.report.other_version}, this daemon needs {PROTOCOL}: "
+            f"flash the firmware/ of lrm-arm {version('lrm-arm')} onto it"
+        )
+
+    @property
+    def name_trouble(self) -> str:
+        """What is wrong with the robot's name on the network; empty if this daemon has it alone."""
+        if not self.other_daemons:
+            return ""
+        others = ", ".join(sorted(self.other_daemons)[:3])
+        return f"another daemon on the network is named {self.config.robot}, too (boot_id {others}): rename one of them"
+
+    @property
+    def troubles(self) -> list[str]:
+        """What keeps the arm from being armed, besides its mode."""
+        return [trouble for trouble in (self.port_trouble, self.board_trouble, self.name_trouble) if trouble]
 
     def saved(self, wall: int) -> StoredState:
         """The state to store. Servos without a pulse since the start keep their stored one, and its `still`."""

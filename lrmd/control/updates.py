@@ -11,6 +11,7 @@ from lrmd.control.events import Level
 from lrmd.control.state import ControllerState
 from lrmd.control.state_machine import LIVE, Mode, Trigger
 from lrmd.errors import RequestError
+from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.ramp.shared_memory import LinkState, RampFault, RampReport
 
 LOOK_AHEAD = SECOND // 4
@@ -61,10 +62,23 @@ def observe(s: ControllerState, report: RampReport, now: int) -> None:
         _link_changed(s, before.link, report.link)
     if report.port_error not in (0, before.port_error):
         s.emit("port_refused", "warning", s.port_trouble)
+    if report.other_version not in (0, before.other_version):
+        s.emit("board_version", "error", s.board_trouble, board=report.other_version, needed=PROTOCOL)
     if report.fault_count != s.order.fault_count:
         _ramp_froze(s, report, now)
     elif report.order == s.order.number:
         _order_read(s, report, now)
+
+
+def others_seen(s: ControllerState, others: frozenset[str]) -> None:
+    """Notes the daemons of the same name that are on the network, by `boot_id`."""
+    if others == s.other_daemons:
+        return
+    s.other_daemons = others
+    if others:
+        s.emit("name_taken", "error", s.name_trouble, boot_ids=sorted(others))
+    else:
+        s.emit("name_free", "info", f"no other daemon is named {s.config.robot} any more")
 
 
 def _link_changed(s: ControllerState, before: LinkState, after: LinkState) -> None:

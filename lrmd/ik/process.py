@@ -46,6 +46,8 @@ TURN = 25 * MS
 """ns: a query whose turn it is computes goals until so much time has passed, one at least."""
 SWITCH_INTERVAL = 0.5e-3
 """s: a query that arrives during a goal waits for the interpreter at most about so long, so its deadline is right."""
+IDLE_S, FIRST_MODEL_S = 0.2, 0.005
+"""s between two looks at the shared memory without a query; the same until the daemon has accepted its first model."""
 KinematicsRequest = IkRequest | FkRequest | PlanRequest
 REQUESTS: dict[str, type[KinematicsRequest]] = {"rpc/ik": IkRequest, "rpc/fk": FkRequest, "rpc/plan": PlanRequest}
 Steps = Generator[None, None, Message]
@@ -122,7 +124,7 @@ class IkProcess:
     def _work(self) -> None:
         """One turn of the next query, and of a plan."""
         self._look_up()
-        self._queue.wait(0.2)
+        self._queue.wait(IDLE_S if self._service else FIRST_MODEL_S)
         if (queued := self._queue.next()) is not None:
             self._turn(queued)
 
@@ -161,7 +163,7 @@ class IkProcess:
     def _update_model(self) -> None:
         """Loads the model that the daemon accepted, once the file has its digest."""
         accepted = self._shared.model
-        if accepted == self._shared.ik_model and self._service is not None:
+        if accepted == NO_MODEL or (accepted == self._shared.ik_model and self._service is not None):
             return
         try:
             found = digest_of(self._config)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
-from lrm_math.arm.servo_table import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
 from lrm_math.errors import LrmError
 
 CHANNELS: Final = 16

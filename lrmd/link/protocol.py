@@ -10,7 +10,7 @@ from dataclasses import astuple, dataclass
 from enum import IntEnum, IntFlag
 from typing import Final
 
-from lrm_math.arm.servo_table import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
 from lrmd.link.frames import (
     CHANNELS,
     BadFrame,
@@ -34,6 +34,14 @@ class ErrorCode(IntEnum):
     NOT_SET_UP = 5
     CHIP = 6
     TOO_LONG = 7
+
+
+class OtherVersion(ProtocolError):
+    """A board that speaks another `version` of the protocol."""
+
+    def __init__(self, version: int) -> None:
+        self.version = version
+        super().__init__(f"the board speaks protocol {version}, this software {VERSION}: flash firmware/ anew")
 
 
 class BoardStatus(IntFlag):
@@ -155,10 +163,13 @@ def state_of(frame: Frame) -> dict[int, int]:
 
 
 def info_of(frame: Frame) -> BoardInfo:
-    """Parses an INFO. Raises `ProtocolError` on invalid content or another protocol version."""
+    """Parses an INFO. Raises `ProtocolError` on invalid content, `OtherVersion` on another protocol version.
+
+    The version comes first in every one, whatever follows it there.
+    """
+    if frame.type == FrameType.INFO and frame.mask & 1 and frame.words[0] != VERSION:
+        raise OtherVersion(frame.words[0])
     version, boot, status, prescale, silence_ms, accepted, refused, kind = _words(frame, FrameType.INFO, 0xFF)
-    if version != VERSION:
-        raise ProtocolError(f"the board speaks protocol {version}, this software {VERSION}: flash firmware/ anew")
     _within("prescale", (prescale,), PRESCALE_MIN, PRESCALE_MAX)
     _within("silence timeout (ms)", (silence_ms,), SILENCE_MS_MIN, SILENCE_MS_MAX)
     return BoardInfo(version, _boot(boot), _status(status), prescale, silence_ms, accepted, refused, kind)

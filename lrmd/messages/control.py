@@ -177,7 +177,7 @@ class JointsState(Header):
 
 
 class ModeState(Header):
-    """`state/mode`, when it changes and every second."""
+    """`state/mode`, when it changes and every second. `troubles`: what keeps the arm from being armed."""
 
     mode: str
     why: str
@@ -185,6 +185,7 @@ class ModeState(Header):
     holder: str | None
     link: str
     payload_kg: float
+    troubles: list[str] = []
 
 
 class FaultEntry(Part):

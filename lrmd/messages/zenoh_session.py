@@ -14,6 +14,9 @@ from lrmd.config import ZenohTable
 from lrmd.errors import RequestError
 from lrmd.messages.control import error_reply, pack
 
+NO_SCOUTING = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False, "scouting/delay": 0}
+NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
+"""Each client that used it would leave 17 MB in /dev/shm; messages of 500 bytes do not gain by it."""
 OWN_TIMEOUT_MS = 5000
 """For the daemon's own processes to reach its router."""
 
@@ -103,7 +106,6 @@ def _from_file(path: str | None) -> zenoh.Config:
 
 def _configured(path: str | None, values: dict[str, Any]) -> zenoh.Config:
     config = _from_file(path)
-    no_scouting = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False, "scouting/delay": 0}
-    for place, value in (values | no_scouting).items():
+    for place, value in (values | NO_SCOUTING | NO_SHARED_MEMORY).items():
         config.insert_json5(place, json.dumps(value))
     return config

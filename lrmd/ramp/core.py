@@ -12,8 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lrm_math.arm.servo_table import PwmClock
-from lrmd.config import MS, Config, ServoConfig
 from lrmd.link import protocol
 from lrmd.link.frames import BadFrame, Frame, FrameDecoder, FrameType, ProtocolError, encode
 from lrmd.link.protocol import BoardStatus, ErrorCode
@@ -25,32 +23,39 @@ API_TIMEOUT = 500_000_000
 
 
 @dataclass(frozen=True)
-class BoardSettings:
-    """Servos, PWM clock and limits of the board. `reply`: timeout, ns; `step`: largest pulse change per tick, ns.
+class ServoOutput:
+    """A servo's `channel` of the board, lowest and highest pulse (ns)."""
 
+    channel: int
+    lowest: int
+    highest: int
+
+
+@dataclass(frozen=True)
+class BoardSettings:
+    """Servos, PWM clock and limits of the board. `step`: largest pulse change per tick, ns; `count_s`: s of a count.
+
+    `reply`: timeout, ns; `pause`: ns without a frame of our own after which the handshake is repeated.
     `simulated`: the ramp's clock is not real time, so only a simulated board is accepted.
     """
 
-    servos: tuple[ServoConfig, ...]
-    clock: PwmClock
+    servos: tuple[ServoOutput, ...]
+    prescale: int
+    count_s: float
     step: int
     reply: int
+    pause: int
     silence_ms: int
     simulated: bool = False
 
-    @classmethod
-    def of(cls, config: Config, speed: float = 1.0) -> BoardSettings:
-        """Settings from the daemon's configuration, for a clock that runs at `speed` times real time."""
-        return cls(config.servos, config.clock, config.step, config.reply, config.link.silence_ms, speed != 1.0)
-
     def counts(self, outputs: int, position: Sequence[int]) -> tuple[int, ...]:
         """OFF count per servo: its pulse `position` (ns) rounded to counts, 0 where its bit of `outputs` is clear."""
-        per_ns = 1e-9 / self.clock.count_s
+        per_ns = 1e-9 / self.count_s
         return tuple(int(p * per_ns + 0.5) if outputs >> i & 1 else 0 for i, p in enumerate(position))
 
     def pulse(self, count: int) -> int:
         """Pulse width (ns) of a count."""
-        return round(count * self.clock.count_s * 1e9)
+        return round(count * self.count_s * 1e9)
 
 
 class RampCore:
@@ -71,7 +76,7 @@ class RampCore:
         self.sent, self.acknowledged = earlier.sent, earlier.acknowledged
         self.bad_frames, self.board_errors = earlier.bad_frames, earlier.board_errors
         self.reconnects = earlier.reconnects
-        self.link = LinkState.CLOSED
+        self.link, self.other_version = LinkState.CLOSED, 0
         self._decoder = FrameDecoder()
         self._move: Move | None = None
         self._k = self._seq = self._first_seq = 0
@@ -105,7 +110,7 @@ class RampCore:
             self._check_order(order, alive)
         if self.link is LinkState.CLOSED:
             return b""
-        paused = now - self._last_sent > self._board.silence_ms * MS // 2 and self.link is LinkState.READY
+        paused = now - self._last_sent > self._board.pause and self.link is LinkState.READY
         if paused or now - self._last_reply > self._board.reply:
             self._reconnect(now)
         self._last_sent = now
@@ -114,7 +119,7 @@ class RampCore:
     def opened(self, now: int) -> None:
         """The port was opened: restarts the handshake with HELLO."""
         self._decoder = FrameDecoder()
-        self.link, self._last_reply = LinkState.GREETING, now
+        self.link, self._last_reply, self.other_version = LinkState.GREETING, now, 0
         self.reconnects += 1
 
     def close(self) -> None:
@@ -148,6 +153,9 @@ class RampCore:
                     self.bad_frames += 1
                 elif self._handle_frame(event):
                     self._last_reply = now
+            except protocol.OtherVersion as other:
+                self.bad_frames += self.link is LinkState.READY
+                self.other_version = other.version if self.link is LinkState.GREETING else self.other_version
             except ProtocolError:
                 self.bad_frames += 1
 
@@ -196,9 +204,10 @@ class RampCore:
         if self._board.simulated and not info.simulated:
             return
         self._check_board(info.status, info.boot)
+        self.other_version = 0
         if self.link is not LinkState.GREETING or BoardStatus.CHIP_FAULT in info.status:
             return
-        as_wanted = info.prescale == self._board.clock.prescale and info.silence_ms == self._board.silence_ms
+        as_wanted = info.prescale == self._board.prescale and info.silence_ms == self._board.silence_ms
         if BoardStatus.PULSING in info.status:
             if as_wanted and BoardStatus.SET_UP in info.status:
                 self.link = LinkState.READING
@@ -268,7 +277,7 @@ class RampCore:
             case LinkState.READING:
                 frame = protocol.read(self._seq, self._channels)
             case LinkState.SETTING_UP:
-                frame = protocol.setup(self._seq, self._board.clock.prescale, self._board.silence_ms)
+                frame = protocol.setup(self._seq, self._board.prescale, self._board.silence_ms)
             case _:
                 idle = not self.outputs and self._pulses_confirmed and not self._pulses_changed
                 frame = protocol.hello(self._seq) if idle else self._pulse_frame()
@@ -293,5 +302,6 @@ class RampCore:
         return RampReport(
             tick, time, self.order, self.fault_count, self.sent, self.acknowledged, self.bad_frames, self.board_errors,
             self.reconnects, skipped, max_late_ns, starts, self.remaining, self.outputs, self.board_outputs, self.boot,
-            port_error, self.link, self.fault, self.moving, self.order_accepted, realtime, self.position, self.register,
+            port_error, self.other_version, self.link, self.fault, self.moving, self.order_accepted, realtime,
+            self.position, self.register,
         )  # fmt: skip

@@ -1,6 +1,7 @@
 """The real-time process that owns the serial port: a periodic loop with absolute deadlines.
 
-No zenoh, logging or files here: they would delay ticks of the same interpreter by milliseconds.
+No zenoh, logging or files here: they would delay ticks of the same interpreter by milliseconds. No numpy and no
+configuration either: a ramp that died is back before the board falls silent, also on a slow and busy computer.
 """
 
 from __future__ import annotations

@@ -85,9 +85,10 @@ class RampReport:
     `order_accepted` whether it was executed (dropped if a fault came first). `outputs`: servos that the ramp pulses;
     `position`: their pulses (ns), the last known ones of the others. `board_outputs`, `register`: outputs and pulses
     (ns) last read from the chip. `port_error`: errno of the last attempt to open the port, 0 if it succeeded.
+    `other_version`: the protocol of a board that speaks another one than ours, else 0.
     """
 
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct(f"<Qq11IHHHHBBBBB{SERVOS}i{SERVOS}i")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct(f"<Qq11IHHHHHBBBBB{SERVOS}i{SERVOS}i")
 
     tick: int = 0
     time: int = 0
@@ -106,6 +107,7 @@ class RampReport:
     board_outputs: int = 0
     boot: int = 0
     port_error: int = 0
+    other_version: int = 0
     link: LinkState = LinkState.CLOSED
     fault: RampFault = RampFault.NONE
     moving: bool = False

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from random import Random
 from typing import Final, TypeAlias
 
-from lrm_math.arm.servo_table import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
 from lrmd.link import pca9685, protocol
 from lrmd.link.frames import BadFrame, Frame, FrameDecoder, FrameType, bits_of, encode
 from lrmd.link.pca9685 import RegisterError

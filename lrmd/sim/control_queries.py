@@ -11,7 +11,7 @@ import math
 from random import Random
 from typing import TypeAlias
 
-from lrm_math.arm.servo_table import COUNTS_PER_PERIOD
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, name_suggestion
 from lrmd.link.pca9685 import CHANNELS

@@ -6,7 +6,7 @@ external clock, inverted outputs (INVRT), outputs that change before the stop (O
 
 from __future__ import annotations
 
-from lrm_math.arm.servo_table import COUNTS_PER_PERIOD
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
 from lrm_math.errors import LrmError
 from lrmd.link.pca9685 import (
     ALL_OFF_H,

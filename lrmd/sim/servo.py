@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lrm_math.arm.servo_table import COUNTS_PER_PERIOD, ServoTable
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
+from lrm_math.arm.servo_table import ServoTable
 
 SHORTEST_PULSE, LONGEST_PULSE = 400e-6, 2800e-6
 """s: pulses outside this range are ignored; the servo stays unpowered."""

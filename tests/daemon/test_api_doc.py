@@ -185,7 +185,7 @@ def states() -> set[str]:
 def test_every_key_is_in_the_table_with_its_message() -> None:
     table = {row[0].strip("`"): row for row in rows(TEXT, "key")}
     named = set(REQUESTS) | set(COMMANDS) | states() | literals(r"(rpc|cmd|state|alive)/[a-z_]+")
-    assert set(table) == named | {"event/<code>", "info"}
+    assert set(table) == named | {"event/<code>", "alive/boot/<boot_id>", "info"}
     for tail, kind in {**REQUESTS, **COMMANDS}.items():
         assert f"`{kind.__name__}`" in table[tail][2], tail
     for tail, row in table.items():

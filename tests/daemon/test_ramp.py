@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from itertools import pairwise
 
 import pytest
@@ -106,3 +108,11 @@ def test_a_torn_record_is_never_read(noise: bytes, at: int) -> None:
     shared.write_order(order)
     os.pwrite(shared.descriptor, noise, at)
     assert shared.read_order() in (None, order)
+
+
+def test_the_ramp_process_loads_neither_numpy_nor_the_configuration() -> None:
+    """So that one that died is back before the board falls silent, on slow and busy computers too."""
+    heavy = {"numpy", "pydantic", "zenoh", "structlog", "lrmd.config"}
+    program = f"import sys, lrmd.ramp.process; print(*sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

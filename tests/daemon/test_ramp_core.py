@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from lrmd.config import MS, Config, load_config
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
-from lrmd.ramp.core import BoardSettings, RampCore
+from lrmd.ramp.core import RampCore
+from lrmd.ramp.setup import board_settings
 from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampFault, RampOrder
 from lrmd.ramp.stepping import Pace
 from lrmd.sim.board import SimulatedBoard
@@ -35,7 +36,7 @@ class RampWithBoard:
     def __init__(self, config: Config) -> None:
         self.now = 10**9
         self.board = SimulatedBoard(Pca9685Chip(), Random(1), self.now)
-        self.ramp = RampCore(BoardSettings.of(config))
+        self.ramp = RampCore(board_settings(config))
         self.ramp.opened(self.now)
         self.back = b""
         self.sent: list[Frame] = []
@@ -127,7 +128,7 @@ def test_it_adopts_exactly_the_registers_of_the_board(config: Config, register: 
     line.tick()
     report = line.ramp.report(0, line.now, 0, 0, 1, False)
     line.board.feed(encode(protocol.arm(seed, {0: register})), line.now)
-    line.ramp, line.back = RampCore(BoardSettings.of(config), report), b""
+    line.ramp, line.back = RampCore(board_settings(config), report), b""
     line.ramp.opened(line.now)
     line.ready()
     line.tick()
@@ -157,7 +158,7 @@ def test_a_clock_that_is_not_the_real_one_drives_no_real_board(
 ) -> None:
     monkeypatch.setattr("lrmd.sim.board.SIMULATED", kind)
     line = RampWithBoard(config)
-    line.ramp = RampCore(BoardSettings.of(config, speed=2.0))
+    line.ramp = RampCore(board_settings(config, speed=2.0))
     line.ramp.opened(line.now)
     for _ in range(20):
         line.tick(line.order())

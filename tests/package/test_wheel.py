@@ -58,6 +58,8 @@ def test_the_base_runs_the_daemon_and_says_what_the_offline_tool_needs(wheel: Pa
         shipped = shipped.replace(shared, private)
     config.write_text(shipped)
     assert run(programs / "lrmd", "--config", config, "--check", cwd=tmp_path).returncode == 0
+    schemas = "from lrmd.messages.json_schemas import FILE, text; assert FILE.read_text(encoding='utf-8') == text()"
+    assert run(programs / "python", "-c", schemas, cwd=tmp_path).returncode == 0
     daemon = subprocess.Popen(
         [programs / "lrmd", "--config", config, "--simulated"], cwd=tmp_path, stderr=subprocess.PIPE, text=True
     )

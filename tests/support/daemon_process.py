@@ -26,7 +26,7 @@ from lrmd.sim.control_queries import QueryReply
 from lrmd.sim.control_socket import query_board
 
 ROOT = Path(__file__).resolve().parents[2]
-TIMEOUT = 10.0
+TIMEOUT, START_TIMEOUT = 10.0, 60.0
 """s; only a failing wait takes this long."""
 SECOND = 1_000_000_000
 
@@ -228,7 +228,7 @@ class DaemonProcess(ProcessGroup):
 
     def ready(self) -> Self:
         """Waits until systemd would have READY=1."""
-        self.notifications.wait_for("READY=1")
+        self.notifications.wait_for("READY=1", START_TIMEOUT)
         return self
 
     def log_entries(self) -> list[dict[str, Any]]:

@@ -9,7 +9,8 @@ from random import Random
 from lrmd.config import Config, load_config
 from lrmd.control.controller import Controller
 from lrmd.persistence.state_file import StoredState
-from lrmd.ramp.core import BoardSettings, RampCore
+from lrmd.ramp.core import RampCore
+from lrmd.ramp.setup import board_settings
 from lrmd.ramp.shared_memory import LinkState, RampOrder, RampReport
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.pca9685_chip import Pca9685Chip
@@ -59,7 +60,7 @@ class SimulatedDaemon:
     def __post_init__(self) -> None:
         self.random = Random(self.seed)
         self.board = SimulatedBoard(Pca9685Chip(self.config.clock.oscillator_hz), self.random, self.now)
-        self.ramp = RampCore(BoardSettings.of(self.config))
+        self.ramp = RampCore(board_settings(self.config))
         self.core = Controller(
             self.config, lambda *_: self.torque, self.stored, lambda *_: None, self.now, WALL
         )
@@ -132,7 +133,7 @@ class SimulatedDaemon:
     def restart_ramp(self) -> None:
         """kill -9 of the ramp process: a new one finds the last report."""
         self.starts += 1
-        self.ramp = RampCore(BoardSettings.of(self.config), self.report)
+        self.ramp = RampCore(board_settings(self.config), self.report)
         self.held_out = b""
 
     def stop_ramp(self, ns: int) -> None:

@@ -519,3 +519,9 @@ def test_nothing_announces_itself(path: Path) -> None:
     assert settings.get_json("scouting/multicast/enabled") == "false"
     if settings.get_json("access_control/enabled") == "true":
         assert settings.get_json("access_control/default_permission") == '"deny"'
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.json5")), ids=lambda path: path.name)
+def test_nothing_uses_shared_memory(path: Path) -> None:
+    settings = zenoh.Config.from_file(str(path))
+    assert settings.get_json("transport/shared_memory/enabled") == "false"

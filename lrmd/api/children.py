@@ -1,0 +1,44 @@
+"""The child processes of the daemon, and the memory that they share with the api process."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Self
+
+from lrmd.api import router_process
+from lrmd.api.router_setup import router_setup
+from lrmd.api.supervisor import ChildProcess
+from lrmd.config import Config
+from lrmd.ik import entry as ik_entry
+from lrmd.ramp import process as ramp_process
+from lrmd.ramp.setup import ramp_setup
+from lrmd.ramp.shared_fd import SharedFd
+from lrmd.ramp.shared_memory import SharedRecords
+
+
+class ChildProcesses:
+    """`with` starts those that take long to load and touch no hardware, while the api process loads itself."""
+
+    def __init__(self, config: Config, speed: float = 1.0) -> None:
+        """`speed`: ratio of a simulated board's clock to real time. Raises `FileError` for zenoh's configuration."""
+        self.shared = SharedRecords.create()
+        memory = SharedFd(self.shared.descriptor)
+        estop = SharedFd(os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
+        self.ramp = ChildProcess("ramp", ramp_process.run, ramp_setup(config, speed, memory, estop))
+        self.ik = ChildProcess("ik", ik_entry.run, config, memory)
+        self.router = ChildProcess("router", router_process.run, router_setup(config, memory, estop))
+
+    def __enter__(self) -> Self:
+        now = time.monotonic_ns()
+        self.ik.start(now)
+        self.router.start(now)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Ends all of them."""
+        for child in (self.ramp, self.ik, self.router):
+            child.stop()

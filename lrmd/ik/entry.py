@@ -1,0 +1,13 @@
+"""Entry point of the ik process. What it needs is imported in it, not in the process that starts it."""
+
+from __future__ import annotations
+
+from lrmd.config import Config
+from lrmd.ramp.shared_fd import SharedFd
+
+
+def run(config: Config, memory: SharedFd) -> None:
+    """Answers queries until SIGTERM or until its parent ends."""
+    from lrmd.ik import process
+
+    process.run(config, memory)

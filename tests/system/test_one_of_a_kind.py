@@ -1,0 +1,118 @@
+"""What keeps an arm from being armed: a board with another protocol, and another daemon of the same name."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from lrmd.cli import app
+from lrmd.client import RequestRefused
+from lrmd.link import protocol
+from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
+from lrmd.messages.control import ArmRequest, ErrorReply, pack, unpack
+from lrmd.messages.zenoh_session import client
+from tests.support.daemon_harness import HOME, wait_for_link
+from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
+
+
+@contextmanager
+def board_of_version(path: Path, version: int) -> Iterator[None]:
+    """A board that answers every HELLO with an INFO of another version, of whatever length it has there."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    path.symlink_to(os.ttyname(slave))
+    ending = threading.Event()
+
+    def answer() -> None:
+        decoder = FrameDecoder()
+        os.set_blocking(master, False)
+        while not ending.wait(0.002):
+            try:
+                data = os.read(master, 4096)
+            except BlockingIOError:
+                continue
+            for frame in decoder.feed(data):
+                if isinstance(frame, Frame) and frame.type == FrameType.HELLO:
+                    os.write(master, encode(Frame(FrameType.INFO, frame.seq, 0b1111, (version, 7, 8, 9))))
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join()
+        path.unlink()
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_board_with_another_protocol_is_named_once_with_what_to_flash(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    setup = DaemonSetup.make(tmp_path)
+    with board_of_version(setup.link, protocol.VERSION + 1), DaemonProcess(setup) as daemon:
+        daemon.ready()
+        with setup.rover() as rover:
+            wait_for(lambda: "board_version" in [event.code for event in rover.events()], "the event")
+            time.sleep(1.0)
+            told = [event for event in rover.events() if event.code == "board_version"]
+            logged = [entry for entry in daemon.log_entries() if entry["event"] == "board_version"]
+            assert (len(told), len(logged), told[0].level) == (1, 1, "error")
+            for text in (told[0].text, str(logged[0]["text"])):
+                assert f"speaks protocol {protocol.VERSION + 1}" in text
+                assert f"needs {protocol.VERSION}" in text
+                assert "flash the firmware/" in text
+            assert told[0].detail == {"board": protocol.VERSION + 1, "needed": protocol.VERSION}
+            with rover.control("test"), pytest.raises(RequestRefused, match="flash the firmware/") as refused:
+                rover.arm("given", HOME)
+            assert refused.value.code == "link"
+        assert app.main(["--connect", setup.endpoint, "state"]) == 0
+        assert told[0].text in capsys.readouterr().out
+
+
+def refusals(setup: DaemonSetup) -> set[str]:
+    """Codes of everybody's answer to a request to arm."""
+    request = pack(ArmRequest(lease="of whomever", where="given", q_rad=HOME))
+    with zenoh.open(client([setup.endpoint])) as session:
+        replies = list(session.get(setup.key("rpc/arm"), payload=request, timeout=5.0))
+        assert all(reply.ok is None for reply in replies)
+        return {unpack(ErrorReply, reply.err.payload.to_bytes()).code for reply in replies if reply.err is not None}
+
+
+def test_a_second_daemon_of_the_name_is_noticed_by_both_at_start_and_when_it_goes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [tmp_path / name for name in ("one", "two")]
+    for folder in folders:
+        folder.mkdir()
+    first = DaemonSetup.make(folders[0])
+    second = DaemonSetup.make(folders[1], {"connect = []": f'connect = ["{first.endpoint}"]'})
+    with ExitStack() as running:
+        for setup in (first, second):
+            running.enter_context(BoardProcess(setup))
+        daemon = running.enter_context(DaemonProcess(first)).ready()
+        rover = running.enter_context(first.rover())
+        wait_for_link(rover)
+        assert rover.mode().troubles == []
+        with DaemonProcess(second) as twin:
+            twin.ready()
+            both = (daemon, twin)
+            wait_for(lambda: all("name_taken" in one.codes() for one in both), "each sees the other")
+            time.sleep(0.5)
+            assert [one.codes().count("name_taken") for one in both] == [1, 1]
+            assert refusals(second) == {"name_taken"}
+            assert app.main(["--connect", second.endpoint, "state"]) == 0
+            assert "another daemon on the network is named rover" in capsys.readouterr().out
+        wait_for(lambda: rover.mode().troubles == [], "the other is gone")
+        assert [event.code for event in rover.events() if event.code.startswith("name")] == ["name_taken", "name_free"]
+        with rover.control("test"):
+            rover.arm("given", HOME)

@@ -1,0 +1,36 @@
+"""The client of the documentation that needs nothing of ours, run against a daemon."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.conftest import ROOT
+from tests.support.daemon_process import DaemonSetup, running_daemon
+
+PROGRAM = ROOT / "docs" / "zenoh_client.py"
+
+
+def test_the_example_without_our_client_moves_the_arm(tmp_path: Path) -> None:
+    setup = DaemonSetup.make(tmp_path)
+    with running_daemon(setup):
+        done = subprocess.run(
+            [sys.executable, str(PROGRAM), setup.endpoint], capture_output=True, text=True, timeout=60, cwd=tmp_path
+        )
+        assert done.returncode == 0, done.stderr
+        first, refused, last = done.stdout.splitlines()
+        assert first.startswith("rover: arm lrm-rover, joints joint1")
+        assert refused.startswith("as it should be, limit: joint1")
+        assert last.endswith("was 0.100 rad")
+        nobody = subprocess.run(
+            [sys.executable, str(PROGRAM), setup.endpoint, "nobody"], capture_output=True, text=True, timeout=60
+        )
+        assert nobody.returncode == 1
+        assert "no answer from lrm/nobody/info" in nobody.stderr
+
+
+def test_it_needs_zenoh_and_msgpack_alone() -> None:
+    lines = PROGRAM.read_text(encoding="utf-8").splitlines()
+    imports = {line.split()[1] for line in lines if line.startswith(("import ", "from "))}
+    assert imports - set(sys.stdlib_module_names) == {"zenoh", "msgpack"}
