@@ -24,9 +24,11 @@ from lrm_ident.cli.common import (
     read_model,
     show,
 )
+from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import AS_NAMED, Measurements, arm_for, load_poses
+from lrm_ident.data.measurements import Measurements, arm_for
+from lrm_ident.data.pose_table import load_poses
 from lrm_ident.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
 from lrm_ident.estimation.error_breakdown import compare as run_compare
@@ -34,10 +36,9 @@ from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import Loss, loss_named
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.estimation.model_history import arm_name_for, model_file, model_text
-from lrm_ident.estimation.priors import load_prior, prior_name_for, prior_of_file, weak_prior
+from lrm_ident.estimation.priors import load_prior, prior_name_for, prior_of_file
 from lrm_ident.plots.comparison import draw_comparison
 from lrm_ident.progress import OnProgress
-from lrm_ident.registration.collapse import check_fit
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import ErrorSummary, comparison_document, fit_document
 from lrm_ident.report.priors import PriorComparison
@@ -100,10 +101,9 @@ def fit(
     model = _start_model(the_arm, effects, start, catalogue := catalogue_with(effects_file))
     how, known = loss_named(loss), None if prior is None else load_prior(prior, model, catalogue)
     result = fit_model(model, measured, parameters, how, unbounded, known)
-    check_fit(result.fit.rest, result.fit.model.free, result.fit.residual)
     with progress("held-out error") as tick:
         fitted = result.fit.model
-        held_prior = weak_prior(fitted) if result.fit.damped else known
+        held_prior = known or result.fit.weak_prior
         held_out = try_held_out(fitted, measured, fit_bounds(fitted, unbounded), how, tick, held_prior)
     errors = ErrorSummary(nominal_error(the_arm, measured), error_stats(result.fit.residual), held_out)
     document = fit_document(result, errors, measured)
@@ -175,7 +175,7 @@ def _alone(
         alone = fit_model(model, data, parameters, loss, unbounded).fit
     except LrmError as error:
         return str(error), HeldOutResidual(None, str(error))
-    return alone, try_held_out(alone.model, data, fit_bounds(alone.model, unbounded), loss, tick)
+    return alone, try_held_out(alone.model, data, fit_bounds(alone.model, unbounded), loss, tick, alone.weak_prior)
 
 
 def _start_model(arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
