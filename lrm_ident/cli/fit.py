@@ -15,6 +15,7 @@ from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     LISTED,
     leave_out_poses,
+    log,
     loss_of,
     nominal_error,
     progress,
@@ -27,8 +28,7 @@ from lrm_ident.cli.common import (
 from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import Measurements, arm_for
-from lrm_ident.data.pose_table import load_poses
+from lrm_ident.data.measurements import Measurements, arm_for, load_poses, metadata_of
 from lrm_ident.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
 from lrm_ident.estimation.error_breakdown import compare as run_compare
@@ -130,10 +130,17 @@ def predict(
     output: Annotated[Path, Option("-o", "--output", metavar="CSV", help="Where to write the predictions.")],
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
-    """Predict the TCP (mm) and gravity's joint torques (Nm) at commanded poses."""
-    _, the_model = read_model(model, catalogue_with(effects_file))
-    rest = equilibrium(the_model, load_poses(poses, the_model.arm))
+    """Predict the TCP (mm) and gravity's joint torques (Nm) at commanded poses, in the frame of the arm file."""
+    file, the_model = read_model(model, catalogue_with(effects_file))
+    how = reading.over(metadata_of(poses)).over(None if file.provenance is None else file.provenance.reading)
+    if how.joint_sign or how.joint_order or how.angle_unit:
+        log.print(
+            f"notice: {poses.name}: angles read as the options, the file beside it or the model's fit say; "
+            "those written are the arm file's own, in deg"
+        )
+    rest = equilibrium(the_model, load_poses(poses, the_model.arm, how))
     table = _predictions(rest)
     publish(Document([], "lrm/prediction/1", {"poses": table.records()}), json)
     write_text(output, table.csv())

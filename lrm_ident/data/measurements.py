@@ -15,7 +15,7 @@ from pydantic import Field
 from lrm_ident.data.apply_reading import ANGLE_UNITS, AS_NAMED, LENGTH_UNITS, read_joints, read_positions
 from lrm_ident.data.csv_table import CsvTable, csv_text, require
 from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_measurement_table
-from lrm_ident.data.pose_table import poses_of_table, read_angles, read_whole
+from lrm_ident.data.pose_table import in_units, poses_of_table, read_angles, read_whole
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array
@@ -128,7 +128,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     """
     metadata = metadata_of(path)
     how = (reading or AS_NAMED).over(metadata)
-    table = _in_units(numbered(read_measurement_table(path)), how)
+    table = in_units(numbered(read_measurement_table(path)), how)
     angles = _angle_columns(table, arm, how)
     require(table, ["pose", *angles, *POSITION])
     pose = read_whole(table, "pose")
@@ -153,17 +153,6 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         reading=Reading(**how.said()),
         stated=_stated(table, how),
     )
-
-
-def _in_units(table: CsvTable, how: Reading) -> CsvTable:
-    """The table with the stated units in place of those of its columns' names."""
-    factors: dict[str, float] = {}
-    if how.unit:
-        factors |= dict.fromkeys(POSITION, LENGTH_UNITS[how.unit] / MM)
-    if how.angle_unit:
-        names = [name for name in table.header if ANGLES.fullmatch(name)]
-        factors |= dict.fromkeys(names, ANGLE_UNITS[how.angle_unit] / ANGLE_UNITS["deg"])
-    return table.with_factors(factors)
 
 
 def _stated(table: CsvTable, how: Reading) -> Reading:
@@ -195,6 +184,22 @@ def _start(path: Path, metadata: Metadata | None, arm: Arm, how: Reading) -> Arr
         what = f"{len(metadata.start_q_deg)} angles"
         raise FileError(path.with_suffix(".toml"), "start_q_deg", what, f"should be {arm.dof}")
     return read_joints(how, np.radians(metadata.start_q_deg))
+
+
+def load_poses(path: Path, arm: Arm, reading: Reading | None = None) -> Poses:
+    """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`.
+
+    Args:
+        reading: as in `load_measurements`.
+
+    Raises `FileError`.
+    """
+    how = (reading or AS_NAMED).over(metadata_of(path))
+    table = in_units(read_measurement_table(path), how)
+    require(table, _angle_columns(table, arm, how))
+    known: dict[str, Array] = {n: table.numbers(n) for n in ("t_s", "session", "temp_c") if n in table.header}
+    number = read_whole(table, "pose") if "pose" in table.header else None
+    return poses_of_table(table, read_angles(table, arm, how), known, number, None, how)
 
 
 def measurements_csv(data: Measurements) -> str:

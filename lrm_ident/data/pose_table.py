@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import AS_NAMED, read_joints
-from lrm_ident.data.csv_table import CsvTable, require
-from lrm_ident.data.measurement_table import read_measurement_table
+from lrm_ident.data.apply_reading import ANGLE_UNITS, AS_NAMED, LENGTH_UNITS, read_joints
+from lrm_ident.data.csv_table import CsvTable
+from lrm_ident.data.measurement_table import ANGLES, POSITION
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import GRAM
+from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
@@ -24,13 +22,15 @@ class BeyondLimits(FileError):
     """A joint angle beyond the limits of the arm."""
 
 
-def load_poses(path: Path, arm: Arm) -> Poses:
-    """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`. Raises `FileError`."""
-    table = require(read_measurement_table(path), [f"q{i + 1}_deg" for i in range(arm.dof)])
-    q = read_angles(table, arm)
-    known: dict[str, Array] = {n: table.numbers(n) for n in ("t_s", "session", "temp_c") if n in table.header}
-    number = read_whole(table, "pose") if "pose" in table.header else None
-    return poses_of_table(table, q, known, number, None, AS_NAMED)
+def in_units(table: CsvTable, how: Reading) -> CsvTable:
+    """The table with the stated units in place of those of its columns' names."""
+    factors: dict[str, float] = {}
+    if how.unit:
+        factors |= dict.fromkeys(POSITION, LENGTH_UNITS[how.unit] / MM)
+    if how.angle_unit:
+        names = [name for name in table.header if ANGLES.fullmatch(name)]
+        factors |= dict.fromkeys(names, ANGLE_UNITS[how.angle_unit] / ANGLE_UNITS["deg"])
+    return table.with_factors(factors)
 
 
 def poses_of_table(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -84,3 +85,17 @@ def test_in_python_a_fit_brings_its_loss_along(data: Measurements) -> None:
     assert lrm.diagnose(robust.model, data, loss="huber").diagnosis.fit.loss.name == "huber"
     assert lrm.compare(robust, data).held_out.error == lrm.compare(robust.model, data, "huber").held_out.error
     assert lrm.compare(plain.model, data).held_out.error == lrm.compare(plain, data).held_out.error
+
+
+def test_poses_are_read_as_the_data_of_the_fit(tmp_path: Path) -> None:
+    data = random_arm_data("two-joint", 5, poses=40)
+    turned = replace(data, poses=replace(data.poses, q=data.poses.q * [1.0, -1.0]))
+    right, other = tmp_path / "right.csv", tmp_path / "other.csv"
+    for path, measured in ((right, data), (other, turned)):
+        path.write_text(measurements_csv(measured))
+    model, predicted = tmp_path / "model.toml", tmp_path / "predicted.csv"
+    stdout_of("fit", other, "--arm", "two-joint", "--joint-sign", "1,-1", "-o", model)
+    assert "as the options" in noticed("predict", model, other, "-o", predicted)
+    as_read = predicted.read_text()
+    stdout_of("predict", model, right, "--joint-sign", "1,1", "-o", predicted)
+    assert predicted.read_text() == as_read
