@@ -163,6 +163,8 @@ def compare(
     """
     file, the_model, measured, catalogue = read_inputs(model, data, effects_file, reading)
     prior = prior_of_file(file, the_model, catalogue)
+    if file.provenance and file.provenance.data_sha256 != measured.sha256:
+        log.print(f"notice: the model was fitted to {file.provenance.data}; its error here is on poses it never saw")
     with progress("held-out error") as tick:
         comparison = run_compare(the_model, measured, tick, prior, loss_of(file))
     publish(

@@ -186,7 +186,7 @@ def _start(path: Path, metadata: Metadata | None, arm: Arm, how: Reading) -> Arr
     return read_joints(how, np.radians(metadata.start_q_deg))
 
 
-def load_poses(path: Path, arm: Arm, reading: Reading | None = None) -> Poses:
+def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Poses:
     """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`.
 
     Args:
@@ -194,6 +194,7 @@ def load_poses(path: Path, arm: Arm, reading: Reading | None = None) -> Poses:
 
     Raises `FileError`.
     """
+    path = Path(file)
     how = (reading or AS_NAMED).over(metadata_of(path))
     table = in_units(read_measurement_table(path), how)
     require(table, _angle_columns(table, arm, how))

@@ -81,6 +81,12 @@ class Fit:
     loss: Loss = SQUARED
     damped: bool = False
 
+    def take(self, rows: NDArray[np.int64]) -> Fit:
+        """The same fit, seen at some of its poses."""
+        outliers = tuple(np.flatnonzero(np.isin(rows, self.outliers)).tolist())
+        rest, residual, weight = self.rest.take(rows), self.residual[rows], self.weight[rows]
+        return replace(self, rest=rest, residual=residual, weight=weight, outliers=outliers)
+
     @property
     def weak_prior(self) -> Prior | None:
         """The prior that damped it, if one did: fits to a part of the data need it too."""
@@ -154,7 +160,7 @@ def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> Non
     if poses < least:
         raise LrmError(
             f"{poses} poses for {parameters} parameters; measure at least {least} poses, or fit fewer parameters "
-            "(--parameters)"
+            "(fit --parameters)"
         )
 
 
