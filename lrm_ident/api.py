@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from functools import singledispatch
 from pathlib import Path
 
+from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurements import AS_NAMED, Measurements, arm_for, load_poses
+from lrm_ident.data.measurements import Measurements, arm_for, load_poses
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
@@ -22,10 +23,10 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.estimation.error_breakdown import ModelComparison, try_held_out
 from lrm_ident.estimation.error_breakdown import compare as run_compare
 from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_ident.estimation.loss import loss_named
+from lrm_ident.estimation.loss import SQUARED, Loss, loss_named
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_model, nominal_model
 from lrm_ident.estimation.model_history import model_file, model_text
-from lrm_ident.estimation.priors import load_prior, weak_prior
+from lrm_ident.estimation.priors import load_prior
 from lrm_ident.plots.comparison import draw_comparison
 from lrm_ident.plots.diagnosis import draw_report
 from lrm_ident.registration.checked import load_checked
@@ -63,7 +64,6 @@ def load(path: str | Path, arm: str | None = None, reading: Reading = AS_NAMED) 
     Args:
         path: a CSV with one row per pose (docs/files.md).
         arm: name of a shipped arm or path of an arm file; None: the one that the file beside the CSV names.
-
         reading: units, axes, frame, and the joints' signs and order, where the columns' names do not say them.
 
     Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
@@ -95,24 +95,38 @@ def fit(
     return fit_model(model, data, parameters, loss_named(loss), prior=known).fit
 
 
-def compare(model: Model, data: Measurements, loss: str = "squared") -> ModelComparison:
-    """Error of a model on measurements beside its held-out error, split by what it may depend on."""
-    return run_compare(model, data, loss=loss_named(loss))
+def compare(model: Model | Fit, data: Measurements, loss: str | None = None) -> ModelComparison:
+    """Error of a model on measurements beside its held-out error, split by what it may depend on.
+
+    Here and below: a `Fit` brings its loss along; else `loss` says it, least squares if not given.
+    """
+    the_model, how = _with_loss(model, loss)
+    return run_compare(the_model, data, loss=how)
 
 
-def diagnose(model: Model, data: Measurements) -> DiagnosisReport:
+def diagnose(model: Model | Fit, data: Measurements, loss: str | None = None) -> DiagnosisReport:
     """Which physical effect a model misses: `first` is the effect to add, `verdict` says if there is one."""
-    return build_report(run_diagnose(model, data))
+    the_model, how = _with_loss(model, loss)
+    return build_report(run_diagnose(the_model, data, loss=how))
 
 
-def add(model: Model, data: Measurements, effect: str) -> Fit:
+def add(model: Model | Fit, data: Measurements, effect: str, loss: str | None = None) -> Fit:
     """The model with an effect (`id` or `id@place`), all parameters fitted together. Raises `LrmError`."""
-    return add_effects(model, data, effects_at(model.arm, effect))
+    the_model, how = _with_loss(model, loss)
+    return add_effects(the_model, data, effects_at(the_model.arm, effect), loss=how)
 
 
-def auto(model: Model, data: Measurements, max_effects: int = 20) -> AutoRun:
+def auto(model: Model | Fit, data: Measurements, max_effects: int = 20, loss: str | None = None) -> AutoRun:
     """Diagnoses and adds effects until nothing is supported; `model` is the result."""
-    return run_auto(model, data, max_effects)
+    the_model, how = _with_loss(model, loss)
+    return run_auto(the_model, data, max_effects, loss=how)
+
+
+def _with_loss(model: Model | Fit, loss: str | None) -> tuple[Model, Loss]:
+    """A model and the loss of its fit. Raises `UnknownName`."""
+    if isinstance(model, Fit):
+        return model.model, model.loss if loss is None else loss_named(loss)
+    return model, SQUARED if loss is None else loss_named(loss)
 
 
 def predict(model: Model, poses: Poses) -> Array:
@@ -138,5 +152,5 @@ def _(result: DiagnosisReport, path: str | Path) -> None:
 
 def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     """Writes a model file, which the command line and the daemon read. Raises `FileError`."""
-    held_out = try_held_out(fit.model, data, loss=fit.loss, prior=weak_prior(fit.model) if fit.damped else None)
+    held_out = try_held_out(fit.model, data, loss=fit.loss, prior=fit.weak_prior)
     write_text(Path(path), model_text(model_file(fit, data, held_out, fit.model.arm.name, "fit", fit.loss.name)))

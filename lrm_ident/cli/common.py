@@ -12,9 +12,10 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
+from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.data.measurements import AS_NAMED, Measurements, metadata_of
+from lrm_ident.data.measurements import Measurements, metadata_of
 from lrm_ident.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.loss import SQUARED, Loss, loss_named

@@ -21,9 +21,10 @@ from lrm_ident.cli.common import (
     read_identifiable,
     show,
 )
+from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import AS_NAMED, load_poses
+from lrm_ident.data.measurements import load_poses
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import AutoStep, run_auto
 from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
@@ -111,7 +112,7 @@ def add(
     with progress("held-out error, before") as tick:
         left_before = try_held_out(before, measured, loss=loss, progress=tick)
     with progress("held-out error, after") as tick:
-        left_after = try_held_out(fitted.model, measured, loss=loss, progress=tick)
+        left_after = try_held_out(fitted.model, measured, loss=loss, progress=tick, prior=fitted.weak_prior)
     nominal = nominal_error(before.arm, measured)
     errors_before = ErrorSummary(nominal, error_of(before, measured), left_before)
     errors_after = ErrorSummary(nominal, error_stats(fitted.residual), left_after)

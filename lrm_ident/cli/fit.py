@@ -15,6 +15,7 @@ from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     LISTED,
     leave_out_poses,
+    log,
     loss_of,
     nominal_error,
     progress,
@@ -24,9 +25,10 @@ from lrm_ident.cli.common import (
     read_model,
     show,
 )
+from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import AS_NAMED, Measurements, arm_for, load_poses
+from lrm_ident.data.measurements import Measurements, arm_for, load_poses, metadata_of
 from lrm_ident.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
 from lrm_ident.estimation.error_breakdown import compare as run_compare
@@ -34,10 +36,9 @@ from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import Loss, loss_named
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.estimation.model_history import arm_name_for, model_file, model_text
-from lrm_ident.estimation.priors import load_prior, prior_name_for, prior_of_file, weak_prior
+from lrm_ident.estimation.priors import load_prior, prior_name_for, prior_of_file
 from lrm_ident.plots.comparison import draw_comparison
 from lrm_ident.progress import OnProgress
-from lrm_ident.registration.collapse import check_fit
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import ErrorSummary, comparison_document, fit_document
 from lrm_ident.report.priors import PriorComparison
@@ -100,10 +101,9 @@ def fit(
     model = _start_model(the_arm, effects, start, catalogue := catalogue_with(effects_file))
     how, known = loss_named(loss), None if prior is None else load_prior(prior, model, catalogue)
     result = fit_model(model, measured, parameters, how, unbounded, known)
-    check_fit(result.fit.rest, result.fit.model.free, result.fit.residual)
     with progress("held-out error") as tick:
         fitted = result.fit.model
-        held_prior = weak_prior(fitted) if result.fit.damped else known
+        held_prior = known or result.fit.weak_prior
         held_out = try_held_out(fitted, measured, fit_bounds(fitted, unbounded), how, tick, held_prior)
     errors = ErrorSummary(nominal_error(the_arm, measured), error_stats(result.fit.residual), held_out)
     document = fit_document(result, errors, measured)
@@ -130,10 +130,17 @@ def predict(
     output: Annotated[Path, Option("-o", "--output", metavar="CSV", help="Where to write the predictions.")],
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
-    """Predict the TCP (mm) and gravity's joint torques (Nm) at commanded poses."""
-    _, the_model = read_model(model, catalogue_with(effects_file))
-    rest = equilibrium(the_model, load_poses(poses, the_model.arm))
+    """Predict the TCP (mm) and gravity's joint torques (Nm) at commanded poses, in the frame of the arm file."""
+    file, the_model = read_model(model, catalogue_with(effects_file))
+    how = reading.over(metadata_of(poses)).over(None if file.provenance is None else file.provenance.reading)
+    if how.joint_sign or how.joint_order or how.angle_unit:
+        log.print(
+            f"notice: {poses.name}: angles read as the options, the file beside it or the model's fit say; "
+            "those written are the arm file's own, in deg"
+        )
+    rest = equilibrium(the_model, load_poses(poses, the_model.arm, how))
     table = _predictions(rest)
     publish(Document([], "lrm/prediction/1", {"poses": table.records()}), json)
     write_text(output, table.csv())
@@ -156,6 +163,8 @@ def compare(
     """
     file, the_model, measured, catalogue = read_inputs(model, data, effects_file, reading)
     prior = prior_of_file(file, the_model, catalogue)
+    if file.provenance and file.provenance.data_sha256 != measured.sha256:
+        log.print(f"notice: the model was fitted to {file.provenance.data}; its error here is on poses it never saw")
     with progress("held-out error") as tick:
         comparison = run_compare(the_model, measured, tick, prior, loss_of(file))
     publish(
@@ -175,7 +184,7 @@ def _alone(
         alone = fit_model(model, data, parameters, loss, unbounded).fit
     except LrmError as error:
         return str(error), HeldOutResidual(None, str(error))
-    return alone, try_held_out(alone.model, data, fit_bounds(alone.model, unbounded), loss, tick)
+    return alone, try_held_out(alone.model, data, fit_bounds(alone.model, unbounded), loss, tick, alone.weak_prior)
 
 
 def _start_model(arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:

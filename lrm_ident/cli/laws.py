@@ -9,11 +9,13 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import log, progress, publish, read_identifiable, show
+from lrm_ident.cli.common import log, loss_of, progress, publish, read_identifiable, show
+from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.laws.law_file import law_id
 from lrm_ident.laws.proposal import propose_law
 from lrm_ident.report.laws import proposal_document
+from lrm_math.model.reading import Reading
 
 
 @command
@@ -23,14 +25,15 @@ def propose(
     output: Annotated[Path | None, Option("-o", "--output", metavar="LAW.py", help="Where to write the law.")] = None,
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
 ) -> None:
     """Propose a law where no known effect fits: a small grammar searched at every joint, judged by held-out error.
 
     Writes the best as an effect of your own (docs/effects.md): read it, then add it with --effects-file.
     """
-    _, the_model, measured, _ = read_identifiable(model, data, effects_file)
+    file, the_model, measured, _ = read_identifiable(model, data, effects_file, reading)
     with progress("trying every law at every joint") as tick, log.status("searching") as status:
-        found = propose_law(the_model, measured, tick, status.update)
+        found = propose_law(the_model, measured, tick, status.update, loss_of(file))
     publish(proposal_document(found), json)
     if found.best is None:
         return

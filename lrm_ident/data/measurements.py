@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions
+from lrm_ident.data.apply_reading import ANGLE_UNITS, AS_NAMED, LENGTH_UNITS, read_joints, read_positions
 from lrm_ident.data.csv_table import CsvTable, csv_text, require
 from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_measurement_table
+from lrm_ident.data.pose_table import in_units, poses_of_table, read_angles, read_whole
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array
@@ -25,13 +26,6 @@ from lrm_math.toml_file import read_toml, schema_of
 
 ATTITUDE = ("qw", "qx", "qy", "qz")
 OPTIONAL = ("t_s", "session", "payload_g", *ATTITUDE, "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
-AS_NAMED = Reading()
-"""As the columns' names say."""
-LIMIT_TOLERANCE = np.radians(1e-6)
-
-
-class BeyondLimits(FileError):
-    """A joint angle beyond the limits of the arm."""
 
 
 class Metadata(Reading):
@@ -134,10 +128,10 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     """
     metadata = metadata_of(path)
     how = (reading or AS_NAMED).over(metadata)
-    table = _in_units(numbered(read_measurement_table(path)), how)
+    table = in_units(numbered(read_measurement_table(path)), how)
     angles = _angle_columns(table, arm, how)
     require(table, ["pose", *angles, *POSITION])
-    pose = _whole(table, "pose")
+    pose = read_whole(table, "pose")
     _check_once(table, pose)
     q = read_angles(table, arm, how)
     known = {name: table.numbers(name) for name in OPTIONAL if name in table.header}
@@ -146,7 +140,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     if sd is not None:
         table.reject(sd <= 0, "sd_mm", "not above zero")
     return Measurements(
-        poses=_poses(table, q, known, pose, start, how),
+        poses=poses_of_table(table, q, known, pose, start, how),
         pose=pose,
         tcp=read_positions(how, np.stack([table.numbers(name) for name in POSITION], axis=1) * MM),
         sd=None if sd is None else sd * MM,
@@ -159,17 +153,6 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         reading=Reading(**how.said()),
         stated=_stated(table, how),
     )
-
-
-def _in_units(table: CsvTable, how: Reading) -> CsvTable:
-    """The table with the stated units in place of those of its columns' names."""
-    factors: dict[str, float] = {}
-    if how.unit:
-        factors |= dict.fromkeys(POSITION, LENGTH_UNITS[how.unit] / MM)
-    if how.angle_unit:
-        names = [name for name in table.header if ANGLES.fullmatch(name)]
-        factors |= dict.fromkeys(names, ANGLE_UNITS[how.angle_unit] / ANGLE_UNITS["deg"])
-    return table.with_factors(factors)
 
 
 def _stated(table: CsvTable, how: Reading) -> Reading:
@@ -203,77 +186,21 @@ def _start(path: Path, metadata: Metadata | None, arm: Arm, how: Reading) -> Arr
     return read_joints(how, np.radians(metadata.start_q_deg))
 
 
-def load_poses(path: Path, arm: Arm) -> Poses:
-    """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`. Raises `FileError`."""
-    table = require(read_measurement_table(path), [f"q{i + 1}_deg" for i in range(arm.dof)])
-    q = read_angles(table, arm)
+def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Poses:
+    """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`.
+
+    Args:
+        reading: as in `load_measurements`.
+
+    Raises `FileError`.
+    """
+    path = Path(file)
+    how = (reading or AS_NAMED).over(metadata_of(path))
+    table = in_units(read_measurement_table(path), how)
+    require(table, _angle_columns(table, arm, how))
     known: dict[str, Array] = {n: table.numbers(n) for n in ("t_s", "session", "temp_c") if n in table.header}
-    return _poses(table, q, known, _whole(table, "pose") if "pose" in table.header else None, None, AS_NAMED)
-
-
-def _poses(
-    table: CsvTable,
-    q: Array,
-    known: dict[str, Array],
-    number: NDArray[np.int64] | None,
-    start: Array | None,
-    how: Reading,
-) -> Poses:
-    return Poses(
-        q=q,
-        payload=read_payload(table),
-        direction=read_approach(table, directions(q, start), how),
-        t=known.get("t_s"),
-        session=known.get("session"),
-        temperature=known.get("temp_c"),
-        number=number,
-    )
-
-
-def read_angles(table: CsvTable, arm: Arm, how: Reading = AS_NAMED) -> Array:
-    """(N, n) joint angles (rad), every one within the arm's limits. Raises `FileError`, `BeyondLimits`."""
-    columns = np.stack([table.numbers(f"q{i + 1}_deg") for i in range(arm.dof)], axis=1)
-    q = np.radians(read_joints(how, columns))
-    order = how.joint_order or range(1, arm.dof + 1)
-    for i, joint in enumerate(arm.joints):
-        outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
-        if outside.any():
-            row = int(np.argmax(outside))
-            low, high = np.degrees([joint.lower, joint.upper])
-            raise BeyondLimits(
-                table.path,
-                table.at(row, f"q{order[i]}_deg"),
-                f"{np.degrees(q[row, i]):g} deg is beyond the limits of joint {i + 1}",
-                f"{low:g} to {high:g} deg",
-            )
-    return q
-
-
-def read_payload(table: CsvTable) -> Array:
-    """(N,) load (kg), zero where the column is missing. Raises `FileError` for a negative one."""
-    if "payload_g" not in table.header:
-        return np.zeros(len(table.rows))
-    payload = table.numbers("payload_g")
-    table.reject(payload < 0, "payload_g", "a negative load")
-    return payload * GRAM
-
-
-def read_approach(table: CsvTable, moves: Array, how: Reading) -> Array:
-    """(N, n), approach directions: the column `approach`, else the moves. Raises `FileError`."""
-    if "approach" not in table.header:
-        return moves
-    side = table.numbers("approach")
-    table.reject(~np.isin(side, (-1.0, 0.0, 1.0)), "approach", "not a side", "1, -1, or 0 if unknown")
-    return read_joints(how, np.repeat(side[:, None], moves.shape[1], axis=1))
-
-
-def directions(q: Array, start: Array | None) -> Array:
-    """(N, n), sign of the last move of each joint before each pose; 0 before its first move."""
-    before = q[:1] if start is None else np.asarray(start)[None, :]
-    moves = np.sign(np.diff(np.concatenate([before, q]), axis=0))
-    for row in range(1, len(moves)):
-        moves[row] = np.where(moves[row] == 0.0, moves[row - 1], moves[row])
-    return moves
+    number = read_whole(table, "pose") if "pose" in table.header else None
+    return poses_of_table(table, read_angles(table, arm, how), known, number, None, how)
 
 
 def measurements_csv(data: Measurements) -> str:
@@ -290,12 +217,6 @@ def measurements_csv(data: Measurements) -> str:
         columns.append(("sd_mm", data.sd / MM, 6))
     columns.append(("repeat_of", data.repeat_of.astype(np.float64), 0))
     return csv_text(columns)
-
-
-def _whole(table: CsvTable, column: str) -> NDArray[np.int64]:
-    values = table.numbers(column)
-    table.reject(values != np.round(values), column, "not a whole number")
-    return values.astype(np.int64)
 
 
 def _check_once(table: CsvTable, pose: NDArray[np.int64]) -> None:
@@ -315,7 +236,7 @@ def _repeats(table: CsvTable, pose: NDArray[np.int64]) -> NDArray[np.int64]:
         row if row[j].strip() else (*row[:j], str(own), *row[j + 1 :])
         for row, own in zip(table.rows, pose.tolist(), strict=True)
     )
-    repeat = _whole(replace(table, rows=rows), "repeat_of")
+    repeat = read_whole(replace(table, rows=rows), "repeat_of")
     unknown = ~np.isin(repeat, pose)
     if unknown.any():
         row = int(np.argmax(unknown))

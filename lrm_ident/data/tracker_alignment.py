@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.csv_table import CsvTable, csv_text, read_csv
-from lrm_ident.data.measurements import read_angles
+from lrm_ident.data.pose_table import read_angles
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array

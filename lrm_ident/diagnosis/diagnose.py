@@ -4,6 +4,7 @@ measurements -> fit -> candidates -> forms -> judge -> report: this is the linea
 Every effect of the catalogue in every form at every place is tried on the residual (score test) and judged by the
 held-out error that it would leave; effects are taken by forward selection. Then free functions are tried on what is
 left: they separate an effect that is really there from one that only resembles a structure outside the catalogue.
+Of thousands of poses a part is screened, drawn at random, with the poses that the fit misses most; the judge refits all.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from lrm_ident.data.measurements import Measurements
@@ -24,6 +26,7 @@ from lrm_ident.diagnosis.residual_structure import NoiseFloor, ResidualStructure
 from lrm_ident.diagnosis.score_test import ScoredCandidate, benjamini_yekutieli, score_candidates
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
 from lrm_ident.estimation.cross_validation import joint_space_folds
+from lrm_ident.estimation.identifiability import some_rows
 from lrm_ident.estimation.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
 from lrm_ident.estimation.loss import Loss, robust_scale
 from lrm_ident.progress import OnProgress, silent
@@ -33,6 +36,7 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.model import Model
 
 FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
+MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
 NOT_NOISE = 1e-3  # p value of the chi-squared test below which the residual exceeds the floor surely
 Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable"]
 
@@ -42,11 +46,12 @@ class Diagnosis:
     """What a model misses on measurements.
 
     Attributes:
-        squared_held_out: (N,), held-out squared distance of each pose without anything added (m²).
+        fit, data: of all N poses. screened: (n,), rows of those that were screened, all of few; below for these only.
+        squared_held_out: (n,), held-out squared distance of each pose without anything added (m²).
         scored: every testable candidate, best first. adjusted_p_values: theirs, Benjamini-Yekutieli.
         selected: by forward selection, in that order, spurious ones included.
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
-        joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad).
+        joint_jacobian: (joints, 3, n), motion of the TCP for a unit rotation of each joint (m/rad).
         outliers: numbers of the poses left out. loss: of every fit; None: least squares.
     """
 
@@ -62,8 +67,14 @@ class Diagnosis:
     unexplained: UnexplainedStructure
     not_testable: tuple[tuple[Effect, str], ...]
     joint_jacobian: Array
+    screened: NDArray[np.int64]
     outliers: tuple[int, ...] = ()
     loss: Loss | None = None
+
+    @property
+    def seen(self) -> tuple[Fit, Measurements]:
+        """The fit and the measurements at the poses that were screened."""
+        return self.fit.take(self.screened), self.data.take(self.screened)
 
     @property
     def supported(self) -> tuple[ScoredCandidate, ...]:
@@ -118,21 +129,23 @@ def diagnose(
 def _diagnose(
     model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: OnProgress, loss: Loss | None
 ) -> Diagnosis:
-    fitted = fit(model, data, loss=loss)
-    weight = row_weights(data, fitted)
-    linear = linearised(fitted, data, weight)
+    whole = fit(model, data, loss=loss)
+    screened = rows_to_screen(whole)
+    fitted, part = whole.take(screened), data.take(screened)
+    weight = row_weights(part, fitted)
+    linear = linearised(fitted, part, weight)
     testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.rest)
-    response, found = differentiate_candidates(fitted.model, data.poses, testable)
+    response, found = differentiate_candidates(fitted.model, part.poses, testable)
     scored, undetectable = score_candidates(found, linear, weight, progress)
     ranked = sorted(scored, key=lambda one: one.alone.rms)
     selected = forward_select(ranked, linear, progress)
     joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
-    functions = free_functions(joint_jacobian, data, fitted.rest.joint_torque)
+    functions = free_functions(joint_jacobian, part, fitted.rest.joint_torque)
     return Diagnosis(
-        fit=fitted,
+        fit=whole,
         data=data,
         floor=noise_floor(data),
-        structure=residual_structure(data.poses.q, linear.residual, linear.basis),
+        structure=residual_structure(part.poses.q, linear.residual, linear.basis),
         squared_held_out=linear.explain().held_out,
         scored=(*selected, *(one for one in ranked if one not in selected)),
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
@@ -141,8 +154,16 @@ def _diagnose(
         unexplained=unexplained_structure(selected, linear, functions, weight),
         not_testable=(*not_testable, *undetectable),
         joint_jacobian=joint_jacobian,
+        screened=screened,
         loss=loss,
     )
+
+
+def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
+    """All rows of a fit; of thousands a part, and the farthest of its outliers."""
+    distance = np.linalg.norm(fitted.residual, axis=1)
+    far = sorted(fitted.outliers, key=lambda row: -distance[row])[:MOST_FAR]
+    return np.union1d(some_rows(len(distance)), np.array(far, dtype=np.int64))
 
 
 def row_weights(data: Measurements, fitted: Fit) -> Array:
@@ -170,5 +191,5 @@ def _outliers(diagnosis: Diagnosis) -> list[int]:
     best = min(diagnosis.scored, key=lambda one: one.alone.rms, default=None)
     if best is not None:
         distance = np.minimum(distance, np.sqrt(best.alone.held_out))
-    rows = np.flatnonzero(distance > 2 * OUTLIER_DISTANCE * robust_scale(distance))
-    return [int(row) for row in rows]
+    far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance)
+    return [int(row) for row in diagnosis.screened[far]]

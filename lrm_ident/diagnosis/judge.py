@@ -96,11 +96,11 @@ def _to_refit(diagnosis: Diagnosis) -> list[ScoredCandidate]:
 
 
 def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:
-    """The refit; None if it does not converge by least squares alone."""
+    """The refit, held out as it was fitted; None if it does not converge."""
     try:
         effect, data, loss = scored.candidate.effect, diagnosis.data, diagnosis.loss
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
-        return None if fitted.damped else Refit(fitted, held_out_residual(fitted.model, data, loss=loss))
+        return Refit(fitted, held_out_residual(fitted.model, data, loss=loss, prior=fitted.weak_prior))
     except LrmError:
         return None
 

@@ -22,7 +22,7 @@ ROUND_OFF = 1e-7  # a column is numerically dependent if its independent part is
 MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
 NEGLIGIBLE = 0.05  # share of a combination that is not listed
 MAX_ITERATIONS = 6
-MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them
+MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
 SELECTION_ORDER = (
     *("compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
     *("offsets.joint*_mm", "offsets.joint*", "offsets.base.*", "offsets.tool.*", "*"),
@@ -202,7 +202,7 @@ def fit_identifiable(
     limits = signed or bounds_of(model, keys)
     by_key = {key: (low, high) for key, low, high in zip(keys, limits.lower, limits.upper, strict=True)}
     if len(data) > MOST_AT_ONCE:
-        coarse = fit_identifiable(model, data.take(_some_rows(len(data))), keys, loss, signed).fit
+        coarse = fit_identifiable(model, data.take(some_rows(len(data))), keys, loss, signed).fit
         rest, noise = equilibrium(coarse.model, data.poses), coarse.sigma
     else:
         rest = equilibrium(model, data.poses)
@@ -223,8 +223,10 @@ def fit_identifiable(
     return IdentifiedFit(result, selected.held)
 
 
-def _some_rows(count: int) -> NDArray[np.int64]:
-    """`MOST_AT_ONCE` rows drawn from `count` without replacement, ascending, always the same."""
+def some_rows(count: int) -> NDArray[np.int64]:
+    """At most `MOST_AT_ONCE` rows drawn from `count` without replacement, ascending, always the same."""
+    if count <= MOST_AT_ONCE:
+        return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, MOST_AT_ONCE, replace=False))
 
 

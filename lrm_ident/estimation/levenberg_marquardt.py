@@ -17,6 +17,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.loss import SQUARED, Loss, robust_scale
 from lrm_ident.estimation.objective import Iterate, NoiseScale, Objective
 from lrm_ident.estimation.priors import Prior, weak_prior
+from lrm_ident.registration.collapse import check_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import Equilibrium
@@ -26,6 +27,7 @@ MAX_STEPS = 60
 DAMPED_STEPS = 300  # with weak priors the last steps are short, but each one gains
 STEP_TOLERANCE = 1e-8  # of the typical sizes
 GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
+IDLE_STEPS, IDLE_GAIN = 5, 1e-8  # with a prior: so many steps in a row that each lower the objective by no larger part
 POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
 OUTLIER_DISTANCE = 5.0  # robust standard deviations per axis; a clean pose is beyond it once in 60 000
 
@@ -79,6 +81,17 @@ class Fit:
     loss: Loss = SQUARED
     damped: bool = False
 
+    def take(self, rows: NDArray[np.int64]) -> Fit:
+        """The same fit, seen at some of its poses."""
+        outliers = tuple(np.flatnonzero(np.isin(rows, self.outliers)).tolist())
+        rest, residual, weight = self.rest.take(rows), self.residual[rows], self.weight[rows]
+        return replace(self, rest=rest, residual=residual, weight=weight, outliers=outliers)
+
+    @property
+    def weak_prior(self) -> Prior | None:
+        """The prior that damped it, if one did: fits to a part of the data need it too."""
+        return weak_prior(self.model) if self.damped else None
+
     @property
     def standard_error(self) -> Array:
         """(P,), of the free parameters (SI)."""
@@ -119,7 +132,8 @@ def fit(
             converge without one; then weak ones (`Fit.damped`).
 
     Raises:
-        LrmError: fewer poses than free parameters (with a prior: than a third), or no convergence (`FitNotConverged`).
+        LrmError: fewer poses than free parameters (with a prior: than a third), no convergence (`FitNotConverged`), or
+            an arm that shrinks, stretches or loses a length (`DestroyedArm`).
         NoEquilibrium: the start has no elastic equilibrium.
     """
     check_enough(len(data), len(model.free), prior)
@@ -127,12 +141,14 @@ def fit(
     objective = Objective(model, data, SQUARED if loss is None else loss, prior)
     plain = _LevenbergMarquardt(objective, limits.lower / objective.typical, limits.upper / objective.typical)
     try:
-        return plain.solve(MAX_STEPS)
+        found = plain.solve(MAX_STEPS)
     except FitNotConverged:
         if prior is not None:
             raise
-    weakly = replace(objective, prior=weak_prior(model))
-    return replace(replace(plain, objective=weakly).solve(DAMPED_STEPS), damped=True)
+        weakly = replace(objective, prior=weak_prior(model))
+        found = replace(replace(plain, objective=weakly).solve(DAMPED_STEPS), damped=True)
+    check_arm(found.rest, model.free)
+    return found
 
 
 def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
@@ -144,7 +160,7 @@ def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> Non
     if poses < least:
         raise LrmError(
             f"{poses} poses for {parameters} parameters; measure at least {least} poses, or fit fewer parameters "
-            "(--parameters)"
+            "(fit --parameters)"
         )
 
 
@@ -161,7 +177,7 @@ class _LevenbergMarquardt:
         iterate = objective.at(np.clip(z, self.lower, self.upper), None)
         held = np.zeros(len(model.free), dtype=np.bool_)
         noise = objective.noise_scale(iterate, None, ~held)
-        damping, step, columns = 1e-6, np.inf, np.empty((0, len(z)))
+        damping, step, idle, columns = 1e-6, np.inf, 0, np.empty((0, len(z)))
         if not model.free:
             return self._result(iterate, columns, held, 0, noise)
         for steps in range(1, most_steps + 1):
@@ -172,7 +188,9 @@ class _LevenbergMarquardt:
             step = float(np.abs(trial.z - iterate.z).max())
             predicted = float(descent @ (trial.z - iterate.z)) / noise.scale**2
             least = max(GAIN_TOLERANCE * objective.value(iterate, noise), POSTERIOR_TOLERANCE * noise.prior_weight)
-            done = step < STEP_TOLERANCE or predicted < least
+            now_at, before = (objective.value(each, noise) for each in (trial, iterate))
+            idle = idle + 1 if before - now_at <= IDLE_GAIN * before else 0
+            done = step < STEP_TOLERANCE or predicted < least or (idle >= IDLE_STEPS and objective.prior is not None)
             iterate = trial
             if done:
                 now = objective.noise_scale(iterate, noise, ~held)

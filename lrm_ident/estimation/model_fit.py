@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.identifiability import IdentifiedFit, fit_identifiable
 from lrm_ident.estimation.levenberg_marquardt import Bounds, bounds_of, fit, no_bounds
 from lrm_ident.estimation.loss import Loss
 from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_ident.estimation.priors import Prior
+from lrm_ident.registration.collapse import CHECK
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 
 DEFAULT_EFFECTS = ("offsets", "compliance")
@@ -40,8 +43,18 @@ def fit_model(
             'identifiable' means all: the prior determines what the data do not.
         unbounded: whether values are allowed that physics forbids, such as negative compliances.
 
-    Raises `LrmError`: unknown parameters, too few poses, or no convergence.
+    Raises `LrmError`: unknown parameters, too few poses, no convergence, or nothing that these poses can tell.
     """
+    result = _fit_named(model, data, parameters, loss, unbounded, prior)
+    if not result.fit.model.free:
+        left = error_stats(result.fit.residual).rms * 1e3
+        raise LrmError(f"nothing can be fitted: no parameter helps, and {left:.1f} mm RMS are left; {CHECK}")
+    return result
+
+
+def _fit_named(
+    model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, prior: Prior | None
+) -> IdentifiedFit:
     if parameters != "identifiable":
         keys = select_parameters(model, parameters)
     else:

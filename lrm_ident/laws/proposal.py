@@ -20,6 +20,7 @@ from lrm_ident.diagnosis.score_test import Z_THRESHOLD
 from lrm_ident.effect_plugins import effects_in
 from lrm_ident.estimation.cross_validation import held_out_residual
 from lrm_ident.estimation.levenberg_marquardt import Fit, fit
+from lrm_ident.estimation.loss import Loss
 from lrm_ident.laws.grammar import Law
 from lrm_ident.laws.law_columns import TYPICAL_SIZE, law_columns, levers
 from lrm_ident.laws.law_file import law_id, law_source
@@ -72,18 +73,22 @@ class LawProposal:
 
 
 def propose_law(
-    model: Model, data: Measurements, progress: OnProgress = silent, on_progress: Callable[[str], object] = str
+    model: Model,
+    data: Measurements,
+    progress: OnProgress = silent,
+    on_progress: Callable[[str], object] = str,
+    loss: Loss | None = None,
 ) -> LawProposal:
     """Searches laws at every joint; proposes one if the search beats noise and predicts held-out blocks better.
 
     Raises `LrmError`: too few poses, or the fit does not converge.
     """
-    fitted = fit(model, data)
+    fitted = fit(model, data, loss=loss)
     linear = linearised(fitted, data, row_weights(data, fitted))
     search = search_laws(linear, law_columns(fitted, data), progress)
     without = linear.explain().held_out
     on_progress("cross-validating the model as it is")
-    before = error_stats(held_out_residual(fitted.model, data))
+    before = error_stats(held_out_residual(fitted.model, data, loss=loss))
     nested = float(np.sqrt(search.nested.mean()))
     found = LawProposal(before, nested, search.p_value, len(search.laws), None, "")
     if search.p_value > SIGNIFICANCE:
@@ -131,8 +136,9 @@ def _refit(law: Law, fitted: Fit, data: Measurements, found: LawProposal) -> Ref
         file.write_text(source, encoding="utf-8")
         (kind,) = effects_in(file)
     try:
-        better = add_effects(fitted.model, data, [kind(fitted.model.arm, f"joint{law.joint + 1}")])
-        return RefittedLaw(law, source, better, held_out_residual(better.model, data))
+        effect = kind(fitted.model.arm, f"joint{law.joint + 1}")
+        better = add_effects(fitted.model, data, [effect], loss=fitted.loss)
+        return RefittedLaw(law, source, better, held_out_residual(better.model, data, loss=fitted.loss))
     except LrmError:
         return None
 

@@ -11,6 +11,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.free_functions import FreeFunction
+from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
 from lrm_math.arrays import Array
 
@@ -58,7 +59,7 @@ def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None
     """
     scored = first.scored
     motion = (scored.projected.all_rows @ scored.alone.theta).reshape(-1, 3) * 1e3
-    residual = found.fit.residual * 1e3
+    residual = found.seen[0].residual * 1e3
     for axis, (colour, marker) in enumerate(BANDS):
         label = f"along {'xyz'[axis]}"
         axes.scatter(motion[:, axis], residual[:, axis], s=12, color=colour, marker=marker, label=label)
@@ -70,14 +71,14 @@ def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None
 
 def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
     """The turn of one joint that each residual acts like, against what it follows; a second quantity in three bands."""
-    turn = found.joint_jacobian[function.joint]
+    turn, (fitted, data) = found.joint_jacobian[function.joint], found.seen
     length = np.maximum((turn**2).sum(axis=0), 1e-12)
-    equivalent_rotation = np.degrees((found.fit.residual.T * turn).sum(axis=0) / length)
-    name, values = function.covariates[0], _values(found.data, found, function.covariates[0])
+    equivalent_rotation = np.degrees((fitted.residual.T * turn).sum(axis=0) / length)
+    name, values = function.covariates[0], _values(data, fitted, function.covariates[0])
     if len(function.covariates) == 1:
         axes.scatter(values, equivalent_rotation, s=12, color=MODEL)
     else:
-        second, other = function.covariates[1], _values(found.data, found, function.covariates[1])
+        second, other = function.covariates[1], _values(data, fitted, function.covariates[1])
         edges = np.quantile(other, [0, 1 / 3, 2 / 3, 1])
         for (colour, marker), low, high in zip(BANDS, edges, edges[1:], strict=False):
             band = (other >= low) & (other <= high)
@@ -93,8 +94,8 @@ def _with_unit(name: str) -> str:
     return "order" if name == "order" else f"{name}, {'deg' if name.startswith('q') else 'N·m'}"
 
 
-def _values(data: Measurements, found: Diagnosis, name: str) -> Array:
+def _values(data: Measurements, fitted: Fit, name: str) -> Array:
     if name == "order":
         return np.arange(len(data), dtype=np.float64)
     joint = int(name.lstrip("qtau")) - 1
-    return np.degrees(data.poses.q[:, joint]) if name.startswith("q") else found.fit.rest.joint_torque[:, joint]
+    return np.degrees(data.poses.q[:, joint]) if name.startswith("q") else fitted.rest.joint_torque[:, joint]

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import frame_table, read_positions
-from lrm_ident.data.measurements import AS_NAMED, BeyondLimits, Measurements, load_measurements, metadata_of
+from lrm_ident.data.apply_reading import AS_NAMED, frame_table, read_positions
+from lrm_ident.data.measurements import Measurements, load_measurements, metadata_of
+from lrm_ident.data.pose_table import BeyondLimits
 from lrm_ident.registration.hypotheses import Hypothesis
 from lrm_ident.registration.question import MOST_POSES, Answer, Scored, ask, registered
 from lrm_math.arm.arm import Arm

@@ -1,4 +1,4 @@
-"""Whether a fit explains measurements by destroying the arm: nothing fitted, an arm shrunk, a length gone."""
+"""Whether a fit explains measurements by destroying the arm: shrunk, stretched, or without one of its lengths."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from lrm_ident.registration.loose_fit import reach
 from lrm_ident.registration.question import nominal_tcp
 from lrm_ident.registration.similarity import robust_similarity
 from lrm_math.arm.arm_file import MM
-from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
@@ -22,28 +21,28 @@ LONG, LEFT = 0.1, 0.3
 CHECK = "are unit, axes and frame right, and is it this arm?"
 
 
-def check_fit(rest: Equilibrium, free: Sequence[str], residual: Array) -> None:
-    """Raises `LrmError` if a fit does not describe the arm that it was asked for.
+class DestroyedArm(LrmError):
+    """A fit that lowers the error only by destroying the arm."""
+
+
+def check_arm(rest: Equilibrium, free: Sequence[str]) -> None:
+    """Raises `DestroyedArm` if a fit does not describe the arm that it was asked for.
 
     Args:
         rest: equilibrium of the fitted model at the poses.
         free: keys of the fitted parameters.
-        residual: (N, 3), m.
     """
     model = rest.model
-    if not free:
-        distance = float(np.sqrt((residual**2).sum(axis=1).mean())) / MM
-        raise LrmError(f"nothing can be fitted: no parameter helps, and {distance:.1f} mm RMS are left; {CHECK}")
     nominal = nominal_tcp(model.arm, rest.poses)
     if len(nominal) > len(free) and np.ptp(nominal, axis=0).max() > 0:
         scale = robust_similarity(nominal, rest.tcp, mirrored=False).scale
         if not LEAST_SCALE < scale < MOST_SCALE:
             verb = "shrinks" if scale < 1 else "stretches"
-            raise LrmError(f"the fit lowers the error only as it {verb} the arm to {100 * scale:.0f} %; {CHECK}")
+            raise DestroyedArm(f"the fit lowers the error only as it {verb} the arm to {100 * scale:.0f} %; {CHECK}")
     for key, drawn, fitted in lengths(model, free):
         if abs(drawn) > LONG * reach(model.arm) and fitted / drawn < LEFT:
             change = f"from {drawn / MM:.1f} to {fitted / MM:.1f} mm"
-            raise LrmError(f"the fit lets a length collapse: {key} goes {change}; {CHECK}")
+            raise DestroyedArm(f"the fit lets a length collapse: {key} goes {change}; {CHECK}")
 
 
 def lengths(model: Model, free: Sequence[str]) -> list[tuple[str, float, float]]:

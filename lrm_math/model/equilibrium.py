@@ -162,7 +162,7 @@ def _part(amount: Number, rows: NDArray[np.int64]) -> Number:
 def _columns(components: Sequence[Number], count: int) -> Array:
     """(N, 3) from three components, each a float or (N,)."""
     if count == 1:
-        return np.array([[float(c) for c in components]])
+        return np.array([[_at(c, 0) for c in components]])
     return np.stack([np.broadcast_to(c, count) for c in components], axis=1)
 
 

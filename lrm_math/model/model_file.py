@@ -64,12 +64,13 @@ class ModelFile(StrictSchema):
     provenance: ProvenanceTable | None = None
 
 
-def load_model(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:
+def load_model(file: str | Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:
     """The model of one file, its parameters free.
 
     Raises:
         FileError: the file, its arm, an effect or a parameter is not valid.
     """
+    path = Path(file)
     tables = read_toml(path, ModelFile)
     return to_model(path, tables, arm_of(path, tables.arm), catalogue)
 

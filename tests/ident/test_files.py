@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.csv_table import csv_text
-from lrm_ident.data.measurements import Measurements, directions, load_measurements, load_poses, measurements_csv
+from lrm_ident.data.measurements import Measurements, load_measurements, load_poses, measurements_csv
+from lrm_ident.data.pose_table import directions
 from lrm_ident.estimation.model_history import model_text
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import ArmFile, load_arm, read_arm, shipped_arms

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import lrm_ident as lrm
 from lrm_ident.data.apply_reading import (
     axes_matrix,
     axes_words,
@@ -22,14 +23,14 @@ from lrm_ident.data.apply_reading import (
 )
 from lrm_ident.data.measurements import Measurements, load_measurements, measurements_csv
 from lrm_ident.registration.checked import Misread, load_checked
-from lrm_ident.registration.collapse import check_fit
+from lrm_ident.registration.collapse import DestroyedArm, check_arm
 from lrm_ident.registration.question import ask, nominal_tcp
 from lrm_ident.registration.similarity import robust_similarity
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.reading import Reading, parse_axes
 from tests.conftest import EXAMPLE, SHARED
@@ -174,23 +175,45 @@ def test_readings_that_mean_nothing(words: list[str], said: str) -> None:
     assert said in stderr_of("fit", EXAMPLE, "--arm", "lrm-lab", *words)
 
 
-def test_a_fit_that_destroys_the_arm_is_refused() -> None:
+def _drawn_with(values: dict[str, float]) -> Equilibrium:
     arm = load_arm("lrm-lab")
     poses = poses_of(np.random.default_rng(0).uniform(-1, 1, (60, 6)))
-    drawn = model_of(arm, effects_at(arm, "offsets"))
-    with pytest.raises(LrmError, match="nothing can be fitted"):
-        check_fit(equilibrium(drawn, poses), (), np.ones((60, 3)))
-    gone = model_of(arm, drawn.effects, {"offsets.joint2.extra_z_mm": -0.100})
-    with pytest.raises(LrmError, match="collapse"):
-        check_fit(equilibrium(gone, poses), gone.keys, np.zeros((60, 3)))
-    small = model_of(
-        arm,
-        drawn.effects,
-        {"offsets.joint2.extra_z_mm": -0.06, "offsets.joint4.extra_z_mm": -0.07, "offsets.tool.z_mm": -0.04},
+    return equilibrium(model_of(arm, effects_at(arm, "offsets"), values), poses)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"offsets.joint2.extra_z_mm": -0.100}, "collapse"),
+        ({f"offsets.{key}_mm": -0.06 for key in ("joint2.extra_z", "joint4.extra_z", "tool.z")}, "shrinks"),
+        ({f"offsets.{key}_mm": 0.09 for key in ("joint2.extra_z", "joint4.extra_z", "tool.z")}, "stretches"),
+    ],
+)
+def test_whatever_fits_refuses_to_destroy_the_arm(values: dict[str, float], said: str) -> None:
+    destroyed = _drawn_with(values)
+    drawn = model_of(destroyed.model.arm, destroyed.model.effects)
+    number = np.arange(60)
+    data = Measurements(
+        destroyed.poses, number, destroyed.tcp, None, 1e-4, number, Path("small.csv"), "", arm=drawn.arm
     )
-    with pytest.raises(LrmError, match="shrinks"):
-        check_fit(equilibrium(small, poses), small.keys, np.zeros((60, 3)))
-    check_fit(equilibrium(drawn, poses), drawn.keys, np.zeros((60, 3)))
+    keys = tuple(key for key in drawn.keys if key.endswith(("extra_z_mm", "tool.z_mm")))
+    model = replace(drawn, free=keys)
+    for fitting in (
+        lambda: lrm.fit(data, effects=["offsets"], parameters=",".join(keys)),
+        lambda: lrm.diagnose(model, data),
+        lambda: lrm.add(model, data, "compliance"),
+        lambda: lrm.auto(model, data),
+    ):
+        with pytest.raises(DestroyedArm, match=said):
+            fitting()
+    check_arm(_drawn_with({}), keys)
+
+
+def test_a_fit_that_no_parameter_helps_is_refused() -> None:
+    data = replace(random_arm_data("lrm-lab", 3, poses=60), arm=load_arm("lrm-lab"))
+    far = replace(data, tcp=np.random.default_rng(0).normal(0.0, 10.0, data.tcp.shape))
+    with pytest.raises(LrmError, match="nothing can be fitted"):
+        lrm.fit(far, effects=["compliance"])
 
 
 def _motion(seed: int) -> tuple[np.ndarray, np.ndarray]:

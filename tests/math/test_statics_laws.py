@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects.base import Effect
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import chain_of, trig
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.central_differences import stepped
@@ -181,6 +183,19 @@ def test_poses_of_a_batch_are_independent(lab: Arm, seed: int) -> None:
     whole = equilibrium(model, poses, tolerance=TIGHT).tcp
     rows = np.random.default_rng(seed).permutation(6)[:3]
     np.testing.assert_allclose(equilibrium(model, poses.take(rows), tolerance=TIGHT).tcp, whole[rows], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", CATALOGUE, ids=lambda kind: kind.id)
+def test_one_pose_alone_is_as_the_same_pose_twice(lab: Arm, kind: type[Effect]) -> None:
+    """One pose is computed with floats, many with arrays, whatever an effect depends on."""
+    rng, effects = np.random.default_rng(0), effects_at(lab, kind.id)
+    model = model_of(lab, effects)
+    model = model.with_values([p.default or rng.uniform(0.1, 0.4) * p.typical for p in model.parameters])
+    given = {"direction": np.ones((1, 6)), "t": np.full(1, 900.0), "session": np.full(1, 2.0)}
+    one = replace(some_poses(lab, 0, 1), temperature=np.full(1, 31.0), **given)
+    alone, twice = equilibrium(model, one), equilibrium(model, one.take([0, 0]))
+    np.testing.assert_allclose(alone.tcp, twice.tcp[:1], atol=1e-12)
+    np.testing.assert_allclose(parameter_jacobian(alone), parameter_jacobian(twice)[:1], atol=1e-9)
 
 
 def test_a_warm_start_ends_at_the_same_place(lab: Arm) -> None:
