@@ -18,6 +18,7 @@ from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_me
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array
+from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import Reading
@@ -219,14 +220,16 @@ def _poses(
     start: Array | None,
     how: Reading,
 ) -> Poses:
+    moves = directions(q, start)
     return Poses(
         q=q,
         payload=read_payload(table),
-        direction=read_approach(table, directions(q, start), how),
+        direction=read_approach(table, moves, how),
         t=known.get("t_s"),
         session=known.get("session"),
         temperature=known.get("temp_c"),
         number=number,
+        friction=None if "approach" in table.header else friction_states(q, moves, start),
     )
 
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
 from lrm_ident.diagnosis.judge import Judgement, judge
+from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import Loss
 from lrm_math.arrays import Array
@@ -83,24 +86,26 @@ def run_auto(
     now = judge(diagnose(model, data, kinds, loss=loss))
     steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
     on_step(steps[0])
-    while now.first is not None and len(steps) <= max_effects:
-        before, added = now, now.first
-        now = judge(diagnose(before.refits[added.name].fit.model, data, kinds, loss=loss))
-        steps.append(_step(before, added.name, now))
+    while now.first is not None and now.refit is not None and len(steps) <= max_effects:
+        before, added, refit = now, now.first, now.refit
+        found = diagnose(refit.fit.model, data, kinds, loss=loss)
+        same = np.array_equal(found.data.pose, before.diagnosis.data.pose)
+        now = judge(found, refit.blocks if same else ())
+        steps.append(_step(before, added, now))
         on_step(steps[-1])
     return AutoRun(tuple(steps), now)
 
 
-def _step(before: Judgement, added: str, after: Judgement) -> AutoStep:
-    effect = next(one for one in before.supported if one.name == added).candidate.effect
+def _step(before: Judgement, added: ScoredCandidate, after: Judgement) -> AutoStep:
+    effect = added.candidate.effect
     own = {f"{effect.id}.{effect.place}.{parameter.name}" for parameter in effect.parameters}
     old = {*before.diagnosis.fit.model.free, *own}
     return AutoStep(
-        added=added,
+        added=added.name,
         fit=after.diagnosis.fit,
         held_out=after.held_out,
         data=after.diagnosis.data,
-        equivalent=before.diagnosis.equivalent[added],
+        equivalent=before.diagnosis.equivalent[added.name],
         refines=effect.refines,
         freed=tuple(key for key in after.diagnosis.fit.model.free if key not in old),
     )

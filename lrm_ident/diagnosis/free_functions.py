@@ -1,8 +1,8 @@
 """Free functions at one joint: the part of the residual that a smooth function explains, whatever its physical cause.
 
 A rotation of joint j that is any smooth function (Legendre series) of one or two covariates: joint angles, the joint's
-own torque, order of measurement. A named effect must not predict far worse than a free function at its own place, and
-structure that no effect explains is described by the best of them.
+own torque (now, or at the pose before: creep), order of measurement. A named effect must not predict far worse than a
+free function at its own place, and structure that no effect explains is described by the best of them.
 """
 
 from __future__ import annotations
@@ -61,6 +61,8 @@ class FreeFunction:
 def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> list[FreeFunction]:
     """Free functions of every covariate at every joint, then products of every pair of covariates.
 
+    A function of a joint's torque at the pose before is of one covariate only.
+
     Products leave out what either covariate explains alone; the degrees of their factors sum up to one more than
     `PRODUCT_DEGREE` at most.
 
@@ -73,8 +75,9 @@ def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> 
     univariate, bivariate = [], []
     for joint, motion in enumerate(joint_jacobian):
         own = _covariate(f"tau{joint + 1}", torque[:, joint])
+        before = _covariate(f"tau{joint + 1} before", np.concatenate([torque[:1, joint], torque[:-1, joint]]))
         candidates = [*shared, *([own] if own.levels > 1 else [])]
-        for one in candidates:
+        for one in (*candidates, *([before] if before.levels > 1 else [])):
             univariate.append(FreeFunction(joint, (one.name,), _columns(motion, one.legendre_basis(SINGLE_DEGREE))))
         for a, b in combinations(candidates, 2):
             left, right = a.legendre_basis(PRODUCT_DEGREE), b.legendre_basis(PRODUCT_DEGREE)

@@ -8,6 +8,7 @@ from lrm_math.effects.base import AngleDependentEffect, Effect, JointEffect, Loa
 from lrm_math.effects.compliance import BaseCompliance, BendingEnds, Compliance, LateralCompliance, NonlinearStiffness
 from lrm_math.effects.curves import AngleCurve, AngleHarmonics, CouplingCurve, DriftCurve, TorqueCurve
 from lrm_math.effects.forces import CableSpring, Mass, Payload
+from lrm_math.effects.friction import FrictionCurve
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Coupling, Eccentricity, Quantisation, ServoGain
 from lrm_math.effects.session_errors import Drift, MeasurementFrame, Session
@@ -32,7 +33,15 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Session,
     MeasurementFrame,
 )
-FORMS: tuple[type[Effect], ...] = (BendingEnds, AngleHarmonics, TorqueCurve, AngleCurve, CouplingCurve, DriftCurve)
+FORMS: tuple[type[Effect], ...] = (
+    BendingEnds,
+    AngleHarmonics,
+    TorqueCurve,
+    FrictionCurve,
+    AngleCurve,
+    CouplingCurve,
+    DriftCurve,
+)
 """Other forms of effects of the catalogue, fitted beside them, from plain to rich."""
 
 

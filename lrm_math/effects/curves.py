@@ -15,7 +15,16 @@ from math import ceil, radians
 import numpy as np
 
 from lrm_math.arm.arm import BASE, Arm
-from lrm_math.effects.base import Amounts, Effect, Excitation, JointEffect, Parameter, joint_number
+from lrm_math.effects.base import (
+    Amounts,
+    AngleDependentEffect,
+    Effect,
+    Excitation,
+    JointEffect,
+    LoadedJointEffect,
+    Parameter,
+    joint_number,
+)
 from lrm_math.effects.session_errors import Drift
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
@@ -65,7 +74,7 @@ def spline_count(lower: float, upper: float) -> int:
     return max(ceil((upper - lower) / KNOT_SPACING - 1e-9), 1) + 3
 
 
-class TorqueCurve(Curve, JointEffect):
+class TorqueCurve(Curve, LoadedJointEffect):
     """Free smooth function of a joint's torque: sums of saturations, the two sides of zero for themselves."""
 
     id = "torque_curve"
@@ -82,11 +91,6 @@ class TorqueCurve(Curve, JointEffect):
         for name, part in (("u", "part alike on both sides"), ("v", "difference between the sides"))
     )
 
-    @property
-    def feels(self) -> tuple[str, ...]:
-        """The joint's torque."""
-        return self.moves
-
     def basis(self, poses: Poses, tau: Amounts) -> Amounts:
         """tanh and tanh² of the torque at each scale."""
         taken = [tanh(tau[0] / scale) for scale in TORQUE_SCALES]
@@ -99,7 +103,7 @@ class TorqueCurve(Curve, JointEffect):
         return ((sum(((u + 2.0 * v * t) * (1.0 - t * t) / s for u, v, t, s in parts), 0.0),),)
 
 
-class AngleHarmonics(Curve, JointEffect):
+class AngleHarmonics(Curve, AngleDependentEffect):
     """Periodic error of a joint with three to six waves a turn: teeth, magnets and poles."""
 
     id = "angle_harmonics"
@@ -129,28 +133,33 @@ class _AngleSpline(Curve):
     """A cubic spline of one joint's commanded angle over its limits."""
 
     @property
-    def driver(self) -> int:
+    def followed(self) -> int:
         """Number from 0 of the joint whose angle it follows."""
         raise NotImplementedError
 
+    @property
+    def driver(self) -> str:
+        """That joint's angle."""
+        return f"q{self.followed + 1}"
+
     @cached_property
     def _limits(self) -> tuple[float, float]:
-        joint = self.arm.joints[self.driver]
+        joint = self.arm.joints[self.followed]
         return joint.lower, joint.upper
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """One coefficient for each B-spline."""
-        driver, count = f"joint {self.driver + 1}'s angle", spline_count(*self._limits)
-        return tuple(Parameter(f"c{i}_rad", f"B-spline {i} of {driver}", TYPICAL) for i in range(1, count + 1))
+        angle, count = f"joint {self.followed + 1}'s angle", spline_count(*self._limits)
+        return tuple(Parameter(f"c{i}_rad", f"B-spline {i} of {angle}", TYPICAL) for i in range(1, count + 1))
 
     def basis(self, poses: Poses, tau: Amounts) -> Amounts:
         """The B-splines of the driver's angle."""
-        return cubic_b_splines(poses.angle(self.driver), *self._limits)
+        return cubic_b_splines(poses.angle(self.followed), *self._limits)
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """As many levels as a line and a bend need, at least."""
-        return _too_few_levels(excitation, self.driver, f"joint{self.driver + 1}", 6)
+        return _too_few_levels(excitation, self.followed, f"joint{self.followed + 1}", 6)
 
 
 class AngleCurve(_AngleSpline, JointEffect):
@@ -165,7 +174,7 @@ class AngleCurve(_AngleSpline, JointEffect):
     claim = "{place} errs by a curve over its own angle"
 
     @property
-    def driver(self) -> int:
+    def followed(self) -> int:
         """The joint itself."""
         return self.joint
 
@@ -187,7 +196,7 @@ class CouplingCurve(_AngleSpline):
         return tuple(f"{to}<-{by}" for to in arm.joint_names for by in arm.joint_names if to != by)
 
     @property
-    def driver(self) -> int:
+    def followed(self) -> int:
         """The other joint."""
         return joint_number(self.place.split("<-")[1])
 
@@ -214,6 +223,11 @@ class DriftCurve(Curve):
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """As the drift that it refines."""
         return Drift.places(arm)
+
+    @property
+    def driver(self) -> str:
+        """The time."""
+        return "t"
 
     @property
     def moves(self) -> tuple[str, ...]:
