@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, paired_z, principal_cosine
+from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, cosine_of_bases, paired_z
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate, f_test_p_value, yekutieli_factor
 from lrm_ident.progress import OnProgress
 
@@ -119,7 +119,7 @@ def equivalent_effects(
         instead = linear.explain(*others, rival.projected)
         if float(without.held_out.mean() - instead.held_out.mean()) > EQUIVALENT_GAIN * gain and (
             paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
-            or principal_cosine(one.projected.all_rows, rival.projected.all_rows) > EQUIVALENCE_COSINE
+            or cosine_of_bases(one.projected.orthonormal, rival.projected.orthonormal) > EQUIVALENCE_COSINE
         ):
             equivalent.append(rival.name)
     return tuple(equivalent)

@@ -39,7 +39,7 @@ def test_states_solve_dahls_equation() -> None:
         for row in range(1, len(q)):
             move = q[row, 0] - q[row - 1, 0]
             side = float(np.sign(move))
-            way = solve_ivp(lambda _, y: (side - y) / travel, (0.0, abs(move)), [s], rtol=1e-9, atol=1e-12)
+            way = solve_ivp(lambda _, y, to=side, by=travel: (to - y) / by, (0.0, abs(move)), [s], rtol=1e-9)
             s = float(way.y[0, -1])
             assert states[row, 0, k] == pytest.approx(s, abs=1e-6)
 
