@@ -230,7 +230,18 @@ def _poses(
         temperature=known.get("temp_c"),
         number=number,
         friction=None if "approach" in table.header else friction_states(q, moves, start),
+        running=_running(known.get("t_s"), known.get("session")),
     )
+
+
+def _running(t: Array | None, session: Array | None) -> Array | None:
+    """(N,), time since the first pose of the session (s)."""
+    if t is None:
+        return None
+    _, number = np.unique(np.zeros(len(t)) if session is None else session, return_inverse=True)
+    first = np.full(int(number.max()) + 1, np.inf)
+    np.minimum.at(first, number, t)
+    return np.asarray(t - first[number])
 
 
 def read_angles(table: CsvTable, arm: Arm, how: Reading = AS_NAMED) -> Array:

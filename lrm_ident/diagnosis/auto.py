@@ -23,7 +23,7 @@ class AutoStep:
     """One step of `auto`.
 
     Attributes:
-        added: `effect@place`, "" at the start. refines: ids of the effects of which that is another form.
+        added: `effect@place`, "" at the start. refines: the effects, `effect@place`, of which that is another form.
         fit: with it. held_out: (N, 3), held-out residual with it (m).
         data: the measurements that were fitted, outliers left out.
         equivalent: the rest of its class: effects that these data cannot distinguish from it.
@@ -41,9 +41,7 @@ class AutoStep:
     @property
     def names(self) -> tuple[str, ...]:
         """The causes that it can stand for, `effect@place`: those that a form refines, else itself and its class."""
-        place = self.added.partition("@")[2]
-        own = tuple(f"{cause}@{place}" for cause in self.refines) or (self.added,)
-        return (*own, *self.equivalent)
+        return (*(self.refines or (self.added,)), *self.equivalent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +104,6 @@ def _step(before: Judgement, added: ScoredCandidate, after: Judgement) -> AutoSt
         held_out=after.held_out,
         data=after.diagnosis.data,
         equivalent=before.diagnosis.equivalent[added.name],
-        refines=effect.refines,
+        refines=effect.refined,
         freed=tuple(key for key in after.diagnosis.fit.model.free if key not in old),
     )

@@ -6,9 +6,11 @@ from lrm_math.arm.arm import Arm
 from lrm_math.effects.backlash import Backlash, Hysteresis
 from lrm_math.effects.base import AngleDependentEffect, Effect, JointEffect, LoadedJointEffect, Parameter
 from lrm_math.effects.compliance import BaseCompliance, BendingEnds, Compliance, LateralCompliance, NonlinearStiffness
-from lrm_math.effects.curves import AngleCurve, AngleHarmonics, CouplingCurve, DriftCurve, TorqueCurve
+from lrm_math.effects.curves import AngleCurve, CableCurve, CouplingCurve
+from lrm_math.effects.drift_curve import DriftCurve
 from lrm_math.effects.forces import CableSpring, Mass, Payload
 from lrm_math.effects.friction import FrictionCurve
+from lrm_math.effects.moment_curves import BaseCurve, BearingCurve, TorqueCurve
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Coupling, Eccentricity, Quantisation, ServoGain
 from lrm_math.effects.session_errors import Drift, MeasurementFrame, Session
@@ -35,11 +37,13 @@ CATALOGUE: tuple[type[Effect], ...] = (
 )
 FORMS: tuple[type[Effect], ...] = (
     BendingEnds,
-    AngleHarmonics,
+    BearingCurve,
     TorqueCurve,
+    BaseCurve,
     FrictionCurve,
     AngleCurve,
     CouplingCurve,
+    CableCurve,
     DriftCurve,
 )
 """Other forms of effects of the catalogue, fitted beside them, from plain to rich."""

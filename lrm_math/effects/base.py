@@ -143,6 +143,11 @@ class Effect(ABC):
         return ()
 
     @property
+    def refined(self) -> tuple[str, ...]:
+        """The effects, `effect@place`, of which this is another form."""
+        return tuple(f"{kind}@{self.place}" for kind in self.refines)
+
+    @property
     def driver(self) -> str:
         """The one quantity that `motion` is a function of: `qN`, `tauN` or `t`; empty if there are several, or none."""
         return ""

@@ -13,7 +13,7 @@ from lrm_math.effects.curves import TYPICAL, Curve
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude, select_by_sign
 
-TRAVELS_DEG = (5, 20, 60)
+TRAVELS_DEG = (2, 8, 30)
 """Moves after which each element of friction has turned over by 63 %."""
 
 
@@ -41,7 +41,7 @@ class FrictionCurve(Curve, LoadedJointEffect):
     id = "friction_curve"
     refines = (Hysteresis.id,)
     cause = "Friction gives way over a few degrees, not at once, and a loaded joint has more of it."
-    formula = "δq = Σ c_i s_i + d · direction · |τ|, ds_i/dq = (direction − s_i)/travel_i, travel = 5, 20, 60°"
+    formula = "δq = Σ c_i s_i + d · direction · |τ|, ds_i/dq = (direction − s_i)/travel_i, travel = 2, 8, 30°"
     source = "Dahl 1968; several elements as in the model of Prandtl and Ishlinskii"
     needs = "measured order, and short moves as well as long ones"
     claim = "{place} has friction with a memory, or that grows with the load"
@@ -56,7 +56,7 @@ class FrictionCurve(Curve, LoadedJointEffect):
         """Several: the moves so far, and the torque."""
         return ""
 
-    def basis(self, poses: Poses, tau: Amounts) -> Amounts:
+    def basis(self, poses: Poses, tau: Amounts, slot: int = 0) -> Amounts:
         """The states, and direction · |τ|."""
         return (*poses.slid(self.joint, len(TRAVELS_DEG)), poses.approach(self.joint) * magnitude(tau[0]))
 

@@ -26,6 +26,7 @@ class Poses:
         number: (N,), number of each pose in error messages, or None: 1 … N.
         friction: (N, n, K), states (−1 … 1) of elements of dry friction that the moves so far have turned over, see
             `lrm_math.effects.friction`, or None if the moves are unknown.
+        running: (N,), time since the first pose of the session (s), or None.
     """
 
     q: Array
@@ -36,6 +37,7 @@ class Poses:
     temperature: Array | None = None
     number: NDArray[np.int64] | None = None
     friction: Array | None = None
+    running: Array | None = None
 
     def __post_init__(self) -> None:
         if self.q.ndim != 2 or self.payload.shape != (len(self.q),):
@@ -78,7 +80,7 @@ class Poses:
 
     def one(self, row: int) -> Poses:
         """One pose alone."""
-        given = (self.direction, self.t, self.session, self.temperature, self.number, self.friction)
+        given = (self.direction, self.t, self.session, self.temperature, self.number, self.friction, self.running)
         rest = (None if column is None else column[row : row + 1] for column in given)
         return Poses(self.q[row : row + 1], self.payload[row : row + 1], *rest)  # type: ignore[arg-type]
 
