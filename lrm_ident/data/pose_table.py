@@ -11,6 +11,7 @@ from lrm_ident.data.measurement_table import ANGLES, POSITION
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
+from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import Reading
@@ -42,15 +43,28 @@ def poses_of_table(
     how: Reading,
 ) -> Poses:
     """Poses with angles `q` (N, n) in rad and the other columns of a table, `known` those that are read already."""
+    moves = directions(q, start)
     return Poses(
         q=q,
         payload=read_payload(table),
-        direction=read_approach(table, directions(q, start), how),
+        direction=read_approach(table, moves, how),
         t=known.get("t_s"),
         session=known.get("session"),
         temperature=known.get("temp_c"),
         number=number,
+        friction=None if "approach" in table.header else friction_states(q, moves, start),
+        running=_running(known.get("t_s"), known.get("session")),
     )
+
+
+def _running(t: Array | None, session: Array | None) -> Array | None:
+    """(N,), time since the first pose of the session (s)."""
+    if t is None:
+        return None
+    _, number = np.unique(np.zeros(len(t)) if session is None else session, return_inverse=True)
+    first = np.full(int(number.max()) + 1, np.inf)
+    np.minimum.at(first, number, t)
+    return np.asarray(t - first[number])
 
 
 def read_angles(table: CsvTable, arm: Arm, how: Reading = AS_NAMED) -> Array:

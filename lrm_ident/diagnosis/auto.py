@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
 from lrm_ident.diagnosis.judge import Judgement, judge
+from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import Loss
 from lrm_math.arrays import Array
@@ -20,7 +23,7 @@ class AutoStep:
     """One step of `auto`.
 
     Attributes:
-        added: `effect@place`, "" at the start. refines: ids of the effects of which that is another form.
+        added: `effect@place`, "" at the start. refines: the effects, `effect@place`, of which that is another form.
         fit: with it. held_out: (N, 3), held-out residual with it (m).
         data: the measurements that were fitted, outliers left out.
         equivalent: the rest of its class: effects that these data cannot distinguish from it.
@@ -38,9 +41,7 @@ class AutoStep:
     @property
     def names(self) -> tuple[str, ...]:
         """The causes that it can stand for, `effect@place`: those that a form refines, else itself and its class."""
-        place = self.added.partition("@")[2]
-        own = tuple(f"{cause}@{place}" for cause in self.refines) or (self.added,)
-        return (*own, *self.equivalent)
+        return (*(self.refines or (self.added,)), *self.equivalent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,24 +84,26 @@ def run_auto(
     now = judge(diagnose(model, data, kinds, loss=loss))
     steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
     on_step(steps[0])
-    while now.first is not None and len(steps) <= max_effects:
-        before, added = now, now.first
-        now = judge(diagnose(before.refits[added.name].fit.model, data, kinds, loss=loss))
-        steps.append(_step(before, added.name, now))
+    while now.first is not None and now.refit is not None and len(steps) <= max_effects:
+        before, added, refit = now, now.first, now.refit
+        found = diagnose(refit.fit.model, data, kinds, loss=loss)
+        same = np.array_equal(found.data.pose, before.diagnosis.data.pose)
+        now = judge(found, refit.blocks if same else ())
+        steps.append(_step(before, added, now))
         on_step(steps[-1])
     return AutoRun(tuple(steps), now)
 
 
-def _step(before: Judgement, added: str, after: Judgement) -> AutoStep:
-    effect = next(one for one in before.supported if one.name == added).candidate.effect
+def _step(before: Judgement, added: ScoredCandidate, after: Judgement) -> AutoStep:
+    effect = added.candidate.effect
     own = {f"{effect.id}.{effect.place}.{parameter.name}" for parameter in effect.parameters}
     old = {*before.diagnosis.fit.model.free, *own}
     return AutoStep(
-        added=added,
+        added=added.name,
         fit=after.diagnosis.fit,
         held_out=after.held_out,
         data=after.diagnosis.data,
-        equivalent=before.diagnosis.equivalent[added],
-        refines=effect.refines,
+        equivalent=before.diagnosis.equivalent[added.name],
+        refines=effect.refined,
         freed=tuple(key for key in after.diagnosis.fit.model.free if key not in old),
     )

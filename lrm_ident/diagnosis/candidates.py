@@ -64,13 +64,13 @@ def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE
                 yield effect, rows
 
 
-def _present(model: Model) -> set[tuple[str, str]]:
-    return {(effect.id, effect.place) for effect in model.effects}
+def _present(model: Model) -> set[str]:
+    return {f"{effect.id}@{effect.place}" for effect in model.effects}
 
 
-def _standing(effect: Effect, present: set[tuple[str, str]]) -> int:
+def _standing(effect: Effect, present: set[str]) -> int:
     """See `Candidate.standing`."""
-    if any((kind, effect.place) in present for kind in (effect.id, *effect.refines)):
+    if present & {f"{effect.id}@{effect.place}", *effect.refined}:
         return REFINEMENT
     return FORM if effect.refines else PLAIN
 
@@ -105,7 +105,7 @@ def differentiate_candidates(
 ) -> tuple[Response, list[Candidate]]:
     """The columns of every effect at the model's equilibrium, where none of them acts yet; and that response."""
     present = _present(model)
-    added = [effect for effect, _ in effects if (effect.id, effect.place) not in present]
+    added = [effect for effect, _ in effects if f"{effect.id}@{effect.place}" not in present]
     known = {key: model.value(key) for key in model.keys}
     extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free)
     response = respond(equilibrium(extended, poses))

@@ -35,7 +35,8 @@ class RankedCandidate:
     """One candidate with its verdict.
 
     Attributes:
-        held_out_rms: what the held-out RMS would be (m); `exact` if refitted and cross-validated, else linear.
+        held_out_rms: what the held-out RMS would be (m), linear unless `exact`.
+        fit: with it, where it was refitted and cross-validated; else None.
         estimates: (name with unit, value, standard error) in the file's units.
         equivalent: names of effects that the data cannot distinguish from it. why: one sentence.
     """
@@ -43,10 +44,15 @@ class RankedCandidate:
     scored: ScoredCandidate
     verdict: Literal["supported", "indistinguishable", "no_evidence"]
     held_out_rms: float
-    exact: bool
+    fit: Fit | None
     estimates: Estimates
     equivalent: tuple[str, ...]
     why: str
+
+    @property
+    def exact(self) -> bool:
+        """Whether it was refitted and cross-validated."""
+        return self.fit is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +84,7 @@ def build_report(diagnosis: Diagnosis, on_progress: Callable[[str], object] = st
     Args:
         on_progress: called with what is being done.
     """
-    return report_of(judge(diagnosis, on_progress))
+    return report_of(judge(diagnosis, on_progress=on_progress))
 
 
 def report_of(judgement: Judgement) -> DiagnosisReport:
@@ -109,7 +115,8 @@ def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[S
 
 
 def _rank(scored: ScoredCandidate, judgement: Judgement, before: ErrorStats) -> RankedCandidate:
-    diagnosis, supported, refit = judgement.diagnosis, judgement.supported, judgement.refits.get(scored.name)
+    diagnosis, supported = judgement.diagnosis, judgement.supported
+    refit = judgement.refit if scored in supported[:1] else None
     fitted, rms = (None, scored.alone.rms) if refit is None else (refit.fit, refit.error.rms)
     estimates = _estimates(scored) if fitted is None else _fitted_estimates(scored, fitted)
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
@@ -127,7 +134,7 @@ def _rank(scored: ScoredCandidate, judgement: Judgement, before: ErrorStats) -> 
         why = f"it would leave {rms * 1e3:.2f} mm held out of {before.rms * 1e3:.2f}: hardly less"
     if scored.name in diagnosis.unexplained.spurious:
         why = f"it only resembles {diagnosis.unexplained.spurious[scored.name]}, which explains far more"
-    return RankedCandidate(scored, verdict, rms, fitted is not None, estimates, equivalent, why)
+    return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, why)
 
 
 def _estimates(scored: ScoredCandidate) -> Estimates:

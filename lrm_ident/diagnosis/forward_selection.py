@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, paired_z, principal_cosine
+from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, cosine_of_bases, paired_z
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate, f_test_p_value, yekutieli_factor
 from lrm_ident.progress import OnProgress
 
@@ -63,9 +63,8 @@ def forward_select(
 
 def _standing(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
     """Its standing beside the effects of the model and those selected."""
-    effect, names = one.candidate.effect, {other.name for other in selected}
-    refines = any(f"{kind}@{effect.place}" in names for kind in effect.refines)
-    return REFINEMENT if refines else one.candidate.standing
+    names = {other.name for other in selected}
+    return REFINEMENT if names & set(one.candidate.effect.refined) else one.candidate.standing
 
 
 def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
@@ -90,8 +89,7 @@ def _choose(choices: Sequence[Choice], now: Explanation, standing: dict[str, int
 
 def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
     """The best plain effect that this form refines, if one helps: it is named first; else the form itself."""
-    form = chosen[1].candidate.effect
-    names = {f"{kind}@{form.place}" for kind in form.refines}
+    names = chosen[1].candidate.effect.refined
     return min((c for c in choices if c[1].name in names), key=lambda choice: choice[0].rms, default=chosen)
 
 
@@ -112,14 +110,33 @@ def equivalent_effects(
     others = [other.projected for other in selected[: selected.index(one)]]
     without, with_it = linear.explain(*others), linear.explain(*others, one.projected)
     gain = float(without.held_out.mean() - with_it.held_out.mean())
+    alike = _same_form(one, others, with_it, ranked, linear)
     equivalent = []
     for rival in ranked:
         if rival is one or rival.implausible or rival.candidate.standing == FORM:
             continue
         instead = linear.explain(*others, rival.projected)
         if float(without.held_out.mean() - instead.held_out.mean()) > EQUIVALENT_GAIN * gain and (
-            paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
-            or principal_cosine(one.projected.all_rows, rival.projected.all_rows) > EQUIVALENCE_COSINE
+            rival.name in alike
+            or paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
+            or cosine_of_bases(one.projected.orthonormal, rival.projected.orthonormal) > EQUIVALENCE_COSINE
         ):
             equivalent.append(rival.name)
     return tuple(equivalent)
+
+
+def _same_form(
+    one: ScoredCandidate,
+    others: Sequence[ProjectedColumns],
+    with_it: Explanation,
+    ranked: Sequence[ScoredCandidate],
+    linear: LinearisedFit,
+) -> set[str]:
+    """Effects of which a form that `one` needs is a form too: where a formula is wrong, formulas do not tell."""
+    found: set[str] = set()
+    for form in ranked:
+        if one.name in form.candidate.effect.refined:
+            beside = linear.explain(*others, one.projected, form.projected)
+            if improves_prediction(beside, with_it, linear.explain()):
+                found.update(form.candidate.effect.refined)
+    return found

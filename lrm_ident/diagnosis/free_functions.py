@@ -1,8 +1,8 @@
 """Free functions at one joint: the part of the residual that a smooth function explains, whatever its physical cause.
 
 A rotation of joint j that is any smooth function (Legendre series) of one or two covariates: joint angles, the joint's
-own torque, order of measurement. A named effect must not predict far worse than a free function at its own place, and
-structure that no effect explains is described by the best of them.
+own torque (now, or at the poses before: creep), order of measurement. A named effect must not predict far worse than a
+free function at its own place, and structure that no effect explains is described by the best of them.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 
 SINGLE_DEGREE, PRODUCT_DEGREE, TYPICAL_SIZE = 6, 5, 0.02  # degrees of the Legendre polynomials; rad
+MEMORY = 6  # poses
 CONSTANT = 1e-9  # rad or N·m: a quantity that varies less is round-off
 
 
@@ -61,6 +62,8 @@ class FreeFunction:
 def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> list[FreeFunction]:
     """Free functions of every covariate at every joint, then products of every pair of covariates.
 
+    A function of a joint's torque before is linear in that at each of the last `MEMORY` poses (creep).
+
     Products leave out what either covariate explains alone; the degrees of their factors sum up to one more than
     `PRODUCT_DEGREE` at most.
 
@@ -74,6 +77,8 @@ def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> 
     for joint, motion in enumerate(joint_jacobian):
         own = _covariate(f"tau{joint + 1}", torque[:, joint])
         candidates = [*shared, *([own] if own.levels > 1 else [])]
+        if own.levels > 1:
+            univariate.append(FreeFunction(joint, (f"{own.name} before",), _columns(motion, _memory(own.values))))
         for one in candidates:
             univariate.append(FreeFunction(joint, (one.name,), _columns(motion, one.legendre_basis(SINGLE_DEGREE))))
         for a, b in combinations(candidates, 2):
@@ -83,6 +88,12 @@ def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> 
             if products:
                 bivariate.append(FreeFunction(joint, (a.name, b.name), _columns(motion, np.stack(products, axis=1))))
     return univariate + bivariate
+
+
+def _memory(values: Array) -> Array:
+    """(N, `MEMORY`), the value at each of the poses before; before the first pose as at the first."""
+    ahead = np.concatenate([np.full(MEMORY, values[0]), values])
+    return np.stack([ahead[MEMORY - lag : len(ahead) - lag] for lag in range(1, MEMORY + 1)], axis=1)
 
 
 def _columns(motion: Array, basis: Array) -> Array:

@@ -1,7 +1,7 @@
 """The one judge of `diagnose`, `add` and `auto`: the best candidates refitted in full and cross-validated.
 
-Screening (`diagnose`) is linear. What it selects is refitted here with everything else free, as `add` does it, and
-counts only if the held-out error falls.
+Screening (`diagnose`) is linear. The first that it supports is refitted here with everything else free, as `add` does
+it, and counts only if the held-out error falls by more than its standard error says; else the next one is tried.
 """
 
 from __future__ import annotations
@@ -9,26 +9,34 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.forward_selection import MIN_GAIN
-from lrm_ident.diagnosis.score_test import ScoredCandidate
-from lrm_ident.estimation.cross_validation import held_out_blocks, held_out_residual
+from lrm_ident.diagnosis.linearised_fit import paired_z
+from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate
+from lrm_ident.estimation.cross_validation import held_out_blocks
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.nonparametric.predictability import HeldOutBlock, held_out_rows
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
-MAX_REFITS = 3  # candidates that are refitted and cross-validated in full
+MAX_REFITS = 3  # candidates that are refitted and cross-validated in full, at most
 
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """A model with one candidate added, everything refitted; `held_out`: (N, 3), its held-out residual (m)."""
+    """A model with one candidate added, everything refitted, and cross-validated."""
 
     fit: Fit
-    held_out: Array
+    blocks: tuple[HeldOutBlock, ...]
+
+    @property
+    def held_out(self) -> Array:
+        """(N, 3), its held-out residual (m)."""
+        return held_out_rows(self.blocks)
 
     @property
     def error(self) -> ErrorStats:
@@ -38,17 +46,17 @@ class Refit:
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """A diagnosis with its best candidates refitted.
+    """A diagnosis with its best candidate refitted.
 
     Attributes:
         blocks: the model as it is, cross-validated.
-        refits: by name, of the candidates that lower the held-out error when everything is refitted.
+        refit: with the first supported effect; None if nothing is supported.
         supported: effects that are there as far as these data show, the one to add first.
     """
 
     diagnosis: Diagnosis
     blocks: tuple[HeldOutBlock, ...]
-    refits: dict[str, Refit]
+    refit: Refit | None
     supported: tuple[ScoredCandidate, ...]
 
     @property
@@ -68,31 +76,24 @@ class Judgement:
         return "unexplained_structure" if lost else self.diagnosis.verdict
 
 
-def judge(diagnosis: Diagnosis, on_progress: Callable[[str], object] = str) -> Judgement:
-    """Refits the first supported effect, those equivalent to it and the next ones, and keeps what predicts better.
+def judge(
+    diagnosis: Diagnosis, blocks: tuple[HeldOutBlock, ...] = (), on_progress: Callable[[str], object] = str
+) -> Judgement:
+    """Refits the supported effects in turn until one predicts better.
 
     Args:
+        blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
         on_progress: called with what is being done.
     """
-    on_progress("cross-validating the model as it is")
-    blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
-    before = error_stats(held_out_rows(blocks)).rms
-    refits: dict[str, Refit] = {}
-    tried = _to_refit(diagnosis)
-    for scored in tried:
+    if not blocks:
+        on_progress("cross-validating the model as it is")
+        blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
+    for number, scored in enumerate(diagnosis.supported[:MAX_REFITS]):
         on_progress(f"refitting with {scored.name}")
-        found = _refit(diagnosis, scored)
-        if found and found.error.rms < (1.0 - MIN_GAIN) * before:
-            refits[scored.name] = found
-    return Judgement(diagnosis, blocks, refits, _supported(diagnosis, tried, refits))
-
-
-def _to_refit(diagnosis: Diagnosis) -> list[ScoredCandidate]:
-    """The first supported effect, those equivalent to it, then the other supported ones."""
-    by_name = {scored.name: scored for scored in diagnosis.scored}
-    names = [scored.name for scored in diagnosis.supported]
-    names[1:1] = [other for name in names[:1] for other in diagnosis.equivalent[name]]
-    return [by_name[name] for name in dict.fromkeys(names)][:MAX_REFITS]
+        refit = _refit(diagnosis, scored)
+        if refit is not None and _predicts_better(refit.held_out, held_out_rows(blocks)):
+            return Judgement(diagnosis, blocks, refit, diagnosis.supported[number:])
+    return Judgement(diagnosis, blocks, None, ())
 
 
 def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:
@@ -100,16 +101,12 @@ def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:
     try:
         effect, data, loss = scored.candidate.effect, diagnosis.data, diagnosis.loss
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
-        return Refit(fitted, held_out_residual(fitted.model, data, loss=loss, prior=fitted.weak_prior))
+        return Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
     except LrmError:
         return None
 
 
-def _supported(
-    diagnosis: Diagnosis, tried: list[ScoredCandidate], refits: dict[str, Refit]
-) -> tuple[ScoredCandidate, ...]:
-    """The supported effects whose refit, if there was one, predicts better; the first of them was refitted."""
-    kept = [one for one in diagnosis.supported if one.name in refits or one not in tried]
-    while kept and kept[0].name not in refits:
-        kept.pop(0)
-    return tuple(kept)
+def _predicts_better(then: Array, now: Array) -> bool:
+    """Whether a held-out residual (N, 3) is smaller by a share worth naming, and by more than its standard error."""
+    squares = [np.asarray((residual**2).sum(axis=1)) for residual in (then, now)]
+    return error_stats(then).rms < (1.0 - MIN_GAIN) * error_stats(now).rms and paired_z(*squares) > Z_THRESHOLD

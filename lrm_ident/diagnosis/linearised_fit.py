@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,15 +38,6 @@ class Fold:
     train_residual: Array
     test_residual: Array
 
-    def project_train(self, C: Array) -> Array:
-        """Training rows of C without what A explains."""
-        rows = C[self.train]
-        return rows - self.basis @ (self.basis.T @ rows)
-
-    def project_test(self, C: Array) -> Array:
-        """Test rows of C, less what the training fit of A would predict for them."""
-        return C[self.test] - self.test_columns @ (self.inverse_factor @ (self.basis.T @ C[self.train]))
-
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
@@ -70,11 +62,23 @@ class Explanation:
 
 @dataclass(frozen=True, eq=False)
 class ProjectedColumns:
-    """Columns with A projected out: all rows (3 N, m), and each fold's training and test rows."""
+    """Columns C with A projected out.
+
+    Attributes:
+        all_rows: (3 N, m).
+        absent: (F, P + Q, m), for each fold what its training rows lack of `all_rows`: the part that A explains there,
+            and the test rows; so the training rows' products are those of all rows less those of these.
+        test: (F, Q, m), test rows less what the training fit of A predicts for them; zero beyond a fold's rows.
+    """
 
     all_rows: Array
-    train: tuple[Array, ...]
-    test: tuple[Array, ...]
+    absent: Array
+    test: Array
+
+    @cached_property
+    def orthonormal(self) -> Array:
+        """(3 N, rank), orthonormal basis of `all_rows`."""
+        return _svd(self.all_rows)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,33 +101,70 @@ class LinearisedFit:
         """Rows less fitted parameters."""
         return len(self.residual) - int(self.basis.shape[1])
 
+    @cached_property
+    def _test_rows(self) -> NDArray[np.int64]:
+        """(F, Q), test rows of each fold, filled up with the number of a row that does not exist."""
+        out = np.full((len(self.folds), max(len(fold.test) for fold in self.folds)), len(self.residual))
+        for row, fold in zip(out, self.folds, strict=True):
+            row[: len(fold.test)] = fold.test
+        return out
+
+    @cached_property
+    def _bases(self) -> Array:
+        """(F, P, 3 N), Uᵀ of each fold, zero at test rows."""
+        out = np.zeros((len(self.folds), max(fold.basis.shape[1] for fold in self.folds), len(self.residual)))
+        for rows, fold in zip(out, self.folds, strict=True):
+            rows[: fold.basis.shape[1], fold.train] = fold.basis.T
+        return out
+
+    @cached_property
+    def _predictors(self) -> Array:
+        """(F, Q, P), test rows of A V S⁻¹ of each fold."""
+        out = np.zeros((*self._test_rows.shape, self._bases.shape[1]))
+        for rows, fold in zip(out, self.folds, strict=True):
+            rows[: len(fold.test), : fold.basis.shape[1]] = fold.test_columns @ fold.inverse_factor
+        return out
+
+    @cached_property
+    def own(self) -> ProjectedColumns:
+        """The residual as a column."""
+        return self._parts(self.residual[:, None])
+
     def project(self, C: Array) -> ProjectedColumns:
         """Projects the fitted parameters out of columns C (3 N, m)."""
-        all_rows = C - self.basis @ (self.basis.T @ C)
-        train, test = (f.project_train(C) for f in self.folds), (f.project_test(C) for f in self.folds)
-        return ProjectedColumns(all_rows, tuple(train), tuple(test))
+        return self._parts(C - self.basis @ (self.basis.T @ C))
+
+    def _parts(self, C: Array) -> ProjectedColumns:
+        (count, size, rows), m = self._bases.shape, C.shape[1]
+        explained = (self._bases.reshape(-1, rows) @ C).reshape(count, size, m)
+        test = np.concatenate([C, np.zeros((1, m))])[self._test_rows]
+        return ProjectedColumns(C, np.concatenate([explained, test], axis=1), test - self._predictors @ explained)
 
     def explain(self, *parts: ProjectedColumns) -> Explanation:
         """What the columns of all parts explain together (nothing: the fit as it is)."""
-        prior, held_out = (self.sigma / PRIOR_SD) ** 2, np.empty(len(self.residual))
-        for number, fold in enumerate(self.folds):
-            left = fold.test_residual
-            if parts:
-                train = np.concatenate([part.train[number] for part in parts], axis=1)
-                test = np.concatenate([part.test[number] for part in parts], axis=1)
-                gram = train.T @ train + np.eye(train.shape[1]) * prior
-                left = left - test @ np.linalg.solve(gram, train.T @ fold.train_residual)
-            held_out[fold.test] = left**2
-        squared = np.asarray(held_out.reshape(-1, 3).sum(axis=1))
+        prior, own = (self.sigma / PRIOR_SD) ** 2, self.own
         if not parts:
-            return Explanation(np.zeros(0), np.zeros(0), float(self.residual @ self.residual), squared)
-        columns = np.concatenate([part.all_rows for part in parts], axis=1)
-        inverse = np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]) * prior)
-        theta = inverse @ (columns.T @ self.residual)
+            held_out = self._by_pose(own.test[:, :, 0])
+            return Explanation(np.zeros(0), np.zeros(0), float(self.residual @ self.residual), held_out)
+        columns, absent, test = (
+            np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in ("all_rows", "absent", "test")
+        )
+        gram = columns.T @ columns + np.eye(columns.shape[1]) * prior
+        along, missing = columns.T @ self.residual, absent.transpose(0, 2, 1)
+        theta = np.linalg.solve(gram - missing @ absent, along[:, None] - missing @ own.absent)
+        squared = self._by_pose((own.test - test @ theta)[:, :, 0])
+        inverse = np.linalg.inv(gram)
+        theta = inverse @ along
         left = self.residual - columns @ theta
         variance = float(left @ left) / max(self.degrees_of_freedom - len(theta), 1)
         error = np.sqrt(max(variance, self.sigma**2) * np.diag(inverse))
         return Explanation(theta, error, float(left @ left), squared)
+
+    def _by_pose(self, test: Array) -> Array:
+        """(N,), squared 3-D distance of each pose from the folds' test residuals (F, Q)."""
+        held_out = np.zeros(len(self.residual) + 1)
+        held_out[self._test_rows] = test**2
+        return np.asarray(held_out[:-1].reshape(-1, 3).sum(axis=1))
 
 
 def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]], sigma: float) -> LinearisedFit:
@@ -157,7 +198,12 @@ def projected_rank(columns: Array, original: Array) -> int:
 
 def principal_cosine(a: Array, b: Array) -> float:
     """Smallest principal cosine (Björck & Golub 1973) of two column spaces: 1 if the smaller lies in the larger."""
-    small, large = sorted((_svd(a)[0], _svd(b)[0]), key=lambda basis: basis.shape[1])
+    return cosine_of_bases(_svd(a)[0], _svd(b)[0])
+
+
+def cosine_of_bases(a: Array, b: Array) -> float:
+    """As `principal_cosine`, of orthonormal columns."""
+    small, large = sorted((a, b), key=lambda basis: basis.shape[1])
     if not small.shape[1]:
         return 0.0
     return float(np.linalg.svd(large.T @ small, compute_uv=False).min())

@@ -15,7 +15,7 @@ LIKENESS = 0.98
 """Cosine between the motions of the TCP above which parameters look like one thing."""
 SURELY = 5.0  # standard errors
 FEW_LEVELS = 4
-OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_harmonics", "angle_curve", "cable_spring")
+OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_curve", "cable_spring")
 
 
 def parameter_hints(fitted: Fit) -> tuple[str, ...]:

@@ -63,19 +63,21 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     noise = np.random.default_rng(SEED).normal(size=(rows, NULL_DRAWS)) * linear.sigma
     noise -= linear.basis @ (linear.basis.T @ noise)
     squares, fold_gain, gain, largest = [], [], [], np.full(NULL_DRAWS, -np.inf)
+    both = np.concatenate([linear.residual[:, None], noise], axis=1)
     for number, group in enumerate(groups):
         held_out, by_fold = np.empty((rows // 3, len(group.laws))), np.empty((folds, len(group.laws)))
+        projected, own = linear.project(group.motions), linear.own
+        whole = _products(projected.all_rows, both, group)
         for k, fold in enumerate(linear.folds):
-            theta, explained = _solve(fold.project_train(group.motions), fold.train_residual[:, None], group, linear)
-            test = fold.project_test(group.motions)
+            train = whole.less(_products(projected.absent[k], own.absent[k], group))
+            theta, explained = _solve(train, group, linear)
+            test = projected.test[k, : len(fold.test)]
             predicted = test[:, group.first] * theta[0, :, 0]
             predicted[:, group.pairs] += test[:, group.second[group.pairs]] * theta[1, group.pairs, 0]
             left = fold.test_residual[:, None] - predicted
             held_out[fold.test[::3] // 3] = (left**2).reshape(-1, 3, left.shape[1]).sum(axis=1)
             by_fold[k] = _bic_gain(explained, fold.train_residual[:, None], group)[:, 0]
-        motions = group.motions - linear.basis @ (linear.basis.T @ group.motions)
-        both = np.concatenate([linear.residual[:, None], noise], axis=1)
-        gains = _bic_gain(_solve(motions, both, group, linear)[1], both, group)
+        gains = _bic_gain(_solve(whole, group, linear)[1], both, group)
         squares.append(held_out)
         fold_gain.append(by_fold)
         gain.append(gains[:, 0])
@@ -96,13 +98,32 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     )
 
 
-def _solve(motions: Array, residuals: Array, group: LawColumns, linear: LinearisedFit) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class _Products:
+    """Products of columns: `along` (M, D) with D residuals, `square` (M,) and `cross` (pairs,) of the laws' terms."""
+
+    along: Array
+    square: Array
+    cross: Array
+
+    def less(self, absent: _Products) -> _Products:
+        """Of some rows: those of all rows, of the first residuals, less those of the rows that are absent."""
+        along = self.along[:, : absent.along.shape[1]] - absent.along
+        return _Products(along, self.square - absent.square, self.cross - absent.cross)
+
+
+def _products(motions: Array, residuals: Array, group: LawColumns) -> _Products:
+    a, b = group.first[group.pairs], group.second[group.pairs]
+    cross = np.einsum("rp,rp->p", motions[:, a], motions[:, b])
+    return _Products(motions.T @ residuals, np.einsum("rm,rm->m", motions, motions), cross)
+
+
+def _solve(products: _Products, group: LawColumns, linear: LinearisedFit) -> tuple[Array, Array]:
     """Ridge estimates (2, L, D) of every law on D residuals (rows, D), and the squares (L, D) that they explain."""
-    prior, a, b = (linear.sigma / PRIOR_SD) ** 2, group.first, group.second
-    along, square = motions.T @ residuals, (motions**2).sum(axis=0)
-    cross, pairs = np.zeros(len(a)), group.pairs
-    cross[pairs] = (motions[:, a[pairs]] * motions[:, b[pairs]]).sum(axis=0)
-    aa, bb = square[a] + prior, square[b] + prior
+    prior, a, b, along = (linear.sigma / PRIOR_SD) ** 2, group.first, group.second, products.along
+    cross = np.zeros(len(a))
+    cross[group.pairs] = products.cross
+    aa, bb = products.square[a] + prior, products.square[b] + prior
     determinant = (aa * bb - cross**2)[:, None]
     first = (bb[:, None] * along[a] - cross[:, None] * along[b]) / determinant
     second = (aa[:, None] * along[b] - cross[:, None] * along[a]) / determinant

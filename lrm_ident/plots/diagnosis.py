@@ -12,6 +12,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.free_functions import FreeFunction
 from lrm_ident.estimation.levenberg_marquardt import Fit
+from lrm_ident.plots.driver_curve import DriverCurve, driver_curve
 from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
 from lrm_math.arrays import Array
 
@@ -25,11 +26,16 @@ BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
 
 def draw_report(report: DiagnosisReport, path: Path) -> None:
     """Draws a diagnosis. Raises `FileError` for an unknown format or a place that cannot be written."""
-    with figure_file(path, 13, 4.6) as figure:
-        left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
+    first = report.first
+    curve = None if first is None or first.fit is None else driver_curve(first.fit, first.scored.candidate.effect)
+    with figure_file(path, 13 if curve is None else 19, 4.6) as figure:
+        panels = figure.subplots(1, 2 if curve is None else 3)
+        left, right = panels[:2]
         _draw_ranking(left, report)
-        if report.first is not None:
-            _draw_evidence(right, report.diagnosis, report.first)
+        if curve is not None:
+            _draw_form(panels[2], curve)
+        if first is not None:
+            _draw_evidence(right, report.diagnosis, first)
         elif report.diagnosis.unexplained.ranking:
             _draw_anatomy(right, report.diagnosis, report.diagnosis.unexplained.ranking[0][0])
 
@@ -69,6 +75,16 @@ def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None
     finish(axes, f"what {scored.name} would add beyond the fit, mm", "what the fit leaves, mm", title)
 
 
+def _draw_form(axes: Axes, curve: DriverCurve) -> None:
+    """The turn of the joint against what drives it: the fitted form with its band, and what the poses show."""
+    label = "each pose: the form and what the fit leaves"
+    axes.scatter(curve.measured_at, curve.measured, s=10, color=NOMINAL, label=label)
+    axes.plot(curve.at, curve.turn, color=MODEL, linewidth=2, label=" + ".join(curve.effects))
+    low, high = curve.turn - 2.0 * curve.error, curve.turn + 2.0 * curve.error
+    axes.fill_between(curve.at, low, high, color=MODEL, alpha=0.3, linewidth=0, label="two standard errors")
+    finish(axes, f"{curve.driver}, {curve.unit}", f"turn of {curve.joint}, °", f"The form: {curve.effects[-1]}")
+
+
 def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
     """The turn of one joint that each residual acts like, against what it follows; a second quantity in three bands."""
     turn, (fitted, data) = found.joint_jacobian[function.joint], found.seen
@@ -97,5 +113,9 @@ def _with_unit(name: str) -> str:
 def _values(data: Measurements, fitted: Fit, name: str) -> Array:
     if name == "order":
         return np.arange(len(data), dtype=np.float64)
-    joint = int(name.lstrip("qtau")) - 1
-    return np.degrees(data.poses.q[:, joint]) if name.startswith("q") else fitted.rest.joint_torque[:, joint]
+    quantity, _, before = name.partition(" ")
+    joint = int(quantity.lstrip("qtau")) - 1
+    if quantity.startswith("q"):
+        return np.degrees(data.poses.q[:, joint])
+    torque = fitted.rest.joint_torque[:, joint]
+    return np.concatenate([torque[:1], torque[:-1]]) if before else torque

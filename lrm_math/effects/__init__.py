@@ -6,8 +6,11 @@ from lrm_math.arm.arm import Arm
 from lrm_math.effects.backlash import Backlash, Hysteresis
 from lrm_math.effects.base import AngleDependentEffect, Effect, JointEffect, LoadedJointEffect, Parameter
 from lrm_math.effects.compliance import BaseCompliance, BendingEnds, Compliance, LateralCompliance, NonlinearStiffness
-from lrm_math.effects.curves import AngleCurve, AngleHarmonics, CouplingCurve, DriftCurve, TorqueCurve
+from lrm_math.effects.curves import AngleCurve, CableCurve, CouplingCurve
+from lrm_math.effects.drift_curve import DriftCurve
 from lrm_math.effects.forces import CableSpring, Mass, Payload
+from lrm_math.effects.friction import FrictionCurve
+from lrm_math.effects.moment_curves import BaseCurve, BearingCurve, TorqueCurve
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Coupling, Eccentricity, Quantisation, ServoGain
 from lrm_math.effects.session_errors import Drift, MeasurementFrame, Session
@@ -32,7 +35,17 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Session,
     MeasurementFrame,
 )
-FORMS: tuple[type[Effect], ...] = (BendingEnds, AngleHarmonics, TorqueCurve, AngleCurve, CouplingCurve, DriftCurve)
+FORMS: tuple[type[Effect], ...] = (
+    BendingEnds,
+    BearingCurve,
+    TorqueCurve,
+    BaseCurve,
+    FrictionCurve,
+    AngleCurve,
+    CouplingCurve,
+    CableCurve,
+    DriftCurve,
+)
 """Other forms of effects of the catalogue, fitted beside them, from plain to rich."""
 
 

@@ -143,6 +143,16 @@ class Effect(ABC):
         return ()
 
     @property
+    def refined(self) -> tuple[str, ...]:
+        """The effects, `effect@place`, of which this is another form."""
+        return tuple(f"{kind}@{self.place}" for kind in self.refines)
+
+    @property
+    def driver(self) -> str:
+        """The one quantity that `motion` is a function of: `qN`, `tauN` or `t`; empty if there are several, or none."""
+        return ""
+
+    @property
     def bends_at_ends(self) -> tuple[str, ...]:
         """Links (`linkN`) of which it turns an end, `linkN.near_x` for instance, beside their middle."""
         return ()
@@ -235,6 +245,11 @@ class JointEffect(Effect):
 class AngleDependentEffect(JointEffect):
     """An effect on one joint that depends on the joint's commanded angle; three angles at least identify it."""
 
+    @property
+    def driver(self) -> str:
+        """The joint's angle."""
+        return f"q{self.joint + 1}"
+
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The joint must be measured at three or more angles."""
         levels = excitation.levels(self.joint)
@@ -243,6 +258,11 @@ class AngleDependentEffect(JointEffect):
 
 class LoadedJointEffect(JointEffect):
     """An effect on one joint's angle that depends on the torque on it."""
+
+    @property
+    def driver(self) -> str:
+        """The joint's torque."""
+        return f"tau{self.joint + 1}"
 
     @property
     def feels(self) -> tuple[str, ...]:

@@ -88,6 +88,11 @@ class Coupling(Effect):
         """The angle of the joint that is turned."""
         return (f"{self.place.split('<-')[0]}.theta",)
 
+    @property
+    def driver(self) -> str:
+        """The other joint's angle."""
+        return f"q{joint_number(self.place.split('<-')[1]) + 1}"
+
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """c q_M."""
         return (p[0] * poses.angle(joint_number(self.place.split("<-")[1])),)

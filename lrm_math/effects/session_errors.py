@@ -47,6 +47,11 @@ class Drift(_SessionError):
     needs = "times (t_s); a pose order that does not run with one joint"
 
     @property
+    def driver(self) -> str:
+        """The time."""
+        return "t"
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """For each angle its drift A, for each its slope c with temperature; the time constant T."""
         ends = self._suffixes

@@ -30,7 +30,8 @@ class SinglePose(Poses):
     def of(cls, poses: Poses, row: int, q: Array) -> SinglePose:
         """One row of some poses, with the angles q (n,) instead of its own (rad)."""
         kept = poses.one(row)
-        return cls(q[None], kept.payload, kept.direction, kept.t, kept.session, kept.temperature, kept.number)
+        given = (kept.direction, kept.t, kept.session, kept.temperature, kept.number, kept.friction, kept.running)
+        return cls(q[None], kept.payload, *given)
 
     @cached_property
     def _angles(self) -> list[float]:
@@ -59,9 +60,10 @@ class SinglePose(Poses):
 
     def take(self, rows: ArrayLike) -> Poses:
         """The pose repeated once per row, perhaps never."""
-        every = Poses(self.q, self.payload, self.direction, self.t, self.session, self.temperature, self.number)
-        return every.take(rows)
+        given = (self.direction, self.t, self.session, self.temperature, self.number, self.friction, self.running)
+        return Poses(self.q, self.payload, *given).take(rows)
 
     def turned_to(self, q: Array) -> SinglePose:
         """The same pose with other angles (n,), rad."""
-        return SinglePose(q[None], self.payload, self.direction, self.t, self.session, self.temperature, self.number)
+        given = (self.direction, self.t, self.session, self.temperature, self.number, self.friction, self.running)
+        return SinglePose(q[None], self.payload, *given)

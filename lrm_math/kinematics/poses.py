@@ -24,6 +24,9 @@ class Poses:
         session: (N,), number of the power-on session, or None.
         temperature: (N,), °C, or None.
         number: (N,), number of each pose in error messages, or None: 1 … N.
+        friction: (N, n, K), states (−1 … 1) of elements of dry friction that the moves so far have turned over, see
+            `lrm_math.effects.friction`, or None if the moves are unknown.
+        running: (N,), time since the first pose of the session (s), or None.
     """
 
     q: Array
@@ -33,6 +36,8 @@ class Poses:
     session: Array | None = None
     temperature: Array | None = None
     number: NDArray[np.int64] | None = None
+    friction: Array | None = None
+    running: Array | None = None
 
     def __post_init__(self) -> None:
         if self.q.ndim != 2 or self.payload.shape != (len(self.q),):
@@ -55,6 +60,12 @@ class Poses:
         """Sign of the last move of joint number `joint` from 0, 0 where unknown: (N,), or a float for one pose."""
         return 0.0 if self.direction is None else _number(self.direction[:, joint])
 
+    def slid(self, joint: int, count: int) -> tuple[Number, ...]:
+        """States of the `count` friction elements of a joint; where its moves are unknown, as after a long move."""
+        if self.friction is None:
+            return (self.approach(joint),) * count
+        return tuple(_number(self.friction[:, joint, k]) for k in range(count))
+
     @property
     def carried(self) -> Number:
         """Load carried (kg): (N,), or a float if it is the same in all poses."""
@@ -69,7 +80,7 @@ class Poses:
 
     def one(self, row: int) -> Poses:
         """One pose alone."""
-        given = (self.direction, self.t, self.session, self.temperature, self.number)
+        given = (self.direction, self.t, self.session, self.temperature, self.number, self.friction, self.running)
         rest = (None if column is None else column[row : row + 1] for column in given)
         return Poses(self.q[row : row + 1], self.payload[row : row + 1], *rest)  # type: ignore[arg-type]
 

@@ -23,7 +23,9 @@ from lrm_ident.laws.law_file import law_id, law_source
 from lrm_ident.laws.proposal import propose_law
 from lrm_ident.laws.search import LawColumns, LawSearch, search_laws
 from lrm_ident.report.laws import proposal_document
+from lrm_ident.synthetic import FormulaJoint
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import FileError
@@ -31,8 +33,8 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.support.commands import stdout_of
-from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.data import write_case
+from validation.hidden_effects.unfamiliar_data import arm_file, write_data
+from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, hidden, nothing, on
 
 
 def some_poses(seed: int, count: int = 40) -> tuple[Poses, Array]:
@@ -47,8 +49,16 @@ def base_fit(arm: Arm, data: Measurements) -> Model:
     return fit_identifiable(model, data, model.keys).fit.model
 
 
-def case_data(name: str, folder: Path, arm: Arm, poses: int = 90) -> Measurements:
-    return load_measurements(write_case(CASES[name], 31, poses, folder), arm)
+SUM = on("three-joint", hidden("report", "sum", None, lambda _: FormulaJoint(2, 0.02, "np.sin(q[1] + q[3])")))
+NOTHING = on("three-joint", nothing("report"))
+
+
+def three_joints() -> Arm:
+    return load_arm(str(arm_file(SUM)))
+
+
+def case_data(case: UnfamiliarCase, folder: Path, poses: int = 90) -> Measurements:
+    return load_measurements(write_data(case, 1, poses, folder)[0], three_joints())
 
 
 def test_every_law_of_the_grammar_is_another_and_can_be_evaluated() -> None:
@@ -125,26 +135,25 @@ def test_a_true_law_beats_the_noise_and_none_does_not(seed: int) -> None:
     assert search.nested.mean() > 0.97 * linear.explain().held_out.mean()
 
 
-@pytest.mark.slow
-def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path, lab: Arm) -> None:
-    data = case_data("sum-q1-q4", tmp_path, lab)
-    found = propose_law(base_fit(lab, data), data)
+def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path) -> None:
+    data, arm = case_data(SUM, tmp_path), three_joints()
+    found = propose_law(base_fit(arm, data), data)
     assert found.best is not None
-    assert found.best.law.formula == "δq3 = a sin(q1 + q4) + b cos(q1 + q4)"
+    assert found.best.law.formula == "δq2 = a sin(q1 + q3) + b cos(q1 + q3)"
     assert found.best.error.rms < 1.25 * 0.3e-3 * np.sqrt(3.0) < found.before.rms
-    assert proposal_document(found).values["proposed"] == {"joint": 3, "formula": found.best.law.formula}
+    assert proposal_document(found).values["proposed"] == {"joint": 2, "formula": found.best.law.formula}
 
     law = tmp_path / "sway.py"
     law.write_text(found.best.source, encoding="utf-8")
     (kind,) = effects_in(law)
-    fitted = add_effects(base_fit(lab, data), data, [kind(lab, "joint3")])
-    file = model_file(fitted, data, HeldOutResidual(None), "lrm-lab", "add", "squared")
+    fitted = add_effects(base_fit(arm, data), data, [kind(arm, "joint2")])
+    file = model_file(fitted, data, HeldOutResidual(None), str(arm_file(SUM)), "add", "squared")
     assert file.provenance is not None
     assert file.provenance.effects_file == law.resolve().as_posix()
     assert file.provenance.effects_sha256 == sha256_of(law)
     path = tmp_path / "m.toml"
     path.write_text(model_text(file), encoding="utf-8")
-    assert load_model(path, (*CATALOGUE, kind)).value("law_q1_q4.joint3.a_rad") != 0.0
+    assert load_model(path, (*CATALOGUE, kind)).value("law_q1_q3.joint2.a_rad") != 0.0
     with pytest.raises(FileError, match=re.escape(f"effects of its own, from {law.resolve()} (sha256")):
         load_model(path)
     law.rename(tmp_path / "elsewhere.py")
@@ -152,31 +161,29 @@ def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path, lab: Arm
         load_model(path)
 
 
-@pytest.mark.slow
-def test_no_law_where_nothing_is_hidden(tmp_path: Path, lab: Arm) -> None:
-    data = case_data("nothing", tmp_path, lab)
-    found = propose_law(base_fit(lab, data), data)
+def test_no_law_where_nothing_is_hidden(tmp_path: Path) -> None:
+    data, arm = case_data(NOTHING, tmp_path), three_joints()
+    found = propose_law(base_fit(arm, data), data)
     assert found.best is None
     assert found.reason
     assert "No law is proposed" in str(proposal_document(found).blocks[0])
 
 
-def test_a_model_without_effects_of_its_own_names_no_file(tmp_path: Path, lab: Arm) -> None:
-    data = case_data("nothing", tmp_path, lab, 60)
-    fitted = fit(model_of(lab, effects_at(lab, "offsets@base")), data)
-    file = model_file(fitted, data, HeldOutResidual(None), "lrm-lab", "fit", "squared")
+def test_a_model_without_effects_of_its_own_names_no_file(tmp_path: Path) -> None:
+    data, arm = case_data(NOTHING, tmp_path, 60), three_joints()
+    fitted = fit(model_of(arm, effects_at(arm, "offsets@base")), data)
+    file = model_file(fitted, data, HeldOutResidual(None), str(arm_file(SUM)), "fit", "squared")
     assert file_of(fitted.model.effects) is None
     assert file.provenance is not None
     assert file.provenance.effects_file is None
     assert "effects_file" not in model_text(file)
 
 
-@pytest.mark.slow
 def test_the_command_writes_an_effect_file_and_says_how_to_add_it(tmp_path: Path) -> None:
-    data = write_case(CASES["product-q1-q4"], 31, 90, tmp_path)
+    data, _ = write_data(SUM, 1, 90, tmp_path)
     model, law = tmp_path / "m.toml", tmp_path / "law.py"
-    stdout_of("fit", data, "-o", model)
+    stdout_of("fit", data, "--arm", arm_file(SUM), "-o", model)
     said = stdout_of("propose", model, data, "-o", law)
-    assert "Proposed: δq3 = " in said
-    (name,) = re.findall(r"(law_\S+)@joint3 --effects-file", said)
+    assert "Proposed: δq2 = " in said
+    (name,) = re.findall(r"(law_\S+)@joint2 --effects-file", said)
     assert [kind.id for kind in effects_in(law)] == [name]

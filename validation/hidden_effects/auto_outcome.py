@@ -102,9 +102,7 @@ def _run(name: str, case: UnfamiliarCase, seed: int, poses: int, folder: Path) -
 
 def _names(step: dict[str, Any]) -> tuple[str, ...]:
     """The causes that a step stands for: those whose other form it is, else its own name; then its class."""
-    place = step["added"].partition("@")[2]
-    own = tuple(f"{cause}@{place}" for cause in step["form_of"]) or (step["added"],)
-    return (*own, *step["indistinguishable_from"])
+    return (*(step["form_of"] or (step["added"],)), *step["indistinguishable_from"])
 
 
 def _tcp_mm(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

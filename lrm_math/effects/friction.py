@@ -1,0 +1,69 @@
+"""Friction of a joint with memory and load: a refinement of hysteresis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lrm_math.arrays import Array
+from lrm_math.effects.backlash import Hysteresis
+from lrm_math.effects.base import Amounts, Excitation, LoadedJointEffect, Parameter
+from lrm_math.effects.curves import TYPICAL, Curve
+from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.scalar_or_array import magnitude, select_by_sign
+
+TRAVELS_DEG = (2, 8, 30)
+"""Moves after which each element of friction has turned over by 63 %."""
+
+
+def friction_states(q: Array, moves: Array, start: Array | None) -> Array:
+    """(N, n, K), state −1 … 1 of an element of Dahl friction for each travel, after the moves from pose to pose.
+
+    Each state obeys ds/dq = (sign(dq) − s)/travel along straight moves (Dahl 1968, exponent 1), and begins with the
+    first move turned over.
+
+    Args:
+        q: (N, n), commanded angles in the measured order (rad).
+        moves: (N, n), sign of each joint's last move. start: (n,), angles before the first pose, if known.
+    """
+    lengths = np.abs(np.diff(q, axis=0, prepend=q[:1] if start is None else np.asarray(start)[None]))
+    kept = np.exp(-lengths[:, :, None] / np.radians(TRAVELS_DEG))
+    states = np.repeat(moves[:, :, None], len(TRAVELS_DEG), axis=2)
+    for row in range(1, len(q)):
+        states[row] += kept[row] * (states[row - 1] - states[row])
+    return states
+
+
+class FrictionCurve(Curve, LoadedJointEffect):
+    """Friction that turns over along the way (several Dahl elements), and that grows with the load."""
+
+    id = "friction_curve"
+    refines = (Hysteresis.id,)
+    cause = "Friction gives way over a few degrees, not at once, and a loaded joint has more of it."
+    formula = "δq = Σ c_i s_i + d · direction · |τ|, ds_i/dq = (direction − s_i)/travel_i, travel = 2, 8, 30°"
+    source = "Dahl 1968; several elements as in the model of Prandtl and Ishlinskii"
+    needs = "measured order, and short moves as well as long ones"
+    claim = "{place} has friction with a memory, or that grows with the load"
+    follows_angles = False
+    parameters = (
+        *(Parameter(f"c_{travel}deg_rad", f"friction that turns over in {travel}°", TYPICAL) for travel in TRAVELS_DEG),
+        Parameter("d_rad_per_Nm", "friction that grows with the torque", 0.02),
+    )
+
+    @property
+    def driver(self) -> str:
+        """Several: the moves so far, and the torque."""
+        return ""
+
+    def basis(self, poses: Poses, tau: Amounts, slot: int = 0) -> Amounts:
+        """The states, and direction · |τ|."""
+        return (*poses.slid(self.joint, len(TRAVELS_DEG)), poses.approach(self.joint) * magnitude(tau[0]))
+
+    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """d · direction · sign τ."""
+        return ((p[-1] * poses.approach(self.joint) * select_by_sign(tau[0], 1.0, -1.0),),)
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """As hysteresis."""
+        return Hysteresis(self.arm, self.place).missing_excitation(excitation)
