@@ -20,7 +20,7 @@ from scipy.stats import chi2
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.candidates import differentiate_candidates, split_testable, unfitted_effects
 from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE, equivalent_effects, forward_select
-from lrm_ident.diagnosis.free_functions import free_functions
+from lrm_ident.diagnosis.free_functions import free_functions, poses_before
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
 from lrm_ident.diagnosis.score_test import ScoredCandidate, benjamini_yekutieli, score_candidates
@@ -140,7 +140,8 @@ def _diagnose(
     ranked = sorted(scored, key=lambda one: one.alone.rms)
     selected = forward_select(ranked, linear, progress)
     joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
-    functions = free_functions(joint_jacobian, part, fitted.rest.joint_torque)
+    torque = whole.rest.joint_torque
+    functions = free_functions(joint_jacobian, part, torque[screened], poses_before(torque)[screened])
     return Diagnosis(
         fit=whole,
         data=data,

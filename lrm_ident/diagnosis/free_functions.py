@@ -35,9 +35,14 @@ class Covariate:
 
 
 def _covariate(name: str, values: Array) -> Covariate:
-    span = np.ptp(values)
-    scaled = np.zeros_like(values) if span < CONSTANT else 2.0 * (values - values.min()) / span - 1.0
+    scaled = _scaled(values)
     return Covariate(name, scaled, len(np.unique(np.round(scaled, 3))))
+
+
+def _scaled(values: Array) -> Array:
+    """(N, …), each column scaled to −1 … 1; zero where it does not vary."""
+    least, span = values.min(axis=0), np.ptp(values, axis=0)
+    return np.where(span < CONSTANT, 0.0, 2.0 * (values - least) / np.where(span < CONSTANT, 1.0, span) - 1.0)
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,9 @@ class FreeFunction:
         return f"a free function of {' and '.join(self.covariates)} at joint {self.joint + 1}"
 
 
-def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> list[FreeFunction]:
+def free_functions(
+    joint_jacobian: Array, data: Measurements, torque: Array, torque_before: Array
+) -> list[FreeFunction]:
     """Free functions of every covariate at every joint, then products of every pair of covariates.
 
     A function of a joint's torque before is linear in that at each of the last `MEMORY` poses (creep).
@@ -69,6 +76,7 @@ def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> 
 
     Args:
         joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad). torque: (N, n), N·m.
+        torque_before: (N, `MEMORY`, n), scaled, at the poses measured before (`poses_before`).
     """
     q, order = data.poses.q, np.arange(len(data), dtype=np.float64)
     shared = [*(_covariate(f"q{i + 1}", q[:, i]) for i in range(q.shape[1])), _covariate("order", order)]
@@ -78,7 +86,8 @@ def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> 
         own = _covariate(f"tau{joint + 1}", torque[:, joint])
         candidates = [*shared, *([own] if own.levels > 1 else [])]
         if own.levels > 1:
-            univariate.append(FreeFunction(joint, (f"{own.name} before",), _columns(motion, _memory(own.values))))
+            earlier = _columns(motion, torque_before[:, :, joint])
+            univariate.append(FreeFunction(joint, (f"{own.name} before",), earlier))
         for one in candidates:
             univariate.append(FreeFunction(joint, (one.name,), _columns(motion, one.legendre_basis(SINGLE_DEGREE))))
         for a, b in combinations(candidates, 2):
@@ -90,9 +99,10 @@ def free_functions(joint_jacobian: Array, data: Measurements, torque: Array) -> 
     return univariate + bivariate
 
 
-def _memory(values: Array) -> Array:
-    """(N, `MEMORY`), the value at each of the poses before; before the first pose as at the first."""
-    ahead = np.concatenate([np.full(MEMORY, values[0]), values])
+def poses_before(values: Array) -> Array:
+    """(N, `MEMORY`, n), the values (N, n), scaled to −1 … 1, at each of the poses before; first those of the first."""
+    scaled = _scaled(values)
+    ahead = np.concatenate([np.repeat(scaled[:1], MEMORY, axis=0), scaled])
     return np.stack([ahead[MEMORY - lag : len(ahead) - lag] for lag in range(1, MEMORY + 1)], axis=1)
 
 

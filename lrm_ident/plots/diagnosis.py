@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.free_functions import FreeFunction
-from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.plots.driver_curve import DriverCurve, driver_curve
 from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
 from lrm_math.arrays import Array
@@ -87,14 +85,14 @@ def _draw_form(axes: Axes, curve: DriverCurve) -> None:
 
 def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
     """The turn of one joint that each residual acts like, against what it follows; a second quantity in three bands."""
-    turn, (fitted, data) = found.joint_jacobian[function.joint], found.seen
+    turn, residual = found.joint_jacobian[function.joint], found.fit.residual[found.screened]
     length = np.maximum((turn**2).sum(axis=0), 1e-12)
-    equivalent_rotation = np.degrees((fitted.residual.T * turn).sum(axis=0) / length)
-    name, values = function.covariates[0], _values(data, fitted, function.covariates[0])
+    equivalent_rotation = np.degrees((residual.T * turn).sum(axis=0) / length)
+    name, values = function.covariates[0], _values(found, function.covariates[0])
     if len(function.covariates) == 1:
         axes.scatter(values, equivalent_rotation, s=12, color=MODEL)
     else:
-        second, other = function.covariates[1], _values(data, fitted, function.covariates[1])
+        second, other = function.covariates[1], _values(found, function.covariates[1])
         edges = np.quantile(other, [0, 1 / 3, 2 / 3, 1])
         for (colour, marker), low, high in zip(BANDS, edges, edges[1:], strict=False):
             band = (other >= low) & (other <= high)
@@ -110,12 +108,14 @@ def _with_unit(name: str) -> str:
     return "order" if name == "order" else f"{name}, {'deg' if name.startswith('q') else 'N·m'}"
 
 
-def _values(data: Measurements, fitted: Fit, name: str) -> Array:
+def _values(found: Diagnosis, name: str) -> Array:
+    """(N,), a covariate at the poses that were screened (deg, N·m); at the pose before, of all that were measured."""
     if name == "order":
-        return np.arange(len(data), dtype=np.float64)
+        return found.screened.astype(np.float64)
     quantity, _, before = name.partition(" ")
     joint = int(quantity.lstrip("qtau")) - 1
     if quantity.startswith("q"):
-        return np.degrees(data.poses.q[:, joint])
-    torque = fitted.rest.joint_torque[:, joint]
-    return np.concatenate([torque[:1], torque[:-1]]) if before else torque
+        return np.asarray(np.degrees(found.data.poses.q[found.screened, joint]))
+    torque = found.fit.rest.joint_torque[:, joint]
+    values = np.concatenate([torque[:1], torque[:-1]]) if before else torque
+    return np.asarray(values[found.screened])
