@@ -476,6 +476,7 @@ def test_a_rover_cannot_reach_or_imitate_another(certificates: Path) -> None:
             on_first.send("state/joints", "a lie")
             assert on_first.ask("rpc/arm") == on_first.ask("info") == []
             second.publish()
+            assert until(lambda: bool(on_first.shown))
             assert on_first.shown == ["a lie"]  # its own words, and none of the other rover's
         with person(nobody(f"tcp/127.0.0.1:{local}"), "rover1") as at_home:
             assert at_home.sees(first)
