@@ -57,13 +57,21 @@ def add_effects(
 
 
 def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss | None = None) -> Fit:
-    """Frees every parameter of `offsets` and `compliance` that the data can tell beside the free ones, and refits.
+    """Frees what the data can tell beside the free parameters, of `offsets`, `compliance` and effects that are fitted
+    in part, and refits.
 
     What could not be told while an effect was missing may be told once it is there.
     """
     for _ in range(MAX_FREEINGS):
         model = fitted.model
-        base = [key for key in model.keys if key.split(".")[0] in DEFAULT_EFFECTS and key not in model.free]
+        begun = {key.rpartition(".")[0] for key in model.free}
+        base = [
+            key
+            for key, parameter in zip(model.keys, model.parameters, strict=True)
+            if parameter.fixed is None
+            and key not in model.free
+            and (key.partition(".")[0] in DEFAULT_EFFECTS or key.rpartition(".")[0] in begun)
+        ]
         found = identifiable_beside(fitted.rest, model.free, base, fitted.sigma, data.sd)
         if not found or len(model.free) + len(found) > len(data):
             return fitted

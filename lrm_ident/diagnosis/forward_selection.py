@@ -15,6 +15,7 @@ from lrm_ident.progress import OnProgress
 
 SIGNIFICANCE = 0.01  # p value after Benjamini and Yekutieli, of all candidates together
 MIN_GAIN = 0.02  # part of the held-out RMS that an effect must save to be worth naming
+WORTH = 1.0 - (1.0 - MIN_GAIN) ** 2  # the same of the squares
 EQUIVALENCE_COSINE = 0.95  # principal cosine above which the data cannot distinguish two effects
 EQUIVALENT_GAIN = 0.5  # part of an effect's gain that an equivalent must have
 SIMILAR_GAIN = 0.8  # part of an effect's gain that a simpler one must have to be taken instead
@@ -96,8 +97,7 @@ def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
 def improves_prediction(then: Explanation, now: Explanation, start: Explanation) -> bool:
     """Whether held-out error falls significantly, and by more than the error of linearising at `start` could feign."""
     gain = now.held_out.mean() - then.held_out.mean()
-    enough = 1.0 - (1.0 - MIN_GAIN) ** 2
-    return bool(gain > enough * start.held_out.mean()) and paired_z(then.held_out, now.held_out) > Z_THRESHOLD
+    return bool(gain > WORTH * start.held_out.mean()) and paired_z(then.held_out, now.held_out) > Z_THRESHOLD
 
 
 def equivalent_effects(
@@ -116,13 +116,18 @@ def equivalent_effects(
         if rival is one or rival.implausible or rival.candidate.standing == FORM:
             continue
         instead = linear.explain(*others, rival.projected)
-        if float(without.held_out.mean() - instead.held_out.mean()) > EQUIVALENT_GAIN * gain and (
-            rival.name in alike
-            or paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
-            or cosine_of_bases(one.projected.orthonormal, rival.projected.orthonormal) > EQUIVALENCE_COSINE
+        saved = float(without.held_out.mean() - instead.held_out.mean())
+        if (rival.name in alike and saved > WORTH * without.held_out.mean()) or (
+            saved > EQUIVALENT_GAIN * gain and _inseparable(one, with_it, rival, instead)
         ):
             equivalent.append(rival.name)
     return tuple(equivalent)
+
+
+def _inseparable(one: ScoredCandidate, with_it: Explanation, rival: ScoredCandidate, instead: Explanation) -> bool:
+    """Whether two effects predict alike, or move the TCP alike."""
+    close = paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
+    return close or cosine_of_bases(one.projected.orthonormal, rival.projected.orthonormal) > EQUIVALENCE_COSINE
 
 
 def _same_form(

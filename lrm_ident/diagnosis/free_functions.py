@@ -16,7 +16,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 
 SINGLE_DEGREE, PRODUCT_DEGREE, TYPICAL_SIZE = 6, 5, 0.02  # degrees of the Legendre polynomials; rad
-MEMORY = 6  # poses
+MEMORY = 12  # poses
 CONSTANT = 1e-9  # rad or N·m: a quantity that varies less is round-off
 
 

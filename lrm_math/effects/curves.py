@@ -100,7 +100,7 @@ class AngleCurve(_AngleSpline, JointEffect):
 
     id = "angle_curve"
     refines = ("servo_gain", "eccentricity", "cable_spring")
-    cause = "A servo's own error over its angle has the shape that its potentiometer, teeth, stops and cables give it."
+    cause = "A servo errs over its own angle as its potentiometer, teeth, poles, stops and cables make it err."
     formula = "δq = cubic spline of q"
     source = "cubic B-splines, de Boor 1978"
     needs = "six or more levels of the joint"
