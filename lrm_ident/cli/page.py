@@ -17,7 +17,6 @@ from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.estimation.error_breakdown import compare
 from lrm_ident.estimation.priors import prior_of_file
 from lrm_ident.page.html_report import html_report
-from lrm_ident.plots.interactive.assets import plotly_library
 from lrm_ident.workflow.findings import first_look, with_comparison, with_diagnosis
 from lrm_ident.workflow.inputs import identifiable
 from lrm_math.model.reading import Reading
@@ -36,7 +35,6 @@ def report(
 
     It holds the results of compare and diagnose, opens without a network, and prints well.
     """
-    plotly_library()
     inputs = read_inputs(model, data, effects_file, reading)
     found = first_look(inputs)
     with progress("held-out error") as tick:

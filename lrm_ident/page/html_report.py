@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from lrm_ident.plots.interactive.assets import SCRIPT, STYLE, plotly_library
+from lrm_ident.plots.interactive.assets import LIBRARY, SCRIPT, STYLE
 from lrm_ident.plots.interactive.values import figure_values, values_text
 from lrm_ident.report.document import Block, Document
 from lrm_ident.report.document_html import blocks_html, table_html
@@ -18,12 +18,13 @@ PAGE = """<!doctype html>
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval';
  style-src 'unsafe-inline'; img-src data: blob:; connect-src blob: data:; worker-src blob:">
 <title>{title}</title>
+<script>
+document.documentElement.dataset.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+</script>
 <style>
 {style}
 {own_style}
 </style>
-<script>{library}</script>
-<script>{script}</script>
 </head>
 <body>
 <header>
@@ -44,6 +45,7 @@ PAGE = """<!doctype html>
 </div>
 <div class="lrm-fields screen-only"><div id="lrm-field" class="lrm-figure tall"></div>
 <div id="lrm-field-b" class="lrm-figure tall"></div></div>
+<div id="lrm-arm"></div>
 <img id="lrm-field-print" class="print-only" alt="The error field: an arrow at every measured TCP.">
 <p id="lrm-pose-note" class="lrm-soft"></p>
 </section>
@@ -78,13 +80,13 @@ PAGE = """<!doctype html>
 </main>
 <script type="application/json" id="lrm-values">{values}</script>
 <script type="application/json" id="lrm-result">{result}</script>
+<script>{library}</script>
+<script>{script}</script>
 <script>
-const dark = window.matchMedia("(prefers-color-scheme: dark)").matches;
-document.documentElement.dataset.theme = dark ? "dark" : "light";
 document.getElementById("lrm-theme").onclick = () =>
   lrm.theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
 lrm.show(JSON.parse(document.getElementById("lrm-values").textContent));
-window.addEventListener("beforeprint", () => {{ lrm.theme("light"); lrm.resize(); }});
+window.addEventListener("beforeprint", () => lrm.print());
 </script>
 </body>
 </html>
@@ -114,14 +116,14 @@ td { overflow-wrap: anywhere; } ul { margin: 4px 0 8px; padding-left: 20px; } h4
 
 
 def html_report(found: Findings) -> str:
-    """The report's text. Raises `LrmError` if Plotly is not installed."""
+    """The report's text."""
     title = f"{found.file.arm}: model and measurements {found.poses.path.name}"
     document = found.document()
     return PAGE.format(
         title=escape(title),
         style=STYLE.read_text(encoding="utf-8"),
         own_style=OWN_STYLE,
-        library=plotly_library().read_text(encoding="utf-8").replace("</script", "<\\/script"),
+        library=LIBRARY.read_text(encoding="utf-8"),
         script=SCRIPT.read_text(encoding="utf-8"),
         verdict=escape(found.verdict),
         summary=escape(_summary(found)),

@@ -19,7 +19,7 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
 MOST_DRAWN, WORST_DRAWN, SEED = 1000, 200, 0
-ARROW_SHARE, COLOUR_SHARE = 0.15, 0.98
+ARROW_SHARE, COLOUR_SHARE = 0.25, 0.98
 """Length of a long arrow (95 % quantile) in parts of the cloud's spread; quantile of the errors at the last colour."""
 COLOURS = 8
 

@@ -1,22 +1,12 @@
-"""The files that interactive figures need: Plotly's library, our script and style."""
+"""The files that interactive figures need: Plotly's library, our script and style.
+
+`plotly-gl3d.min.js` is that of the npm package plotly.js-gl3d-dist-min 3.7.0 (MIT, `plotly-LICENSE`), unchanged: the
+part of Plotly that draws flat and spatial scatters, a third of the whole. To renew it: `npm pack` that package.
+"""
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 
-from lrm_math.errors import LrmError
-
 FOLDER = Path(__file__).resolve().parent
-SCRIPT, STYLE = FOLDER / "figures.js", FOLDER / "figures.css"
-
-
-def plotly_library() -> Path:
-    """Plotly's JavaScript library. Raises `LrmError` if it is not installed."""
-    found = find_spec("plotly")
-    places = [] if found is None else [Path(folder) for folder in found.submodule_search_locations or ()]
-    for folder in places:
-        file = folder / "package_data" / "plotly.min.js"
-        if file.is_file():
-            return file
-    raise LrmError("this needs the package 'plotly', which is not installed: pip install 'lrm-arm[page]'")
+LIBRARY, SCRIPT, STYLE = FOLDER / "plotly-gl3d.min.js", FOLDER / "figures.js", FOLDER / "figures.css"

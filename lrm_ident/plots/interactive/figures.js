@@ -15,7 +15,7 @@ const lrm = (() => {
   function layout(extra) {
     const ink = colour("ink"), axis = { gridcolor: colour("grid"), zerolinecolor: colour("line"), automargin: true };
     const base = {
-      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 12, family: "inherit" },
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 12, family: "system-ui, sans-serif" },
       margin: { l: 8, r: 8, t: 8, b: 8 }, showlegend: true, hovermode: "closest", dragmode: "select",
       legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { size: 11 } }, uirevision: "kept",
     };
@@ -74,32 +74,28 @@ const lrm = (() => {
     if (both) drawStep("field-b", state.beside);
     const scale = place("scale"), v = state.values;
     if (scale) scale.textContent = v.scale.words + (v.thinned ? "; " + v.thinned : "");
-    if (!both) keepPicture();
   }
 
   function drawStep(id, number) {
     const v = state.values, step = v.steps[number], element = place(id);
     if (!element || !step) return;
-    const m = v.scale.magnification, tips = [[], [], []], shaft = [[], [], []], sizes = [], lengths = [];
+    const m = v.scale.magnification, arrows = [[], [], []], sizes = [], lengths = [];
     step.residual.forEach((r, row) => {
-      const size = norm(r);
+      const size = norm(r), head = arrowHead(r, size);
       sizes.push(size);
       AXES.forEach((_, k) => {
-        shaft[k].push(v.tcp[row][k], v.tcp[row][k] + m * r[k], null);
-        tips[k].push(v.tcp[row][k] + m * r[k]);
+        const foot = v.tcp[row][k], tip = foot + m * r[k];
+        arrows[k].push(foot, tip, tip + m * head[0][k], tip, tip + m * head[1][k], null);
       });
-      lengths.push(size, size, size);
+      lengths.push(size, size, size, size, size, size);
     });
     const chosen = selected(), is = new Set(chosen || []);
-    const scaleOf = discrete(v.scale.colours), largest = v.scale.largest, head = 0.35 * m;
     const shown = (row) => !chosen || is.has(row);
     const traces = [
-      { type: "scatter3d", mode: "lines", x: shaft[0], y: shaft[1], z: shaft[2], hoverinfo: "skip", showlegend: false,
-        line: { width: 4, color: lengths, colorscale: scaleOf, cmin: 0, cmax: largest, showscale: id === "field",
+      { type: "scatter3d", mode: "lines", x: arrows[0], y: arrows[1], z: arrows[2], hoverinfo: "skip", showlegend: false,
+        line: { width: 4, color: lengths, colorscale: discrete(v.scale.colours), cmin: 0, cmax: v.scale.largest,
+          showscale: id === "field",
           colorbar: { title: { text: "mm", side: "top" }, thickness: 10, len: 0.7, x: 1, xanchor: "right" } } },
-      { type: "cone", x: tips[0], y: tips[1], z: tips[2], anchor: "tip", sizemode: "raw", sizeref: 1, showscale: false,
-        u: step.residual.map((r) => head * r[0]), v: step.residual.map((r) => head * r[1]),
-        w: step.residual.map((r) => head * r[2]), colorscale: scaleOf, cmin: 0, cmax: head * largest, hoverinfo: "skip" },
       { type: "scatter3d", mode: "markers", name: "measured TCP", x: v.tcp.map((p) => p[0]), y: v.tcp.map((p) => p[1]),
         z: v.tcp.map((p) => p[2]), customdata: v.pose.map((_, row) => row), showlegend: false,
         hovertext: v.pose.map((pose, row) => `pose ${pose}: ${words(sizes[row])} mm`), hoverinfo: "text",
@@ -122,11 +118,17 @@ const lrm = (() => {
     });
   }
 
+  // The two strokes of an arrow's head, from its tip: a third of its length back, to either side.
+  function arrowHead(r, size) {
+    if (!size) return [[0, 0, 0], [0, 0, 0]];
+    const flat = Math.hypot(r[0], r[1]), side = flat > 0.1 * size ? [-r[1] / flat, r[0] / flat, 0] : [1, 0, 0];
+    return [-1, 1].map((sign) => r.map((c, k) => -0.3 * c + sign * 0.15 * size * side[k]));
+  }
+
   function armTraces() {
     const v = state.values, row = rowOfPose();
-    const line = (points, name, dash, ink, width) => ({ type: "scatter3d", mode: "lines+markers", name, hoverinfo: "skip",
-      x: points.map((p) => p[0]), y: points.map((p) => p[1]), z: points.map((p) => p[2]),
-      line: { dash, color: ink, width }, marker: { size: 3, color: ink } });
+    const line = (points, name, dash, ink, width) => ({ type: "scatter3d", mode: "lines", name, hoverinfo: "skip",
+      x: points.map((p) => p[0]), y: points.map((p) => p[1]), z: points.map((p) => p[2]), line: { dash, color: ink, width } });
     return [line(v.nominal[row], "nominal arm", "dash", colour("soft"), 5),
       line(v.bent[row], "bent arm (model)", "solid", colour("model"), 7)];
   }
@@ -136,14 +138,20 @@ const lrm = (() => {
   function hover(row) {
     if (row === undefined || state.values.pose[row] === state.pose) return;
     state.pose = state.values.pose[row];
+    tell();
+    drawArm();
+    clearTimeout(hover.timer);
+    hover.timer = setTimeout(moveArms, 250); // the scene follows when the pointer rests
+  }
+
+  function moveArms() {
     const arms = armTraces();
     for (const id of state.beside === null ? ["field"] : ["field", "field-b"]) {
       const element = place(id);
       if (element && element.data) {
-        Plotly.restyle(element, { x: arms.map((a) => a.x), y: arms.map((a) => a.y), z: arms.map((a) => a.z) }, [3, 4]);
+        Plotly.restyle(element, { x: arms.map((a) => a.x), y: arms.map((a) => a.y), z: arms.map((a) => a.z) }, [2, 3]);
       }
     }
-    tell();
   }
 
   function tell() {
@@ -155,11 +163,47 @@ const lrm = (() => {
       `error ${words(norm(r))} mm (${r.map((c) => (c < 0 ? "" : "+") + c.toFixed(2)).join(" ")})`;
   }
 
-  // WebGL canvases print blank: paper gets a picture of the field.
-  function keepPicture() {
-    const picture = place("field-print"), element = place("field");
-    if (!picture || !element || !element.data) return;
-    Plotly.toImage(element, { format: "png", width: 1000, height: 700 }).then((url) => { picture.src = url; });
+  // Both arms of a pose, flat, so that the pointer need not wait for the scene: from the side, in the vertical plane
+  // through its TCP, and from above.
+  function drawArm() {
+    const box = place("arm");
+    if (!box) return;
+    const v = state.values, row = rowOfPose(), base = v.nominal[row][0], tip = v.nominal[row][v.nominal[row].length - 1];
+    const reach = Math.hypot(tip[0] - base[0], tip[1] - base[1]) || 1;
+    const along = [(tip[0] - base[0]) / reach, (tip[1] - base[1]) / reach];
+    const views = [["from the side", (p) => [(p[0] - base[0]) * along[0] + (p[1] - base[1]) * along[1], -p[2]]],
+      ["from above", (p) => [p[0], -p[1]]]];
+    const make = (tag, attributes) => {
+      const out = document.createElementNS("http://www.w3.org/2000/svg", tag);
+      for (const key in attributes) out.setAttribute(key, attributes[key]);
+      return out;
+    };
+    box.replaceChildren(...views.map(([name, flat]) => {
+      const arms = [v.nominal[row].map(flat), v.bent[row].map(flat)], measured = flat(v.tcp[row]);
+      const all = [...arms[0], ...arms[1], measured], xs = all.map((p) => p[0]), ys = all.map((p) => p[1]);
+      const size = Math.max(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys), 1), pad = 0.12 * size;
+      const middle = [(Math.max(...xs) + Math.min(...xs)) / 2, (Math.max(...ys) + Math.min(...ys)) / 2];
+      const svg = make("svg", { role: "img", "aria-label": `nominal and bent arm ${name}`,
+        viewBox: [middle[0] - size / 2 - pad, middle[1] - size / 2 - pad, size + 2 * pad, size + 2 * pad].join(" ") });
+      const line = (points, ink, dash, width) => svg.append(make("polyline", { points: points.map((p) => p.join()).join(" "),
+        fill: "none", stroke: ink, "stroke-width": width * size, "stroke-dasharray": dash * size, "stroke-linecap": "round" }));
+      line(arms[0], colour("soft"), 0.03, 0.014);
+      line(arms[1], colour("model"), 0, 0.02);
+      svg.append(make("circle", { cx: measured[0], cy: measured[1], r: 0.03 * size, fill: "none", stroke: colour("held"),
+        "stroke-width": 0.015 * size }));
+      const figure = element("figure", "", "lrm-arm-view");
+      figure.append(svg, element("figcaption", name));
+      return figure;
+    }), element("p", "nominal arm dashed, bent arm solid, measured TCP circled", "lrm-soft"));
+  }
+
+  // A WebGL canvas prints blank: paper gets a picture of the scene as it stands.
+  function print() {
+    theme("light");
+    resize();
+    const picture = place("field-print"), figure = place("field");
+    const scene = figure && figure._fullLayout && figure._fullLayout.scene && figure._fullLayout.scene._scene;
+    if (picture && scene) picture.src = scene.toImage("png");
   }
 
   // ---- where it fails: the residual as a turn of one joint against a driver
@@ -390,7 +434,8 @@ const lrm = (() => {
 
   function redraw() {
     if (!state.values) return;
-    fill(); drawField(); drawTurn(); drawRanking(); drawCandidate(); drawHistory(); tell();
+    fill(); drawRanking(); drawHistory(); drawTurn(); drawCandidate(); drawArm(); tell();
+    requestAnimationFrame(() => setTimeout(drawField)); // what is flat is on the screen before the slower scene
   }
 
   function show(values) {
@@ -430,6 +475,6 @@ const lrm = (() => {
     redraw();
   }
 
-  return { show, load, theme, redraw, resize, choose, showStep, brush, hover, state };
+  return { show, load, theme, print, redraw, resize, choose, showStep, brush, hover, state };
 })();
 window.lrm = lrm;
