@@ -5,11 +5,22 @@ from __future__ import annotations
 import sys
 
 # Commands stand in the help in the order in which their modules are loaded.
-from lrm_ident.cli import identifiability, design, fit, thesis, component_tests, workspace, diagnosis, laws  # isort: skip
+from lrm_ident.cli import identifiability, design, fit, thesis, component_tests, workspace, diagnosis, laws, page  # isort: skip
 from lrm_ident.cli.common import app
 from lrm_math.errors import LrmError
 
-__all__ = ["component_tests", "design", "diagnosis", "fit", "identifiability", "laws", "main", "thesis", "workspace"]
+__all__ = [
+    "component_tests",
+    "design",
+    "diagnosis",
+    "fit",
+    "identifiability",
+    "laws",
+    "main",
+    "page",
+    "thesis",
+    "workspace",
+]
 
 
 def main() -> None:

@@ -14,23 +14,19 @@ from rich.progress import Progress
 
 from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.data.measurements import Measurements, metadata_of
-from lrm_ident.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.loss import SQUARED, Loss, loss_named
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.effect_plugins import Catalogue
 from lrm_ident.progress import OnProgress
-from lrm_ident.registration.checked import load_checked
 from lrm_ident.report.document import Block, Document, ResultTable, write
-from lrm_ident.report.fit import fit_words
+from lrm_ident.workflow import inputs
+from lrm_ident.workflow.inputs import ModelInputs
+from lrm_ident.workflow.steps import NamedProgress
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError, UnknownName
-from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.model_file import ModelFile, arm_of, load_model, to_model
+from lrm_math.model.model_file import ModelFile, load_model
 from lrm_math.model.reading import Reading
-from lrm_math.toml_file import read_toml
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -84,45 +80,18 @@ def check_distinct(figure: Path | None, *others: Path | None) -> None:
 
 
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model]:
-    """A model file, as it stands and as a model; a notice if its own effects have changed since it was fitted."""
-    file = read_toml(path, ModelFile)
-    model = to_model(path, file, arm_of(path, file.arm), catalogue)
-    own, known = file_of(model.effects), file.provenance
-    if own and known and known.effects_sha256 not in (None, sha256_of(own)):
-        log.print(f"notice: {own} is not the file that {path.name} was fitted with (its SHA-256 differs)")
-    return file, model
+    """A model file, as it stands and as a model; notices go to stderr."""
+    return inputs.read_model(path, catalogue, notice)
 
 
-def read_inputs(
-    model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED
-) -> tuple[ModelFile, Model, Measurements, Catalogue]:
-    """A model file, its model, measurements of its arm read as those of its fit, and the effects that are known."""
-    catalogue = catalogue_with(effects_file)
-    file, loaded = read_model(model, catalogue)
-    usual = None if file.provenance is None else file.provenance.reading
-    measured = read_measurements(data, loaded.arm, file.arm, reading, usual)
-    if file.provenance is None:
-        return file, loaded, measured, catalogue
-    if file.provenance.data_sha256 == measured.sha256:
-        measured = measured.without(file.provenance.left_out)
-    if how := fit_words(file.provenance.loss, measured.left_out):
-        log.print(f"notice: as in the model's fit: {how}")
-    return file, loaded, measured, catalogue
+def read_inputs(model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED) -> ModelInputs:
+    """A model file and measurements of its arm read as those of its fit; notices go to stderr."""
+    return inputs.read_inputs(model, data, effects_file, notice, reading)
 
 
-def read_identifiable(
-    model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED
-) -> tuple[ModelFile, Model, Measurements, Catalogue]:
+def read_identifiable(model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED) -> ModelInputs:
     """The same with a model whose free parameters the data alone identify, whatever a prior decided in the fit."""
-    file, loaded, measured, catalogue = read_inputs(model, data, effects_file, reading)
-    if file.provenance is None or file.provenance.prior is None:
-        return file, loaded, measured, catalogue
-    fitted = fit_identifiable(loaded, measured, loaded.free, loss_of(file)).fit.model
-    log.print(
-        f"notice: the model was fitted with the prior '{file.provenance.prior}'; this goes on with the "
-        f"{len(fitted.free)} of its {len(loaded.free)} parameters that the data can tell without it"
-    )
-    return file, fitted, measured, catalogue
+    return inputs.identifiable(read_inputs(model, data, effects_file, reading), notice)
 
 
 def leave_out_poses(data: Measurements, text: str) -> Measurements:
@@ -139,11 +108,6 @@ def leave_out_poses(data: Measurements, text: str) -> Measurements:
     return data.without(numbers) if numbers else data
 
 
-def loss_of(file: ModelFile) -> Loss:
-    """The loss of a model's last fit; least squares where the file does not say."""
-    return SQUARED if file.provenance is None else loss_named(file.provenance.loss)
-
-
 def start_model(arm: Arm, model: Path | None) -> Model:
     """The nominal arm with the thesis's 45 parameters, or a fitted model of the same arm. Raises `FileError`."""
     if model is None:
@@ -157,28 +121,13 @@ def start_model(arm: Arm, model: Path | None) -> Model:
 def read_measurements(
     path: Path, arm: Arm, arm_name: str, reading: Reading = AS_NAMED, usual: Reading | None = None
 ) -> Measurements:
-    """Measurements that the arm can have made; what a person should know of the file goes to stderr.
-
-    Args:
-        reading: how the numbers are read; where it and the file beside them say nothing, as `usual` says.
-    """
-    data = load_checked(path, arm, reading, usual)
-    for notice in data.notices:
-        log.print(f"notice: {path.name}: {notice}")
-    metadata = metadata_of(path)
-    if metadata and metadata.arm and metadata.arm != arm_name:
-        log.print(f"notice: {path.name} was measured on {metadata.arm}, the model is of {arm_name}")
-    return data
+    """Measurements that the arm can have made; what a person should know of the file goes to stderr."""
+    return inputs.read_measurements(path, arm, arm_name, notice, reading, usual)
 
 
-def error_of(model: Model, data: Measurements) -> ErrorStats:
-    """TCP error of a model as it is."""
-    return error_stats(data.tcp - equilibrium(model, data.poses).tcp)
-
-
-def nominal_error(arm: Arm, data: Measurements) -> ErrorStats:
-    """TCP error of the arm file's nominal arm."""
-    return error_of(model_of(arm, ()), data)
+def notice(words: str) -> None:
+    """What a person should know, on stderr."""
+    log.print(f"notice: {words}")
 
 
 def parse_numbers(option: str, text: str, example: str) -> list[float]:
@@ -203,3 +152,15 @@ def progress(what: str) -> Iterator[OnProgress]:
     with Progress(console=log, transient=True, disable=not log.is_terminal) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, of: bar.update(task, completed=done, total=of)
+
+
+@contextmanager
+def named_progress() -> Iterator[NamedProgress]:
+    """Bars on stderr for several parts of a work, on a terminal only."""
+    with Progress(console=log, transient=True, disable=not log.is_terminal) as bar:
+
+        def named(what: str) -> OnProgress:
+            task = bar.add_task(what, total=None)
+            return lambda done, of: bar.update(task, completed=done, total=of)
+
+        yield named

@@ -12,10 +12,9 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     LISTED,
-    error_of,
     log,
-    loss_of,
-    nominal_error,
+    named_progress,
+    notice,
     progress,
     publish,
     read_identifiable,
@@ -25,15 +24,14 @@ from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import load_poses
-from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import AutoStep, run_auto
 from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report, report_of
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
-from lrm_ident.estimation.model_history import model_file, model_text, undo_step
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
+from lrm_ident.estimation.model_history import model_text, undo_step
 from lrm_ident.plots.diagnosis import draw_report
 from lrm_ident.report.diagnosis import (
     course_document,
@@ -41,10 +39,9 @@ from lrm_ident.report.diagnosis import (
     effect_blocks,
     selftest_document,
     step_blocks,
-    step_document,
-    step_words,
 )
 from lrm_ident.report.fit import ErrorSummary, fit_words
+from lrm_ident.workflow.steps import add_step, auto_files, nominal_error
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.effects import FORMS, effects_at
 from lrm_math.errors import LrmError, UnknownName
@@ -78,9 +75,9 @@ def diagnose(
     reading: Reading = AS_NAMED,
 ) -> None:
     """Find out which physical effect a model misses, that none is missing, or that no known one explains it."""
-    file, the_model, measured, catalogue = read_identifiable(model, data, effects_file, reading)
+    inputs = read_identifiable(model, data, effects_file, reading)
     with progress("trying every effect at every place") as tick:
-        found = run_diagnose(the_model, measured, catalogue, tick, loss_of(file))
+        found = run_diagnose(inputs.model, inputs.data, inputs.catalogue, tick, inputs.loss)
     with log.status("cross-validating") as status:
         report = build_report(found, status.update)
     publish(diagnosis_document(report), json, figure, partial(draw_report, report), None if show_all else LISTED)
@@ -101,28 +98,16 @@ def add(
 
     The loss is that of the model's last fit, and poses that `diagnose` calls outliers are left out.
     """
-    file, before, every, catalogue = read_identifiable(model, data, effects_file, reading)
-    loss, wanted = loss_of(file), effects_at(before.arm, effect, catalogue)
+    inputs = read_identifiable(model, data, effects_file, reading)
+    effects_at(inputs.model.arm, effect, inputs.catalogue)
     with progress("looking for outliers") as tick:
-        found = run_diagnose(before, every, catalogue, tick, loss)
-    measured = found.data
+        found = run_diagnose(inputs.model, inputs.data, inputs.catalogue, tick, inputs.loss)
     if found.outliers:
-        log.print(f"notice: outliers, left out: poses {', '.join(map(str, found.outliers))}")
-    fitted = add_effects(before, measured, wanted, loss=loss)
-    with progress("held-out error, before") as tick:
-        left_before = try_held_out(before, measured, loss=loss, progress=tick)
-    with progress("held-out error, after") as tick:
-        left_after = try_held_out(fitted.model, measured, loss=loss, progress=tick, prior=fitted.weak_prior)
-    nominal = nominal_error(before.arm, measured)
-    errors_before = ErrorSummary(nominal, error_of(before, measured), left_before)
-    errors_after = ErrorSummary(nominal, error_stats(fitted.residual), left_after)
-    publish(
-        step_document(effect, len(before.free), errors_before, fitted, errors_after),
-        json,
-        most=None if show_all else LISTED,
-    )
-    step = model_file(fitted, measured, left_after, file.arm, f"add {effect}", loss.name, file.history)
-    write_text(output, model_text(step))
+        notice(f"outliers, left out: poses {', '.join(map(str, found.outliers))}")
+    with named_progress() as named:
+        taken = add_step(inputs, found, effect, named)
+    publish(taken.document, json, most=None if show_all else LISTED)
+    write_text(output, model_text(taken.file))
     show(f"Model written to {output}")
 
 
@@ -151,18 +136,17 @@ def auto(
     reading: Reading = AS_NAMED,
 ) -> None:
     """Follow the tool's own advice, effect by effect, until it says stop."""
-    file, the_model, measured, catalogue = read_identifiable(model, data, effects_file, reading)
-    numbers, loss = count(), loss_of(file)
+    inputs = read_identifiable(model, data, effects_file, reading)
+    file, the_model, measured, catalogue = inputs.file, inputs.model, inputs.data, inputs.catalogue
+    numbers, loss = count(), inputs.loss
 
     def on_step(step: AutoStep) -> None:
         show(*step_blocks(next(numbers), step))
 
     course = run_auto(the_model, measured, max_effects, catalogue, on_step, loss)
-    final, last = file, course.steps[-1]
+    last = course.steps[-1]
     held_out = HeldOutResidual(last.held_out)
-    for step in course.steps[1:]:
-        left = HeldOutResidual(step.held_out)
-        final = model_file(step.fit, step.data, left, file.arm, step_words(step), loss.name, final.history)
+    *_, final = file, *auto_files(inputs, course.steps)
     write_text(output, model_text(final))
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
     errors = ErrorSummary(nominal_error(the_model.arm, last.data), error_stats(last.fit.residual), held_out)

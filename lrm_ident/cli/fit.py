@@ -15,9 +15,7 @@ from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     LISTED,
     leave_out_poses,
-    log,
-    loss_of,
-    nominal_error,
+    notice,
     progress,
     publish,
     read_inputs,
@@ -42,6 +40,7 @@ from lrm_ident.progress import OnProgress
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import ErrorSummary, comparison_document, fit_document
 from lrm_ident.report.priors import PriorComparison
+from lrm_ident.workflow.steps import nominal_error
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
@@ -136,8 +135,8 @@ def predict(
     file, the_model = read_model(model, catalogue_with(effects_file))
     how = reading.over(metadata_of(poses)).over(None if file.provenance is None else file.provenance.reading)
     if how.joint_sign or how.joint_order or how.angle_unit:
-        log.print(
-            f"notice: {poses.name}: angles read as the options, the file beside it or the model's fit say; "
+        notice(
+            f"{poses.name}: angles read as the options, the file beside it or the model's fit say; "
             "those written are the arm file's own, in deg"
         )
     rest = equilibrium(the_model, load_poses(poses, the_model.arm, how))
@@ -161,12 +160,13 @@ def compare(
 
     The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses.
     """
-    file, the_model, measured, catalogue = read_inputs(model, data, effects_file, reading)
-    prior = prior_of_file(file, the_model, catalogue)
-    if file.provenance and file.provenance.data_sha256 != measured.sha256:
-        log.print(f"notice: the model was fitted to {file.provenance.data}; its error here is on poses it never saw")
+    inputs = read_inputs(model, data, effects_file, reading)
+    prior = prior_of_file(inputs.file, inputs.model, inputs.catalogue)
+    known = inputs.file.provenance
+    if known and known.data_sha256 != inputs.data.sha256:
+        notice(f"the model was fitted to {known.data}; its error here is on poses it never saw")
     with progress("held-out error") as tick:
-        comparison = run_compare(the_model, measured, tick, prior, loss_of(file))
+        comparison = run_compare(inputs.model, inputs.data, tick, prior, inputs.loss)
     publish(
         comparison_document(comparison),
         json,

@@ -9,7 +9,7 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import log, loss_of, progress, publish, read_identifiable, show
+from lrm_ident.cli.common import log, progress, publish, read_identifiable, show
 from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.laws.law_file import law_id
@@ -31,9 +31,9 @@ def propose(
 
     Writes the best as an effect of your own (docs/effects.md): read it, then add it with --effects-file.
     """
-    file, the_model, measured, _ = read_identifiable(model, data, effects_file, reading)
+    inputs = read_identifiable(model, data, effects_file, reading)
     with progress("trying every law at every joint") as tick, log.status("searching") as status:
-        found = propose_law(the_model, measured, tick, status.update, loss_of(file))
+        found = propose_law(inputs.model, inputs.data, tick, status.update, inputs.loss)
     publish(proposal_document(found), json)
     if found.best is None:
         return

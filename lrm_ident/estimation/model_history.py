@@ -74,6 +74,12 @@ def model_file(
     return _file_at(arm, [*before, entry])
 
 
+def models_of_history(file: ModelFile) -> list[tuple[str, ModelFile]]:
+    """Every step's name and the model file after it, the last one being the file; without a history only that."""
+    entries = file.history
+    return [(entry.step, _file_at(file.arm, entries[: k + 1])) for k, entry in enumerate(entries)] or [("model", file)]
+
+
 def undo_step(file: ModelFile) -> ModelFile:
     """The model file before its last step. Raises `LrmError` if there was none."""
     if len(file.history) < 2:

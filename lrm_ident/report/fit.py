@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -159,14 +159,20 @@ def comparison_document(found: ModelComparison) -> Document:
 
 def parameter_table(fit: Fit) -> ResultTable:
     """Estimates with standard errors; angles in degrees."""
+    errors = zip(fit.model.free, fit.standard_error.tolist(), strict=True)
+    return estimate_table(fit.model, {key: error for key, error in errors if key not in fit.at_bound})
+
+
+def estimate_table(model: Model, errors: Mapping[str, float]) -> ResultTable:
+    """The free parameters of a model with their standard errors (SI); those without one are at a bound."""
     rows = []
-    for key, error in zip(fit.model.free, fit.standard_error, strict=True):
-        name, scale, unit = screen_unit(fit.model, key)
-        places = max(PARAMETER_DECIMALS, decimals(error * scale))
-        note = "at its bound" if key in fit.at_bound else f"± {error * scale:.{places}f}"
-        rows.append((name, f"{fit.model.value(key) * scale:.{places}f}", note, unit))
+    for key in model.free:
+        name, scale, unit = screen_unit(model, key)
+        places = max(PARAMETER_DECIMALS, decimals(errors.get(key, 0.0) * scale))
+        note = f"± {errors[key] * scale:.{places}f}" if key in errors else "at its bound"
+        rows.append((name, f"{model.value(key) * scale:.{places}f}", note, unit))
     columns = ("parameter", "value|", "± standard error|", "unit")
-    return ResultTable(columns, rows, f"{len(fit.model.free)} parameters")
+    return ResultTable(columns, rows, f"{len(model.free)} parameters")
 
 
 def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object]]:

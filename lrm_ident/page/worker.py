@@ -1,0 +1,148 @@
+"""Long work in a process of its own: tasks go in, progress and results come out, and it can be ended at any time.
+
+The process is started with `spawn` before the first task, so that a click need not wait for imports.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from typing import Any, Protocol
+
+from lrm_math.errors import LrmError
+
+SMALLEST_PAUSE = 0.05
+"""s between two messages of the same progress."""
+
+
+@dataclass(frozen=True)
+class WorkProgress:
+    """What is being done; `of` is 0 as long as its length is not known."""
+
+    what: str
+    done: int = 0
+    of: int = 0
+
+
+@dataclass(frozen=True)
+class WorkNotice:
+    """What a person should know of a file."""
+
+    words: str
+
+
+@dataclass(frozen=True)
+class WorkResult:
+    """A result of a task; `last`: the task is done."""
+
+    value: Any
+    last: bool
+
+
+@dataclass(frozen=True)
+class WorkFailure:
+    """Why a task ended without a result, in one line."""
+
+    words: str
+
+
+WorkMessage = WorkProgress | WorkNotice | WorkResult | WorkFailure
+Say = Callable[[WorkMessage], None]
+
+
+class WorkTask(Protocol):
+    """A task: goes to the process as a value, says how far it is, yields its results."""
+
+    def results(self, say: Say) -> Iterator[Any]:
+        """The results, one after the other. Raises `LrmError`."""
+        ...
+
+
+@dataclass
+class WorkProcess:
+    """The process. One task at a time; `task` is the one at work, or None."""
+
+    task: WorkTask | None = None
+    _process: Any = field(init=False, default=None)
+    _pipe: Connection = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._start()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_work, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def start(self, task: WorkTask) -> None:
+        """Gives the process a task."""
+        self.task = task
+        self._pipe.send(task)
+
+    def messages(self) -> Iterator[WorkMessage]:
+        """What has come since the last call; a failure, and a new process, if it died."""
+        try:
+            while self._pipe.poll():
+                message = self._pipe.recv()
+                if isinstance(message, WorkFailure) or (isinstance(message, WorkResult) and message.last):
+                    self.task = None
+                yield message
+        except (EOFError, OSError):
+            was, self.task = self.task, None
+            self.close()
+            self._start()
+            if was is not None:
+                yield WorkFailure("the process that did the work was ended from outside; the model is as it was")
+
+    def cancel(self) -> None:
+        """Ends the task at once; a new process takes the next one."""
+        self.task = None
+        self.close()
+        self._start()
+
+    def close(self) -> None:
+        """Ends the process."""
+        self._process.kill()
+        self._process.join()
+        self._pipe.close()
+
+
+def _work(pipe: Connection) -> None:
+    """Takes tasks until the other end closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
+    last_said = {"": 0.0}
+
+    def say(message: WorkMessage) -> None:
+        if isinstance(message, WorkProgress) and 0 < message.done < message.of:
+            now = time.monotonic()
+            if now - last_said[""] < SMALLEST_PAUSE:
+                return
+            last_said[""] = now
+        pipe.send(message)
+
+    while True:
+        try:
+            task: WorkTask = pipe.recv()
+        except (EOFError, OSError):
+            return
+        try:
+            _run(task, say)
+        except LrmError as error:
+            pipe.send(WorkFailure(str(error)))
+        except Exception as error:  # a fault of ours must not end the page
+            pipe.send(WorkFailure(f"internal error ({type(error).__name__}: {error}); please report it"))
+
+
+def _run(task: WorkTask, say: Say) -> None:
+    results = list[Any]()
+    for value in task.results(say):
+        if results:
+            say(WorkResult(results.pop(), last=False))
+        results.append(value)
+    say(WorkResult(results[-1] if results else None, last=True))

@@ -1,0 +1,50 @@
+"""Documents as HTML: the same blocks that the terminal shows, for pages and reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+
+from rich.text import Text
+
+from lrm_ident.report.document import Block, ListSection, ResultTable
+
+OPEN = 6
+"""Lines of a list that are shown without unfolding it."""
+
+
+def blocks_html(blocks: Iterable[Block]) -> str:
+    """HTML of blocks: bold lines as headings, text as paragraphs, tables with a caption, long lists folded."""
+    return "\n".join(map(_block, blocks))
+
+
+def table_html(table: ResultTable) -> str:
+    """One table; columns with a format are flush right."""
+    right = ["|" in column for column in table.columns]
+    head = "".join(f'<th scope="col"{_side(r)}>{escape(name)}</th>' for name, r in zip(table.names, right, strict=True))
+    rows = "".join(
+        "<tr>" + "".join(f"<td{_side(r)}>{escape(cell)}</td>" for cell, r in zip(row, right, strict=True)) + "</tr>"
+        for row in table.text()
+    )
+    caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
+    return f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+
+
+def _block(block: Block) -> str:
+    if isinstance(block, ResultTable):
+        return table_html(block)
+    if isinstance(block, ListSection):
+        return _list(block)
+    tag = "h3" if isinstance(block, Text) and "bold" in str(block.style) else "p"
+    return f"<{tag}>{escape(str(block).strip())}</{tag}>"
+
+
+def _list(section: ListSection) -> str:
+    title, lines = escape(section.title.strip()), [f"<li>{escape(line)}</li>" for line in section.lines]
+    rest = "".join(lines[OPEN:])
+    more = f"<details><summary>{len(lines) - OPEN} more</summary><ul>{rest}</ul></details>" if rest else ""
+    return f"<h4>{title}</h4><ul>{''.join(lines[:OPEN])}</ul>{more}"
+
+
+def _side(right: bool) -> str:
+    return ' class="right"' if right else ""

@@ -1,0 +1,59 @@
+"""Tables of a model file: its steps, and where it comes from."""
+
+from __future__ import annotations
+
+from lrm_ident.digits import decimals
+from lrm_ident.report.document import ResultTable, enumerate_words
+from lrm_math.model.model_file import HistoryTable, ModelFile
+
+POSES_SHOWN = 20
+
+
+def history_table(file: ModelFile) -> ResultTable:
+    """Every step of a model's history with its error in the fit and held out."""
+    known = [value for entry in file.history for value in (entry.fit_rms_mm, entry.held_out_rms_mm) if value]
+    spec = f".{decimals(*known)}f"
+    rows = [
+        (number, entry.step, len(entry.parameters), entry.fit_rms_mm, entry.held_out_rms_mm)
+        for number, entry in enumerate(file.history)
+    ]
+    columns = ("|", "step", "parameters|", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}")
+    return ResultTable(columns, rows, "Steps")
+
+
+def history_values(file: ModelFile) -> list[dict[str, object]]:
+    """The same for JSON, unrounded."""
+    return [_values(entry) for entry in file.history]
+
+
+def provenance_table(file: ModelFile) -> ResultTable:
+    """Where a model comes from: data, tool, date, how it was fitted."""
+    known = file.provenance
+    rows: list[tuple[str, str]] = [("arm", file.arm), ("effects", ", ".join(file.effects))]
+    if known is not None:
+        rows += [
+            ("data", known.data),
+            ("SHA-256 of the data", known.data_sha256),
+            ("poses fitted", str(known.poses)),
+            ("loss", known.loss),
+            ("tool", known.tool),
+            ("date", known.date),
+        ]
+        if known.prior is not None:
+            rows.append(("prior", known.prior))
+        if known.left_out:
+            rows.append(("poses left out", enumerate_words(list(map(str, known.left_out)), POSES_SHOWN)))
+        if known.reading is not None:
+            rows += [(f"read with {name}", str(value)) for name, value in known.reading.said().items()]
+        if known.effects_file is not None:
+            rows += [("effects file", known.effects_file), ("its SHA-256", str(known.effects_sha256))]
+    return ResultTable(("what", "value"), rows, "Where the model comes from")
+
+
+def _values(entry: HistoryTable) -> dict[str, object]:
+    return {
+        "step": entry.step,
+        "parameters": len(entry.parameters),
+        "fit_rms_mm": entry.fit_rms_mm,
+        "held_out_rms_mm": entry.held_out_rms_mm,
+    }

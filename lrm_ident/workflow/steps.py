@@ -1,0 +1,87 @@
+"""Steps of an identification: the first fit, an effect added, the steps of `auto`; each ends as a model file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
+from lrm_ident.estimation.loss import SQUARED
+from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
+from lrm_ident.estimation.model_history import model_file
+from lrm_ident.progress import OnProgress
+from lrm_ident.report.diagnosis import step_document, step_words
+from lrm_ident.report.document import Document
+from lrm_ident.report.fit import ErrorSummary, fit_document
+from lrm_ident.workflow.inputs import ModelInputs
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import effects_at
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import ModelFile
+
+NamedProgress = Callable[[str], OnProgress]
+"""Called with what is being done; gives the callback of its progress."""
+
+
+@dataclass(frozen=True, eq=False)
+class TakenStep:
+    """The model file after a step, and what the step's command prints."""
+
+    file: ModelFile
+    document: Document
+
+
+def first_fit(arm: Arm, arm_name: str, data: Measurements, named: NamedProgress) -> TakenStep:
+    """As `lrm-ident fit DATA --arm ARM`: all identifiable parameters by least squares. Raises `LrmError`."""
+    result = fit_model(nominal_model(arm, DEFAULT_EFFECTS), data, "identifiable", SQUARED)
+    fitted = result.fit.model
+    tick, prior = named("held-out error"), result.fit.weak_prior
+    held_out = try_held_out(fitted, data, fit_bounds(fitted, False), SQUARED, tick, prior)
+    errors = ErrorSummary(nominal_error(arm, data), error_stats(result.fit.residual), held_out)
+    file = model_file(result.fit, data, held_out, arm_name, "fit", SQUARED.name)
+    return TakenStep(file, fit_document(result, errors, data))
+
+
+def add_step(inputs: ModelInputs, found: Diagnosis, effect: str, named: NamedProgress) -> TakenStep:
+    """As `lrm-ident add`: an effect (`id` or `id@place`) added, everything refitted without the outliers.
+
+    Args:
+        found: the diagnosis of these inputs. Raises `LrmError`.
+    """
+    before, data, loss = inputs.model, found.data, inputs.loss
+    fitted = add_effects(before, data, effects_at(before.arm, effect, inputs.catalogue), loss=loss)
+    prior = fitted.weak_prior
+    left_before = try_held_out(before, data, loss=loss, progress=named("held-out error, before"))
+    left_after = try_held_out(fitted.model, data, loss=loss, progress=named("held-out error, after"), prior=prior)
+    nominal = nominal_error(before.arm, data)
+    errors_before = ErrorSummary(nominal, error_of(before, data), left_before)
+    errors_after = ErrorSummary(nominal, error_stats(fitted.residual), left_after)
+    step = f"add {effect}"
+    file = model_file(fitted, data, left_after, inputs.file.arm, step, loss.name, inputs.file.history)
+    return TakenStep(file, step_document(effect, len(before.free), errors_before, fitted, errors_after))
+
+
+def auto_files(inputs: ModelInputs, steps: Iterable[AutoStep]) -> Iterator[ModelFile]:
+    """The model file after every step of `auto` but its start."""
+    file = inputs.file
+    for step in steps:
+        if step.added:
+            left, loss = HeldOutResidual(step.held_out), inputs.loss.name
+            file = model_file(step.fit, step.data, left, file.arm, step_words(step), loss, file.history)
+            yield file
+
+
+def error_of(model: Model, data: Measurements) -> ErrorStats:
+    """TCP error of a model as it is."""
+    return error_stats(data.tcp - equilibrium(model, data.poses).tcp)
+
+
+def nominal_error(arm: Arm, data: Measurements) -> ErrorStats:
+    """TCP error of the arm file's nominal arm."""
+    return error_of(model_of(arm, ()), data)
