@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import f as f_distribution
-from scipy.stats import ncf
+from scipy.special import fdtri, ncfdtr
 
 from lrm_ident.design.observability import MM_PER_M
 from lrm_ident.diagnosis.candidates import Candidate, differentiate_candidates, unfitted_rows
@@ -124,7 +123,7 @@ def _power(noncentrality: float, size: int, freedom: int) -> float:
     """Power of the F test at this noncentrality (noncentral F distribution)."""
     if noncentrality > CERTAIN_NONCENTRALITY:
         return 1.0
-    return float(ncf.sf(f_distribution.isf(TEST_LEVEL, size, freedom), size, freedom, noncentrality))
+    return 1.0 - float(ncfdtr(size, freedom, noncentrality, float(fdtri(size, freedom, 1.0 - TEST_LEVEL))))
 
 
 def _required_noncentrality(size: int, freedom: int) -> float:

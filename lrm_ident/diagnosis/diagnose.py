@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.candidates import differentiate_candidates, split_testable, unfitted_effects
@@ -101,7 +101,7 @@ class Diagnosis:
         floor, freedom = self.floor.sd, 3 * len(self.data) - len(self.fit.model.free)
         if floor is None or self.fit.sigma <= FLOOR_RATIO * floor:
             return False
-        return bool(chi2.sf(freedom * (self.fit.sigma / floor) ** 2, freedom) < NOT_NOISE)
+        return bool(chdtrc(freedom, freedom * (self.fit.sigma / floor) ** 2) < NOT_NOISE)
 
 
 def diagnose(

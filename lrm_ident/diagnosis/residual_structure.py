@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
@@ -86,4 +86,4 @@ def _p_value(observed: float, simulated: Array) -> float:
     count = int(np.count_nonzero(simulated >= observed))
     if count:
         return (count + 1) / (len(simulated) + 1)
-    return float(min(norm.sf((observed - simulated.mean()) / simulated.std()), 1 / (len(simulated) + 1)))
+    return float(min(ndtr((simulated.mean() - observed) / simulated.std()), 1 / (len(simulated) + 1)))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from lrm_ident.diagnosis.candidates import Candidate
 from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, projected_rank
@@ -77,7 +77,7 @@ def score_candidates(
 def f_test_p_value(before: float, after: float, rank: int, degrees_of_freedom: int) -> float:
     """p value of the F test of `rank` further parameters, from residual sums of squares before and after."""
     rest = max(degrees_of_freedom - rank, 1)
-    return float(f_distribution.sf((before - after) / rank / (after / rest), rank, rest)) if after > 0 else 0.0
+    return float(fdtrc(rank, rest, (before - after) / rank / (after / rest))) if after > 0 else 0.0
 
 
 def _implausible(candidate: Candidate, alone: Explanation) -> str:

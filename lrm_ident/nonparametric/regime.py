@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import false_discovery_control, norm, rankdata
+from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
@@ -115,6 +115,8 @@ def studentised_squares(residual: Array, columns: Array) -> Array:
 
 def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
     """The regimes in which squared residuals (N,) in m² are significantly larger than elsewhere, the clearest first."""
+    from scipy.stats import false_discovery_control  # here, since every command would wait half a second for it
+
     quantities = list(regime_quantities(data))
     halves = _halves(data.repeat_of)
     if not quantities or min(int(half.sum()) for half in halves) < 2 * FEWEST:
@@ -142,7 +144,7 @@ def _aggregated_p_value(quantity: RegimeQuantity, squares: Array, halves: list[N
         z, allowed = _interval_scores(parts, squares, half)
         again, fair = _interval_scores(parts, squares, ~half)
         best = np.unravel_index(np.argmax(np.where(allowed, z, -np.inf)), z.shape)
-        p_values.append(float(norm.sf(again[best])) if allowed[best] and fair[best] else 1.0)
+        p_values.append(float(ndtr(-again[best])) if allowed[best] and fair[best] else 1.0)
     return min(1.0, 2.0 * float(np.median(p_values)))
 
 
@@ -162,7 +164,7 @@ def _interval_scores(
 
     Row i and column j of the (P + 1, P + 1) tables: the interval of parts i to j − 1.
     """
-    ranks, chosen, top = rankdata(squares[rows]), parts[rows], int(parts.max()) + 1
+    ranks, chosen, top = np.argsort(np.argsort(squares[rows])) + 1, parts[rows], int(parts.max()) + 1
     count = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, minlength=top))])
     total = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, ranks, minlength=top))])
     n, inside = len(ranks), count[None, :] - count[:, None]
