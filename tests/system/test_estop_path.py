@@ -96,5 +96,6 @@ def test_the_router_process_comes_back_and_nothing_moves_meanwhile(harness: Daem
 
     wait_for(answers, "the daemon can be reached again, and holds: its client's lease was lost", seconds=20)
     assert "router_died" in harness.daemon.codes()
+    assert "name_taken" not in harness.daemon.codes()
     harness.rover.estop("after that")
     wait_for(lambda: not harness.pulses(), "the pulses stop")

@@ -17,6 +17,7 @@ import pytest
 import zenoh
 import zenoh.ext
 
+from lrmd.api.presence import Presence
 from lrmd.config import ZenohTable
 from lrmd.messages.zenoh_session import client, own_endpoints
 from tests.conftest import ROOT
@@ -422,21 +423,25 @@ def test_open_files_let_everybody_command(name: str) -> None:
             assert somebody.ask("rpc/arm") == ["rover1"]
 
 
+def central_router(folder: Path, port: int) -> zenoh.Config:
+    return config("router.json5", {"tls/[::]:7448": f"tls/127.0.0.1:{port}", "/etc/lrm/zenoh/tls": str(folder)})
+
+
+def rover_under(port: int, folder: Path, name: str, own: int) -> zenoh.Config:
+    """A rover that listens on `own`, under the router on `port`."""
+    changes = {"tls/router.local:7448": f"tls/localhost:{port}", "tcp/127.0.0.1:7447": f"tcp/127.0.0.1:{own}"}
+    changes |= {"/etc/lrm/zenoh/tls/host": str(folder / name), "/etc/lrm/zenoh/tls": str(folder)}
+    return config("rover.json5", changes)
+
+
 @contextmanager
 def fleet(folder: Path) -> Iterator[tuple[int, int, Robot, Robot]]:
     """A router, and two rovers under it. Gives the router's port, the first rover's own port, and both rovers."""
     port, local, other = free_port(), free_port(), free_port()
-    router = {"tls/[::]:7448": f"tls/127.0.0.1:{port}", "/etc/lrm/zenoh/tls": str(folder)}
-
-    def rover(name: str, own: int) -> zenoh.Config:
-        changes = {"tls/router.local:7448": f"tls/localhost:{port}", "tcp/127.0.0.1:7447": f"tcp/127.0.0.1:{own}"}
-        changes |= {"/etc/lrm/zenoh/tls/host": str(folder / name), "/etc/lrm/zenoh/tls": str(folder)}
-        return config("rover.json5", changes)
-
     with (
-        zenoh.open(config("router.json5", router)),
-        zenoh.open(rover("rover1", local)) as first,
-        zenoh.open(rover("rover2", other)) as second,
+        zenoh.open(central_router(folder, port)),
+        zenoh.open(rover_under(port, folder, "rover1", local)) as first,
+        zenoh.open(rover_under(port, folder, "rover2", other)) as second,
     ):
         yield port, local, Robot(first, "rover1"), Robot(second, "rover2")
 
@@ -484,6 +489,21 @@ def test_a_rover_cannot_reach_or_imitate_another(certificates: Path) -> None:
         assert viewer.sees(second)
         assert set(viewer.shown) == {"rover2"}
         assert (second.commands, second.asked) == ([], [])
+
+
+def test_two_rovers_of_one_name_under_one_router_see_each_other(certificates: Path) -> None:
+    folder, port = certificates / "good", free_port()
+    with (
+        zenoh.open(central_router(folder, port)),
+        zenoh.open(rover_under(port, folder, "rover1", free_port())) as session,
+        zenoh.open(rover_under(port, folder, "rover2", free_port())) as another,
+    ):
+        first, stranger = Presence(session, "rover1", "1"), Presence(another, "rover2", "9")
+        with zenoh.open(rover_under(port, folder, "rover1", free_port())) as twin:
+            second = Presence(twin, "rover1", "2")
+            assert until(lambda: (first.others, second.others) == ({"2"}, {"1"}))
+        assert until(lambda: not first.others)
+        assert not stranger.others
 
 
 def test_rover_works_without_its_router(certificates: Path) -> None:
