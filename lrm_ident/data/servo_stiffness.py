@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import fdtrc
 
 from lrm_ident.data.csv_table import CsvTable, read_csv
 from lrm_math.arm.arm_file import GRAM, MM
@@ -153,4 +153,4 @@ def _curvature(test: ServoTest, A: Array, residual: Array) -> float | None:
     before = float(residual @ residual)
     if after <= 0.0:
         return 0.0 if before > 0.0 else 1.0
-    return float(stats.f.sf((before - after) / added / (after / freedom), added, freedom))
+    return float(fdtrc(added, freedom, (before - after) / added / (after / freedom)))
