@@ -4,7 +4,7 @@ measurements -> fit -> candidates -> forms -> judge -> report: this is the linea
 Every effect of the catalogue in every form at every place is tried on the residual (score test) and judged by the
 held-out error that it would leave; effects are taken by forward selection. Then free functions are tried on what is
 left: they separate an effect that is really there from one that only resembles a structure outside the catalogue.
-Of thousands of poses a part is screened, drawn at random, with the poses that the fit misses most; the judge refits all.
+Of thousands of poses a part is screened, drawn at random, and the poses that the fit misses most; the judge refits all.
 """
 
 from __future__ import annotations

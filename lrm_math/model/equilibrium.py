@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import Number, pull_back, trig, trig_of
+from lrm_math.kinematics.chain import Angle, Number, pull_back, trig, trig_of
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude, maximum
 from lrm_math.model.model import Model
@@ -21,6 +21,8 @@ from lrm_math.model.model import Model
 TOLERANCE = 1e-9
 """m: the iteration ends when no TCP can still move more than this."""
 PLAIN_ITERATIONS, MOST_ITERATIONS = 20, 150
+SLOW_SHARE = 0.5
+"""Share of the poses that still move, below which they go on alone."""
 SMALLEST_FACTOR = 0.02
 LARGEST_MOTION = 0.5
 """rad: larger elastic rotations are refused, since the effects' formulas hold for small motions."""
@@ -107,14 +109,42 @@ def solve_equilibrium(
     model: Model, poses: Poses, start: Sequence[Number] | None = None, tolerance: float = TOLERANCE
 ) -> Equilibrium:
     """`equilibrium`, started from amounts of all slots (rad, m; each a float or (N,))."""
-    chain, binding = model.chain, model.binding
     rigid = rigid_amounts(model, poses)
-    weights, pushed = model.weights(poses.carried), effect_loads(model, poses)
-    slots = list(rigid)
-    for k in binding.moving if start is not None else ():
-        slots[k] = start[k]  # type: ignore[index]
-    angles = trig(chain, slots)
-    tau: list[Number] = []
+    first = list(rigid)
+    for k in model.binding.moving if start is not None else ():
+        first[k] = start[k]  # type: ignore[index]
+    found = _settle(model, poses, rigid, effect_loads(model, poses), first, tolerance)
+    _check_small(model, poses, found.slots, rigid)
+    true = _columns(pull_back(model.chain, found.slots, found.angles), len(poses))
+    slots, tau = tuple(found.slots), tuple(found.tau)
+    return Equilibrium(model, poses, slots, tau, _measured(model, true), true, found.iterations)
+
+
+@dataclass(frozen=True, eq=False)
+class _Settled:
+    """Amounts of all slots at rest, the trigonometry of their angles, loads on the model's `load_slots`."""
+
+    slots: list[Number]
+    angles: list[Angle]
+    tau: list[Number]
+    iterations: int
+
+
+def _settle(
+    model: Model,
+    poses: Poses,
+    rigid: list[Number],
+    pushed: dict[int, Number],
+    first: list[Number],
+    tolerance: float,
+) -> _Settled:
+    """Iterates from `first` until every pose is at rest; a few slow poses of many go on alone. Raises `NoEquilibrium`.
+
+    Args:
+        rigid: amounts of the slots of the rigid arm. pushed: loads that effects put on slots.
+    """
+    chain, binding, slots = model.chain, model.binding, list(first)
+    weights, angles = model.weights(poses.carried), trig(chain, slots)
     relaxed: _Relaxation | None = None
     for iteration in range(1, MOST_ITERATIONS + 1):
         tau = statics.loads(chain, slots, angles, weights, model.load_slots)
@@ -130,20 +160,54 @@ def solve_equilibrium(
         worst = maximum(change)
         if not math.isfinite(worst):
             break
-        if iteration > PLAIN_ITERATIONS and worst > tolerance:
+        slow = np.flatnonzero(np.broadcast_to(change, len(poses)) > tolerance) if iteration > PLAIN_ITERATIONS else None
+        few = slow is not None and len(slow) <= SLOW_SHARE * len(poses)
+        if slow is not None and len(slow) and not few:
             relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, len(poses)) for step in steps]))
             steps = relaxed.steps
         for k, step in zip(binding.moving, steps, strict=True):
             slots[k] = slots[k] + step
             if chain.slots[k].rotates:
                 angles[k] = trig_of(slots[k])
+        now = _Settled(slots, angles, tau, iteration)
         if worst <= tolerance:
-            _check_small(model, poses, slots, rigid)
-            true = _columns(pull_back(chain, slots, angles), len(poses))
-            return Equilibrium(model, poses, tuple(slots), tuple(tau), _measured(model, true), true, iteration)
+            return now
+        if slow is not None and few:
+            return _with_slow(model, poses, rigid, pushed, now, slow, tolerance)
     diverging = np.flatnonzero(~(np.broadcast_to(change, len(poses)) <= tolerance))
     left = f"after {iteration} iterations the TCP still moves {worst * 1e3:.3g} mm"
     raise NoEquilibrium(poses.names(diverging), left)
+
+
+def _with_slow(
+    model: Model,
+    poses: Poses,
+    rigid: list[Number],
+    pushed: dict[int, Number],
+    now: _Settled,
+    slow: NDArray[np.int64],
+    tolerance: float,
+) -> _Settled:
+    """The poses at rest, and the slow ones iterated alone: an iteration of few poses costs little."""
+    alone = replace(poses, number=np.array(poses.names(np.arange(len(poses))))).take(slow)
+
+    def part(amount: Number) -> Number:
+        return _at(amount, int(slow[0])) if len(slow) == 1 else _part(amount, slow)
+
+    loads = {k: part(load) for k, load in pushed.items()}
+    found = _settle(model, alone, [part(a) for a in rigid], loads, [part(a) for a in now.slots], tolerance)
+    count = len(poses)
+    slots, tau = list(now.slots), [_merged(a, b, slow, count) for a, b in zip(now.tau, found.tau, strict=True)]
+    for k in model.binding.moving:
+        slots[k] = _merged(now.slots[k], found.slots[k], slow, count)
+    return _Settled(slots, trig(model.chain, slots), tau, now.iterations + found.iterations)
+
+
+def _merged(amount: Number, other: Number, rows: NDArray[np.int64], count: int) -> Number:
+    """An amount of all poses, that of some rows replaced."""
+    whole = np.array(np.broadcast_to(amount, count))
+    whole[rows] = other
+    return whole
 
 
 def _at(amount: Number, row: int) -> float:
