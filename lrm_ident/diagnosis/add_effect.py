@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.estimation.identifiability import fit_identifiable, identifiable_beside
+from lrm_ident.estimation.identifiability import fit_identifiable, identifiable_beside, some_rows
 from lrm_ident.estimation.levenberg_marquardt import Fit, FitNotConverged, fit
 from lrm_ident.estimation.loss import Loss
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS
@@ -94,7 +94,14 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
 
 
 def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], how: Loss | None) -> Fit:
-    """The best fit over a shape parameter, on a logarithmic scale around its present value."""
+    """The best fit over a shape parameter, on a logarithmic scale around its present value.
+
+    Of thousands of poses a part is searched, then all are fitted.
+    """
+    part = data.take(some_rows(len(data)))
+    if len(part) < len(data):
+        found = _fit_shape(fit(best.model, part, loss=how), part, key, scan, how)
+        return fit(found.model, data, loss=how)
 
     def rms_at(log_value: float) -> float:
         """RMS of the fit with the shape held at this value (m)."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.loss import SQUARED, Loss, robust_scale
 from lrm_ident.estimation.objective import Iterate, NoiseScale, Objective
-from lrm_ident.estimation.priors import Prior, weak_prior
+from lrm_ident.estimation.priors import WEAK_SD, Prior, weak_prior
 from lrm_ident.registration.collapse import check_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
@@ -27,7 +27,8 @@ MAX_STEPS = 60
 DAMPED_STEPS = 300  # with weak priors the last steps are short, but each one gains
 STEP_TOLERANCE = 1e-8  # of the typical sizes
 GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
-IDLE_STEPS, IDLE_GAIN = 5, 1e-8  # with a prior: so many steps in a row that each lower the objective by no larger part
+IDLE_STEPS, IDLE_GAIN, IDLE_LIKELIHOOD = 5, 1e-5, 0.3
+"""So many steps in a row that each gain no more end a fit: part of the objective, and of it over the squared noise."""
 POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
 OUTLIER_DISTANCE = 5.0  # robust standard deviations per axis; a clean pose is beyond it once in 60 000
 
@@ -188,9 +189,10 @@ class _LevenbergMarquardt:
             step = float(np.abs(trial.z - iterate.z).max())
             predicted = float(descent @ (trial.z - iterate.z)) / noise.scale**2
             least = max(GAIN_TOLERANCE * objective.value(iterate, noise), POSTERIOR_TOLERANCE * noise.prior_weight)
-            now_at, before = (objective.value(each, noise) for each in (trial, iterate))
-            idle = idle + 1 if before - now_at <= IDLE_GAIN * before else 0
-            done = step < STEP_TOLERANCE or predicted < least or (idle >= IDLE_STEPS and objective.prior is not None)
+            idle = idle + 1 if self._gains_nothing(iterate, trial, noise) else 0
+            if idle >= IDLE_STEPS and not self._well_known(columns[:, ~held], iterate, noise):
+                raise FitNotConverged(steps, step)
+            done = step < STEP_TOLERANCE or predicted < least or idle >= IDLE_STEPS
             iterate = trial
             if done:
                 now = objective.noise_scale(iterate, noise, ~held)
@@ -198,6 +200,18 @@ class _LevenbergMarquardt:
                     return self._result(iterate, columns, held, steps, noise)
                 noise = now
         raise FitNotConverged(most_steps, step)
+
+    def _gains_nothing(self, iterate: Iterate, trial: Iterate, noise: NoiseScale) -> bool:
+        """Whether a step lowered the objective by a negligible part, and the log-likelihood by next to nothing."""
+        before, after = (self.objective.value(each, noise) for each in (iterate, trial))
+        return before - after <= min(IDLE_GAIN, IDLE_LIKELIHOOD / iterate.residual.size) * before
+
+    def _well_known(self, J: Array, iterate: Iterate, noise: NoiseScale) -> bool:
+        """Whether the data, or a prior, know every direction better than the weak priors do."""
+        if self.objective.prior is not None or not J.shape[1]:
+            return True
+        least = float(np.linalg.eigvalsh(J.T @ J)[0])
+        return least * WEAK_SD**2 > self.objective.residual_sd(iterate) ** 2
 
     def _step(
         self, iterate: Iterate, J: Array, descent: Array, free: NDArray[np.bool_], noise: NoiseScale, damping: float
