@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.candidates import differentiate_candidates, split_testable, unfitted_effects
+from lrm_ident.diagnosis.candidates import REFINEMENT, differentiate_candidates, split_testable, unfitted_effects
 from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE, equivalent_effects, forward_select
 from lrm_ident.diagnosis.free_functions import free_functions, poses_before
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
@@ -138,15 +138,18 @@ def _diagnose(
     response, found = differentiate_candidates(fitted.model, part.poses, testable)
     scored, undetectable = score_candidates(found, linear, weight, progress)
     ranked = sorted(scored, key=lambda one: one.alone.rms)
-    selected = forward_select(ranked, linear, progress)
+    floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
+    quiet = _like_noise(whole, floor, structure)
+    tried = [one for one in ranked if one.candidate.standing == REFINEMENT] if quiet else ranked
+    selected = forward_select(tried, linear, progress)
     joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
     torque = whole.rest.joint_torque
     functions = free_functions(joint_jacobian, part, torque[screened], poses_before(torque)[screened])
     return Diagnosis(
         fit=whole,
         data=data,
-        floor=noise_floor(data),
-        structure=residual_structure(part.poses.q, linear.residual, linear.basis),
+        floor=floor,
+        structure=structure,
         squared_held_out=linear.explain().held_out,
         scored=(*selected, *(one for one in ranked if one not in selected)),
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
@@ -165,6 +168,14 @@ def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
     distance = np.linalg.norm(fitted.residual, axis=1)
     far = sorted(fitted.outliers, key=lambda row: -distance[row])[:MOST_FAR]
     return np.union1d(some_rows(len(distance)), np.array(far, dtype=np.int64))
+
+
+def _like_noise(fitted: Fit, floor: NoiseFloor, structure: ResidualStructure) -> bool:
+    """Whether what is left is no larger than the known noise (χ² test) and shows no structure: no new cause."""
+    if floor.sd is None or min(structure.p_value, structure.order_p_value) < SIGNIFICANCE:
+        return False
+    freedom = fitted.residual.size - len(fitted.model.free)
+    return bool(chi2.sf(freedom * (fitted.sigma / floor.sd) ** 2, freedom) > SIGNIFICANCE)
 
 
 def row_weights(data: Measurements, fitted: Fit) -> Array:

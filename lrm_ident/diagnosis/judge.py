@@ -23,8 +23,6 @@ from lrm_ident.nonparametric.predictability import HeldOutBlock, held_out_rows
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
-MAX_REFITS = 3  # candidates that are refitted and cross-validated in full, at most
-
 
 @dataclass(frozen=True, eq=False)
 class Refit:
@@ -88,7 +86,7 @@ def judge(
     if not blocks:
         on_progress("cross-validating the model as it is")
         blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
-    for number, scored in enumerate(diagnosis.supported[:MAX_REFITS]):
+    for number, scored in enumerate(diagnosis.supported):
         on_progress(f"refitting with {scored.name}")
         refit = _refit(diagnosis, scored)
         if refit is not None and _predicts_better(refit.held_out, held_out_rows(blocks)):

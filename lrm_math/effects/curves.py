@@ -178,7 +178,7 @@ class CableCurve(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """One torque for each B-spline of the sum and of the difference."""
         return tuple(
-            Parameter(f"{name}{i}_Nm", f"B-spline {i} of the {what} of the angles", 0.05)
+            Parameter(f"{name}{i}_Nm", f"B-spline {i} of the {what} of the angles", 0.2)
             for name, what, ends in zip("sd", ("sum", "difference"), self._ranges, strict=True)
             for i in range(1, spline_count(*ends, CABLE_SPACING) + 1)
         )
