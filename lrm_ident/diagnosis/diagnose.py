@@ -175,7 +175,7 @@ def _like_noise(fitted: Fit, floor: NoiseFloor, structure: ResidualStructure) ->
     if floor.sd is None or min(structure.p_value, structure.order_p_value) < SIGNIFICANCE:
         return False
     freedom = fitted.residual.size - len(fitted.model.free)
-    return bool(chi2.sf(freedom * (fitted.sigma / floor.sd) ** 2, freedom) > SIGNIFICANCE)
+    return bool(chdtrc(freedom, freedom * (fitted.sigma / floor.sd) ** 2) > SIGNIFICANCE)
 
 
 def row_weights(data: Measurements, fitted: Fit) -> Array:
