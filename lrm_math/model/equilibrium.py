@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import Number, pull_back, trig, trig_of
+from lrm_math.kinematics.chain import Number, pull_back, trig
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude, maximum
+from lrm_math.model.fixed_point import EquilibriumSearch, SlotIterate, amount_at, amounts_at
 from lrm_math.model.model import Model
 
 TOLERANCE = 1e-9
 """m: the iteration ends when no TCP can still move more than this."""
-ACCELERATED_ITERATIONS, MOST_ITERATIONS = 20, 150
-SMALLEST_FACTOR = 0.02
-TINY = 1e-300
 LARGEST_MOTION = 0.5
 """rad: larger elastic rotations are refused, since the effects' formulas hold for small motions."""
 
@@ -49,13 +47,13 @@ class Equilibrium:
 
     def one(self, row: int) -> Equilibrium:
         """One pose alone, all numbers floats."""
-        slots, tau = (tuple(_at(a, row) for a in amounts) for amounts in (self.slots, self.tau))
+        slots, tau = (tuple(amount_at(a, row) for a in amounts) for amounts in (self.slots, self.tau))
         tcp, true = self.tcp[[row]], self.true_tcp[[row]]
         return Equilibrium(self.model, self.poses.one(row), slots, tau, tcp, true, self.iterations)
 
     def take(self, rows: NDArray[np.int64]) -> Equilibrium:
         """The poses of these rows."""
-        slots, tau = (tuple(_part(a, rows) for a in amounts) for amounts in (self.slots, self.tau))
+        slots, tau = (tuple(amounts_at(a, rows) for a in amounts) for amounts in (self.slots, self.tau))
         tcp, true = self.tcp[rows], self.true_tcp[rows]
         return Equilibrium(self.model, self.poses.take(rows), slots, tau, tcp, true, self.iterations)
 
@@ -91,8 +89,8 @@ def equilibrium(
 ) -> Equilibrium:
     """The elastic equilibrium by fixed-point iteration (thesis Figure 4.4), accelerated (Anderson 1965, depth one).
 
-    Poses that do not converge soon are under-relaxed by Aitken's method for vectors (Irons & Tuck 1969). One pose alone
-    is computed with Python's floats, many with numpy's arrays: each is many times faster so.
+    Poses that do not converge are under-relaxed in the end by Aitken's method for vectors (Irons & Tuck 1969). One pose
+    alone is computed with Python's floats, many with numpy's arrays: each is many times faster so.
 
     Args:
         start: an equilibrium of the same poses for nearby parameters, to start from.
@@ -108,109 +106,23 @@ def solve_equilibrium(
     model: Model, poses: Poses, start: Sequence[Number] | None = None, tolerance: float = TOLERANCE
 ) -> Equilibrium:
     """`equilibrium`, started from amounts of all slots (rad, m; each a float or (N,))."""
-    chain, binding = model.chain, model.binding
     rigid = rigid_amounts(model, poses)
-    weights, pushed = model.weights(poses.carried), effect_loads(model, poses)
-    slots = list(rigid)
-    for k in binding.moving if start is not None else ():
-        slots[k] = start[k]  # type: ignore[index]
-    angles = trig(chain, slots)
-    tau: list[Number] = []
-    relaxed: _Relaxation | None = None
-    before: _FixedPointStep | None = None
-    for iteration in range(1, MOST_ITERATIONS + 1):
-        tau = statics.loads(chain, slots, angles, weights, model.load_slots)
-        tau = [load + pushed[k] if k in pushed else load for k, load in zip(model.load_slots, tau, strict=True)]
-        target = {k: rigid[k] for k in binding.moving}
-        for effect in binding.elastic:
-            for k, amount in effect.motion(poses, tau):
-                target[k] = target[k] + amount
-        steps = [target[k] - slots[k] for k in binding.moving]
-        change: Number = 0.0
-        for k, step in zip(binding.moving, steps, strict=True):
-            change = change + magnitude(step) * (binding.reach if chain.slots[k].rotates else 1.0)
-        worst = maximum(change)
-        if not math.isfinite(worst):
-            break
-        if iteration > ACCELERATED_ITERATIONS and worst > tolerance:
-            relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, len(poses)) for step in steps]))
-            steps = relaxed.steps
-        elif worst > tolerance:
-            here = _FixedPointStep([slots[k] for k in binding.moving], steps)
-            steps, before = here.accelerated(before), here
-        for k, step in zip(binding.moving, steps, strict=True):
-            slots[k] = slots[k] + step
-            if chain.slots[k].rotates:
-                angles[k] = trig_of(slots[k])
-        if worst <= tolerance:
-            _check_small(model, poses, slots, rigid)
-            true = _columns(pull_back(chain, slots, angles), len(poses))
-            return Equilibrium(model, poses, tuple(slots), tuple(tau), _measured(model, true), true, iteration)
-    diverging = np.flatnonzero(~(np.broadcast_to(change, len(poses)) <= tolerance))
-    left = f"after {iteration} iterations the TCP still moves {worst * 1e3:.3g} mm"
-    raise NoEquilibrium(poses.names(diverging), left)
-
-
-def _at(amount: Number, row: int) -> float:
-    return amount if isinstance(amount, float) else float(amount[row if len(amount) > 1 else 0])
-
-
-def _part(amount: Number, rows: NDArray[np.int64]) -> Number:
-    return amount[rows] if isinstance(amount, np.ndarray) and len(amount) > 1 else amount
+    first = list(rigid)
+    for k in model.binding.moving if start is not None else ():
+        first[k] = start[k]  # type: ignore[index]
+    search = EquilibriumSearch(model, poses, rigid, effect_loads(model, poses), tolerance)
+    found = search.settled(SlotIterate(first, trig(model.chain, first), [], 0))
+    _check_small(model, poses, found.slots, rigid)
+    true = _columns(pull_back(model.chain, found.slots, found.angles), len(poses))
+    measured = _measured(model, true)
+    return Equilibrium(model, poses, tuple(found.slots), tuple(found.tau), measured, true, found.number)
 
 
 def _columns(components: Sequence[Number], count: int) -> Array:
     """(N, 3) from three components, each a float or (N,)."""
     if count == 1:
-        return np.array([[_at(c, 0) for c in components]])
+        return np.array([[amount_at(c, 0) for c in components]])
     return np.stack([np.broadcast_to(c, count) for c in components], axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class _FixedPointStep:
-    """Amounts of the M moving slots and the fixed-point step from there, each a float or (N,)."""
-
-    amounts: list[Number]
-    step: list[Number]
-
-    def accelerated(self, before: _FixedPointStep | None) -> list[Number]:
-        """The step of Anderson's (1965) method with one step of memory: a secant along the last change, per pose."""
-        if before is None:
-            return self.step
-        change = [now - last for now, last in zip(self.step, before.step, strict=True)]
-        size: Number = TINY
-        along: Number = 0.0
-        for step, c in zip(self.step, change, strict=True):
-            size, along = size + c * c, along + step * c
-        share = along / size
-        return [
-            step - share * (now - last + c)
-            for step, now, last, c in zip(self.step, self.amounts, before.amounts, change, strict=True)
-        ]
-
-
-@dataclass(frozen=True, eq=False)
-class _Relaxation:
-    """Aitken relaxation: the factor (N,) applied to a step (M, N) of each pose."""
-
-    factor: Array
-    step: Array
-
-    @classmethod
-    def after(cls, before: _Relaxation | None, step: Array) -> _Relaxation:
-        """The next factor: exact if the residual were linear along the last step."""
-        if before is None:
-            return cls(np.full(step.shape[1], 0.5), step)
-        change = step - before.step
-        size = np.einsum("mn,mn->n", change, change)
-        factor = -before.factor * np.einsum("mn,mn->n", before.step, change) / np.where(size > 0, size, 1.0)
-        return cls(np.clip(np.where(size > 0, factor, 1.0), SMALLEST_FACTOR, 1.0), step)
-
-    @property
-    def steps(self) -> list[Number]:
-        """The relaxed steps of the M slots, each (N,), or a float for one pose."""
-        relaxed = self.factor * self.step
-        return relaxed[:, 0].tolist() if relaxed.shape[1] == 1 else list(relaxed)
 
 
 def _check_small(model: Model, poses: Poses, slots: list[Number], rigid: list[Number]) -> None:

@@ -28,7 +28,8 @@ from lrm_math.ik.solver_context import Method
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import ACCELERATED_ITERATIONS, Equilibrium
+from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.fixed_point import ACCELERATED_ITERATIONS
 from lrm_math.model.model import Model
 from lrmd.config import Config
 from lrmd.errors import RequestError

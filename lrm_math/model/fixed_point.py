@@ -1,0 +1,170 @@
+"""Fixed-point iteration for the amounts of slots and the loads that hold each other in equilibrium."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arrays import Array
+from lrm_math.errors import NoEquilibrium
+from lrm_math.kinematics import statics
+from lrm_math.kinematics.chain import Angle, Number, trig, trig_of
+from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.scalar_or_array import magnitude, maximum
+from lrm_math.model.model import Model
+
+ACCELERATED_ITERATIONS, PLAIN_ITERATIONS, MOST_ITERATIONS = 20, 60, 300
+FEW = 0.5
+"""Share of the poses below which those that still move go on alone."""
+SMALLEST_FACTOR = 0.02
+TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class SlotIterate:
+    """Iterate number `number`: amounts of all slots, their angles' trigonometry, loads on the model's `load_slots`."""
+
+    slots: list[Number]
+    angles: list[Angle]
+    tau: list[Number]
+    number: int
+
+
+@dataclass(frozen=True, eq=False)
+class EquilibriumSearch:
+    """Search for the equilibrium of N poses, from amounts of the rigid arm's slots and loads that effects put on slots.
+
+    Accelerated at first; then plain, which may creep but leaves a rest that is none, between the two ends of a play;
+    then under-relaxed, against oscillations. A few slow poses of many go on alone, where an iteration costs little.
+    """
+
+    model: Model
+    poses: Poses
+    rigid: list[Number]
+    pushed: dict[int, Number]
+    tolerance: float
+
+    def settled(self, now: SlotIterate) -> SlotIterate:
+        """The iterate at which every pose is at rest. Raises `NoEquilibrium`."""
+        model, poses = self.model, self.poses
+        chain, binding, weights = model.chain, model.binding, model.weights(poses.carried)
+        slots, angles = list(now.slots), list(now.angles)
+        relaxed: _Relaxation | None = None
+        before: _FixedPointStep | None = None
+        for number in range(now.number + 1, MOST_ITERATIONS + 1):
+            tau = statics.loads(chain, slots, angles, weights, model.load_slots)
+            tau = [
+                load + self.pushed[k] if k in self.pushed else load
+                for k, load in zip(model.load_slots, tau, strict=True)
+            ]
+            target = {k: self.rigid[k] for k in binding.moving}
+            for effect in binding.elastic:
+                for k, amount in effect.motion(poses, tau):
+                    target[k] = target[k] + amount
+            steps = [target[k] - slots[k] for k in binding.moving]
+            change: Number = 0.0
+            for k, step in zip(binding.moving, steps, strict=True):
+                change = change + magnitude(step) * (binding.reach if chain.slots[k].rotates else 1.0)
+            worst = maximum(change)
+            if not math.isfinite(worst):
+                break
+            rest = worst <= self.tolerance
+            if number <= ACCELERATED_ITERATIONS and not rest:
+                here = _FixedPointStep([slots[k] for k in binding.moving], steps)
+                steps, before = here.accelerated(before), here
+            elif number > PLAIN_ITERATIONS and not rest:
+                relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, len(poses)) for step in steps]))
+                steps = relaxed.steps
+            for k, step in zip(binding.moving, steps, strict=True):
+                slots[k] = slots[k] + step
+                if chain.slots[k].rotates:
+                    angles[k] = trig_of(slots[k])
+            if rest:
+                return SlotIterate(slots, angles, tau, number)
+            if number >= ACCELERATED_ITERATIONS and len(poses) > 1:
+                slow = np.flatnonzero(np.broadcast_to(change, len(poses)) > self.tolerance)
+                if len(slow) <= FEW * len(poses):
+                    return self._with_slow(SlotIterate(slots, angles, tau, number), slow)
+        diverging = np.flatnonzero(~(np.broadcast_to(change, len(poses)) <= self.tolerance))
+        left = f"after {number} iterations the TCP still moves {worst * 1e3:.3g} mm"
+        raise NoEquilibrium(poses.names(diverging), left)
+
+    def _with_slow(self, now: SlotIterate, slow: NDArray[np.int64]) -> SlotIterate:
+        """The poses at rest, and the slow ones settled alone."""
+        poses = replace(self.poses, number=np.array(self.poses.names(np.arange(len(self.poses))))).take(slow)
+
+        def part(amounts: Iterable[Number]) -> list[Number]:
+            return [amount_at(a, int(slow[0])) if len(slow) == 1 else amounts_at(a, slow) for a in amounts]
+
+        def merged(amount: Number, other: Number) -> Number:
+            whole = np.array(np.broadcast_to(amount, len(self.poses)))
+            whole[slow] = other
+            return whole
+
+        pushed = dict(zip(self.pushed, part(self.pushed.values()), strict=True))
+        first = part(now.slots)
+        alone = EquilibriumSearch(self.model, poses, part(self.rigid), pushed, self.tolerance)
+        found = alone.settled(SlotIterate(first, trig(self.model.chain, first), [], now.number))
+        slots, tau = list(now.slots), [merged(a, b) for a, b in zip(now.tau, found.tau, strict=True)]
+        for k in self.model.binding.moving:
+            slots[k] = merged(now.slots[k], found.slots[k])
+        return SlotIterate(slots, trig(self.model.chain, slots), tau, found.number)
+
+
+def amount_at(amount: Number, row: int) -> float:
+    return amount if isinstance(amount, float) else float(amount[row if len(amount) > 1 else 0])
+
+
+def amounts_at(amount: Number, rows: NDArray[np.int64]) -> Number:
+    return amount[rows] if isinstance(amount, np.ndarray) and len(amount) > 1 else amount
+
+
+@dataclass(frozen=True, eq=False)
+class _FixedPointStep:
+    """Amounts of the M moving slots and the fixed-point step from there, each a float or (N,)."""
+
+    amounts: list[Number]
+    step: list[Number]
+
+    def accelerated(self, before: _FixedPointStep | None) -> list[Number]:
+        """The step of Anderson's (1965) method with one step of memory: a secant along the last change, per pose."""
+        if before is None:
+            return self.step
+        change = [now - last for now, last in zip(self.step, before.step, strict=True)]
+        size: Number = TINY
+        along: Number = 0.0
+        for step, c in zip(self.step, change, strict=True):
+            size, along = size + c * c, along + step * c
+        share = along / size
+        return [
+            step - share * (now - last + c)
+            for step, now, last, c in zip(self.step, self.amounts, before.amounts, change, strict=True)
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Relaxation:
+    """Aitken relaxation: the factor (N,) applied to a step (M, N) of each pose."""
+
+    factor: Array
+    step: Array
+
+    @classmethod
+    def after(cls, before: _Relaxation | None, step: Array) -> _Relaxation:
+        """The next factor: exact if the residual were linear along the last step."""
+        if before is None:
+            return cls(np.full(step.shape[1], 0.5), step)
+        change = step - before.step
+        size = np.einsum("mn,mn->n", change, change)
+        factor = -before.factor * np.einsum("mn,mn->n", before.step, change) / np.where(size > 0, size, 1.0)
+        return cls(np.clip(np.where(size > 0, factor, 1.0), SMALLEST_FACTOR, 1.0), step)
+
+    @property
+    def steps(self) -> list[Number]:
+        """The relaxed steps of the M slots, each (N,), or a float for one pose."""
+        relaxed = self.factor * self.step
+        return relaxed[:, 0].tolist() if relaxed.shape[1] == 1 else list(relaxed)
