@@ -88,7 +88,8 @@ def propose_law(
     """
     fitted = fit(model, data, loss=loss)
     on_progress("cross-validating the model as it is")
-    found = _propose(fitted, data, error_stats(held_out_residual(fitted.model, data, loss=loss)), None, progress, on_progress)
+    before = error_stats(held_out_residual(fitted.model, data, loss=loss))
+    found = _propose(fitted, data, before, None, progress, on_progress)
     for _ in range(1, MOST_LAWS):
         best = found.best
         more = None if best is None else _propose(fitted, data, best.error, best, progress, on_progress).best
