@@ -20,7 +20,9 @@ from lrm_math.model.model import Model, model_of
 
 def some_poses(arm: Arm, count: int = 12) -> Poses:
     rng = np.random.default_rng(1)
-    return replace(poses_of(rng.uniform(-1.5, 1.5, (count, arm.dof)), 0.05), t=60.0 * np.arange(count), running=20.0 * np.arange(count))
+    number = np.arange(count)
+    poses = poses_of(rng.uniform(-1.5, 1.5, (count, arm.dof)), 0.05)
+    return replace(poses, t=60.0 * number, running=20.0 * number)
 
 
 def with_form(arm: Arm, name: str) -> Model:
