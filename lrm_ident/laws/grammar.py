@@ -16,11 +16,11 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 
-HARMONICS, PAIR_HARMONICS = range(1, 7), (1, 2)
+HARMONICS, PAIR_HARMONICS, FACTOR_HARMONICS = range(1, 7), (1, 2, 3), (1, 2)
 PLACES = (-1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2)  # rad, or parts of the largest torque, load or time
 WIDTH = 0.4  # of dents and saturations, likewise
 NEAR_ZERO = 1e-9
-LETTERS = "abcd"
+LETTERS = "abcdef"
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,11 @@ class Law:
         return (
             f"δq{self.joint + 1} = {' + '.join(f'{name} {term}' for name, term in zip(LETTERS, terms, strict=False))}"
         )
+
+    def plus(self, other: Law) -> Law:
+        """The sum of two laws at one joint; terms that both have count once."""
+        quantities = dict.fromkeys((*self.quantities, *other.quantities))
+        return Law(self.joint, tuple(quantities), tuple(dict.fromkeys((*self.terms, *other.terms))))
 
     def values(self, poses: Poses, torque: Array) -> Array:
         """(N, terms), every term at some poses; torque: (N,), on the joint (N·m)."""
@@ -152,7 +157,7 @@ def _factors(x: Quantity) -> Iterator[str]:
     if x.signed and x.name != "side":
         yield f"np.abs({x.name})"
     if x.angle:
-        yield from (_wave(wave, k, x.name) for k in PAIR_HARMONICS for wave in ("sin", "cos"))
+        yield from (_wave(wave, k, x.name) for k in FACTOR_HARMONICS for wave in ("sin", "cos"))
 
 
 def _wave(function: str, k: int, of: str) -> str:

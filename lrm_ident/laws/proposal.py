@@ -32,6 +32,7 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
 REFITS, CLASS_SHOWN = 4, 12  # laws refitted in full; members of the class kept
+MOST_LAWS = 3  # that are added up at one joint
 NEXT_POSES, DRAWN, SEED = 5, 2000, 0
 
 
@@ -81,14 +82,39 @@ def propose_law(
 ) -> LawProposal:
     """Searches laws at every joint; proposes one if the search beats noise and predicts held-out blocks better.
 
+    Further laws at the same joint are added to it in the same way, `MOST_LAWS` at most.
+
     Raises `LrmError`: too few poses, or the fit does not converge.
     """
     fitted = fit(model, data, loss=loss)
-    linear = linearised(fitted, data, row_weights(data, fitted))
-    search = search_laws(linear, law_columns(fitted, data), progress)
-    without = linear.explain().held_out
     on_progress("cross-validating the model as it is")
     before = error_stats(held_out_residual(fitted.model, data, loss=loss))
+    found = _propose(fitted, data, before, None, progress, on_progress)
+    for _ in range(1, MOST_LAWS):
+        best = found.best
+        more = None if best is None else _propose(fitted, data, best.error, best, progress, on_progress).best
+        if more is None:
+            break
+        found = replace(found, best=more)
+    if found.best is not None and found.equivalent:
+        found = replace(found, next_poses=_separating_poses(found.best, found.equivalent, fitted, data))
+    return found
+
+
+def _propose(
+    fitted: Fit,
+    data: Measurements,
+    before: ErrorStats,
+    known: RefittedLaw | None,
+    progress: OnProgress,
+    on_progress: Callable[[str], object],
+) -> LawProposal:
+    """The best law at any joint, or the best to add to one that is known, with its class."""
+    start = fitted if known is None else known.fit
+    linear = linearised(start, data, row_weights(data, start))
+    groups = law_columns(start, data)
+    search = search_laws(linear, groups if known is None else [groups[known.law.joint]], progress)
+    without = linear.explain().held_out
     nested = float(np.sqrt(search.nested.mean()))
     found = LawProposal(before, nested, search.p_value, len(search.laws), None, "")
     if search.p_value > SIGNIFICANCE:
@@ -97,16 +123,17 @@ def propose_law(
         return replace(found, reason="no law predicts poses that were not used to choose it")
     order = np.argsort(search.squares.mean(axis=0))
     classed = _equivalent(search, order, without)
-    refits = []
+    refits: list[RefittedLaw] = []
     for law, _ in classed[:REFITS]:
-        on_progress(f"refitting with {law.formula}")
-        refits.append(_refit(law, fitted, data, found))
-    best = min((one for one in refits if one is not None), key=lambda one: one.error.rms, default=None)
+        whole = law if known is None else known.law.plus(law)
+        on_progress(f"refitting with {whole.formula}")
+        one = _refit(whole, fitted, data, found)
+        refits += [] if one is None else [one]
+    best = min(refits, key=lambda one: one.error.rms, default=None)
     if best is None or best.error.rms > (1.0 - MIN_GAIN) * before.rms:
         return replace(found, reason="no law lowers the held-out error once everything is refitted")
     rivals = tuple(one for one in classed if one[0] is not best.law)
-    poses = _separating_poses(best, rivals[:CLASS_SHOWN], fitted, data) if rivals else None
-    return replace(found, best=best, equivalent=rivals[:CLASS_SHOWN], next_poses=poses)
+    return replace(found, best=best, equivalent=rivals[:CLASS_SHOWN])
 
 
 def _equivalent(search: LawSearch, order: NDArray[np.int64], without: Array) -> list[tuple[Law, float]]:

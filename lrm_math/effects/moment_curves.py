@@ -14,7 +14,7 @@ from lrm_math.kinematics.scalar_or_array import tanh
 TORQUE_SCALES = (0.02, 0.06, 0.2)
 """N·m: torques that take up 76 % of each part of a torque curve."""
 BEARING_SCALES = (0.03, 0.1, 0.3)
-BASE_SCALES = (0.1, 0.3, 1.0)
+BASE_SCALES = (0.05, 0.15, 0.45, 1.35)
 """N·m: likewise."""
 
 
@@ -96,7 +96,7 @@ class BaseCurve(Curve):
     id = "base_curve"
     refines = ("base_compliance", "compliance")
     cause = "A plate that is screwed on at one side, or stands on its feet, gives way to one side more than the other."
-    formula = "rotation about each axis of the base: Σ u_i tanh(M/s_i) + v_i tanh²(M/s_i), s = 0.1, 0.3, 1 N·m"
+    formula = "rotation about each axis of the base: Σ u_i tanh(M/s_i) + v_i tanh²(M/s_i), s = 0.05, 0.15, 0.45, 1.35 N·m"
     source = "as the torque curve of a joint"
     needs = "moments of several sizes on the base"
     claim = "the base gives way by a curve"

@@ -114,9 +114,9 @@ def test_five_waves_a_turn_are_eccentricity_in_another_form(lab: Arm, described:
     data = hidden(described, 4, GearTeeth(2, 0.008))
     found = diagnose(base_fit(lab, data), data)
     first = found.selected[0]
-    names = {first.name, *(f"{kind}@joint2" for kind in first.candidate.effect.refines)}
-    assert names & {"eccentricity@joint2", "angle_harmonics@joint2"}
-    assert add_effects(found.fit.model, data, effects_at(lab, "angle_harmonics@joint2")).sigma < 1.06 * NOISE
+    names = {first.name, *first.candidate.effect.refined}
+    assert names & {"eccentricity@joint2", "angle_curve@joint2"}
+    assert add_effects(found.fit.model, data, effects_at(lab, "angle_curve@joint2")).sigma < 1.06 * NOISE
 
 
 def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(

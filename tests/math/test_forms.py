@@ -20,7 +20,9 @@ from lrm_math.model.model import Model, model_of
 
 def some_poses(arm: Arm, count: int = 12) -> Poses:
     rng = np.random.default_rng(1)
-    return replace(poses_of(rng.uniform(-1.5, 1.5, (count, arm.dof)), 0.05), t=60.0 * np.arange(count))
+    number = np.arange(count)
+    poses = poses_of(rng.uniform(-1.5, 1.5, (count, arm.dof)), 0.05)
+    return replace(poses, t=60.0 * number, running=20.0 * number)
 
 
 def with_form(arm: Arm, name: str) -> Model:
@@ -36,16 +38,18 @@ def test_a_form_explains_itself_and_refines_effects_of_the_catalogue(lab: Arm, k
     assert kind.refines
     assert kind.cause.endswith(".")
     for place in kind.places(lab):
-        assert any(place in plain[name].places(lab) for name in kind.refines)
         effect = kind(lab, place)
+        causes = (name.split("@") for name in effect.refined)
+        assert any(at in plain[name].places(lab) for name, at in causes)
         assert all(parameter.name.endswith("_" + parameter.unit) for parameter in effect.parameters)
         effect.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
 
 
 @pytest.mark.parametrize(
     "name",
-    ["bending_ends@link2", "torque_curve@joint3", "angle_harmonics@joint2", "angle_curve@joint2",
-     "coupling_curve@joint3<-joint2", "drift_curve@joint2", "drift_curve@base"],
+    ["bending_ends@link2", "torque_curve@joint3", "angle_curve@joint2",
+     "coupling_curve@joint3<-joint2", "drift_curve@joint2", "drift_curve@base", "base_curve@base",
+     "bearing_curve@link2", "friction_curve@joint3", "cable_curve@joint2+joint3"],
 )  # fmt: skip
 def test_derivatives_of_forms(lab: Arm, name: str) -> None:
     model, poses = with_form(lab, name), some_poses(lab)
@@ -62,8 +66,8 @@ def test_derivatives_of_forms(lab: Arm, name: str) -> None:
 def test_b_splines_are_a_partition_of_unity(at: float, span: float) -> None:
     lower, upper = np.radians([at - span / 3, at + 2 * span / 3])
     angles = np.linspace(lower, upper, 50)
-    splines = cubic_b_splines(angles, lower, upper)
-    assert len(splines) == spline_count(lower, upper)
+    splines = cubic_b_splines(angles, lower, upper, np.radians(20.0))
+    assert len(splines) == spline_count(lower, upper, np.radians(20.0))
     np.testing.assert_allclose(sum(splines), 1.0, atol=1e-12)
     assert all(np.min(spline) >= 0.0 for spline in splines)
 
