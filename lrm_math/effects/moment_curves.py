@@ -96,7 +96,7 @@ class BaseCurve(Curve):
     id = "base_curve"
     refines = ("base_compliance", "compliance")
     cause = "A plate that is screwed on at one side, or stands on its feet, gives way to one side more than the other."
-    formula = "rotation about each axis of the base: Σ u_i tanh(M/s_i) + v_i tanh²(M/s_i), s = 0.05, 0.15, 0.45, 1.35 N·m"
+    formula = "rotation about each base axis: Σ u_i tanh(M/s_i) + v_i tanh²(M/s_i), s = 0.05, 0.15, 0.45, 1.35 N·m"
     source = "as the torque curve of a joint"
     needs = "moments of several sizes on the base"
     claim = "the base gives way by a curve"
