@@ -10,6 +10,7 @@ import pytest
 from lrm_math.errors import LrmError
 from lrmd.config import load_config
 from lrmd.main import main
+from tests.conftest import TABLE_B2
 from tests.support.in_memory_daemon import CONFIG
 
 SHIPPED = CONFIG.read_text(encoding="utf-8")
@@ -99,7 +100,6 @@ def test_an_error_is_reported_in_one_line(
         assert word in line, line
 
 
-TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 MODELS: dict[str, tuple[str, str, str]] = {
     "of another arm": ('arm = "lrm-rover"', 'arm = "lrm-lab"', "a model of lrm-lab; this daemon drives lrm-rover"),
     "with an unknown effect": ('"compliance"]', '"magic"]', "magic"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,9 +20,9 @@ from lrmd.ik.deployed_model import DeployedModel, deploy
 from lrmd.ik.planner import JointPath, Planner
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest
 from lrmd.safety.collision_guard import guard_of
+from tests.conftest import TABLE_B2
 from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
 
-TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 HEAVY = 0.5
 ABOVE = {"joint1": 0.57, "joint2": 1.15, "joint3": -0.75, "joint4": -0.14, "joint5": -0.76, "joint6": -1.12}
 LOW = {"joint1": 0.85, "joint2": 1.29, "joint3": -0.72, "joint4": 0.12, "joint5": -0.96, "joint6": -0.98}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,9 +34,9 @@ from lrm_math.model.covariance import Covariance
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 
-TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
 EXACT = 1e-9  # m: 1e-6 mm
 SHARE = 0.998

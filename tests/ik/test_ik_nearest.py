@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,9 +32,9 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 
-TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
 FORMS = ("point", "along", "pose")
 MODELS = ("nominal", "thesis", "everything")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,9 +27,9 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 
-TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 FLEXIBLE_EFFECTS = ("offsets", "compliance", "base_compliance", "lateral_compliance")
 
 

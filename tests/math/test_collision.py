@@ -26,10 +26,10 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
+from tests.conftest import ROOT
 from tests.math.test_chain import link_matrices, turn
 from tests.support.random_arms import random_arm
 
-ROOT = Path(__file__).resolve().parents[2]
 coordinates = st.floats(-2.0, 2.0, allow_subnormal=False).map(lambda x: round(x, 4))
 points = st.tuples(coordinates, coordinates, coordinates).map(np.array)
 edges = st.tuples(*[st.floats(0.01, 1.5)] * 3).map(np.array)

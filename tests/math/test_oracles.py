@@ -19,10 +19,9 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.conftest import ROOT
 from tests.support.random_arms import arms
 from tests.support.thesis_parameters import thesis_model, thesis_values
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("column", ["nominal", "v_loop"])

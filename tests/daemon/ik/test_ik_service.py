@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import msgpack
 import numpy as np
@@ -28,11 +27,11 @@ from lrmd.ik.deployed_model import deploy
 from lrmd.ik.service import IkService, goal_of, solver_of
 from lrmd.messages.control import Message, MessageError, unpack
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
+from tests.conftest import TABLE_B2
 from tests.math.test_collision import sampled_distance
 from tests.soak.fuzz_ik import fuzz
 from tests.support.in_memory_daemon import CONFIG
 
-TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 EXACT = 1e-6
 """m: largest error of a polished answer, a thousandth of a millimetre."""
 

@@ -30,11 +30,11 @@ from lrmd.ik.service import IkService
 from lrmd.messages.control import ArmRequest, LeaseRequest, MessageError, MoveRequest
 from lrmd.messages.kinematics import GoalEntry, PlanRequest
 from lrmd.safety.collision_guard import guard_of
+from tests.conftest import TABLE_B2
 from tests.math.test_chain import link_matrices
 from tests.math.test_collision import sampled_distance
 from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
 
-TABLE_B2 = Path(__file__).resolve().parents[1] / "models" / "thesis-table-b2-option-1.toml"
 START, END = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
 LOAD = 0.0663
 

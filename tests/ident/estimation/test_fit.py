@@ -26,8 +26,8 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.conftest import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 LAB_FILE = ROOT / "config" / "arms" / "lrm-lab.toml"
 EXAMPLE = ROOT / "lrm_ident" / "examples" / "hidden-play.csv"
 

@@ -33,8 +33,8 @@ from lrm_ident.synthetic.chain import Posture, forward_kinematics, zero_configur
 from lrm_ident.synthetic.hidden_effect import CommandedPoses, EndLoad, JointLoad
 from lrm_ident.synthetic.screws import Array, displacement, exponential, revolute_twist, rotation_matrix
 from lrm_ident.synthetic.statics import newton
+from tests.conftest import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "lrm_ident" / "examples"
 REFERENCE = ROOT.parent / "shared" / "data" / "reference"
 NM_PER_NMM = 1e-3

@@ -32,11 +32,11 @@ from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model, model_of
+from tests.conftest import ROOT
 from tests.support.commands import stdout_of
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import write_case
 
-ROOT = Path(__file__).resolve().parents[2]
 FLOOR = 0.3e-3 * np.sqrt(3)
 
 

@@ -26,6 +26,7 @@ from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.conftest import EXAMPLE
 from tests.support.commands import stderr_of, stdout_of
 
 MEASURED_LEVELS = "-100,0,100; joint2=-50,0,50; joint6=-50,0,50"
@@ -255,7 +256,7 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
 
 @pytest.mark.slow
 def test_choosing_among_the_shipped_measurements(tmp_path: Path) -> None:
-    example = Path(__file__).resolve().parents[2] / "lrm_ident" / "examples" / "hidden-play.csv"
+    example = EXAMPLE
     words = ["-o", tmp_path / "few.csv", "--json", tmp_path / "c.json", "--figure", tmp_path / "c.png"]
     stdout_of("choose-poses", example, "--arm", "lrm-lab", "-n", "40", *words)
     told = json.loads((tmp_path / "c.json").read_text())

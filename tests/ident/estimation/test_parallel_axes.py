@@ -22,8 +22,9 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
+from tests.conftest import SHARED
 
-UR5_DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "ur5"
+UR5_DATA = SHARED / "data" / "ur5"
 NOISE = 2e-4  # m per axis
 
 
