@@ -76,6 +76,17 @@ def test_the_real_two_joint_data_are_turned_by_half_a_turn() -> None:
         load_checked(TWO_JOINTS, load_arm("two-joint"))
 
 
+def test_both_spellings_of_the_real_two_joint_data_end_in_one_model(tmp_path: Path) -> None:
+    if not TWO_JOINTS.exists():
+        pytest.skip("the real measurements are not here")
+    arm = load_arm("two-joint")
+    raw = load_checked(TWO_JOINTS, arm, Reading(axes="-x,-y,z"))
+    negated = load_checked(_written(tmp_path, raw), arm)
+    one, other = (lrm.fit(data).model for data in (raw, negated))
+    assert one.free == other.free
+    np.testing.assert_allclose(one.values, other.values, atol=1e-9)
+
+
 def _written(folder: Path, data: Measurements, name: str = "data.csv") -> Path:
     path = folder / name
     path.write_text(measurements_csv(data))

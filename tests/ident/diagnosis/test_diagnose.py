@@ -23,6 +23,7 @@ from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects
 from lrm_ident.diagnosis.linearised_fit import linearise, paired_z, principal_cosine
 from lrm_ident.diagnosis.residual_structure import noise_floor, residual_structure
 from lrm_ident.effect_plugins import catalogue_with, effects_in
+from lrm_ident.estimation import identifiability
 from lrm_ident.estimation.cross_validation import held_out_residual, joint_space_folds
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.levenberg_marquardt import fit
@@ -302,3 +303,18 @@ def test_a_diagnosis_can_be_drawn(tmp_path: Path, lab: Arm, figure: str) -> None
     data = case_data({"named": "play3", "nameless": "sum-q1-q4"}[figure], tmp_path, lab, 150)
     draw_report(build_report(diagnose(base_fit(lab, data), data)), tmp_path / "why.png")
     assert (tmp_path / "why.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+def test_play_is_named_on_a_part_of_the_poses_and_outliers_beyond_it_are_found(
+    lab: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(identifiability, "MOST_AT_ONCE", 200)
+    data = case_data("play2", tmp_path, lab, poses=500)
+    wrong = [17, 250, 251, 400]
+    data.tcp[wrong] += [0.05, 0.0, -0.05]
+    found = diagnose(base_fit(lab, data), data)
+    assert not set(wrong) <= set(identifiability.some_rows(500).tolist())
+    assert len(found.screened) < 250 < len(found.data)
+    assert {int(data.pose[row]) for row in wrong} <= set(found.outliers)
+    assert "backlash@joint2" in first_class(build_report(found))
