@@ -10,6 +10,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
 from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import Loss
+from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.model import Model
@@ -73,6 +74,7 @@ def run_auto(
     catalogue: Iterable[type[Effect]] = CATALOGUE,
     on_step: Callable[[AutoStep], object] = lambda _: None,
     loss: Loss | None = None,
+    progress: OnProgress = silent,
 ) -> AutoRun:
     """Stepwise selection: diagnoses, adds the first supported effect as the judge refitted it, and again.
 
@@ -80,12 +82,12 @@ def run_auto(
         LrmError: a diagnosis fails.
     """
     kinds = tuple(catalogue)
-    now = judge(diagnose(model, data, kinds, loss=loss))
+    now = judge(diagnose(model, data, kinds, progress, loss))
     steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
     on_step(steps[0])
     while now.first is not None and len(steps) <= max_effects:
         before, added = now, now.first
-        now = judge(diagnose(before.refits[added.name].fit.model, data, kinds, loss=loss))
+        now = judge(diagnose(before.refits[added.name].fit.model, data, kinds, progress, loss))
         steps.append(_step(before, added.name, now))
         on_step(steps[-1])
     return AutoRun(tuple(steps), now)
