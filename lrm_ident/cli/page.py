@@ -19,7 +19,7 @@ from lrm_ident.estimation.error_breakdown import compare
 from lrm_ident.estimation.priors import prior_of_file
 from lrm_ident.page.html_report import html_report
 from lrm_ident.page.server import new_place, serve
-from lrm_ident.page.tasks import OpenTask, kept_name
+from lrm_ident.page.tasks import OpenTask
 from lrm_ident.workflow.findings import first_look, with_comparison, with_diagnosis
 from lrm_ident.workflow.inputs import identifiable
 from lrm_math.errors import FileError, LrmError
@@ -73,8 +73,7 @@ def workbench(
     """
     model, data = _model_and_data(files or [])
     place = new_place(port)
-    kept = place.folder / kept_name(0)
-    task = OpenTask(data or EXAMPLE, model, kept, arm, effects_file, reading)
+    task = OpenTask(data or EXAMPLE, model, arm, effects_file, reading)
     serve(place, task, tour=data is None, show=show_page)
 
 

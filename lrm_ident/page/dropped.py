@@ -35,8 +35,8 @@ def keep_dropped(folder: Path, contents: Mapping[str, bytes]) -> DroppedFiles:
     return DroppedFiles(**found)
 
 
-def task_for(dropped: DroppedFiles, now: OpenFiles | None, kept: Path) -> OpenTask:
-    """The task that opens dropped files: beside a data set alone a model is fitted, a model alone takes the data at hand.
+def task_for(dropped: DroppedFiles, now: OpenFiles | None) -> OpenTask:
+    """The task that opens dropped files. To a data set alone a model is fitted, a model alone takes the data at hand.
 
     Raises `FileError`.
     """
@@ -46,8 +46,8 @@ def task_for(dropped: DroppedFiles, now: OpenFiles | None, kept: Path) -> OpenTa
     if dropped.data is not None and dropped.model is None and dropped.arm is None and now is not None:
         metadata = metadata_of(dropped.data)
         if metadata is None or metadata.arm is None:
-            return OpenTask(data, now.model, kept)
-    return OpenTask(data, dropped.model, kept, None if dropped.arm is None else str(dropped.arm))
+            return OpenTask(data, now.model)
+    return OpenTask(data, dropped.model, None if dropped.arm is None else str(dropped.arm))
 
 
 def _kind(path: Path) -> str:

@@ -70,7 +70,7 @@ class Gate:
         return found.value if found else ""
 
     def _with_headers(self, send: Send) -> Send:
-        """Answers set the cookie, and tell the browser to load nothing from elsewhere and to pass the address to none."""
+        """Answers set the cookie; they tell the browser to load nothing from elsewhere and to pass on no address."""
         policy = (
             "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
             f"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws://127.0.0.1:{self.port} "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,8 +11,10 @@ from typing import Any
 from nicegui import ui
 
 from lrm_ident.page.commands import commands_text
+from lrm_ident.page.rover_link import RoverLink
 from lrm_ident.page.session import WorkbenchSession
 from lrm_ident.page.tour import TOUR
+from lrm_ident.plots.interactive.values import rounded
 from lrm_ident.report.document import Block, Document
 from lrm_ident.report.document_html import blocks_html, table_html
 from lrm_math.errors import LrmError
@@ -22,7 +25,7 @@ HEAD = """<link rel="stylesheet" href="/lrm/static/figures.css"><link rel="style
 <script src="/lrm/page/workbench.js"></script>
 <script>document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
 window.lrmEmit = (name, value) => emitEvent(name, value);</script>"""
-REFRESH_S = 0.1
+REFRESH_S, ROVER_S = 0.1, 0.2
 
 
 @dataclass
@@ -35,6 +38,7 @@ class WorkbenchPage:
     seen: int = -1
     drawn: int = -1
     stop: int = -1
+    rover: RoverLink | None = None
     parts: dict[str, Any] = field(default_factory=dict)
 
     # ---- building
@@ -46,12 +50,12 @@ class WorkbenchPage:
         self._build_header()
         self._build_work()
         ui.html(PANELS.read_text(encoding="utf-8"), sanitize=False).classes("w-full")
-        self.parts["rover"] = ui.column().classes("lrm-numbers")
         self.parts["numbers"] = ui.html("", sanitize=False).classes("lrm-numbers")
         self._build_tour()
         ui.on("lrm_choose", lambda event: self._choose(event.args))
         ui.on("lrm_key", lambda event: self._press(event.args))
         ui.timer(REFRESH_S, self.refresh)
+        ui.timer(ROVER_S, self._show_rover)
         ui.run_javascript(f"window.lrmGone = {self.gone!r}")
         if not first_tab:
             ui.notify("The workbench is open in another tab too: both show the same work.", type="info")
@@ -195,8 +199,8 @@ class WorkbenchPage:
             ui.html(blocks_html(law.document.blocks), sanitize=False).classes("lrm-numbers")
             ui.label(f"Kept in {law.file}: read it, say what causes it.").classes("lrm-small")
             with ui.row():
-                ui.button("Add the law", on_click=lambda: (dialog.close(), self._do(self.session.add_law)))
-                ui.button("Search again", on_click=lambda: (dialog.close(), self._do(self.session.propose)))
+                ui.button("Add the law", on_click=lambda: self._then(dialog, self.session.add_law))
+                ui.button("Search again", on_click=lambda: self._then(dialog, self.session.propose))
                 ui.button("Close", on_click=dialog.close)
         dialog.open()
 
@@ -227,8 +231,56 @@ class WorkbenchPage:
                 ui.button("Close", on_click=dialog.close)
         dialog.open()
 
+    def _then(self, dialog: ui.dialog, action: Callable[[], object]) -> None:
+        dialog.close()
+        self._do(action)
+
     def _live(self) -> None:
-        raise LrmError("not yet")
+        with ui.dialog() as dialog, ui.card().classes("w-full max-w-xl"):
+            step = self.session.step
+            ui.label("A file that is being measured: its rows appear as they are written.").classes("lrm-small")
+            path = ui.input("Follow the file", value=str(step.files.data) if step else "").classes("w-full")
+            with ui.row():
+                start = lambda: self.session.follow(Path(path.value).expanduser())  # noqa: E731
+                ui.button("Follow the file", on_click=lambda: self._then(dialog, start)).props("no-caps")
+                stop = self.session.stop_following
+                ui.button("Stop following", on_click=lambda: self._then(dialog, stop)).props("no-caps flat")
+            ui.label("A running lrmd: where its arm is, and where the model thinks the tip is.").classes("lrm-small")
+            robot = ui.input("Robot", value="rover").classes("w-full")
+            endpoint = ui.input("zenoh endpoint", value="tcp/127.0.0.1:7447").classes("w-full")
+            with ui.row():
+                listen = lambda: self._listen(robot.value, endpoint.value)  # noqa: E731
+                ui.button("Listen to the rover", on_click=lambda: self._then(dialog, listen)).props("no-caps")
+                ui.button("Stop listening", on_click=lambda: self._then(dialog, self._hang_up)).props("no-caps flat")
+        dialog.open()
+
+    # ---- a running daemon
+
+    def _listen(self, robot: str, endpoint: str) -> None:
+        self._hang_up()
+        link = RoverLink(robot, endpoint)
+        link.open()
+        self.rover = link
+        ui.context.client.on_disconnect(self._hang_up)
+
+    def _hang_up(self) -> None:
+        if self.rover is not None:
+            self.rover.close()
+            self.rover = None
+            ui.run_javascript("lrm.rover(null)")
+
+    def _show_rover(self) -> None:
+        findings, step = self.session.findings, self.session.step
+        if self.rover is None or findings is None or step is None:
+            return
+        try:
+            model = self.session.model()
+            tip = self.rover.tip(model)
+        except LrmError as error:
+            ui.run_javascript(f"lrm.rover({json.dumps({'words': str(error)})})")
+            return
+        told = {"words": tip.words, "nominal": rounded(tip.nominal * 1e3, 2), "bent": rounded(tip.bent * 1e3, 2)}
+        ui.run_javascript(f"lrm.rover({json.dumps(told)})")
 
     def _turn_dark(self) -> None:
         ui.run_javascript(

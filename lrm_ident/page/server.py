@@ -11,15 +11,10 @@ import tempfile
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from lrm_ident.estimation.model_history import model_text
-from lrm_ident.page.dropped import keep_dropped, task_for
 from lrm_ident.page.session import WorkbenchSession
 from lrm_ident.page.tasks import OpenTask
 from lrm_ident.page.worker import WorkProcess
-from lrm_ident.plots.interactive import assets
-from lrm_ident.plots.interactive.values import figure_values, values_text
 from lrm_math.errors import LrmError
 
 HOST, TICK_S = "127.0.0.1", 0.03
@@ -54,8 +49,8 @@ def new_place(port: int | None) -> WorkbenchPlace:
 def serve(place: WorkbenchPlace, opened: OpenTask, tour: bool, show: bool) -> None:
     """Runs the workbench until it is stopped. Raises `LrmError` if NiceGUI is not installed."""
     worker = WorkProcess()
-    worker_session = WorkbenchSession(place.folder, worker)
-    worker_session.open(opened)
+    session = WorkbenchSession(place.folder, worker)
+    session.open(opened)
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str(place.folder / ".page"))
     try:
         from nicegui import app, ui
@@ -66,6 +61,7 @@ def serve(place: WorkbenchPlace, opened: OpenTask, tour: bool, show: bool) -> No
         ) from None
     from lrm_ident.page.gate import Gate
     from lrm_ident.page.layout import WorkbenchPage
+    from lrm_ident.page.routes import add_routes
 
     again = shlex.join(["lrm-ident", "workbench", str(opened.data)])
     gone = (
@@ -78,15 +74,15 @@ def serve(place: WorkbenchPlace, opened: OpenTask, tour: bool, show: bool) -> No
     def tab() -> None:
         client = ui.context.client
         client.on_disconnect(lambda: tabs.discard(client.id))
-        WorkbenchPage(worker_session, gone).build(first_tab=not tabs, tour=tour and not tabs)
+        WorkbenchPage(session, gone).build(first_tab=not tabs, tour=tour and not tabs)
         tabs.add(client.id)
 
-    _add_routes(app, worker_session)
+    add_routes(app, session)
     app.add_middleware(Gate, port=place.port, token=place.token)
 
     async def ticking() -> None:
         while True:
-            worker_session.tick()
+            session.tick()
             await asyncio.sleep(TICK_S)
 
     running: list[asyncio.Task[None]] = []
@@ -112,54 +108,3 @@ def serve(place: WorkbenchPlace, opened: OpenTask, tour: bool, show: bool) -> No
         )
     finally:
         worker.close()
-
-
-def _add_routes(app: Any, session: WorkbenchSession) -> None:
-    from fastapi import Request
-    from fastapi.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
-
-    here = Path(__file__).parent
-    for prefix, files in (
-        ("/lrm/static", (assets.LIBRARY, assets.SCRIPT, assets.STYLE)),
-        ("/lrm/page", (here / "workbench.css", here / "workbench.js")),
-    ):
-        for file in files:
-            app.add_static_file(local_file=file, url_path=f"{prefix}/{file.name}", max_cache_age=0)
-
-    @app.get("/lrm/values")
-    def values() -> Response:
-        findings = session.findings
-        if findings is None:
-            return PlainTextResponse("nothing is open yet", status_code=404)
-        return Response(values_text(figure_values(findings)), media_type="application/json")
-
-    @app.get("/lrm/report")
-    def report() -> Response:
-        try:
-            return HTMLResponse(session.report())
-        except LrmError as error:
-            return PlainTextResponse(str(error), status_code=409)
-
-    @app.get("/lrm/model")
-    def model() -> Response:
-        findings = session.findings
-        if findings is None:
-            return PlainTextResponse("no model is open yet", status_code=404)
-        headers = {"content-disposition": 'attachment; filename="model.toml"'}
-        return Response(model_text(findings.file), media_type="application/toml", headers=headers)
-
-    @app.post("/lrm/drop")
-    async def drop(request: Request) -> Response:
-        form = await request.form()
-        contents = {file.filename: await file.read() for file in form.getlist("files")}  # type: ignore[union-attr]
-        try:
-            if session.busy:
-                raise LrmError("still at work; wait, or press Cancel, before you open other files")
-            folder = Path(tempfile.mkdtemp(prefix="dropped-", dir=session.folder))
-            dropped = keep_dropped(folder, contents)
-            now = session.step.files if session.step else None
-            session.open(task_for(dropped, now, session.new_file()))
-        except LrmError as error:
-            session.fail(str(error))
-            return JSONResponse({"error": str(error)}, status_code=400)
-        return JSONResponse({"opened": sorted(contents)})

@@ -8,8 +8,10 @@ from typing import Any
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.output_files import check_outputs
+from lrm_ident.effect_plugins import catalogue_with
 from lrm_ident.estimation.model_history import model_text, undo_step
 from lrm_ident.page.commands import DoneCommand
+from lrm_ident.page.followed_file import FollowedFile, follow_file
 from lrm_ident.page.html_report import html_report
 from lrm_ident.page.tasks import (
     AddTask,
@@ -33,6 +35,8 @@ from lrm_ident.page.worker import (
 )
 from lrm_ident.workflow.findings import Findings
 from lrm_math.errors import LrmError
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import load_model
 
 NOTICES_KEPT = 8
 
@@ -44,6 +48,7 @@ class WorkbenchSession:
     Attributes:
         folder: where every step is kept as a file as soon as it is taken.
         steps: those taken, the last one being the model. law: the last proposed law.
+        followed: the growing file that is shown, or None.
         progress: of the work going on, or None. failure: why the last work ended without a result, or "".
         version: grows with every change of the state, `drawn` with every change of what the figures show.
     """
@@ -56,10 +61,13 @@ class WorkbenchSession:
     failure: str = ""
     notices: list[str] = field(default_factory=list)
     done: list[DoneCommand] = field(default_factory=list)
+    followed: FollowedFile | None = None
     version: int = 0
     drawn: int = 0
     _count: int = 0
     _next: WorkTask | None = None
+    _at_work: WorkTask | None = None
+    _model: tuple[Path, Model] | None = None
 
     # ---- what there is
 
@@ -86,9 +94,9 @@ class WorkbenchSession:
     # ---- what a person does
 
     def open(self, task: OpenTask) -> None:
-        """Opens files; the steps so far stay as they are until that has worked."""
+        """Opens files, the model kept here; the steps so far stay as they are until that has worked."""
         self._give_way()
-        self._begin(task)
+        self._begin(replace(task, kept=self.new_file()))
 
     def new_file(self) -> Path:
         """Where the next step is kept."""
@@ -141,10 +149,17 @@ class WorkbenchSession:
             self.steps.pop()
             self._begin(LookTask(files))
 
-    def look_again(self) -> None:
-        """Reads the measurements anew, for instance while they grow; does nothing while other work goes on."""
-        if self.step is not None and self.worker.task is None:
-            self._begin(LookTask(self.step.files))
+    def follow(self, source: Path) -> None:
+        """Shows a file of measurements as it grows; nothing is diagnosed meanwhile. Raises `FileError`."""
+        self._ready()
+        self.followed = follow_file(source, self.folder)
+        self._changed()
+
+    def stop_following(self) -> None:
+        """Goes on with the rows that there are."""
+        self.followed = None
+        self._diagnose()
+        self._changed()
 
     def diagnose(self) -> None:
         """Compares and diagnoses the last step."""
@@ -174,12 +189,24 @@ class WorkbenchSession:
         """The report of the last step, as HTML. Raises `LrmError` if there is none yet."""
         return html_report(self._ready().findings)
 
+    def model(self) -> Model:
+        """The model of the last step. Raises `LrmError`."""
+        step = self.step
+        if step is None:
+            raise LrmError("no model is open yet")
+        if self._model is None or self._model[0] != step.files.model:
+            catalogue = catalogue_with(step.files.effects_file)
+            self._model = (step.files.model, load_model(step.files.model, catalogue))
+        return self._model[1]
+
     # ---- what comes back
 
     def tick(self) -> None:
         """Takes what has come from the process; begins what waits."""
         for message in self.worker.messages():
             self._take(message)
+        if self.followed is not None and self.worker.task is None:
+            self._look_at(self.followed)
         if self.worker.task is None and self._next is not None:
             task, self._next = self._next, None
             self._begin(task)
@@ -205,7 +232,10 @@ class WorkbenchSession:
         task = self._at_work
         if isinstance(value, LawFound):
             self.law = value
-            self.done.append(DoneCommand(("propose", *self._model_and_data(), "-o", value.file or "LAW.py")))
+            files = self.steps[-1].files
+            kept = () if value.file is None else ("-o", value.file)
+            words = ("propose", files.model, files.data, *kept)
+            self.done.append(DoneCommand(words, files.effects_file, files.reading))
             return
         if isinstance(task, OpenTask):
             self.steps, self.law, self.done = [], None, [_opened(task, value)]
@@ -222,15 +252,13 @@ class WorkbenchSession:
             if not self.steps or self.steps[-1].files != value.files:
                 return
             self.steps[-1] = value
-        elif isinstance(task, LookTask) and self.steps and self.steps[-1].files == value.files:
+        elif isinstance(task, LookTask) and self.steps and self.steps[-1].files.model == value.files.model:
             self.steps[-1] = value
         else:
             self.steps.append(value)
         self._changed(drawn=True)
 
     # ---- inside
-
-    _at_work: WorkTask | None = None
 
     def _begin(self, task: WorkTask) -> None:
         """Starts a task now, or after the one at work."""
@@ -244,9 +272,18 @@ class WorkbenchSession:
             self.progress = WorkProgress("starting")
         self._changed()
 
+    def _look_at(self, followed: FollowedFile) -> None:
+        step = self.step
+        try:
+            if step is not None and followed.grown():
+                self._begin(LookTask(replace(step.files, data=followed.copy)))
+        except LrmError as error:
+            self.followed = None
+            self.fail(str(error))
+
     def _diagnose(self) -> None:
         step = self.step
-        if step is not None and step.findings.diagnosis is None and self.worker.task is None:
+        if step is not None and self.followed is None and step.findings.diagnosis is None and self.worker.task is None:
             self._begin(DiagnoseTask(step.files, step.findings))
 
     def _give_way(self) -> None:

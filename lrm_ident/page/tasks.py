@@ -76,10 +76,10 @@ class OpenTask:
 
     data: Path
     model: Path | None
-    kept: Path
     arm: str | None = None
     effects_file: Path | None = None
     reading: Reading = field(default=AS_NAMED)
+    kept: Path = Path("step-0.toml")
 
     def run(self, say: Say) -> None:
         """Says one step."""

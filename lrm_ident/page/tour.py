@@ -39,7 +39,7 @@ TOUR = (
         "panel-form",
         "4 of 6: its form beside the data",
         "Left: what the data do, and the formula of the chosen effect on them. Right: what it would add against what "
-        "is missing. If the points follow the line, the formula fits; choose another candidate to see one that does not.",
+        "is missing. Where points follow the line the formula fits; choose another candidate to see one that does not.",
     ),
     TourStop(
         "panel-history",

@@ -40,6 +40,8 @@
   window.lrmTour = (id) => {
     for (const one of document.querySelectorAll(".lrm-toured")) one.classList.remove("lrm-toured");
     const panel = id && document.getElementById(id);
+    const card = document.querySelector(".lrm-tour");
+    if (card && panel) card.classList.toggle("lrm-left", panel.getBoundingClientRect().left > window.innerWidth / 2);
     if (panel) { panel.classList.add("lrm-toured"); panel.scrollIntoView({ block: "nearest" }); }
   };
 
