@@ -13,6 +13,7 @@ from nicegui import ui
 from lrm_ident.page.commands import commands_text
 from lrm_ident.page.rover_link import RoverLink
 from lrm_ident.page.session import WorkbenchSession
+from lrm_ident.page.tasks import LawFound
 from lrm_ident.page.tour import TOUR
 from lrm_ident.plots.interactive.values import rounded
 from lrm_ident.report.document import Block, Document
@@ -39,6 +40,7 @@ class WorkbenchPage:
     drawn: int = -1
     stop: int = -1
     rover: RoverLink | None = None
+    law: LawFound | None = None
     parts: dict[str, Any] = field(default_factory=dict)
 
     # ---- building
@@ -46,6 +48,7 @@ class WorkbenchPage:
     def build(self, first_tab: bool, tour: bool) -> None:
         """Makes the elements. Called within the page."""
         ui.add_head_html(HEAD)
+        self.law = self.session.law
         self.parts["dark"] = ui.dark_mode(None)
         self._build_header()
         self._build_work()
@@ -112,6 +115,9 @@ class WorkbenchPage:
                 f"{findings.file.arm} · {findings.poses.path.name} · {findings.field.poses} poses"
             )
             self.parts["verdict"].set_text(findings.verdict)
+        if session.law is not self.law:
+            self.law = session.law
+            self._law_dialog()
         if self.drawn != session.drawn and findings is not None:
             self.drawn = session.drawn
             ui.run_javascript(f"lrm.load('/lrm/values?n={session.drawn}')")
@@ -187,21 +193,22 @@ class WorkbenchPage:
         self.session.cancel()
 
     def _propose(self) -> None:
-        if self.session.law is not None and self.session.law.file is not None:
-            self._law_dialog()
-        else:
-            self.session.propose()
+        self.session.propose()
 
     def _law_dialog(self) -> None:
+        """What the search for a law found, and the button that adds it."""
         law = self.session.law
-        assert law is not None
-        with ui.dialog() as dialog, ui.card().classes("w-full max-w-3xl"):
+        if law is None:
+            return
+        with ui.dialog() as dialog, ui.card().classes("w-full max-w-3xl").props('id="lrm-law"'):
             ui.html(blocks_html(law.document.blocks), sanitize=False).classes("lrm-numbers")
-            ui.label(f"Kept in {law.file}: read it, say what causes it.").classes("lrm-small")
             with ui.row():
-                ui.button("Add the law", on_click=lambda: self._then(dialog, self.session.add_law))
-                ui.button("Search again", on_click=lambda: self._then(dialog, self.session.propose))
-                ui.button("Close", on_click=dialog.close)
+                if law.file is not None:
+                    add = self.session.add_law
+                    ui.button("Add the law", on_click=lambda: self._then(dialog, add)).props("no-caps")
+                ui.button("Close", on_click=dialog.close).props("no-caps flat data-name=close-law")
+            if law.file is not None:
+                ui.label(f"Kept in {law.file}: read it, and say what causes it.").classes("lrm-small")
         dialog.open()
 
     def _save(self) -> None:

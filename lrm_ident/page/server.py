@@ -69,13 +69,15 @@ def serve(place: WorkbenchPlace, opened: OpenTask, tour: bool, show: bool) -> No
         f"{place.folder}. Start it again with: {again} (give it the last of those files as MODEL)."
     )
     tabs: set[str] = set()
+    shown_around: list[bool] = []
 
     @ui.page("/", title="lrm-ident workbench")
     def tab() -> None:
         client = ui.context.client
         client.on_disconnect(lambda: tabs.discard(client.id))
-        WorkbenchPage(session, gone).build(first_tab=not tabs, tour=tour and not tabs)
+        WorkbenchPage(session, gone).build(first_tab=not tabs, tour=tour and not shown_around)
         tabs.add(client.id)
+        shown_around.append(True)
 
     add_routes(app, session)
     app.add_middleware(Gate, port=place.port, token=place.token)

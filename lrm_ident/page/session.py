@@ -236,6 +236,7 @@ class WorkbenchSession:
             kept = () if value.file is None else ("-o", value.file)
             words = ("propose", files.model, files.data, *kept)
             self.done.append(DoneCommand(words, files.effects_file, files.reading))
+            self._changed(drawn=True)
             return
         if isinstance(task, OpenTask):
             self.steps, self.law, self.done = [], None, [_opened(task, value)]

@@ -94,7 +94,7 @@ const lrm = (() => {
     const traces = [
       { type: "scatter3d", mode: "lines", x: arrows[0], y: arrows[1], z: arrows[2], hoverinfo: "skip", showlegend: false,
         line: { width: 4, color: lengths, colorscale: discrete(v.scale.colours), cmin: 0, cmax: v.scale.largest,
-          showscale: id === "field",
+          showscale: id === "field" && state.beside === null,
           colorbar: { title: { text: "mm", side: "top" }, thickness: 10, len: 0.7, x: 1, xanchor: "right" } } },
       { type: "scatter3d", mode: "markers", name: "measured TCP", x: v.tcp.map((p) => p[0]), y: v.tcp.map((p) => p[1]),
         z: v.tcp.map((p) => p[2]), customdata: v.pose.map((_, row) => row), showlegend: false,
@@ -106,7 +106,7 @@ const lrm = (() => {
     ];
     const scene = (title) => ({ title: { text: title }, color: colour("soft"), gridcolor: colour("grid"),
       backgroundcolor: "rgba(0,0,0,0)", zerolinecolor: colour("line"), nticks: 5, tickfont: { size: 10 } });
-    const summary = `${step.name}: RMS ${step.rms} mm, arrows × ${m}`;
+    const summary = `${number} ${step.name.split(",")[0]}: RMS ${step.rms} mm`;
     draw(id, traces, {
       margin: { l: 0, r: 0, t: 24, b: 0 }, dragmode: "orbit", title: { text: summary, font: { size: 12 }, x: 0.02, y: 0.98 },
       scene: { xaxis: scene("x mm"), yaxis: scene("y mm"), zaxis: scene("z mm"), aspectmode: "data",
@@ -287,8 +287,8 @@ const lrm = (() => {
       marker: { size: 5, opacity: 0.6, symbol: SYMBOLS[k], color: colour(["model", "held", "good"][k]) } }));
     traces.push({ type: "scatter", mode: "lines", name: "as it says", x: [-extent, extent], y: [-extent, extent],
       hoverinfo: "skip", line: { color: colour("ink"), dash: "dash", width: 1.5 } });
-    draw("added", traces, { xaxis: { title: { text: `what ${one.name} would add, mm`, standoff: 4 } },
-      yaxis: { title: { text: "what the fit leaves, mm", standoff: 4 } } }, wireScatter);
+    draw("added", traces, { xaxis: { title: { text: "it would add, mm", standoff: 4 } },
+      yaxis: { title: { text: "the fit leaves, mm", standoff: 4 } } }, wireScatter);
     const driver = v.drivers.find((d) => d.name === one.driver);
     if (!driver) return;
     const order = driver.values.map((_, i) => i).filter((i) => one.form[i] !== null)
@@ -447,7 +447,9 @@ const lrm = (() => {
   }
 
   function resize() {
-    for (const figure of document.querySelectorAll(".js-plotly-plot")) Plotly.Plots.resize(figure);
+    for (const figure of document.querySelectorAll(".js-plotly-plot")) {
+      if (figure.offsetParent) Plotly.Plots.resize(figure);
+    }
   }
 
   function redraw() {
