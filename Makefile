@@ -21,7 +21,7 @@ setup: $(VENV)/.ready ## a virtual environment with everything but the peers of 
 $(VENV)/.ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "needs Python 3.11 or later; set PYTHON=")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,dev]'
 	@touch $@
 
 demo: setup ## find what is missing in a model (DATA=, ARM=), then drive a simulated arm through the daemon
@@ -33,7 +33,8 @@ demo: setup ## find what is missing in a model (DATA=, ARM=), then drive a simul
 	$(BIN)/python -m lrmd.demo
 
 test: setup lint ## all tests, after the linters: unit tests side by side, then those of the system one after the other
-	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package
+	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py
+	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/page/test_in_browser.py
 	$(ONE_THREAD) $(BIN)/python -m pytest tests/system tests/package
 
 quick: setup ## the unit tests that are not marked slow, in less than a minute
@@ -50,7 +51,7 @@ docs: setup ## the API reference, built from the docstrings, in out/reference
 	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.api lrmd.client lrm_math.effects lrm_math.model
 
 bench: setup ## our figures beside the peers', as ratios; calibrated IK and the daemon for MINUTES=10
-	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,dev,bench]'
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,dev,bench]'
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-deps EAIK
 	$(ONE_THREAD) $(BIN)/python -m bench
 	$(ONE_THREAD) $(BIN)/python -m bench.ik

@@ -13,6 +13,7 @@ from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import Loss
+from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.model import Model
@@ -74,6 +75,7 @@ def run_auto(
     catalogue: Iterable[type[Effect]] = CATALOGUE,
     on_step: Callable[[AutoStep], object] = lambda _: None,
     loss: Loss | None = None,
+    progress: OnProgress = silent,
 ) -> AutoRun:
     """Stepwise selection: diagnoses, adds the first supported effect as the judge refitted it, and again.
 
@@ -81,12 +83,12 @@ def run_auto(
         LrmError: a diagnosis fails.
     """
     kinds = tuple(catalogue)
-    now = judge(diagnose(model, data, kinds, loss=loss))
+    now = judge(diagnose(model, data, kinds, progress, loss))
     steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
     on_step(steps[0])
     while now.first is not None and now.refit is not None and len(steps) <= max_effects:
         before, added, refit = now, now.first, now.refit
-        found = diagnose(refit.fit.model, data, kinds, loss=loss)
+        found = diagnose(refit.fit.model, data, kinds, progress, loss)
         same = np.array_equal(found.data.pose, before.diagnosis.data.pose)
         now = judge(found, refit.blocks if same else ())
         steps.append(_step(before, added, now))

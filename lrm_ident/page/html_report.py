@@ -47,6 +47,7 @@ document.documentElement.dataset.theme = window.matchMedia("(prefers-color-schem
 <div id="lrm-field-b" class="lrm-figure tall"></div></div>
 <div id="lrm-arm"></div>
 <img id="lrm-field-print" class="print-only" alt="The error field: an arrow at every measured TCP.">
+<p class="lrm-soft">nominal arm dashed, bent arm solid, measured tool circled</p>
 <p id="lrm-pose-note" class="lrm-soft"></p>
 </section>
 <section>

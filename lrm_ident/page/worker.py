@@ -37,10 +37,14 @@ class WorkNotice:
 
 @dataclass(frozen=True)
 class WorkResult:
-    """A result of a task; `last`: the task is done."""
+    """A result of a task, which may have more."""
 
     value: Any
-    last: bool
+
+
+@dataclass(frozen=True)
+class WorkDone:
+    """The task is done."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +54,15 @@ class WorkFailure:
     words: str
 
 
-WorkMessage = WorkProgress | WorkNotice | WorkResult | WorkFailure
+WorkMessage = WorkProgress | WorkNotice | WorkResult | WorkDone | WorkFailure
 Say = Callable[[WorkMessage], None]
 
 
 class WorkTask(Protocol):
-    """A task: goes to the process as a value, says how far it is, yields its results."""
+    """A task: goes to the process as a value; says how far it is, and its results."""
 
-    def results(self, say: Say) -> Iterator[Any]:
-        """The results, one after the other. Raises `LrmError`."""
+    def run(self, say: Say) -> None:
+        """Does the work. Raises `LrmError`."""
         ...
 
 
@@ -90,7 +94,7 @@ class WorkProcess:
         try:
             while self._pipe.poll():
                 message = self._pipe.recv()
-                if isinstance(message, WorkFailure) or (isinstance(message, WorkResult) and message.last):
+                if isinstance(message, WorkFailure | WorkDone):
                     self.task = None
                 yield message
         except (EOFError, OSError):
@@ -116,14 +120,14 @@ class WorkProcess:
 def _work(pipe: Connection) -> None:
     """Takes tasks until the other end closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
-    last_said = {"": 0.0}
+    said = 0.0
 
     def say(message: WorkMessage) -> None:
-        if isinstance(message, WorkProgress) and 0 < message.done < message.of:
-            now = time.monotonic()
-            if now - last_said[""] < SMALLEST_PAUSE:
-                return
-            last_said[""] = now
+        nonlocal said
+        now = time.monotonic()
+        if isinstance(message, WorkProgress) and 0 < message.done < message.of and now - said < SMALLEST_PAUSE:
+            return
+        said = now
         pipe.send(message)
 
     while True:
@@ -132,17 +136,9 @@ def _work(pipe: Connection) -> None:
         except (EOFError, OSError):
             return
         try:
-            _run(task, say)
+            task.run(say)
+            pipe.send(WorkDone())
         except LrmError as error:
             pipe.send(WorkFailure(str(error)))
         except Exception as error:  # a fault of ours must not end the page
             pipe.send(WorkFailure(f"internal error ({type(error).__name__}: {error}); please report it"))
-
-
-def _run(task: WorkTask, say: Say) -> None:
-    results = list[Any]()
-    for value in task.results(say):
-        if results:
-            say(WorkResult(results.pop(), last=False))
-        results.append(value)
-    say(WorkResult(results[-1] if results else None, last=True))

@@ -14,10 +14,10 @@ def history_table(file: ModelFile) -> ResultTable:
     known = [value for entry in file.history for value in (entry.fit_rms_mm, entry.held_out_rms_mm) if value]
     spec = f".{decimals(*known)}f"
     rows = [
-        (number, entry.step, len(entry.parameters), entry.fit_rms_mm, entry.held_out_rms_mm)
+        (number, entry.step, entry.fit_rms_mm, entry.held_out_rms_mm)
         for number, entry in enumerate(file.history)
     ]
-    columns = ("|", "step", "parameters|", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}")
+    columns = ("|", "step", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}")
     return ResultTable(columns, rows, "Steps")
 
 
@@ -53,7 +53,6 @@ def provenance_table(file: ModelFile) -> ResultTable:
 def _values(entry: HistoryTable) -> dict[str, object]:
     return {
         "step": entry.step,
-        "parameters": len(entry.parameters),
         "fit_rms_mm": entry.fit_rms_mm,
         "held_out_rms_mm": entry.held_out_rms_mm,
     }

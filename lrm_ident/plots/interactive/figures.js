@@ -94,7 +94,7 @@ const lrm = (() => {
     const traces = [
       { type: "scatter3d", mode: "lines", x: arrows[0], y: arrows[1], z: arrows[2], hoverinfo: "skip", showlegend: false,
         line: { width: 4, color: lengths, colorscale: discrete(v.scale.colours), cmin: 0, cmax: v.scale.largest,
-          showscale: id === "field",
+          showscale: id === "field" && state.beside === null,
           colorbar: { title: { text: "mm", side: "top" }, thickness: 10, len: 0.7, x: 1, xanchor: "right" } } },
       { type: "scatter3d", mode: "markers", name: "measured TCP", x: v.tcp.map((p) => p[0]), y: v.tcp.map((p) => p[1]),
         z: v.tcp.map((p) => p[2]), customdata: v.pose.map((_, row) => row), showlegend: false,
@@ -106,12 +106,12 @@ const lrm = (() => {
     ];
     const scene = (title) => ({ title: { text: title }, color: colour("soft"), gridcolor: colour("grid"),
       backgroundcolor: "rgba(0,0,0,0)", zerolinecolor: colour("line"), nticks: 5, tickfont: { size: 10 } });
-    const summary = `${step.name}: RMS ${step.rms} mm, arrows × ${m}`;
+    const summary = `${number} ${step.name.split(",")[0]}: RMS ${step.rms} mm`;
     draw(id, traces, {
       margin: { l: 0, r: 0, t: 24, b: 0 }, dragmode: "orbit", title: { text: summary, font: { size: 12 }, x: 0.02, y: 0.98 },
       scene: { xaxis: scene("x mm"), yaxis: scene("y mm"), zaxis: scene("z mm"), aspectmode: "data",
         camera: { eye: { x: 1.2, y: -1.2, z: 0.7 } }, uirevision: "kept" },
-      legend: { orientation: "h", x: 0.02, y: 0.02, font: { size: 11 } },
+      showlegend: false,
     }, (figure) => {
       figure.on("plotly_hover", (event) => hover(event.points[0].customdata));
       figure.on("plotly_click", (event) => toggle(event.points[0].customdata));
@@ -166,9 +166,12 @@ const lrm = (() => {
   // Both arms of a pose, flat, so that the pointer need not wait for the scene: from the side, in the vertical plane
   // through its TCP, and from above.
   function drawArm() {
-    const box = place("arm");
-    if (!box) return;
-    const v = state.values, row = rowOfPose(), base = v.nominal[row][0], tip = v.nominal[row][v.nominal[row].length - 1];
+    const box = place("arm"), v = state.values, row = rowOfPose();
+    if (box) box.replaceChildren(...armViews(v.nominal[row], v.bent[row], v.tcp[row]));
+  }
+
+  function armViews(nominal, bent, measured) {
+    const base = nominal[0], tip = nominal[nominal.length - 1];
     const reach = Math.hypot(tip[0] - base[0], tip[1] - base[1]) || 1;
     const along = [(tip[0] - base[0]) / reach, (tip[1] - base[1]) / reach];
     const views = [["from the side", (p) => [(p[0] - base[0]) * along[0] + (p[1] - base[1]) * along[1], -p[2]]],
@@ -178,9 +181,9 @@ const lrm = (() => {
       for (const key in attributes) out.setAttribute(key, attributes[key]);
       return out;
     };
-    box.replaceChildren(...views.map(([name, flat]) => {
-      const arms = [v.nominal[row].map(flat), v.bent[row].map(flat)], measured = flat(v.tcp[row]);
-      const all = [...arms[0], ...arms[1], measured], xs = all.map((p) => p[0]), ys = all.map((p) => p[1]);
+    return views.map(([name, flat]) => {
+      const arms = [nominal.map(flat), bent.map(flat)], seen = measured ? [flat(measured)] : [];
+      const all = [...arms[0], ...arms[1], ...seen], xs = all.map((p) => p[0]), ys = all.map((p) => p[1]);
       const size = Math.max(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys), 1), pad = 0.12 * size;
       const middle = [(Math.max(...xs) + Math.min(...xs)) / 2, (Math.max(...ys) + Math.min(...ys)) / 2];
       const svg = make("svg", { role: "img", "aria-label": `nominal and bent arm ${name}`,
@@ -189,12 +192,24 @@ const lrm = (() => {
         fill: "none", stroke: ink, "stroke-width": width * size, "stroke-dasharray": dash * size, "stroke-linecap": "round" }));
       line(arms[0], colour("soft"), 0.03, 0.014);
       line(arms[1], colour("model"), 0, 0.02);
-      svg.append(make("circle", { cx: measured[0], cy: measured[1], r: 0.03 * size, fill: "none", stroke: colour("held"),
-        "stroke-width": 0.015 * size }));
+      for (const at of seen) {
+        svg.append(make("circle", { cx: at[0], cy: at[1], r: 0.03 * size, fill: "none", stroke: colour("held"),
+          "stroke-width": 0.015 * size }));
+      }
       const figure = element("figure", "", "lrm-arm-view");
       figure.append(svg, element("figcaption", name));
       return figure;
-    }), element("p", "nominal arm dashed, bent arm solid, measured TCP circled", "lrm-soft"));
+    });
+  }
+
+  // A running daemon: both arms and words; null: no daemon any longer.
+  function rover(told) {
+    const panel = place("rover"), arms = place("rover-arms");
+    if (!panel) return;
+    panel.hidden = !told;
+    if (!told) return;
+    place("rover-words").textContent = told.words;
+    arms.replaceChildren(...(told.bent ? armViews(told.nominal, told.bent, null) : []));
   }
 
   // A WebGL canvas prints blank: paper gets a picture of the scene as it stands.
@@ -223,16 +238,19 @@ const lrm = (() => {
     return { x: kept.map((g) => mean(g, x)), y: kept.map((g) => mean(g, y)) };
   }
 
-  function range(values) { // most of the values; a joint that hardly moves the TCP makes a few enormous turns
-    const known = values.filter((y) => y !== null).map(Math.abs).sort((a, b) => a - b);
+  // A range for most of some values, and how many of others are beyond; a joint that hardly moves the TCP makes a few
+  // enormous turns.
+  function range(values, most = values) {
+    const sizes = (of) => of.filter((y) => y !== null).map(Math.abs).sort((a, b) => a - b), known = sizes(most);
     const limit = 1.4 * (known[Math.floor(0.98 * (known.length - 1))] || 1);
-    return { limits: [-limit, limit], beyond: known.filter((y) => y > limit).length };
+    return { limits: [-limit, limit], beyond: sizes(values).filter((y) => y > limit).length };
   }
 
   function drawTurn() {
     const v = state.values, driver = v.drivers.find((d) => d.name === state.driver), step = v.steps[state.step];
     if (!driver || !step) return;
-    const y = step.turns[state.joint], means = binned(driver.values, y), seen = range(y), one = candidate();
+    const y = step.turns[state.joint], means = binned(driver.values, y), one = candidate();
+    const seen = range(y, v.steps[0].turns[state.joint]); // the same for all steps
     const traces = [
       { type: "scatter", mode: "markers", name: "residual, as a turn", x: driver.values, y, selectedpoints: selected(),
         customdata: v.pose.map((_, row) => row), text: v.pose.map((pose) => `pose ${pose}`),
@@ -269,8 +287,8 @@ const lrm = (() => {
       marker: { size: 5, opacity: 0.6, symbol: SYMBOLS[k], color: colour(["model", "held", "good"][k]) } }));
     traces.push({ type: "scatter", mode: "lines", name: "as it says", x: [-extent, extent], y: [-extent, extent],
       hoverinfo: "skip", line: { color: colour("ink"), dash: "dash", width: 1.5 } });
-    draw("added", traces, { xaxis: { title: { text: `what ${one.name} would add, mm`, standoff: 4 } },
-      yaxis: { title: { text: "what the fit leaves, mm", standoff: 4 } } }, wireScatter);
+    draw("added", traces, { xaxis: { title: { text: "it would add, mm", standoff: 4 } },
+      yaxis: { title: { text: "the fit leaves, mm", standoff: 4 } } }, wireScatter);
     const driver = v.drivers.find((d) => d.name === one.driver);
     if (!driver) return;
     const order = driver.values.map((_, i) => i).filter((i) => one.form[i] !== null)
@@ -295,7 +313,7 @@ const lrm = (() => {
 
   function details(one) {
     const lines = [element("p", one.why)];
-    lines.push(element("p", `${one.estimates.join(", ")}; p = ${one.p}; ` +
+    lines.push(element("p", `${one.estimates.join(", ")}; p ${one.p}; ` +
       (one.online ? "the rover can compensate it" : "explains a measurement session; never deployed silently"), "lrm-soft"));
     if (one.rivals.length) lines.push(element("p", "These data cannot tell it from " + one.rivals.join(", ") + ".", "lrm-soft"));
     return lines;
@@ -360,7 +378,7 @@ const lrm = (() => {
     const shapes = [], notes = [], floor = v.floor !== null ? v.floor : v.bound;
     if (floor !== null) {
       shapes.push({ type: "line", xref: "paper", x0: 0, x1: 1, y0: floor, y1: floor, line: { dash: "dot", color: colour("ink") } });
-      notes.push({ xref: "paper", x: 1, y: floor, xanchor: "right", yanchor: "bottom", showarrow: false,
+      notes.push({ xref: "paper", x: 0.5, y: floor, xanchor: "center", yanchor: "top", showarrow: false,
         text: v.floor !== null ? `noise floor ${words(floor)} mm` : `noise at most ${words(floor)} mm` });
     }
     const most = Math.max(...h.map((one) => Math.max(one.fit, one.held || 0)));
@@ -429,7 +447,9 @@ const lrm = (() => {
   }
 
   function resize() {
-    for (const figure of document.querySelectorAll(".js-plotly-plot")) Plotly.Plots.resize(figure);
+    for (const figure of document.querySelectorAll(".js-plotly-plot")) {
+      if (figure.offsetParent) Plotly.Plots.resize(figure);
+    }
   }
 
   function redraw() {
@@ -445,19 +465,20 @@ const lrm = (() => {
     if (!before || before.steps.length !== values.steps.length || state.step > last) state.step = last;
     if (state.beside !== null && state.beside > last) state.beside = null;
     if (!values.ranking.some((one) => one.name === state.candidate)) state.candidate = null;
-    if (!before || !known.has(state.driver) || (!before.ranking.length && !values.ranking.length)) {
+    const other = !before || before.data !== values.data, looked = !other && !before.compared && values.steps.length === 1;
+    if (other || looked || !known.has(state.driver)) {
       state.joint = values.where.joint;
       state.driver = values.where.driver;
     }
+    if (other) state.brushed = null;
     if (!values.pose.includes(state.pose)) {
       const sizes = values.steps[last].residual.map(norm);
       state.pose = values.pose[sizes.indexOf(Math.max(...sizes))];
     }
     wireControls();
-    if (!state.candidate && values.ranking.length && values.ranking[0].verdict !== "no_evidence") {
-      state.candidate = values.ranking[0].name;
-      state.joint = values.ranking[0].joint;
-      state.driver = values.ranking[0].driver;
+    const first = values.ranking[0];
+    if (!state.candidate && first && first.verdict !== "no_evidence") {
+      [state.candidate, state.joint, state.driver] = [first.name, first.joint, first.driver];
     }
     redraw();
     emit("lrm_choose", state.candidate);
@@ -475,6 +496,6 @@ const lrm = (() => {
     redraw();
   }
 
-  return { show, load, theme, print, redraw, resize, choose, showStep, brush, hover, state };
+  return { show, load, theme, print, rover, redraw, resize, choose, showStep, brush, hover, state };
 })();
 window.lrm = lrm;

@@ -15,8 +15,8 @@ from lrm_ident.views.error_field import COLOURS, FieldStep
 from lrm_ident.workflow.findings import Findings
 from lrm_math.arrays import Array
 
-UM, ANGLE = 3, 4
-"""Decimals of millimetres and degrees in the drawing; tables and JSON files are not rounded so."""
+UM, ANGLE, SMALLEST_P = 3, 4, 1e-15
+"""Decimals of millimetres and degrees in the drawing only, and the least p value that is printed."""
 
 
 def figure_values(found: Findings) -> dict[str, Any]:
@@ -25,6 +25,8 @@ def figure_values(found: Findings) -> dict[str, Any]:
     return {
         "pose": data.pose.tolist(),
         "poses": field.poses,
+        "data": data.sha256,
+        "compared": found.comparison is not None,
         "thinned": field.thinned,
         "q": rounded(np.degrees(data.poses.q), 2),
         "load": rounded(data.poses.payload * 1e3, 1),
@@ -97,10 +99,11 @@ def _ranking(found: Findings, values: Mapping[str, Any]) -> list[dict[str, Any]]
                     "heldOut": advice["held_out_rms_mm"],
                     "why": advice["why"],
                     "online": advice["online"],
-                    "p": f"{advice['p_value']:.1g}",
+                    "p": "< 1e-15" if advice["p_value"] < SMALLEST_P else f"= {advice['p_value']:.1g}",
                     "rivals": list(advice["indistinguishable_from"]),
                     "estimates": [
-                        f"{key} = {one['value']:.4g} ± {one['se']:.2g}" for key, one in advice["parameters"].items()
+                        f"{key} = {one['value']:.4g}" + (f" ± {one['se']:.2g}" if one["se"] else "")
+                        for key, one in advice["parameters"].items()
                     ],
                     **_candidate(views[name]),
                 }

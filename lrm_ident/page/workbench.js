@@ -1,0 +1,55 @@
+// The workbench's own script: drag and drop, keyboard, the banner when the server is gone, the tour's marks.
+"use strict";
+(() => {
+  const banner = (text) => {
+    const box = document.getElementById("lrm-banner");
+    if (!box) return;
+    box.textContent = text;
+    box.hidden = !text;
+  };
+
+  window.lrmOpen = (files) => {
+    const form = new FormData();
+    for (const file of files) form.append("files", file, file.name);
+    fetch("/lrm/drop", { method: "POST", body: form }).catch(() => banner("the workbench does not answer"));
+  };
+  window.addEventListener("dragover", (event) => { event.preventDefault(); document.body.classList.add("lrm-over"); });
+  window.addEventListener("dragleave", () => document.body.classList.remove("lrm-over"));
+  window.addEventListener("drop", (event) => {
+    event.preventDefault();
+    document.body.classList.remove("lrm-over");
+    if (event.dataTransfer.files.length) window.lrmOpen(event.dataTransfer.files);
+  });
+  window.lrmPick = () => {
+    const input = document.createElement("input");
+    input.type = "file";
+    input.multiple = true;
+    input.accept = ".csv,.toml";
+    input.onchange = () => window.lrmOpen(input.files);
+    input.click();
+  };
+
+  document.addEventListener("keydown", (event) => {
+    const typing = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName);
+    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    const key = event.key.toLowerCase();
+    if ("auplcs".includes(key) && key.length === 1) window.lrmEmit("lrm_key", key);
+    if (event.key === "Escape") window.lrmEmit("lrm_key", "escape");
+  });
+
+  window.lrmTour = (id) => {
+    for (const one of document.querySelectorAll(".lrm-toured")) one.classList.remove("lrm-toured");
+    const panel = id && document.getElementById(id);
+    const card = document.querySelector(".lrm-tour");
+    if (card && panel) card.classList.toggle("lrm-left", panel.getBoundingClientRect().left > window.innerWidth / 2);
+    if (panel) { panel.classList.add("lrm-toured"); panel.scrollIntoView({ block: "nearest" }); }
+  };
+
+  let away = 0;
+  setInterval(() => {
+    if (!window.socket) return;
+    away = window.socket.connected ? 0 : away + 1;
+    if (away === 2) banner(window.lrmGone || "The workbench does not answer.");
+    if (!away && !document.getElementById("lrm-banner").hidden) banner("");
+  }, 700);
+})();

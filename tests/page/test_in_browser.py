@@ -1,0 +1,222 @@
+"""The workbench and the report in a real browser, as a person uses them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import EXAMPLE
+from tests.support.browser import PATIENCE_MS, SHOTS, RunningWorkbench, Seen, chromium, idle, says, wait_for, workbench
+from tests.support.commands import stdout_of
+
+SIZE = {"width": 1366, "height": 768}
+ONE_STEP, TWO_STEPS = "lrm.state.values.steps.length === 1", "lrm.state.values.steps.length === 2"
+RANKED = "lrm.state.values.ranking.length > 0"
+ARROWS = "Math.max(...lrm.state.values.steps[lrm.state.step].residual.map((r) => Math.hypot(...r)))"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium."""
+    with chromium() as found:
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        yield found
+
+
+@pytest.fixture(scope="module")
+def running(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
+    """A workbench on the shipped data set, started only where there is a browser."""
+    assert browser
+    with workbench(cwd=tmp_path_factory.mktemp("shipped")) as found:
+        yield found
+
+
+def opened(browser: Any, running: RunningWorkbench, seen: Seen | None = None, **options: Any) -> Any:
+    """A new tab."""
+    context = browser.new_context(viewport=SIZE, **options)
+    context.set_default_timeout(PATIENCE_MS)
+    page = context.new_page()
+    if seen:
+        seen.listen(page)
+    page.goto(running.address)
+    wait_for(page, "window.lrm && lrm.state.values")
+    return page
+
+
+@pytest.mark.slow
+def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: RunningWorkbench) -> None:
+    seen = Seen()
+    page = opened(browser, running, seen)
+    assert "1 of 6" in page.inner_text(".lrm-tour")
+    for _ in range(6):
+        page.click("[data-name=next]")
+    page.wait_for_selector(".lrm-tour", state="hidden")
+    idle(page, RANKED)
+    first = page.inner_text('.lrm-candidate[aria-checked="true"]')
+    assert "backlash@joint2" in first
+    assert "An effect is missing" in page.inner_text("#lrm-verdict")
+    page.screenshot(path=SHOTS / "before.png")
+    arrows, history = page.evaluate(ARROWS), page.evaluate("lrm.state.values.history[0].held")
+    page.click("[data-name=add]")
+    wait_for(page, TWO_STEPS)
+    assert page.evaluate("lrm.state.values.history[1].held") < 0.3 * history
+    assert page.evaluate(ARROWS) < 0.3 * arrows
+    idle(page, RANKED)
+    assert "Nothing is missing" in page.inner_text("#lrm-verdict")
+    page.screenshot(path=SHOTS / "after.png")
+    page.select_option("#lrm-beside", "0")
+    page.wait_for_timeout(1500)
+    page.screenshot(path=SHOTS / "side-by-side.png")
+    page.select_option("#lrm-beside", "")
+    page.keyboard.press("u")
+    wait_for(page, ONE_STEP)
+    assert page.evaluate(ARROWS) == pytest.approx(arrows)
+    page.click("[data-name=auto]")
+    says(page, "#lrm-work", "auto")
+    page.click("[data-name=cancel]")
+    says(page, "#lrm-failure", "cancelled")
+    assert page.evaluate(ONE_STEP)
+    page.click('[data-name="propose a law"]')
+    says(page, "#lrm-work", "law")
+    page.wait_for_selector("#lrm-law")
+    assert "laws were tried" in page.inner_text("#lrm-law")
+    page.screenshot(path=SHOTS / "law.png")
+    page.click("[data-name=close-law]")
+    with page.context.expect_page() as other:
+        page.click("[data-name=report]")
+    report = other.value
+    seen.listen(report)
+    report.wait_for_selector("#lrm-history .main-svg")
+    assert "An effect is missing" in report.inner_text("#lrm-verdict")
+    page.context.close()
+    assert not seen.errors, seen.errors
+    assert not seen.foreign(running.origin)
+
+
+@pytest.mark.slow
+def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
+    """Dark, on a tablet, with the keyboard alone."""
+    dark = opened(browser, running, color_scheme="dark")
+    wait_for(dark, RANKED)
+    dark.wait_for_timeout(1500)
+    dark.screenshot(path=SHOTS / "dark.png")
+    assert dark.evaluate("document.documentElement.dataset.theme") == "dark"
+    fits = "document.documentElement.scrollWidth <= innerWidth && [...document.querySelectorAll('[data-name]')].every("
+    fits += "(one) => { const r = one.getBoundingClientRect(); return r.bottom <= innerHeight || !r.height; })"
+    assert dark.evaluate(fits), "buttons are off the screen, or the page is wider than it"
+    dark.focus(".lrm-candidate")
+    dark.keyboard.press("ArrowDown")
+    dark.keyboard.press("ArrowDown")
+    chosen = dark.evaluate("lrm.state.candidate")
+    says(dark, "[data-name=add]", chosen)
+    dark.context.close()
+    tablet = opened(browser, running)
+    tablet.set_viewport_size({"width": 820, "height": 1180})
+    tablet.wait_for_timeout(1500)
+    assert "another tab" not in tablet.inner_text("#lrm-failure")
+    assert tablet.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    tablet.screenshot(path=SHOTS / "tablet.png")
+    tablet.context.close()
+
+
+@pytest.mark.slow
+def test_brushing_marks_poses_in_every_view(browser: Any, running: RunningWorkbench) -> None:
+    page = opened(browser, running)
+    wait_for(page, RANKED)
+    page.evaluate("lrm.brush(new Set([3, 7]))")
+    page.wait_for_timeout(500)
+    rows = page.evaluate("[3, 7].map((pose) => lrm.state.values.pose.indexOf(pose))")
+    for figure in ("turn", "form", "added"):
+        assert page.evaluate(f"document.getElementById('lrm-{figure}').data[0].selectedpoints") == rows
+    symbols = page.evaluate("document.getElementById('lrm-field').data[1].marker.symbol")
+    assert [row for row, symbol in enumerate(symbols) if symbol == "diamond"] == rows
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_same_numbers_everywhere(browser: Any, running: RunningWorkbench, tmp_path: Path) -> None:
+    """Of the first fit: the page, the report, the JSON files and the printed tables."""
+    model = running.folder / "step-0.toml"
+    page = opened(browser, running)
+    wait_for(page, RANKED)
+    says(page, ".lrm-numbers", "Not testable")
+    on_page = page.inner_text(".lrm-numbers")
+    ranked = dict(page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.heldOut])"))
+    page.context.close()
+    files = {name: tmp_path / f"{name}.json" for name in ("compare", "diagnose", "report")}
+    printed = stdout_of("compare", model, EXAMPLE, "--json", files["compare"], "--all")
+    printed += stdout_of("diagnose", model, EXAMPLE, "--json", files["diagnose"], "--all")
+    stdout_of("report", model, EXAMPLE, "-o", tmp_path / "r.html", "--json", files["report"])
+    read = {name: json.loads(path.read_text()) for name, path in files.items()}
+    html = (tmp_path / "r.html").read_text()
+    inside = re.search(r'id="lrm-result">(.*?)</script>', html, re.S)
+    assert inside is not None
+    assert json.loads(inside[1]) == read["report"]
+    for name, part in (("compare", "comparison"), ("diagnose", "diagnosis")):
+        assert {key: value for key, value in read[name].items() if key != "schema"} == read["report"][part]
+    for advice in read["diagnose"]["ranking"]:
+        name = f"{advice['effect']}@{advice['place']}"
+        assert ranked.get(name, advice["held_out_rms_mm"]) == advice["held_out_rms_mm"]
+    shown = [line.split("RMS ")[1] for line in printed.splitlines() if "Moran's I" in line]
+    errors = read["compare"]["error"]
+    shown += [f"{errors[kind][key]:.2f}" for kind in ("fit", "held_out") for key in ("mean_mm", "rms_mm", "max_mm")]
+    shown += [read["diagnose"]["ranking"][0]["why"], read["diagnose"]["next_poses_hint"]]
+    text = re.sub(r"<[^>]+>", " ", html.split('id="lrm-values"')[0]).replace("&#x27;", "'").replace("&gt;", ">")
+    for number in shown:
+        assert number in " ".join(printed.split()), number
+        assert number in " ".join(on_page.split()), number
+        assert number in " ".join(text.split()), number
+
+
+@pytest.mark.slow
+def test_second_tab_bad_files_and_a_stopped_server(browser: Any, tmp_path: Path) -> None:
+    (tmp_path / "bad.csv").write_text("pose,q1_deg\n1,nonsense\n")
+    other = tmp_path / "other.toml"
+    other.write_text('schema = "lrm/model/1"\narm = "two-joint"\neffects = ["offsets"]\n[parameters]\n')
+    with workbench(cwd=tmp_path) as running:
+        page = opened(browser, running)
+        second = page.context.new_page()
+        second.goto(running.address)
+        says(second, "body", "open in another tab")
+        for path in (tmp_path / "bad.csv", other):
+            page.evaluate(
+                "([name, text]) => lrmOpen([new File([text], name)])", [path.name, path.read_text(encoding="utf-8")]
+            )
+            says(page, "#lrm-failure", path.stem)
+        assert page.evaluate("lrm.state.values.steps.length") == 1
+        page.screenshot(path=SHOTS / "bad-file.png")
+        second.close()
+        idle(page, RANKED)
+        page.click("[data-name=add]")
+        page.wait_for_timeout(300)
+        page.close()  # in the middle of a fit
+        again = opened(browser, running)
+        wait_for(again, TWO_STEPS)
+        running.stop()
+        wait_for(again, "!document.getElementById('lrm-banner').hidden")
+        assert str(running.folder) in again.inner_text("#lrm-banner")
+        again.screenshot(path=SHOTS / "stopped.png")
+        assert (running.folder / "step-1.toml").is_file()
+
+
+@pytest.mark.slow
+def test_a_growing_file_is_followed(browser: Any, tmp_path: Path) -> None:
+    lines = EXAMPLE.read_text().splitlines(keepends=True)
+    growing = tmp_path / "growing.csv"
+    growing.write_text("".join(lines[:41]))
+    growing.with_suffix(".toml").write_text(EXAMPLE.with_suffix(".toml").read_text())
+    with workbench(cwd=tmp_path) as running:
+        page = opened(browser, running)
+        page.click("[data-name='live…']")
+        page.get_by_label("Follow the file").fill(str(growing))
+        page.get_by_role("button", name="Follow the file").click()
+        wait_for(page, "lrm.state.values.poses === 40")
+        with growing.open("a") as file:
+            file.write("".join(lines[41:61]) + lines[61][:20])
+        wait_for(page, "lrm.state.values.poses === 60")
+        page.context.close()

@@ -1,0 +1,114 @@
+"""A real browser without a screen, and a workbench process for it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import ROOT
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+PATIENCE_MS, POLLING_MS = 180_000, 100
+"""How long a test waits, and how often it looks; a tab in the background draws no frames to look at."""
+SHOTS = ROOT / "out" / "workbench"
+
+
+@dataclass
+class Seen:
+    """What a page said and asked for while it was open."""
+
+    errors: list[str] = field(default_factory=list)
+    addresses: list[str] = field(default_factory=list)
+
+    def listen(self, page: Any) -> None:
+        """Notes console errors, exceptions, and every request."""
+        page.on("console", lambda message: self.errors.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("request", lambda request: self.addresses.append(request.url))
+
+    def foreign(self, own: str) -> list[str]:
+        """Requests that went elsewhere than to the page's own server."""
+        return [one for one in self.addresses if not one.startswith((own, "data:", "blob:", "file:", "about:"))]
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """A headless Chromium of the system; the test is skipped, and says so, where there is none."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if path is None:
+        pytest.skip("no Chromium on this machine: the tests of the page in a real browser are left out")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+@dataclass
+class RunningWorkbench:
+    """A workbench process; `address` with its token, `folder` of its steps."""
+
+    process: subprocess.Popen[str]
+    address: str
+    folder: Path
+
+    @property
+    def origin(self) -> str:
+        """Scheme, host and port."""
+        return self.address.split("/?")[0]
+
+    def stop(self) -> None:
+        """As Ctrl-C does."""
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait(timeout=30)
+
+
+@contextmanager
+def workbench(*words: object, cwd: Path) -> Iterator[RunningWorkbench]:
+    """`lrm-ident workbench WORDS`, until the block ends."""
+    command = [sys.executable, "-m", "lrm_ident", "workbench", "--no-open", *map(str, words)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    environment.pop("PYTEST_CURRENT_TEST", None)  # NiceGUI would take itself to be under test
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd, env=environment
+    ) as process:
+        try:
+            said = [process.stdout.readline(), process.stdout.readline()]  # type: ignore[union-attr]
+            found = re.search(r"http://\S+", said[0]), re.search(r"kept in (\S+);", said[1])
+            assert all(found), "".join(said) + process.stdout.read()  # type: ignore[union-attr]
+            threading.Thread(target=process.stdout.read, daemon=True).start()  # type: ignore[union-attr]
+            address, folder = found[0][0], found[1][1]  # type: ignore[index]
+            yield RunningWorkbench(process, address, Path(folder))
+        finally:
+            process.kill()
+
+
+def idle(page: Any, also: str = "true") -> None:
+    """Waits until the workbench has done its work and `also` holds in the page."""
+    wait_for(page, f"document.querySelector('#lrm-work')?.checkVisibility() === false && ({also})")
+
+
+def says(page: Any, selector: str, words: str) -> None:
+    """Waits until an element shows some words."""
+    found = "([at, words]) => document.querySelector(at)?.innerText.includes(words)"
+    page.wait_for_function(found, arg=[selector, words], timeout=PATIENCE_MS, polling=POLLING_MS)
+
+
+def wait_for(page: Any, condition: str) -> None:
+    """Waits until a condition holds in the page."""
+    page.wait_for_function(condition, timeout=PATIENCE_MS, polling=POLLING_MS)
