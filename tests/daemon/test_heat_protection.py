@@ -174,6 +174,7 @@ def test_a_servo_that_is_armed_just_below_the_limit_stops_at_it(config, way) -> 
     assert 85 < highest < 98, "it stops within one update of the model"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_an_arm_that_is_armed_hot_goes_to_rest_and_cools_down_there(config, way) -> None:
     sim = way(config, 92.0)

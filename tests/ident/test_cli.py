@@ -29,6 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_fit_reports_fit_and_held_out(folder: Path) -> None:
     result = json.loads((folder / "fit.json").read_text())
     assert result["schema"] == "lrm/fit/1"

@@ -66,6 +66,7 @@ def test_every_request_has_a_full_example_here() -> None:
         unpack(MESSAGES[name], msgpack.packb(content))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MESSAGES)
 def test_content_that_the_schema_allows_survives_a_round_trip(name: str) -> None:
     kind = MESSAGES[name]

@@ -34,6 +34,7 @@ def assert_names(stderr: str, *words: str) -> None:
         assert word in stderr, f"'{word}' is not in: {stderr}"
 
 
+@pytest.mark.slow
 def test_the_process_itself_ends_with_the_line_and_exit_code_2() -> None:
     command = [sys.executable, "-m", "lrm_ident", "fit", "nothing.csv", "--arm", "lrm-lab"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)

@@ -62,6 +62,7 @@ def test_a_link_is_followed(data: Path) -> None:
     assert "[parameters]" in model.read_text()
 
 
+@pytest.mark.slow
 def test_a_model_beside_its_data_is_not_taken_for_metadata(tmp_path: Path) -> None:
     data = tmp_path / "run1.csv"
     shutil.copy(EXAMPLE, data)

@@ -41,12 +41,14 @@ TWO_JOINTS = SHARED / "data" / "lrm-two-joint" / "measurements.csv"
 OPTION_1 = ["--parameters", "option1"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(KINDS)))
 def test_each_misreading_is_understood_on_one_arm(number: int) -> None:
     case = misread(ARMS[number % len(ARMS)], KINDS[number], seed=7)
     assert case.understood(ask(case.arm, case.data))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HEALTHY)
 def test_a_bad_arm_is_not_refused(name: str) -> None:
     for seed in (11, 12):
@@ -131,6 +133,7 @@ def test_the_option_that_is_named_mends_the_reading(tmp_path: Path, healthy: Mea
     np.testing.assert_allclose(mended.poses.q, healthy.poses.q, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_model_remembers_how_its_data_were_read(tmp_path: Path, healthy: Measurements) -> None:
     path, model = _written(tmp_path, replace(healthy, tcp=healthy.tcp[:, [1, 0, 2]])), tmp_path / "model.toml"
     _fitted(path, model, "--axes", "y,x,z")
@@ -147,6 +150,7 @@ def test_the_file_beside_the_data_says_how_to_read_them(tmp_path: Path, healthy:
     np.testing.assert_allclose(load_checked(path, load_arm("lrm-lab")).tcp, healthy.tcp, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_unknown_frame_is_found_with_the_fit(tmp_path: Path, healthy: Measurements) -> None:
     rotation, translation = _motion(5)
     path = _written(tmp_path, replace(healthy, tcp=(healthy.tcp - translation) @ rotation))

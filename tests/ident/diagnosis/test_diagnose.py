@@ -289,6 +289,7 @@ def test_an_installed_package_can_offer_effects(tmp_path: Path, monkeypatch: pyt
     assert catalogue_with(None) == (*CATALOGUE, own)
 
 
+@pytest.mark.slow
 def test_selftest_tells_what_a_plan_could_find(lab: Arm) -> None:
     plan = InjectionPlan("lrm-lab", load_poses(ROOT / "lrm_ident" / "examples" / "hidden-play.csv", lab), 3e-4, 0, None)
     names, refused = detectable_effects(plan, "backlash@joint[23]")

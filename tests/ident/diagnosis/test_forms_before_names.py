@@ -97,6 +97,7 @@ def base_fit(arm: Arm, data: Measurements) -> Model:
     return fit_identifiable(model, data, model.keys).fit.model
 
 
+@pytest.mark.slow
 def test_a_link_that_bends_at_its_near_end_is_named_then_refined(lab: Arm, described: ArmDescription) -> None:
     """Before: two masses and the load were named to patch the difference."""
     data = hidden(described, 2, RootHinge(2, 0.1035, 0.03))
@@ -110,6 +111,7 @@ def test_a_link_that_bends_at_its_near_end_is_named_then_refined(lab: Arm, descr
     assert add_effects(better.model, data, effects_at(lab, "bending_ends@link2")).sigma < 1.06 * NOISE
 
 
+@pytest.mark.slow
 def test_five_waves_a_turn_are_eccentricity_in_another_form(lab: Arm, described: ArmDescription) -> None:
     data = hidden(described, 4, GearTeeth(2, 0.008))
     found = diagnose(base_fit(lab, data), data)
@@ -119,6 +121,7 @@ def test_five_waves_a_turn_are_eccentricity_in_another_form(lab: Arm, described:
     assert add_effects(found.fit.model, data, effects_at(lab, "angle_curve@joint2")).sigma < 1.06 * NOISE
 
 
+@pytest.mark.slow
 def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
     lab: Arm, described: ArmDescription
 ) -> None:
@@ -151,6 +154,7 @@ def test_what_can_be_told_now_is_freed(lab: Arm, described: ArmDescription) -> N
     assert free_base_parameters(freed, data).model.free == freed.model.free
 
 
+@pytest.mark.slow
 def test_more_than_the_noise_is_never_called_nothing(lab: Arm, described: ArmDescription) -> None:
     """White noise twice what the file says: nothing to follow, and yet not nothing."""
     data = hidden(described, 7)

@@ -135,6 +135,7 @@ def test_a_true_law_beats_the_noise_and_none_does_not(seed: int) -> None:
     assert search.nested.mean() > 0.97 * linear.explain().held_out.mean()
 
 
+@pytest.mark.slow
 def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path) -> None:
     data, arm = case_data(SUM, tmp_path), three_joints()
     found = propose_law(base_fit(arm, data), data)
@@ -161,6 +162,7 @@ def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path) -> None:
         load_model(path)
 
 
+@pytest.mark.slow
 def test_no_law_where_nothing_is_hidden(tmp_path: Path) -> None:
     data, arm = case_data(NOTHING, tmp_path), three_joints()
     found = propose_law(base_fit(arm, data), data)
@@ -179,6 +181,7 @@ def test_a_model_without_effects_of_its_own_names_no_file(tmp_path: Path) -> Non
     assert "effects_file" not in model_text(file)
 
 
+@pytest.mark.slow
 def test_the_command_writes_an_effect_file_and_says_how_to_add_it(tmp_path: Path) -> None:
     data, _ = write_data(SUM, 1, 90, tmp_path)
     model, law = tmp_path / "m.toml", tmp_path / "law.py"

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
@@ -54,6 +55,7 @@ def measured_on(arm: Arm, seed: int, count: int, noise: float = 2e-4) -> Measure
     return Measurements(poses, number, tcp, None, noise, number, Path("random.csv"), "", arm=arm)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(st.integers(0, 1000), st.integers(1, 10), st.sampled_from(GEOMETRIES), st.sampled_from(MASSES))
 def test_every_arm_is_fitted_and_diagnosed(seed: int, joints: int, geometry: str, masses: str) -> None:

@@ -123,6 +123,7 @@ def test_where_least_squares_stall_weak_priors_help_and_say_so() -> None:
     assert error_stats(found.residual).rms < 1.2 * math.sqrt(3) * NOISE
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not UR5_DATA.is_dir(), reason="the shared measurements are not here")
 def test_real_ur5_to_a_tenth_of_a_millimetre() -> None:
     arm = load_arm("ur5")
