@@ -14,6 +14,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.forward_selection import MIN_GAIN
 from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.diagnosis.score_test import ScoredCandidate
+from lrm_ident.digits import in_mm
 from lrm_ident.estimation.left_to_find import LeftToFind, left_to_find
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.parameter_hints import parameter_hints
@@ -27,6 +28,7 @@ DISPLAY_UNITS = {
     "Nm_per_rad": (1.0, " Nm/rad"),
     "mm_per_m": (1.0, " mm/m"),
 }
+MOST_WORDS = 4  # estimates in a sentence, the surest; all are in the JSON file
 Estimates = tuple[tuple[str, float, float], ...]
 
 
@@ -122,16 +124,16 @@ def _rank(scored: ScoredCandidate, judgement: Judgement, before: ErrorStats) -> 
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    why = f"alone it would leave {rms * 1e3:.2f} mm, but with the effects above there is no need of it"
+    why = f"alone it would leave {in_mm(rms)} mm, but with the effects above there is no need of it"
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
-        fall = f"the held-out error falls from {before.rms * 1e3:.2f} to {rms * 1e3:.2f} mm"
+        fall = f"the held-out error falls from {in_mm(before.rms)} to {in_mm(rms)} mm"
         unsure = f"; these data cannot tell it from {', '.join(equivalent[:4])}" if equivalent else ""
         why = f"{_describe_effect(scored, estimates)}: {fall}{unsure}"
     elif scored.implausible:
         why = scored.implausible
     elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
-        why = f"it would leave {rms * 1e3:.2f} mm held out of {before.rms * 1e3:.2f}: hardly less"
+        why = f"it would leave {in_mm(rms)} mm held out of {in_mm(before.rms)}: hardly less"
     if scored.name in diagnosis.unexplained.spurious:
         why = f"it only resembles {diagnosis.unexplained.spurious[scored.name]}, which explains far more"
     return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, why)
@@ -164,7 +166,9 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     claim = effect.claim.format(place=effect.place, **numbers) if effect.claim else f"{effect.id} at {effect.place}"
     if any(name in effect.claim for name in words):
         return claim
-    return f"{claim} ({', '.join(f'{name} {text}' for name, text in words.items())})"
+    surest = sorted(estimates, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
+    told = ", ".join(f"{name} {words[name]}" for name in words if name in {one[0] for one in surest})
+    return f"{claim} ({told}{f' and {len(words) - MOST_WORDS} more' if len(words) > MOST_WORDS else ''})"
 
 
 def _with_unit(value: float, error: float, unit: str) -> str:
