@@ -32,7 +32,7 @@ def data() -> Measurements:
     return lrm.load(EXAMPLE)
 
 
-def test_a_turn_of_one_joint_is_seen_as_that_turn(data: Measurements) -> None:
+def test_a_turn_of_one_joint_is_seen_as_that_turn() -> None:
     """A residual that is a turn of joint 3 by 0.01 rad reads 0.01 rad there."""
     rng = np.random.default_rng(0)
     motion = rng.normal(size=(6, 3, 50))

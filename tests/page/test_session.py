@@ -22,7 +22,7 @@ from lrm_ident.page.tasks import DiagnoseTask, OpenTask
 from lrm_ident.page.worker import WorkProcess
 from lrm_math.errors import FileError, LrmError
 from tests.conftest import EXAMPLE
-from tests.support.commands import stdout_of
+from tests.support.commands import part_of_example, stdout_of
 
 PATIENCE_S = 300.0
 TOKEN, PORT = "the-token", 4711
@@ -30,11 +30,9 @@ TOKEN, PORT = "the-token", 4711
 
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[WorkbenchSession]:
-    """A workbench that is fitting the shipped data set."""
+    """A workbench with nothing open."""
     worker = WorkProcess()
-    found = WorkbenchSession(tmp_path, worker)
-    found.open(OpenTask(EXAMPLE, None))
-    yield found
+    yield WorkbenchSession(tmp_path, worker)
     worker.close()
 
 
@@ -53,6 +51,7 @@ def diagnosed(session: WorkbenchSession) -> bool:
 
 @pytest.mark.slow
 def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Path) -> None:
+    session.open(OpenTask(EXAMPLE, None))
     until(session, lambda: len(session.steps) == 1)
     session.add("backlash@joint2")  # while the diagnosis is under way: it waits for it
     with pytest.raises(LrmError, match="still at work"):
@@ -79,7 +78,8 @@ def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_nothing_is_lost_when_work_is_cancelled_or_dies(session: WorkbenchSession) -> None:
+def test_nothing_is_lost_when_work_is_cancelled_or_dies(session: WorkbenchSession, tmp_path: Path) -> None:
+    session.open(OpenTask(part_of_example(tmp_path, 100), None))
     until(session, lambda: isinstance(session.worker.task, DiagnoseTask))
     session.auto()
     session.cancel()
@@ -95,6 +95,7 @@ def test_nothing_is_lost_when_work_is_cancelled_or_dies(session: WorkbenchSessio
 
 @pytest.mark.slow
 def test_a_bad_file_is_told_of_and_the_work_goes_on(session: WorkbenchSession, tmp_path: Path) -> None:
+    session.open(OpenTask(part_of_example(tmp_path, 100), None))
     until(session, lambda: len(session.steps) == 1)
     bad = tmp_path / "bad.csv"
     bad.write_text("pose,q1_deg\n1,nonsense\n")
@@ -154,7 +155,7 @@ def test_a_line_that_is_being_written_is_not_read(tmp_path: Path) -> None:
 def test_the_gate(kind: str, headers: dict[str, str], query: str, let_in: bool) -> None:
     reached, sent = [], list[dict[str, Any]]()
 
-    async def app(scope: Any, receive: Any, send: Any) -> None:
+    async def app(scope: Any, *_: Any) -> None:
         reached.append(scope["type"])
 
     async def receive() -> dict[str, Any]:
