@@ -306,7 +306,7 @@ class WorkbenchPage:
             with ui.row().classes("q-mt-sm"):
                 ui.button("Back", on_click=lambda: self._go_to(self.stop - 1)).props("no-caps flat dense")
                 ui.button("Next", on_click=lambda: self._go_to(self.stop + 1)).props("no-caps dense data-name=next")
-                ui.button("Close", on_click=self._leave_tour).props("no-caps flat dense")
+                ui.button("Close", on_click=self._leave_tour).props("no-caps flat dense data-name=close-tour")
         card.set_visibility(False)
         self.parts |= {"tour": card, "tour_title": title, "tour_words": words}
 
