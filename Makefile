@@ -11,7 +11,7 @@ HOURS ?= 24
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick lint schemas docs bench soak coverage confusion unfamiliar misreadings install uninstall clean
+.PHONY: help setup demo test quick lint schemas docs bench soak coverage confusion unfamiliar misreadings tutorial install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -71,6 +71,10 @@ coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 
 misreadings: setup ## are misread measurements understood and healthy ones accepted, on arms of the independent generator
 	$(ONE_THREAD) $(BIN)/python -m validation.misreadings
+
+tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workbench, in a headless Chromium
+	$(BIN)/python -m validation.tutorial_pictures
+	$(BIN)/python -m validation.workbench_speed
 
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md

@@ -54,9 +54,7 @@ def _kind(path: Path) -> str:
     if path.suffix == ".csv":
         return "data"
     if path.suffix != ".toml":
-        raise FileError(
-            path.name, "", f"a {path.suffix or 'nameless'} file", "drop a .csv with measurements or a .toml"
-        )
+        raise FileError(path.name, "", f"a {path.suffix or 'nameless'} file", "should be a .csv or a .toml")
     schema = schema_of(path) or ""
     for prefix, kind in (("lrm/model/", "model"), ("lrm/arm/", "arm"), ("lrm/measurements/", "metadata")):
         if schema.startswith(prefix):

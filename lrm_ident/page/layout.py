@@ -85,6 +85,7 @@ class WorkbenchPage:
             parts["undo"] = self._button("Undo", self._undo, "take the last step back (U)")
             parts["propose"] = self._button("Propose a law", self._propose, "where no known effect fits (P)")
             parts["auto"] = self._button("Auto", self._auto, "follow the advice until it says stop")
+            parts["diagnose"] = self._button("Diagnose", self.session.diagnose, "find out what is missing")
             parts["verdict"] = ui.label().classes("lrm-verdict").props('id="lrm-verdict" aria-live=polite')
             ui.element("div").classes("lrm-grow")
             with ui.element("div").classes("lrm-work").props('id="lrm-work" aria-live=polite') as parts["work"]:
@@ -140,6 +141,7 @@ class WorkbenchPage:
         parts["undo"].set_enabled(session.can_undo)
         parts["propose"].set_enabled(ready)
         parts["auto"].set_enabled(ready)
+        parts["diagnose"].set_visibility(session.can_diagnose)
 
     def _numbers(self) -> str:
         findings = self.session.findings
@@ -304,7 +306,7 @@ class WorkbenchPage:
             with ui.row().classes("q-mt-sm"):
                 ui.button("Back", on_click=lambda: self._go_to(self.stop - 1)).props("no-caps flat dense")
                 ui.button("Next", on_click=lambda: self._go_to(self.stop + 1)).props("no-caps dense data-name=next")
-                ui.button("Close", on_click=self._leave_tour).props("no-caps flat dense")
+                ui.button("Close", on_click=self._leave_tour).props("no-caps flat dense data-name=close-tour")
         card.set_visibility(False)
         self.parts |= {"tour": card, "tour_title": title, "tour_words": words}
 

@@ -87,6 +87,12 @@ class WorkbenchSession:
         return self.worker.task is not None and not isinstance(self.worker.task, DiagnoseTask)
 
     @property
+    def can_diagnose(self) -> bool:
+        """Whether the last step has no diagnosis, and none is under way."""
+        findings = self.findings
+        return findings is not None and findings.diagnosis is None and self.worker.task is None
+
+    @property
     def can_undo(self) -> bool:
         """Whether the model has a step to take back."""
         return not self.busy and self.findings is not None and len(self.findings.file.history) > 1
@@ -221,6 +227,8 @@ class WorkbenchSession:
             self._take_result(message.value)
         elif isinstance(message, WorkFailure):
             self.failure, self.progress = message.words, None
+            if not isinstance(self._at_work, DiagnoseTask):
+                self._diagnose()
         elif isinstance(message, WorkDone):
             self.progress = None
             findings = self.findings
@@ -263,7 +271,8 @@ class WorkbenchSession:
 
     def _begin(self, task: WorkTask) -> None:
         """Starts a task now, or after the one at work."""
-        self.failure = ""
+        if not isinstance(task, DiagnoseTask):
+            self.failure = ""
         if self.worker.task is not None:
             self._next = task
         else:
