@@ -59,7 +59,8 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)
 
-soak: setup ## the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, attacks for MINUTES=10
+soak: setup ## all laws with ten times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, attacks for MINUTES=10
+	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages

@@ -17,7 +17,9 @@ SHARED = ROOT.parent / "shared"
 TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
 EXAMPLE = ROOT / "lrm_ident" / "examples" / "hidden-play.csv"
 
-settings.register_profile("lrm", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+_LAWS = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+settings.register_profile("lrm", _LAWS, max_examples=30)
+settings.register_profile("thorough", _LAWS, max_examples=300, derandomize=False)  # make soak
 settings.load_profile("lrm")
 
 

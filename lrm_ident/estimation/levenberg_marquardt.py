@@ -25,6 +25,7 @@ from lrm_math.model.model import Model
 
 MAX_STEPS = 60
 DAMPED_STEPS = 300  # with weak priors the last steps are short, but each one gains
+FIRST_DAMPING = 1e-6
 STEP_TOLERANCE = 1e-8  # of the typical sizes
 GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 IDLE_STEPS, IDLE_GAIN, IDLE_LIKELIHOOD = 5, 1e-5, 0.3
@@ -140,7 +141,8 @@ def fit(
     check_enough(len(data), len(model.free), prior)
     limits = bounds or bounds_of(model, model.free)
     objective = Objective(model, data, SQUARED if loss is None else loss, prior)
-    plain = _LevenbergMarquardt(objective, limits.lower / objective.typical, limits.upper / objective.typical)
+    idle = MAX_STEPS if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
+    plain = _LevenbergMarquardt(objective, limits.lower / objective.typical, limits.upper / objective.typical, idle)
     try:
         found = plain.solve(MAX_STEPS)
     except FitNotConverged:
@@ -148,7 +150,7 @@ def fit(
             raise
         weakly = replace(objective, prior=weak_prior(model))
         found = replace(replace(plain, objective=weakly).solve(DAMPED_STEPS), damped=True)
-    check_arm(found.rest, model.free)
+    check_arm(found.rest, model.free, found.standard_error)
     return found
 
 
@@ -170,6 +172,7 @@ class _LevenbergMarquardt:
     objective: Objective
     lower: Array
     upper: Array
+    idle_steps: int
 
     def solve(self, most_steps: int) -> Fit:
         """Iterates until no decrease is predicted. Raises `FitNotConverged`."""
@@ -178,7 +181,7 @@ class _LevenbergMarquardt:
         iterate = objective.at(np.clip(z, self.lower, self.upper), None)
         held = np.zeros(len(model.free), dtype=np.bool_)
         noise = objective.noise_scale(iterate, None, ~held)
-        damping, step, idle, columns = 1e-6, np.inf, 0, np.empty((0, len(z)))
+        damping, step, idle, columns = FIRST_DAMPING, np.inf, 0, np.empty((0, len(z)))
         if not model.free:
             return self._result(iterate, columns, held, 0, noise)
         for steps in range(1, most_steps + 1):
@@ -190,15 +193,15 @@ class _LevenbergMarquardt:
             predicted = float(descent @ (trial.z - iterate.z)) / noise.scale**2
             least = max(GAIN_TOLERANCE * objective.value(iterate, noise), POSTERIOR_TOLERANCE * noise.prior_weight)
             idle = idle + 1 if self._gains_nothing(iterate, trial, noise) else 0
-            if idle >= IDLE_STEPS and not self._well_known(columns[:, ~held], iterate, noise):
+            if idle >= self.idle_steps and not self._well_known(columns[:, ~held], iterate, noise):
                 raise FitNotConverged(steps, step)
-            done = step < STEP_TOLERANCE or predicted < least or idle >= IDLE_STEPS
+            done = step < STEP_TOLERANCE or predicted < least or idle >= self.idle_steps
             iterate = trial
             if done:
                 now = objective.noise_scale(iterate, noise, ~held)
                 if now.close_to(noise):
                     return self._result(iterate, columns, held, steps, noise)
-                noise = now
+                noise, damping = now, min(damping, FIRST_DAMPING)
         raise FitNotConverged(most_steps, step)
 
     def _gains_nothing(self, iterate: Iterate, trial: Iterate, noise: NoiseScale) -> bool:

@@ -11,6 +11,7 @@ from lrm_ident.registration.loose_fit import reach
 from lrm_ident.registration.question import nominal_tcp
 from lrm_ident.registration.similarity import robust_similarity
 from lrm_math.arm.arm_file import MM
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
@@ -18,6 +19,7 @@ from lrm_math.model.model import Model
 LEAST_SCALE, MOST_SCALE = 0.7, 1.4
 LONG, LEFT = 0.1, 0.3
 """Share of the reach of a length that is looked at, and share of it that must be left."""
+SURE = 5.0  # standard errors
 CHECK = "are unit, axes and frame right, and is it this arm?"
 
 
@@ -25,12 +27,13 @@ class DestroyedArm(LrmError):
     """A fit that lowers the error only by destroying the arm."""
 
 
-def check_arm(rest: Equilibrium, free: Sequence[str]) -> None:
+def check_arm(rest: Equilibrium, free: Sequence[str], standard_error: Array) -> None:
     """Raises `DestroyedArm` if a fit does not describe the arm that it was asked for.
 
     Args:
         rest: equilibrium of the fitted model at the poses.
         free: keys of the fitted parameters.
+        standard_error: (P,), theirs (SI); a length that the poses hardly tell may take any value.
     """
     model = rest.model
     nominal = nominal_tcp(model.arm, rest.poses)
@@ -39,8 +42,10 @@ def check_arm(rest: Equilibrium, free: Sequence[str]) -> None:
         if not LEAST_SCALE < scale < MOST_SCALE:
             verb = "shrinks" if scale < 1 else "stretches"
             raise DestroyedArm(f"the fit lowers the error only as it {verb} the arm to {100 * scale:.0f} %; {CHECK}")
+    error = dict(zip(free, standard_error.tolist(), strict=True))
     for key, drawn, fitted in lengths(model, free):
-        if abs(drawn) > LONG * reach(model.arm) and fitted / drawn < LEFT:
+        sure = abs(fitted - drawn) > SURE * error[key]
+        if abs(drawn) > LONG * reach(model.arm) and fitted / drawn < LEFT and sure:
             change = f"from {drawn / MM:.1f} to {fitted / MM:.1f} mm"
             raise DestroyedArm(f"the fit lets a length collapse: {key} goes {change}; {CHECK}")
 

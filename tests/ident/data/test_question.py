@@ -221,7 +221,7 @@ def test_whatever_fits_refuses_to_destroy_the_arm(values: dict[str, float], said
     ):
         with pytest.raises(DestroyedArm, match=said):
             fitting()
-    check_arm(_drawn_with({}), keys)
+    check_arm(_drawn_with({}), keys, np.zeros(len(keys)))
 
 
 def test_a_fit_that_no_parameter_helps_is_refused() -> None:
