@@ -100,7 +100,7 @@ def test_unreachable_goals_have_no_branches() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(arm=arms.filter(lambda arm: arm.dof >= 4))
 def test_extended_search_keeps_the_branches_of_the_direct_method(arm: Arm) -> None:
     """With and without a closed form."""
