@@ -141,7 +141,7 @@ def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
 
 def test_what_can_be_told_now_is_freed(lab: Arm, described: ArmDescription) -> None:
     """A spring that was held at zero, and can be told, is freed and the error falls to the noise."""
-    data = hidden(described, 6)
+    data = hidden(described, 8)
     model = base_fit(lab, data)
     key = "compliance.joint4.k_rad_per_Nm"
     assert key in model.free
