@@ -283,6 +283,13 @@ class Rover:
             key(self.robot, tail), lambda sample: callback(unpack(kind, sample.payload.to_bytes()))
         )
 
+    def listen(self, whole: str, callback: Callable[[bytes], None]) -> zenoh.Subscriber[None]:
+        """Subscribes `callback` to the payloads of any key, of the robot or not."""
+        try:
+            return self._session.declare_subscriber(whole, lambda sample: callback(sample.payload.to_bytes()))
+        except zenoh.ZError:
+            raise LrmError(f"'{whole}' is no zenoh key; for instance lab/tracker") from None
+
     # ---- queries
 
     def _wait(self, wanted: Sequence[str], meanwhile: Sequence[str], limit: float) -> None:
