@@ -14,7 +14,7 @@ from typer import Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import show
+from lrm_ident.cli.common import publish, show
 from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
 
@@ -138,3 +138,49 @@ def _loads(load_command: str | None) -> Callable[[float], None]:
 
 def _stop(*_: object) -> NoReturn:
     raise SystemExit(1)
+
+
+@command
+def verify(
+    tracker: TrackerName,
+    robot: RobotName = "rover",
+    connect: Connect = None,
+    goals: Annotated[str, Option(help="How many random goals, or a CSV of x_mm, y_mm, z_mm to visit in order.")] = "50",
+    arm: arg.ArmName = None,
+    payload_g: Annotated[float, Option(min=0, help="What the tool carries.")] = 0.0,
+    seed: Annotated[int, Option(help="Of the goals: the same goals before and after.")] = 0,
+    before: Annotated[
+        Path | None, Option(metavar="JSON", help="An earlier result (--json), of another model, to stand beside.")
+    ] = None,
+    tool: ToolTarget = 1,
+    base: BaseTarget = 0,
+    settle: Settle = 0.5,
+    dwell: Dwell = 1.0,
+    take: Take = False,
+    json: arg.JsonFile = None,
+) -> None:
+    """Send the tip to goals through the daemon's inverse kinematics, and measure where it lands.
+
+    The model is the one that the daemon uses. Beside the measured error stands what it predicts: rounding to counts, and
+    the model's own uncertainty.
+    """
+    from lrm_ident.campaign.goals import goals_named
+    from lrm_ident.campaign.rover_arm import RoverArm
+    from lrm_ident.campaign.run import Rhythm
+    from lrm_ident.campaign.session import RealClock, connected
+    from lrm_ident.campaign.verification import GoalRun
+    from lrm_ident.campaign.verification_report import read_verification, verification_document
+    from lrm_ident.tracker.frames import TargetNumbers
+    from lrmd.client import Rover
+
+    signal.signal(signal.SIGTERM, _stop)
+    earlier = None if before is None else read_verification(before)
+    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
+    with Rover(robot, connect.split(",") if connect else None) as rover:
+        wanted = goals_named(goals, load_arm(arm or rover.info().arm), seed)
+        with connected(rover, tracker, numbers) as opened, rover.control("lrm-ident verify", take):
+            clock = RealClock()
+            rover_arm = RoverArm(rover, clock, lambda _: None, 1)
+            run = GoalRun(rover_arm, opened, numbers, clock, Rhythm(0.0, settle, dwell), payload_g * GRAM)
+            found = run.visit(wanted.tolist(), lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
+    publish(verification_document(found, earlier), json)

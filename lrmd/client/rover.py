@@ -15,6 +15,7 @@ import zenoh
 from lrm_math.errors import LrmError
 from lrmd.messages.control import (
     ArmRequest,
+    DeployRequest,
     DisarmRequest,
     ErrorReply,
     EstopCommand,
@@ -36,6 +37,7 @@ from lrmd.messages.control import (
     Reply,
     ResetRequest,
     ThermalState,
+    UndeployRequest,
     field_named,
     pack,
     unpack,
@@ -208,6 +210,16 @@ class Rover:
     def reload(self) -> ReloadReply:
         """Reloads the model file in the daemon. Needs no lease; nothing moves."""
         return self._query(ReloadReply, "rpc/reload", ReloadRequest(), self._timeout + RELOAD_S)
+
+    def deploy(self, text: str) -> ReloadReply:
+        """Gives the daemon a model file's text, to keep as a version and use from now on. Needs no lease."""
+        with field_named():
+            request = DeployRequest(text=text)
+        return self._query(ReloadReply, "rpc/deploy", request, self._timeout + RELOAD_S)
+
+    def undeploy(self) -> ReloadReply:
+        """Takes the last deployment back. Needs no lease."""
+        return self._query(ReloadReply, "rpc/undeploy", UndeployRequest(), self._timeout + RELOAD_S)
 
     def estop(self, why: str = "") -> None:
         """Stops all pulses at the next tick. Needs no lease."""
