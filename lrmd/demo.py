@@ -39,7 +39,8 @@ zenoh = {{ listen = ["tcp/127.0.0.1:{port}"] }}
 """
 POSES = ((0, 0, 0, 0, 0, 0), (30, -45, 20, 0, 0, 0), (30, -45, 20, 40, 0, 0), (-30, -60, 30, 20, -30, 45))
 """deg; the simulated arm starts at the first."""
-TIMEOUT = 10.0
+TIMEOUT, START_TIMEOUT = 10.0, 60.0
+"""s: for the daemon to end, and to come up on a busy machine."""
 MAX_SPEED = 40.0
 """Ratio to real time: a tick then lasts 0.16 ms, about the computing time of ramp and board."""
 
@@ -82,7 +83,7 @@ def daemon(config: Config, speed: float) -> Iterator[None]:
 @contextmanager
 def connected(config: Config) -> Iterator[Rover]:
     """A client, as soon as there is a daemon with a board. Raises `NoReply`."""
-    end = time.monotonic() + TIMEOUT
+    end = time.monotonic() + START_TIMEOUT
     while True:
         try:
             with Rover(config.robot, config.zenoh.listen) as rover:

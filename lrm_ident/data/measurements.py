@@ -29,13 +29,18 @@ OPTIONAL = ("t_s", "session", "payload_g", *ATTITUDE, "temp_c", "supply_v", "sd_
 
 
 class Metadata(Reading):
-    """Metadata file `NAME.toml`, schema `lrm/measurements/1`; it may say how the numbers are to be read."""
+    """Metadata file `NAME.toml`, schema `lrm/measurements/1`; it may say how the numbers are to be read.
+
+    `poses_sha256`, `t0_s`: of a campaign, its file of poses and the tracker's time at t_s = 0.
+    """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
     arm: str | None = None
     source: str = ""
     start_q_deg: list[float] | None = None
     noise_sd_mm: Annotated[float, Field(gt=0)] | None = None
+    poses_sha256: str | None = None
+    t0_s: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +153,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         repeat_of=_repeats(table, pose),
         path=path,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        notices=tuple(_notices(table, [*angles, "pose", *POSITION, *OPTIONAL])),
+        notices=tuple(_notices(table, [*angles, *_sides(arm), "pose", *POSITION, *OPTIONAL])),
         arm=arm,
         reading=Reading(**how.said()),
         stated=_stated(table, how),
@@ -174,6 +179,10 @@ def _angle_columns(table: CsvTable, arm: Arm, how: Reading) -> list[str]:
         count = sum(1 for name in table.header if ANGLES.fullmatch(name))
         raise FileError(table.path, "header", f"{count} joints, {arm.name} has {arm.dof}", "is this another arm?")
     return angles
+
+
+def _sides(arm: Arm) -> list[str]:
+    return [f"approach{i + 1}" for i in range(arm.dof)]
 
 
 def _start(path: Path, metadata: Metadata | None, arm: Arm, how: Reading) -> Array | None:

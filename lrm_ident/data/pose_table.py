@@ -44,15 +44,17 @@ def poses_of_table(
 ) -> Poses:
     """Poses with angles `q` (N, n) in rad and the other columns of a table, `known` those that are read already."""
     moves = directions(q, start)
+    sides = read_approach(table, moves, how)
+    straight = bool(np.all((sides == moves) | (moves == 0.0)))
     return Poses(
         q=q,
         payload=read_payload(table),
-        direction=read_approach(table, moves, how),
+        direction=sides,
         t=known.get("t_s"),
         session=known.get("session"),
         temperature=known.get("temp_c"),
         number=number,
-        friction=None if "approach" in table.header else friction_states(q, moves, start),
+        friction=friction_states(q, moves, start) if straight and "approach" not in table.header else None,
         running=_running(known.get("t_s"), known.get("session")),
     )
 
@@ -96,7 +98,13 @@ def read_payload(table: CsvTable) -> Array:
 
 
 def read_approach(table: CsvTable, moves: Array, how: Reading) -> Array:
-    """(N, n), approach directions: the column `approach`, else the moves. Raises `FileError`."""
+    """(N, n), approach directions: the columns `approach1` … or `approach`, else the moves. Raises `FileError`."""
+    own = [f"approach{i + 1}" for i in range(moves.shape[1])]
+    if set(own) <= set(table.header):
+        sides = np.stack([table.numbers(name) for name in own], axis=1)
+        for name, side in zip(own, sides.T, strict=True):
+            table.reject(~np.isin(side, (-1.0, 0.0, 1.0)), name, "not a side", "1, -1, or 0 if unknown")
+        return read_joints(how, sides)
     if "approach" not in table.header:
         return moves
     side = table.numbers("approach")

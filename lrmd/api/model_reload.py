@@ -1,15 +1,24 @@
-"""Loading and reloading of the model: checked in the api process, then adopted by the ik process."""
+"""Loading, reloading and deploying of the model: checked in the api process, then adopted by the ik process."""
 
 from __future__ import annotations
 
 import threading
 import time
+from pathlib import Path
 
 from lrm_math.errors import FileError, LrmError
 from lrmd.config import Config
 from lrmd.errors import RequestError
-from lrmd.ik.deployed_model import DeployedModel, deploy
+from lrmd.ik.deployed_model import DeployedModel, deploy_file
 from lrmd.ik.service import solver_of
+from lrmd.persistence.deployed_models import (
+    DeployedStack,
+    active_model,
+    load_stack,
+    model_in_use,
+    save_stack,
+    write_version,
+)
 from lrmd.ramp.shared_memory import SharedRecords
 from lrmd.safety.collision_guard import Guard, guard_of
 from lrmd.safety.model_check import check_comes_to_rest
@@ -18,9 +27,9 @@ IK_TIMEOUT, POLL_INTERVAL = 5.0, 0.005
 """s: time of the ik process for its present query and the new model, and how often its digest is read."""
 
 
-def load_checked(config: Config) -> tuple[DeployedModel, Guard | None]:
-    """The configured model, and the guard with its sag. Raises `LrmError` for a file that cannot be used."""
-    deployed = deploy(config)
+def load_checked(config: Config, path: Path | None) -> tuple[DeployedModel, Guard | None]:
+    """The model of a file (None: the nominal arm), and the guard with its sag. Raises `LrmError`: not to be used."""
+    deployed = deploy_file(config, path)
     solver_of(config, deployed)
     try:
         check_comes_to_rest(config.arm, deployed.model)
@@ -37,7 +46,7 @@ class ActiveModel:
         self._config, self._shared = config, shared
         self._lock = threading.Lock()
         self.guard: Guard | None = None
-        self.load()
+        self.deployed = self.load()
 
     def load(self) -> DeployedModel:
         """Reads the file; raises `LrmError` and keeps the present model if it cannot be used.
@@ -45,9 +54,35 @@ class ActiveModel:
         The ik process sees the new digest after its present query, and loads the file itself.
         """
         with self._lock:
-            deployed, self.guard = load_checked(self._config)
-            self._shared.model = deployed.digest
-            return deployed
+            return self._take(*load_checked(self._config, active_model(self._config)))
+
+    def deploy(self, text: str) -> DeployedModel:
+        """Keeps a model file's text as a new version and uses it. Raises `LrmError`; then nothing has changed."""
+        with self._lock:
+            stack, path = load_stack(self._config.state), write_version(self._config.state, text)
+            try:
+                checked = load_checked(self._config, path)
+                save_stack(self._config.state, DeployedStack(versions=(*stack.versions, path.name)))
+            except LrmError:
+                path.unlink(missing_ok=True)
+                raise
+            return self._take(*checked)
+
+    def undo(self) -> DeployedModel:
+        """Goes back to the version before. Raises `LrmError`: nothing was deployed, or that one cannot be used."""
+        with self._lock:
+            stack = load_stack(self._config.state)
+            if not stack.versions:
+                raise RequestError("nothing_to_undo", "no deployed model is in use; the one of the configuration is")
+            before = DeployedStack(versions=stack.versions[:-1])
+            checked = load_checked(self._config, model_in_use(self._config, before))
+            save_stack(self._config.state, before)
+            return self._take(*checked)
+
+    def _take(self, deployed: DeployedModel, guard: Guard | None) -> DeployedModel:
+        self.guard, self.deployed = guard, deployed
+        self._shared.model = deployed.digest
+        return deployed
 
     def wait_for_ik(self, deployed: DeployedModel) -> None:
         """Waits until the ik process answers with this model. Raises `RequestError`."""

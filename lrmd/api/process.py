@@ -6,7 +6,9 @@ import signal
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import structlog
@@ -27,7 +29,7 @@ from lrmd.control.controller import Controller
 from lrmd.control.events import ControllerEvent, Level
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.messages.control import Message, ReloadRequest, error_reply, pack
+from lrmd.messages.control import DeployRequest, Message, ReloadRequest, UndeployRequest, error_reply, pack
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence import state_file
 from lrmd.persistence.arm_identity import of_this_arm
@@ -61,6 +63,7 @@ class ApiProcess:
         guard = self._model.guard or (lambda *_: None)
         self._controller = Controller(config, gravity_torques(config.arm), self._load(), guard, now, time.time_ns())
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik)
+        self._publisher.model = self._model.deployed.path
         self._writer = BackgroundWriter(config.state, self._on_write)
         self._stopping = self._reloading = False
         self._server: ZenohServer | None = None
@@ -145,8 +148,13 @@ class ApiProcess:
 
     def reload(self) -> DeployedModel:
         """Reads the model file again. Raises `RequestError` if it cannot be used: the model in use stays."""
+        return self._adopt(self._model.load)
+
+    def _adopt(self, load: Callable[[], DeployedModel]) -> DeployedModel:
         try:
-            deployed = self._model.load()
+            deployed = load()
+        except RequestError:
+            raise
         except LrmError as error:
             text = f"{error}; the model in use stays"
             with self._lock:
@@ -155,6 +163,7 @@ class ApiProcess:
             raise RequestError("model", text) from None
         with self._lock:
             self._controller.motion_check.guard = self._model.guard or self._controller.motion_check.guard
+            self._publisher.model = deployed.path
             self._emit("model_loaded", "info", f"model {deployed.path}", model_sha256=deployed.sha256)
             self._flush()
         return deployed
@@ -255,10 +264,10 @@ class ApiProcess:
 
     def handle(self, tail: str, request: Message) -> Message:
         """Carries out a request. Raises `LrmError` if it cannot."""
-        if isinstance(request, ReloadRequest):
-            deployed = self.reload()
+        if isinstance(request, ReloadRequest | DeployRequest | UndeployRequest):
+            deployed = self._changed_model(request)
             self._model.wait_for_ik(deployed)
-            return self._publisher.reloaded(deployed)
+            return self._publisher.reloaded(tail, deployed)
         with self._lock:
             now = time.monotonic_ns()
             self._observe(now)
@@ -266,6 +275,14 @@ class ApiProcess:
             self._write_order()
             self._flush()
             return self._publisher.reply(tail, result)
+
+    def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
+        match request:
+            case DeployRequest():
+                return self._adopt(partial(self._model.deploy, request.text))
+            case UndeployRequest():
+                return self._adopt(self._model.undo)
+        return self.reload()
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
         """Emits an event for a refused command, which has no reply."""

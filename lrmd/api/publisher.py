@@ -29,17 +29,18 @@ from lrmd.messages.control import (
     ThermalState,
 )
 from lrmd.ramp.lateness import Lateness
-from lrmd.ramp.shared_memory import BUCKET_NS, SharedRecords
+from lrmd.ramp.shared_memory import BUCKET_NS, NO_MODEL, NOMINAL, SharedRecords
 
 
 class StatePublisher:
-    """`states`: builders of the state messages, by key; `boot_id`: identifier of this start."""
+    """`states`: builders of the state messages, by key; `boot_id`: identifier of this start; `model`: path in use."""
 
     def __init__(
         self, config: Config, controller: Controller, shared: SharedRecords, ramp: ChildProcess, ik: ChildProcess
     ) -> None:
         self._config, self._controller, self._shared = config, controller, shared
         self._ramp, self._ik = ramp, ik
+        self.model = "nominal" if config.model is None else str(config.model)
         headers = HeaderSource()
         self.boot_id, self._header = headers.boot_id, headers.next
         self._published_at = 0
@@ -73,11 +74,18 @@ class StatePublisher:
         return Reply(
             **self._header(tail), mode=self._controller.mode.value, seconds=result.seconds,
             lease=None if lease is None else lease.token, lease_ms=None if lease is None else self._config.lease / 1e6,
+            model_sha256=self._model_sha256,
         )  # fmt: skip
 
-    def reloaded(self, deployed: DeployedModel) -> ReloadReply:
-        """The reply to a reload."""
-        return ReloadReply(**self._header("rpc/reload"), model=deployed.path, model_sha256=deployed.sha256)
+    def reloaded(self, tail: str, deployed: DeployedModel) -> ReloadReply:
+        """The reply to a request that changed the model."""
+        model = {"model": deployed.path, "model_sha256": deployed.sha256, "left_out": list(deployed.left_out)}
+        return ReloadReply(**self._header(tail), **model)
+
+    @property
+    def _model_sha256(self) -> str:
+        accepted = self._shared.model
+        return "" if accepted in (NOMINAL, NO_MODEL) else accepted.hex()
 
     def event(self, e: ControllerEvent) -> Event:
         """The message of an event."""
@@ -140,7 +148,6 @@ class StatePublisher:
             tick_ms=config.tick / 1e6, step_us=config.step / 1e3, count_us=config.clock.count_s * 1e6,
             pwm_hz=1.0 / (COUNTS_PER_PERIOD * config.clock.count_s),
             lease_ms=config.lease / 1e6, command_ms=config.command / 1e6,
-            model=None if config.model is None else str(config.model),
-            model_sha256="" if config.model is None else self._shared.model.hex(),
+            model=self.model if self._model_sha256 else None, model_sha256=self._model_sha256,
             stored_rad=stored_angles(config, stored), stored_still=bool(stored and stored.still),
         )  # fmt: skip

@@ -10,6 +10,7 @@ from lrm_math.errors import LrmError
 from lrmd.api.model_reload import load_checked
 from lrmd.config import Config
 from lrmd.messages.zenoh_session import client, own_endpoints, router
+from lrmd.persistence.deployed_models import active_model
 
 
 def check_start(config: Config) -> str:
@@ -17,7 +18,7 @@ def check_start(config: Config) -> str:
 
     Raises `LrmError` for what the start would refuse. The state file is not read: no content of it stops a start.
     """
-    deployed, guard = load_checked(config)
+    deployed, guard = load_checked(config, active_model(config))
     try:
         router(config.zenoh)
         client(own_endpoints(config.zenoh), config.zenoh.config)

@@ -13,6 +13,7 @@ from lrm_math.errors import LrmError
 from lrmd.errors import RequestError
 from lrmd.messages.control import (
     ArmRequest,
+    DeployRequest,
     DisarmRequest,
     HoldRequest,
     JogRequest,
@@ -22,6 +23,7 @@ from lrmd.messages.control import (
     RelaxRequest,
     ReloadRequest,
     ResetRequest,
+    UndeployRequest,
     pack,
     unpack,
 )
@@ -36,6 +38,8 @@ REQUESTS: dict[str, type[Message]] = {
     "rpc/disarm": DisarmRequest,
     "rpc/reset_fault": ResetRequest,
     "rpc/reload": ReloadRequest,
+    "rpc/deploy": DeployRequest,
+    "rpc/undeploy": UndeployRequest,
 }
 COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest}
 

@@ -1,11 +1,13 @@
-"""The commands of `lrm` that read the daemon's state or reload its model; none of them moves the arm."""
+"""The commands of `lrm` that read the daemon's state or change its model; none of them moves the arm."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import threading
+from pathlib import Path
 
+from lrm_math.errors import FileError, LrmError
 from lrmd.cli import text
 from lrmd.cli.parsing import open_rover
 from lrmd.messages.control import Event
@@ -46,6 +48,28 @@ def logs(o: argparse.Namespace) -> int:
             rover.watch(Event, "event/**", lambda event: print(text.event_line(event), flush=True))
             threading.Event().wait()
     return 0
+
+
+def deploy(o: argparse.Namespace) -> int:
+    """`lrm deploy`: gives the daemon a model file, or takes the last one back."""
+    if (o.model is None) == (not o.undo):
+        raise LrmError("deploy: give a model file, or --undo")
+    text_of_file = None if o.model is None else _read(o.model)
+    with open_rover(o) as rover:
+        before = rover.info().model_sha256
+        reply = rover.undeploy() if text_of_file is None else rover.deploy(text_of_file)
+        print(text.model_text(reply.model, reply.model_sha256))
+        print(f"before: {before[:12] or 'the nominal arm'}; back to it: lrm deploy --undo" if o.model else "undone")
+        if reply.left_out:
+            print(f"not compensated (only explain a measurement): {', '.join(reply.left_out)}")
+    return 0
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(path, "", f"cannot be read ({error})") from None
 
 
 def reload(o: argparse.Namespace) -> int:

@@ -9,5 +9,18 @@ with Rover("rover") as rover, rover.control("my program"):
 """
 
 from lrmd.client.rover import MotionInterrupted, NoReply, RequestRefused, Rover
+from lrmd.messages.control import InfoState
+from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 
-__all__ = ["MotionInterrupted", "NoReply", "RequestRefused", "Rover"]
+__all__ = [
+    "FkRequest",
+    "GoalEntry",
+    "IkAnswer",
+    "IkRequest",
+    "InfoState",
+    "MotionInterrupted",
+    "NoReply",
+    "PlanRequest",
+    "RequestRefused",
+    "Rover",
+]

@@ -15,6 +15,7 @@ import zenoh
 from lrm_math.errors import LrmError
 from lrmd.messages.control import (
     ArmRequest,
+    DeployRequest,
     DisarmRequest,
     ErrorReply,
     EstopCommand,
@@ -36,6 +37,7 @@ from lrmd.messages.control import (
     Reply,
     ResetRequest,
     ThermalState,
+    UndeployRequest,
     field_named,
     pack,
     unpack,
@@ -209,6 +211,16 @@ class Rover:
         """Reloads the model file in the daemon. Needs no lease; nothing moves."""
         return self._query(ReloadReply, "rpc/reload", ReloadRequest(), self._timeout + RELOAD_S)
 
+    def deploy(self, text: str) -> ReloadReply:
+        """Gives the daemon a model file's text, to keep as a version and use from now on. Needs no lease."""
+        with field_named():
+            request = DeployRequest(text=text)
+        return self._query(ReloadReply, "rpc/deploy", request, self._timeout + RELOAD_S)
+
+    def undeploy(self) -> ReloadReply:
+        """Takes the last deployment back. Needs no lease."""
+        return self._query(ReloadReply, "rpc/undeploy", UndeployRequest(), self._timeout + RELOAD_S)
+
     def estop(self, why: str = "") -> None:
         """Stops all pulses at the next tick. Needs no lease."""
         command = EstopCommand(why="".join(c for c in why if c.isprintable())[:64])
@@ -282,6 +294,13 @@ class Rover:
         return self._session.declare_subscriber(
             key(self.robot, tail), lambda sample: callback(unpack(kind, sample.payload.to_bytes()))
         )
+
+    def listen(self, whole: str, callback: Callable[[bytes], None]) -> zenoh.Subscriber[None]:
+        """Subscribes `callback` to the payloads of any key, of the robot or not."""
+        try:
+            return self._session.declare_subscriber(whole, lambda sample: callback(sample.payload.to_bytes()))
+        except zenoh.ZError:
+            raise LrmError(f"'{whole}' is no zenoh key; for instance lab/tracker") from None
 
     # ---- queries
 

@@ -11,6 +11,7 @@ from lrm_math.model.covariance import Covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_covariance, load_model
 from lrmd.config import Config
+from lrmd.persistence.deployed_models import active_model
 from lrmd.ramp.shared_memory import NOMINAL
 
 
@@ -34,10 +35,14 @@ class DeployedModel:
 
 
 def deploy(config: Config) -> DeployedModel:
-    """The model of the configuration, or the nominal arm if it names none. Raises `FileError`."""
-    if config.model is None:
+    """The model in use: the last one deployed, that of the configuration, or the nominal arm. Raises `FileError`."""
+    return deploy_file(config, active_model(config))
+
+
+def deploy_file(config: Config, path: Path | None) -> DeployedModel:
+    """The model of a file, the nominal arm without one. Raises `FileError`."""
+    if path is None:
         return DeployedModel(model_of(config.arm, ()), None, "nominal", "", ())
-    path = config.model
     content = _content(path)
     model, covariance = load_model(path), load_covariance(path)
     if _content(path) != content:
@@ -49,8 +54,9 @@ def deploy(config: Config) -> DeployedModel:
 
 
 def digest_of(config: Config) -> bytes:
-    """Present digest of the configured model file. Raises `FileError`."""
-    return NOMINAL if config.model is None else hashlib.sha256(_content(config.model)).digest()
+    """Present digest of the model file in use. Raises `FileError`."""
+    path = active_model(config)
+    return NOMINAL if path is None else hashlib.sha256(_content(path)).digest()
 
 
 def _content(path: Path) -> bytes:

@@ -174,7 +174,7 @@ class IkProcess:
         self._checked = accepted, found
         try:
             if found != accepted:
-                raise LrmError(f"{self._config.model} is not the file that the daemon accepted; reload it")
+                raise LrmError("the model's file is not the one that the daemon accepted; reload it")
             self._service = IkService(self._config, deploy(self._config))
             self._shared.ik_model = self._service.deployed.digest
         except LrmError as error:

@@ -146,6 +146,16 @@ class ReloadRequest(Message):
     """`rpc/reload`: reads the model file again. Nothing moves; needs no lease."""
 
 
+class DeployRequest(Message):
+    """`rpc/deploy`: a model file's `text`, kept as a new version and used at once. Nothing moves; needs no lease."""
+
+    text: Annotated[str, Field(min_length=1, max_length=1_000_000)]
+
+
+class UndeployRequest(Message):
+    """`rpc/undeploy`: back to the model before the last deployment. Nothing moves; needs no lease."""
+
+
 class EstopCommand(Message):
     """`cmd/estop`: stops all pulses at the next tick. Needs no lease; `why` is for the log."""
 
@@ -284,19 +294,21 @@ class Event(Header):
 
 
 class Reply(Header):
-    """Reply to a request that was carried out: the resulting mode."""
+    """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm."""
 
     mode: str
     lease: str | None = None
     lease_ms: float | None = None
     seconds: float | None = None
+    model_sha256: str = ""
 
 
 class ReloadReply(Header):
-    """Reply to `rpc/reload`: the model file and its SHA-256, as in later replies of `rpc/ik`."""
+    """Reply to `rpc/reload`, `rpc/deploy` and `rpc/undeploy`: the model, as in later replies of `rpc/ik`."""
 
     model: str
     model_sha256: str
+    left_out: list[str] = []
 
 
 class ErrorReply(Message):

@@ -98,6 +98,9 @@ def _joints(simulation: Simulation) -> QueryReply:
 def _status(simulation: Simulation, now: int) -> QueryReply:
     board, chip = simulation.board, simulation.board.chip
     pulses = [chip.pulse(channel) for channel in range(CHANNELS)]
+    arm = (
+        {} if simulation.arm is None else {"session": simulation.arm.session, "payload_g": simulation.arm.payload * 1e3}
+    )
     return {
         "t_s": now / SECOND,
         "boot": board.boot,
@@ -107,4 +110,5 @@ def _status(simulation: Simulation, now: int) -> QueryReply:
         "silence_ms": board.silence_ms,
         "pwm_hz": 1.0 / (COUNTS_PER_PERIOD * chip.count_s),
         "pulse_us": [None if pulse is None else pulse * 1e6 for pulse in pulses],
+        **arm,
     }

@@ -43,6 +43,8 @@ FULL: dict[str, dict[str, Any]] = {
     "DisarmRequest": {"lease": "t"},
     "ResetRequest": {"lease": "t"},
     "ReloadRequest": {},
+    "DeployRequest": {"text": "schema = 1"},
+    "UndeployRequest": {},
 }
 
 
@@ -108,7 +110,7 @@ def test_a_missing_field_is_named(name: str) -> None:
 @pytest.mark.parametrize(("name", "field"), fields(REQUEST_NAMES))
 @pytest.mark.parametrize("wrong", [b"bytes", [[1]], {"a": {"b": 1}}, "no such word" * 10, True, -1e9, 10**30 % 2**63])
 def test_a_wrong_type_or_value_is_named(name: str, field: str, wrong: object) -> None:
-    if (field, wrong) == ("take", True):
+    if (field, wrong) in (("take", True), ("text", "no such word" * 10)):  # a model file's text is read later
         return
     assert refusal(MESSAGES[name], {**FULL[name], field: wrong}).startswith(field)
 

@@ -1,0 +1,124 @@
+"""A campaign: every pose that is not measured yet, one after the other, until all are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from lrm_ident.campaign.data_file import ArmState, DataFile
+from lrm_ident.campaign.plan import PlannedPose
+from lrm_ident.tracker.dwell import RestMean, UnfitRest, rest_mean
+from lrm_ident.tracker.frames import TargetNumbers, Tracker
+from lrm_math.errors import LrmError
+
+
+class Unreachable(LrmError):
+    """A pose to which there is no way, or that the daemon refuses; the campaign goes on without it."""
+
+
+class CampaignArm(Protocol):
+    """The arm as a campaign sees it."""
+
+    def go(self, pose: PlannedPose) -> ArmState:
+        """Moves there and waits. Raises `Unreachable`; other `LrmError`s end the campaign."""
+
+    def too_warm(self) -> str:
+        """Which servo is too warm to go on, in words; empty if none is."""
+
+    def cool(self, rest: PlannedPose) -> None:
+        """Goes to a pose that loads it little, and waits until it is cool."""
+
+    def load(self, payload: float) -> None:
+        """Has the payload changed (kg), by whoever does that."""
+
+
+class Clock(Protocol):
+    """Time: `now` in s, and `sleep`."""
+
+    def now(self) -> float: ...
+    def sleep(self, seconds: float) -> None: ...
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """Seconds: `pause` from one pose to the next, `settle` at least after a motion, `dwell` averaged at its end.
+
+    `attempts`: how often a pose is tried whose rest is unfit.
+    """
+
+    pause: float = 15.0
+    settle: float = 0.5
+    dwell: float = 1.0
+    attempts: int = 3
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What happened at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s."""
+
+    words: str
+    done: int
+    total: int
+    left: float
+
+
+@dataclass
+class CampaignResult:
+    """Numbers of the poses that could not be measured, with the reason; rests that were repeated."""
+
+    failed: dict[int, str] = field(default_factory=dict)
+    repeated: int = 0
+
+
+@dataclass(frozen=True)
+class PoseCampaign:
+    """What a campaign works with. `rest`: where the arm cools. Poses of `plan` that the file has are left out."""
+
+    arm: CampaignArm
+    tracker: Tracker
+    numbers: TargetNumbers
+    clock: Clock
+    rhythm: Rhythm
+    rest: PlannedPose
+    on_progress: Callable[[Progress], object]
+
+    def run(self, plan: Sequence[PlannedPose], file: DataFile) -> CampaignResult:
+        """Measures every pose of the plan that the file does not have, in order. Raises what ends it before."""
+        result, payload, began = CampaignResult(), None, self.clock.now()
+        left = [pose for pose in plan if pose.number not in set(file.done)]
+        for place, pose in enumerate(left):
+            if pose.payload != payload:
+                self.arm.load(pose.payload)
+                payload = pose.payload
+            words = self._pose(pose, file, result)
+            each = (self.clock.now() - began) / (place + 1)
+            self.on_progress(Progress(words, len(file.done), len(plan), each * (len(left) - place - 1)))
+        return result
+
+    def _pose(self, pose: PlannedPose, file: DataFile, result: CampaignResult) -> str:
+        if why := self.arm.too_warm():
+            self.on_progress(Progress(f"{why}: cooling", len(file.done), 0, 0.0))
+            self.arm.cool(self.rest)
+        faults: list[str] = []
+        for _ in range(self.rhythm.attempts):
+            try:
+                state, rest = self.measure(pose)
+            except Unreachable as error:
+                faults.append(str(error))
+                break
+            if isinstance(rest, RestMean):
+                file.append(pose, state, rest)
+                again = f", after {len(faults)} unfit rests ({faults[-1]})" if faults else ""
+                return f"pose {pose.number}: spread {rest.sd * 1e3:.2f} mm over {rest.frames} frames{again}"
+            faults.append(rest.why)
+            result.repeated += 1
+        result.failed[pose.number] = faults[-1]
+        return f"pose {pose.number} not measured: {faults[-1]}"
+
+    def measure(self, pose: PlannedPose) -> tuple[ArmState, RestMean | UnfitRest]:
+        """Goes to a pose, waits for its time, and averages over the end of the rest."""
+        begin, rhythm = self.clock.now(), self.rhythm
+        state = self.arm.go(pose)
+        self.clock.sleep(max(rhythm.settle, begin + rhythm.pause - rhythm.dwell - self.clock.now()))
+        return state, rest_mean(self.tracker.frames(rhythm.dwell), self.numbers)

@@ -1,0 +1,90 @@
+"""Connects a campaign to a daemon and a tracker."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from lrm_ident.campaign.data_file import CampaignHead, DataFile
+from lrm_ident.campaign.plan import CampaignPlan
+from lrm_ident.campaign.rover_arm import RoverArm
+from lrm_ident.campaign.run import CampaignResult, Clock, PoseCampaign, Progress, Rhythm
+from lrm_ident.campaign.zenoh_tracker import ZenohTracker
+from lrm_ident.tracker.frames import TargetNumbers, Tracker
+from lrm_ident.tracker.source import open_tracker
+from lrm_math.arm.arm import Arm
+from lrm_math.errors import LrmError
+from lrmd.client import Rover
+
+SERVOS_OFF = ("disarmed", "estop", "fault")
+"""Modes without pulses: servos that are switched on again may stand elsewhere, which is a new session."""
+
+
+class RealClock:
+    """The computer's clock."""
+
+    def now(self) -> float:
+        """Monotonic time (s)."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Waits; not for a negative time."""
+        time.sleep(max(0.0, seconds))
+
+
+@dataclass(frozen=True)
+class CampaignOrder:
+    """What to measure with: `arm_name` as the metadata will have it; `loads`: has somebody change the load (kg)."""
+
+    rover: Rover
+    tracker: str
+    numbers: TargetNumbers
+    arm: Arm
+    arm_name: str
+    rhythm: Rhythm
+    loads: Callable[[float], object]
+    on_progress: Callable[[Progress], object]
+    take: bool = False
+
+
+def measure(order: CampaignOrder, plan: CampaignPlan, output: Path) -> CampaignResult:
+    """Measures what is left of a plan into a file, holding the lease. Raises `LrmError`; the file stays resumable."""
+    file = DataFile(output, order.arm.dof)
+    file.check_plan(plan.sha256)
+    lease = order.rover.control("lrm-ident measure", order.take)
+    with file, connected(order.rover, order.tracker, order.numbers) as tracker, lease:
+        clock: Clock = RealClock()
+        arm = RoverArm(order.rover, clock, order.loads, _session(order.rover, file))
+        if len(arm.names) != order.arm.dof:
+            raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {arm.info.robot} has {len(arm.names)}")
+        seen = tracker.frames(order.rhythm.dwell)
+        if not seen:
+            raise LrmError(f"--tracker {order.tracker}: no frame within {order.rhythm.dwell:g} s")
+        source = f"lrm-ident measure: {arm.info.robot}, {order.tracker}"
+        start = tuple(order.rover.commanded_q())
+        file.begin(CampaignHead(order.arm_name, source, start, plan.sha256, seen[-1].t))
+        rest = plan.lightest(order.arm)
+        campaign = PoseCampaign(arm, tracker, order.numbers, clock, order.rhythm, rest, order.on_progress)
+        return campaign.run(plan.poses, file)
+
+
+@contextmanager
+def connected(rover: Rover, tracker: str, numbers: TargetNumbers) -> Iterator[Tracker]:
+    """The tracker that a text names. Raises `LrmError`."""
+    kind, _, rest = tracker.partition(":")
+    source = ZenohTracker(rover, rest) if kind == "zenoh" and rest else open_tracker(tracker, numbers)
+    with source as opened:
+        yield opened
+
+
+def _session(rover: Rover, file: DataFile) -> int:
+    """The last row's power-on session, or the next one if the servos had no pulses since that row."""
+    if not file.done:
+        return 1
+    last_row_ns = file.path.stat().st_mtime_ns
+    since = [event for event in rover.events() if event.t_wall_ns > last_row_ns]
+    off = any(event.detail.get("mode") in SERVOS_OFF for event in since)
+    return file.last_session + off

@@ -1,0 +1,186 @@
+"""Commands that measure with the arm itself, through its daemon."""
+
+from __future__ import annotations
+
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+from typer import Exit, Option
+
+from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.command import command
+from lrm_ident.cli.common import publish, show
+from lrm_math.arm.arm_file import GRAM, load_arm
+from lrm_math.errors import LrmError
+
+if TYPE_CHECKING:
+    from lrm_ident.campaign.run import CampaignResult, Progress
+
+RobotName = Annotated[str, Option(help="Whose daemon.")]
+Connect = Annotated[
+    str | None, Option(metavar="ENDPOINT", help="zenoh endpoint. Default: LRM_CONNECT, or tcp/127.0.0.1:7447.")
+]
+TrackerName = Annotated[
+    str,
+    Option(
+        help="dtrack:PORT (ART's ASCII datagrams), zenoh:KEY (the same on zenoh), or csv:FILE that is being written."
+    ),
+]
+ToolTarget = Annotated[int, Option(min=0, help="Number of the target at the tip.")]
+BaseTarget = Annotated[
+    int, Option(min=-1, help="Number of the target at the base; -1: positions are in the arm's frame.")
+]
+Pause = Annotated[float, Option("--pause", min=0, help="Seconds from one pose to the next.")]
+Settle = Annotated[float, Option(min=0, help="Seconds of rest at least, before the averaging.")]
+Dwell = Annotated[float, Option(min=0.05, help="Seconds at the end of the rest to average over.")]
+LoadCommand = Annotated[
+    str | None,
+    Option(
+        metavar="COMMAND", help="Run to change the load, with the grams as its last word. Default: a person is asked."
+    ),
+]
+Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]
+
+
+@command
+def measure(
+    poses: arg.PosesFile,
+    tracker: TrackerName,
+    output: Annotated[
+        Path, Option("-o", "--output", metavar="DATA", help="Measurements; an interrupted file goes on.")
+    ],
+    robot: RobotName = "rover",
+    connect: Connect = None,
+    arm: arg.ArmName = None,
+    tool: ToolTarget = 1,
+    base: BaseTarget = 0,
+    pause: Pause = 15.0,
+    settle: Settle = 0.5,
+    dwell: Dwell = 1.0,
+    load_command: LoadCommand = None,
+    take: Take = False,
+) -> None:
+    """Drive the arm through POSES and measure its tip at each: DATA, one row as soon as it is known.
+
+    The arm must be armed. It takes planned ways, and pauses when a servo is warm. A rest in which a target is hidden,
+    the tracker is frozen, or a frame lies far off is repeated. Interrupted, it holds; the same command goes on.
+    """
+    from lrm_ident.campaign.plan import load_plan
+    from lrm_ident.campaign.run import Rhythm
+    from lrm_ident.campaign.session import CampaignOrder
+    from lrm_ident.campaign.session import measure as run
+    from lrm_ident.tracker.frames import TargetNumbers
+    from lrmd.client import Rover
+
+    signal.signal(signal.SIGTERM, _stop)
+    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
+    with Rover(robot, connect.split(",") if connect else None) as rover:
+        name = arm or rover.info().arm
+        the_arm = load_arm(name)
+        plan = load_plan(poses, the_arm)
+        rhythm = Rhythm(pause, settle, dwell)
+        order = CampaignOrder(rover, tracker, numbers, the_arm, name, rhythm, _loads(load_command), _say, take)
+        try:
+            result = run(order, plan, output)
+        except (KeyboardInterrupt, SystemExit):
+            show(f"stopped; the arm holds. What is measured is in {output}; the same command goes on")
+            raise Exit(1) from None
+    _conclude(result, len(plan.poses), output)
+
+
+def _conclude(result: CampaignResult, total: int, output: Path) -> None:
+    for number, why in result.failed.items():
+        show(f"not measured: pose {number}: {why}")
+    again = f"; {result.repeated} unfit rests were repeated" if result.repeated else ""
+    show(f"{total - len(result.failed)} of {total} poses are in {output}{again}")
+    if result.failed:
+        show("The same command tries those that are missing again.")
+
+
+def _say(progress: Progress) -> None:
+    left = f", about {_duration(progress.left)} left" if progress.left else ""
+    count = f"{progress.done}/{progress.total}" if progress.total else f"{progress.done}"
+    show(f"[{count}] {progress.words}{left}")
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
+
+
+def _loads(load_command: str | None) -> Callable[[float], None]:
+    def by_command(payload: float) -> None:
+        words = [*shlex.split(load_command or ""), f"{payload / GRAM:.4g}"]
+        done = subprocess.run(words, capture_output=True, text=True)
+        if done.returncode:
+            raise LrmError(f"--load-command: exit code {done.returncode} of {shlex.join(words)}: {done.stderr.strip()}")
+
+    def by_person(payload: float) -> None:
+        if not sys.stdin.isatty():
+            raise LrmError(f"a load of {payload / GRAM:g} g is wanted, and nobody to put it on: give --load-command")
+        input(f"Put {payload / GRAM:g} g on the tool, then press Enter. ")
+
+    if load_command:
+        return by_command
+    state = {"payload": 0.0}  # the first poses may need no load
+
+    def when_changed(payload: float) -> None:
+        if payload != state["payload"]:
+            by_person(payload)
+            state["payload"] = payload
+
+    return when_changed
+
+
+def _stop(*_: object) -> NoReturn:
+    raise SystemExit(1)
+
+
+@command
+def verify(
+    tracker: TrackerName,
+    robot: RobotName = "rover",
+    connect: Connect = None,
+    goals: Annotated[str, Option(help="How many random goals, or a CSV of x_mm, y_mm, z_mm to visit in order.")] = "50",
+    arm: arg.ArmName = None,
+    payload_g: Annotated[float, Option(min=0, help="What the tool carries.")] = 0.0,
+    seed: Annotated[int, Option(help="Of the goals: the same goals before and after.")] = 0,
+    before: Annotated[
+        Path | None, Option(metavar="JSON", help="An earlier result (--json), of another model, to stand beside.")
+    ] = None,
+    tool: ToolTarget = 1,
+    base: BaseTarget = 0,
+    settle: Settle = 0.5,
+    dwell: Dwell = 1.0,
+    take: Take = False,
+    json: arg.JsonFile = None,
+) -> None:
+    """Send the tip to goals through the daemon's inverse kinematics, and measure where it lands.
+
+    The model is the one that the daemon uses. Beside the measured error stands what it predicts: rounding to counts, and
+    the model's own uncertainty.
+    """
+    from lrm_ident.campaign.goals import goals_named
+    from lrm_ident.campaign.rover_arm import RoverArm
+    from lrm_ident.campaign.run import Rhythm
+    from lrm_ident.campaign.session import RealClock, connected
+    from lrm_ident.campaign.verification import GoalRun
+    from lrm_ident.campaign.verification_report import read_verification, verification_document
+    from lrm_ident.tracker.frames import TargetNumbers
+    from lrmd.client import Rover
+
+    signal.signal(signal.SIGTERM, _stop)
+    earlier = None if before is None else read_verification(before)
+    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
+    with Rover(robot, connect.split(",") if connect else None) as rover:
+        wanted = goals_named(goals, load_arm(arm or rover.info().arm), seed)
+        with connected(rover, tracker, numbers) as opened, rover.control("lrm-ident verify", take):
+            clock = RealClock()
+            rover_arm = RoverArm(rover, clock, lambda _: None, 1)
+            run = GoalRun(rover_arm, opened, numbers, clock, Rhythm(0.0, settle, dwell), payload_g * GRAM)
+            found = run.visit(wanted.tolist(), lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
+    publish(verification_document(found, earlier), json)

@@ -1,0 +1,1 @@
+"""Trackers: where a moving target is, whatever device says so."""

@@ -1,0 +1,96 @@
+"""Models deployed over zenoh: checked, kept as versions, used at once and after a restart, and taken back."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from lrmd.cli import app
+from lrmd.client import GoalEntry, IkRequest, NoReply, RequestRefused, Rover
+from tests.conftest import ROOT
+from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, running_daemon, wait_for
+
+MODEL = (ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml").read_text(encoding="utf-8")
+OTHER = MODEL + "\n# another file of the same model\n"
+DRIFTING = MODEL.replace('"compliance"]', '"compliance", "drift@joint2"]')
+
+
+def sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def answered_with(rover: Rover) -> str:
+    """The hash of the model in a reply of the ik process; empty as long as there is none."""
+    try:
+        return rover.ik(IkRequest(goals=[GoalEntry(position_m=[0.25, 0.05, 0.3])])).model_sha256
+    except (NoReply, RequestRefused):
+        return "none"
+
+
+@pytest.fixture(scope="module")
+def daemon(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[DaemonSetup, BoardProcess, DaemonProcess, Rover]]:
+    setup = DaemonSetup.make(tmp_path_factory.mktemp("deploy"))
+    with running_daemon(setup) as (board, process), setup.rover() as rover:
+        wait_for(lambda: answered_with(rover) == "", "the nominal arm answers")
+        yield setup, board, process, rover
+
+
+Started = tuple[DaemonSetup, BoardProcess, DaemonProcess, Rover]
+
+
+def test_deployed_undone_and_each_hash_in_every_reply(daemon: Started) -> None:
+    _, _, _, rover = daemon
+    for text in (MODEL, OTHER):
+        reply = rover.deploy(text)
+        assert reply.model_sha256 == sha256(text) == answered_with(rover) == rover.info().model_sha256
+    assert rover.undeploy().model_sha256 == sha256(MODEL) == answered_with(rover)
+    assert rover.undeploy().model_sha256 == "" == answered_with(rover)
+    with pytest.raises(RequestRefused) as caught:
+        rover.undeploy()
+    assert caught.value.code == "nothing_to_undo"
+
+
+def test_a_model_that_cannot_be_used_leaves_everything_as_it_was(daemon: Started) -> None:
+    setup, _, _, rover = daemon
+    rover.deploy(MODEL)
+    files = sorted((setup.state / "models").iterdir())
+    wrong = MODEL.replace('arm = "lrm-rover"', 'arm = "lrm-lab"'), "no model", MODEL.replace("offsets", "magic")
+    for text in wrong:
+        with pytest.raises(RequestRefused) as caught:
+            rover.deploy(text)
+        assert caught.value.code == "model"
+        assert "\n" not in str(caught.value)
+    assert sorted((setup.state / "models").iterdir()) == files
+    assert answered_with(rover) == sha256(MODEL)
+    rover.undeploy()
+
+
+def test_effects_that_cannot_be_compensated_are_named(
+    daemon: Started, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    setup, _, _, _ = daemon
+    path = tmp_path / "model.toml"
+    path.write_text(DRIFTING)
+    assert app.main(["--connect", setup.endpoint, "deploy", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert sha256(DRIFTING)[:12] in said
+    assert "drift" in said.splitlines()[-1]
+    assert app.main(["--connect", setup.endpoint, "deploy", "--undo"]) == 0
+    assert app.main(["--connect", setup.endpoint, "deploy"]) == 2
+    assert app.main(["--connect", setup.endpoint, "deploy", str(tmp_path / "missing.toml")]) == 2
+
+
+def test_a_deployed_model_is_there_after_a_restart(tmp_path: Path) -> None:
+    setup = DaemonSetup.make(tmp_path)
+    with BoardProcess(setup):
+        with DaemonProcess(setup) as first, first.ready(), setup.rover() as rover:
+            rover.deploy(MODEL)
+        with DaemonProcess(setup) as second, second.ready(), setup.rover() as rover:
+            assert rover.info().model_sha256 == sha256(MODEL)
+            wait_for(lambda: answered_with(rover) == sha256(MODEL), "the deployed model answers")
+            assert rover.undeploy().model_sha256 == ""
