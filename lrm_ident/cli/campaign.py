@@ -161,8 +161,8 @@ def verify(
 ) -> None:
     """Send the tip to goals through the daemon's inverse kinematics, and measure where it lands.
 
-    The model is the one that the daemon uses. Beside the measured error stands what it predicts: rounding to counts, and
-    the model's own uncertainty.
+    The model is the one that the daemon uses. Beside the measured error stands what it predicts: rounding to counts,
+    and the model's own uncertainty.
     """
     from lrm_ident.campaign.goals import goals_named
     from lrm_ident.campaign.rover_arm import RoverArm
