@@ -11,7 +11,7 @@ HOURS ?= 24
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick lint schemas docs bench soak coverage confusion unfamiliar misreadings tutorial install uninstall clean
+.PHONY: help setup demo test quick browser lint schemas docs bench soak coverage confusion unfamiliar misreadings tutorial install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -34,11 +34,13 @@ demo: setup ## find what is missing in a model (DATA=, ARM=), then drive a simul
 
 test: setup lint ## all tests, after the linters: unit tests side by side, then those of the system one after the other
 	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py
-	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/page/test_in_browser.py
 	$(ONE_THREAD) $(BIN)/python -m pytest tests/system tests/package
 
-quick: setup ## the unit tests that are not marked slow, in less than a minute
-	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package -m "not slow"
+quick: setup ## the unit tests that are not marked slow, in about a minute
+	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py -m "not slow"
+
+browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (minutes)
+	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/page/test_in_browser.py
 
 lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
