@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import singledispatch
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from lrm_ident.estimation.error_breakdown import compare as run_compare
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import SQUARED, Loss, loss_named
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_model, nominal_model
-from lrm_ident.estimation.model_history import model_file, model_text
+from lrm_ident.estimation.model_history import arm_name_for, model_file, model_text
 from lrm_ident.estimation.priors import load_prior
 from lrm_ident.plots.comparison import draw_comparison
 from lrm_ident.plots.diagnosis import draw_report
@@ -68,8 +69,8 @@ def load(path: str | Path, arm: str | None = None, reading: Reading = AS_NAMED) 
 
     Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
     """
-    _, described = arm_for(Path(path), arm)
-    return load_checked(Path(path), described, reading)
+    name, described = arm_for(Path(path), arm)
+    return replace(load_checked(Path(path), described, reading), arm_name=name)
 
 
 def fit(
@@ -153,4 +154,5 @@ def _(result: DiagnosisReport, path: str | Path) -> None:
 def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     """Writes a model file, which the command line and the daemon read. Raises `FileError`."""
     held_out = try_held_out(fit.model, data, loss=fit.loss, prior=fit.weak_prior)
-    write_text(Path(path), model_text(model_file(fit, data, held_out, fit.model.arm.name, "fit", fit.loss.name)))
+    arm = arm_name_for(data.arm_name or fit.model.arm.name, Path(path).parent)
+    write_text(Path(path), model_text(model_file(fit, data, held_out, arm, "fit", fit.loss.name)))

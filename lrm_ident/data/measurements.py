@@ -57,6 +57,7 @@ class Measurements:
         reading: how the file's numbers were read, where that was said.
         stated: the same with the units of the columns' names.
         left_out: numbers of poses that were taken out.
+        arm_name: of a shipped arm, or path of its file, as a model file names it; None: the arm's own name.
     """
 
     poses: Poses
@@ -72,6 +73,7 @@ class Measurements:
     reading: Reading = AS_NAMED
     stated: Reading = AS_NAMED
     left_out: tuple[int, ...] = ()
+    arm_name: str | None = None
 
     def __len__(self) -> int:
         return len(self.pose)

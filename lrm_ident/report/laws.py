@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lrm_ident.digits import in_mm
 from lrm_ident.laws.proposal import LawProposal
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 
@@ -13,8 +14,8 @@ SHOWN = 8
 def proposal_document(found: LawProposal) -> Document:
     """Result of `lrm-ident propose`, schema `lrm/proposal/1`."""
     judged = (
-        f"{found.tried} laws were tried at all joints. Held out, the model alone has {found.before.rms * 1e3:.2f} mm; "
-        f"with a law chosen anew in every block (nested) about {found.nested * 1e3:.2f} mm. Against pure noise: "
+        f"{found.tried} laws were tried at all joints. Held out, the model alone has {in_mm(found.before.rms)} mm; "
+        f"with a law chosen anew in every block (nested) about {in_mm(found.nested)} mm. Against pure noise: "
         f"p = {found.p_value:.2g}."
     )
     best = found.best
@@ -37,7 +38,7 @@ def proposal_document(found: LawProposal) -> Document:
     blocks: list[Block] = [
         heading(f"Proposed: {best.law.formula}"),
         judged,
-        f"Refitted with everything else, it leaves {best.error.rms * 1e3:.2f} mm held out.",
+        f"Refitted with everything else, it leaves {in_mm(best.error.rms)} mm held out.",
     ]
     if found.equivalent:
         rows = [(law.formula, rms * 1e3) for law, rms in found.equivalent[:SHOWN]]

@@ -58,3 +58,11 @@ def test_what_cannot_be_plotted_or_fitted_is_one_clear_line(tmp_path: Path) -> N
     )
     with pytest.raises(LrmError, match="no arm"):
         lrm.fit(nameless)
+
+
+def test_a_saved_model_finds_the_file_of_its_arm(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text((ROOT / "config" / "arms" / "lrm-lab.toml").read_text().replace('name = "lrm-lab"', 'name = "own"'))
+    data = lrm.load(lrm.EXAMPLE, arm=str(own))
+    lrm.save(lrm.fit(data, parameters="option3"), data, str(tmp_path / "model.toml"))
+    assert lrm.load_model(str(tmp_path / "model.toml")).arm == data.arm
