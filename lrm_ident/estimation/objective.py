@@ -21,6 +21,7 @@ from lrm_math.model.model import Model
 
 SCALE_TOLERANCE = 1e-3  # relative change at which the noise scale has converged
 MIN_SCALE = 1e-9  # m, or of the stated noise
+EQUILIBRIUM_TOLERANCE = 1e-11  # m: with a larger one the objective is too rough for its last steps
 MIN_SIGMA = 1e-5  # m: below any tracker's noise; at much smaller values the prior is lost in round-off
 
 
@@ -96,7 +97,7 @@ class Objective:
         """The iterate at scaled parameters. Raises `NoEquilibrium`."""
         values = self.model.values.copy()
         values[self.columns] = z * self.typical
-        rest = equilibrium(self.model.with_values(values), self.data.poses, start=near)
+        rest = equilibrium(self.model.with_values(values), self.data.poses, near, EQUILIBRIUM_TOLERANCE)
         return Iterate(z, rest, (self.data.tcp - rest.tcp) / self.stated_noise)
 
     def value(self, iterate: Iterate, noise: NoiseScale) -> float:

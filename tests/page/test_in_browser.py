@@ -11,7 +11,17 @@ from typing import Any
 import pytest
 
 from tests.conftest import EXAMPLE
-from tests.support.browser import PATIENCE_MS, SHOTS, RunningWorkbench, Seen, chromium, idle, says, wait_for, workbench
+from tests.support.browser import (
+    PATIENCE_MS,
+    SHOTS,
+    BrowserLog,
+    RunningWorkbench,
+    chromium,
+    idle,
+    says,
+    wait_for,
+    workbench,
+)
 from tests.support.commands import stdout_of
 
 SIZE = {"width": 1366, "height": 768}
@@ -36,7 +46,7 @@ def running(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield found
 
 
-def opened(browser: Any, running: RunningWorkbench, seen: Seen | None = None, **options: Any) -> Any:
+def opened(browser: Any, running: RunningWorkbench, seen: BrowserLog | None = None, **options: Any) -> Any:
     """A new tab."""
     context = browser.new_context(viewport=SIZE, **options)
     context.set_default_timeout(PATIENCE_MS)
@@ -50,7 +60,7 @@ def opened(browser: Any, running: RunningWorkbench, seen: Seen | None = None, **
 
 @pytest.mark.slow
 def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: RunningWorkbench) -> None:
-    seen = Seen()
+    seen = BrowserLog()
     page = opened(browser, running, seen)
     assert "1 of 6" in page.inner_text(".lrm-tour")
     for _ in range(6):

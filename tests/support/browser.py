@@ -27,7 +27,7 @@ SHOTS = ROOT / "out" / "workbench"
 
 
 @dataclass
-class Seen:
+class BrowserLog:
     """What a page said and asked for while it was open."""
 
     errors: list[str] = field(default_factory=list)
