@@ -295,6 +295,7 @@ def test_nobody_speaks_for_the_robot(robot: Robot, guarded: Guarded, user: str) 
         for key in ("state/joints", "event/fault", "info", "cmd/estop"):
             liar.send(key, "a lie")
         assert robot.heard("cmd/estop", "a lie")
+        assert until(lambda: bool(lies))  # another subscriber, which hears a moment later
         assert lies == ["lrm/rover1/cmd/estop"]
         assert viewer.alive() == ["lrm/rover1/alive/lrmd"]
         assert viewer.ask("info") == ["rover1"]
