@@ -55,12 +55,16 @@ class Rhythm:
 
 @dataclass(frozen=True)
 class Progress:
-    """What happened at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s."""
+    """What happened at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s.
+
+    `notable`: something was not as it should be.
+    """
 
     words: str
     done: int
     total: int
     left: float
+    notable: bool = False
 
 
 @dataclass
@@ -91,14 +95,16 @@ class PoseCampaign:
             if pose.payload != payload:
                 self.arm.load(pose.payload)
                 payload = pose.payload
+            faults = len(result.failed) + result.repeated
             words = self._pose(pose, file, result)
+            notable = len(result.failed) + result.repeated > faults
             each = (self.clock.now() - began) / (place + 1)
-            self.on_progress(Progress(words, len(file.done), len(plan), each * (len(left) - place - 1)))
+            self.on_progress(Progress(words, len(file.done), len(plan), each * (len(left) - place - 1), notable))
         return result
 
     def _pose(self, pose: PlannedPose, file: DataFile, result: CampaignResult) -> str:
         if why := self.arm.too_warm():
-            self.on_progress(Progress(f"{why}: cooling", len(file.done), 0, 0.0))
+            self.on_progress(Progress(f"{why}: cooling", len(file.done), 0, 0.0, True))
             self.arm.cool(self.rest)
         faults: list[str] = []
         for _ in range(self.rhythm.attempts):

@@ -103,6 +103,8 @@ def _conclude(result: CampaignResult, total: int, output: Path) -> None:
 
 
 def _say(progress: Progress) -> None:
+    if not (progress.notable or progress.done % 10 == 0):
+        return
     left = f", about {_duration(progress.left)} left" if progress.left else ""
     count = f"{progress.done}/{progress.total}" if progress.total else f"{progress.done}"
     show(f"[{count}] {progress.words}{left}")
@@ -161,8 +163,8 @@ def verify(
 ) -> None:
     """Send the tip to goals through the daemon's inverse kinematics, and measure where it lands.
 
-    The model is the one that the daemon uses. Beside the measured error stands what it predicts: rounding to counts, and
-    the model's own uncertainty.
+    The model is the one that the daemon uses. Beside the measured error stands what it predicts: rounding to counts,
+    and the model's own uncertainty.
     """
     from lrm_ident.campaign.goals import goals_named
     from lrm_ident.campaign.rover_arm import RoverArm

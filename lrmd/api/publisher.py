@@ -79,8 +79,10 @@ class StatePublisher:
 
     def reloaded(self, tail: str, deployed: DeployedModel) -> ReloadReply:
         """The reply to a request that changed the model."""
-        model = {"model": deployed.path, "model_sha256": deployed.sha256, "left_out": list(deployed.left_out)}
-        return ReloadReply(**self._header(tail), **model)
+        left_out = list(deployed.left_out)
+        return ReloadReply(
+            **self._header(tail), model=deployed.path, model_sha256=deployed.sha256, left_out=left_out
+        )  # fmt: skip
 
     @property
     def _model_sha256(self) -> str:
