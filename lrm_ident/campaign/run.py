@@ -9,8 +9,11 @@ from typing import Protocol
 from lrm_ident.campaign.data_file import ArmState, DataFile
 from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.tracker.dwell import RestMean, UnfitRest, rest_mean
-from lrm_ident.tracker.frames import TargetNumbers, Tracker
+from lrm_ident.tracker.frames import TargetNumbers, Tracker, tip_position
 from lrm_math.errors import LrmError
+
+SIGHT_S, GLANCE_S = 3.0, 0.05
+"""s: how long to wait until a tracker sees the targets after a motion, by how much at a time."""
 
 
 class Unreachable(LrmError):
@@ -124,7 +127,17 @@ class PoseCampaign:
 
     def measure(self, pose: PlannedPose) -> tuple[ArmState, RestMean | UnfitRest]:
         """Goes to a pose, waits for its time, and averages over the end of the rest."""
-        begin, rhythm = self.clock.now(), self.rhythm
+        begin = self.clock.now()
         state = self.arm.go(pose)
-        self.clock.sleep(max(rhythm.settle, begin + rhythm.pause - rhythm.dwell - self.clock.now()))
-        return state, rest_mean(self.tracker.frames(rhythm.dwell), self.numbers)
+        return state, rest_at(self.tracker, self.numbers, self.clock, self.rhythm, begin)
+
+
+def rest_at(
+    tracker: Tracker, numbers: TargetNumbers, clock: Clock, rhythm: Rhythm, begin: float
+) -> RestMean | UnfitRest:
+    """The mean over the end of a rest whose pose began at a time (s): once the targets are seen again, and settled."""
+    for _ in range(round(SIGHT_S / GLANCE_S)):
+        if any(tip_position(frame, numbers) is not None for frame in tracker.frames(GLANCE_S)):
+            break
+    clock.sleep(max(rhythm.settle, begin + rhythm.pause - rhythm.dwell - clock.now()))
+    return rest_mean(tracker.frames(rhythm.dwell), numbers)

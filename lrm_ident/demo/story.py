@@ -20,7 +20,7 @@ from lrm_math.errors import LrmError
 from lrmd.cli import app as lrm
 
 POSES, REPEATS, GOALS = 80, 8, 12
-SETTLE_S, DWELL_S = 0.25, 0.2
+SETTLE_S, DWELL_S = 0.05, 0.2
 """Of the computer's clock; the simulated arm's runs faster."""
 
 
