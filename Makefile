@@ -1,10 +1,9 @@
-# make demo   sets itself up, fits a data set, finds what is missing, drives a simulated arm   [DATA=my.csv ARM=arm]
+# make demo   sets itself up, and tells the whole story on a simulated arm [SEED=3], or on your data [DATA=my.csv ARM=arm]
 # make test   sets itself up, runs all tests
 # make quick  the tests that take a minute together
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
-DATA ?= lrm_ident/examples/hidden-play.csv
 OUT ?= out
 MINUTES ?= 10
 HOURS ?= 24
@@ -24,13 +23,17 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,dev]'
 	@touch $@
 
-demo: setup ## find what is missing in a model (DATA=, ARM=), then drive a simulated arm through the daemon
+demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; or on your own DATA= (ARM=)
 	@mkdir -p $(OUT)
+ifndef DATA
+	$(ONE_THREAD) $(BIN)/python -m lrm_ident.demo --out $(OUT) $(if $(SEED),--seed $(SEED))
+else
 	$(BIN)/lrm-ident fit $(DATA) $(if $(ARM),--arm $(ARM)) -o $(OUT)/model.toml --json $(OUT)/fit.json
 	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png
 	$(BIN)/lrm-ident diagnose $(OUT)/model.toml $(DATA) --json $(OUT)/diagnosis.json --figure $(OUT)/diagnosis.png
 	$(BIN)/lrm-ident auto $(OUT)/model.toml $(DATA) -o $(OUT)/better.toml --json $(OUT)/course.json
 	$(BIN)/python -m lrmd.demo
+endif
 
 test: setup lint ## all tests, after the linters: unit tests side by side, then those of the system one after the other
 	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py

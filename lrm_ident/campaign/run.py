@@ -9,8 +9,11 @@ from typing import Protocol
 from lrm_ident.campaign.data_file import ArmState, DataFile
 from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.tracker.dwell import RestMean, UnfitRest, rest_mean
-from lrm_ident.tracker.frames import TargetNumbers, Tracker
+from lrm_ident.tracker.frames import TargetNumbers, Tracker, tip_position
 from lrm_math.errors import LrmError
+
+SIGHT_S, GLANCE_S = 3.0, 0.05
+"""s: how long to wait until a tracker sees the targets after a motion, by how much at a time."""
 
 
 class Unreachable(LrmError):
@@ -55,12 +58,16 @@ class Rhythm:
 
 @dataclass(frozen=True)
 class Progress:
-    """What happened at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s."""
+    """What happened at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s.
+
+    `notable`: something was not as it should be.
+    """
 
     words: str
     done: int
     total: int
     left: float
+    notable: bool = False
 
 
 @dataclass
@@ -91,14 +98,16 @@ class PoseCampaign:
             if pose.payload != payload:
                 self.arm.load(pose.payload)
                 payload = pose.payload
+            faults = len(result.failed) + result.repeated
             words = self._pose(pose, file, result)
+            notable = len(result.failed) + result.repeated > faults
             each = (self.clock.now() - began) / (place + 1)
-            self.on_progress(Progress(words, len(file.done), len(plan), each * (len(left) - place - 1)))
+            self.on_progress(Progress(words, len(file.done), len(plan), each * (len(left) - place - 1), notable))
         return result
 
     def _pose(self, pose: PlannedPose, file: DataFile, result: CampaignResult) -> str:
         if why := self.arm.too_warm():
-            self.on_progress(Progress(f"{why}: cooling", len(file.done), 0, 0.0))
+            self.on_progress(Progress(f"{why}: cooling", len(file.done), 0, 0.0, True))
             self.arm.cool(self.rest)
         faults: list[str] = []
         for _ in range(self.rhythm.attempts):
@@ -118,7 +127,17 @@ class PoseCampaign:
 
     def measure(self, pose: PlannedPose) -> tuple[ArmState, RestMean | UnfitRest]:
         """Goes to a pose, waits for its time, and averages over the end of the rest."""
-        begin, rhythm = self.clock.now(), self.rhythm
+        begin = self.clock.now()
         state = self.arm.go(pose)
-        self.clock.sleep(max(rhythm.settle, begin + rhythm.pause - rhythm.dwell - self.clock.now()))
-        return state, rest_mean(self.tracker.frames(rhythm.dwell), self.numbers)
+        return state, rest_at(self.tracker, self.numbers, self.clock, self.rhythm, begin)
+
+
+def rest_at(
+    tracker: Tracker, numbers: TargetNumbers, clock: Clock, rhythm: Rhythm, begin: float
+) -> RestMean | UnfitRest:
+    """The mean over the end of a rest whose pose began at a time (s): once the targets are seen again, and settled."""
+    for _ in range(round(SIGHT_S / GLANCE_S)):
+        if any(tip_position(frame, numbers) is not None for frame in tracker.frames(GLANCE_S)):
+            break
+    clock.sleep(max(rhythm.settle, begin + rhythm.pause - rhythm.dwell - clock.now()))
+    return rest_mean(tracker.frames(rhythm.dwell), numbers)

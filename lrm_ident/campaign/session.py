@@ -13,7 +13,7 @@ from lrm_ident.campaign.plan import CampaignPlan
 from lrm_ident.campaign.rover_arm import RoverArm
 from lrm_ident.campaign.run import CampaignResult, Clock, PoseCampaign, Progress, Rhythm
 from lrm_ident.campaign.zenoh_tracker import ZenohTracker
-from lrm_ident.tracker.frames import TargetNumbers, Tracker
+from lrm_ident.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.tracker.source import open_tracker
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
@@ -21,6 +21,9 @@ from lrmd.client import Rover
 
 SERVOS_OFF = ("disarmed", "estop", "fault")
 """Modes without pulses: servos that are switched on again may stand elsewhere, which is a new session."""
+
+FIRST_FRAME_S, LOOK_S = 15.0, 0.25
+"""s: how long to wait for the first frame, by how much at a time."""
 
 
 class RealClock:
@@ -60,15 +63,21 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path) -> CampaignR
         arm = RoverArm(order.rover, clock, order.loads, _session(order.rover, file))
         if len(arm.names) != order.arm.dof:
             raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {arm.info.robot} has {len(arm.names)}")
-        seen = tracker.frames(order.rhythm.dwell)
-        if not seen:
-            raise LrmError(f"--tracker {order.tracker}: no frame within {order.rhythm.dwell:g} s")
+        first = first_frame(tracker, order.tracker)
         source = f"lrm-ident measure: {arm.info.robot}, {order.tracker}"
         start = tuple(order.rover.commanded_q())
-        file.begin(CampaignHead(order.arm_name, source, start, plan.sha256, seen[-1].t))
+        file.begin(CampaignHead(order.arm_name, source, start, plan.sha256, first.t))
         rest = plan.lightest(order.arm)
         campaign = PoseCampaign(arm, tracker, order.numbers, clock, order.rhythm, rest, order.on_progress)
         return campaign.run(plan.poses, file)
+
+
+def first_frame(tracker: Tracker, name: str) -> TrackerFrame:
+    """A frame of a tracker that may just be starting. Raises `LrmError`."""
+    for _ in range(round(FIRST_FRAME_S / LOOK_S)):
+        if seen := tracker.frames(LOOK_S):
+            return seen[-1]
+    raise LrmError(f"--tracker {name}: no frame within {FIRST_FRAME_S:g} s")
 
 
 @contextmanager

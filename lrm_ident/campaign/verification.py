@@ -9,9 +9,9 @@ import numpy as np
 
 from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.campaign.rover_arm import RoverArm
-from lrm_ident.campaign.run import Clock, Rhythm, Unreachable
+from lrm_ident.campaign.run import Clock, Rhythm, Unreachable, rest_at
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.tracker.dwell import RestMean, rest_mean
+from lrm_ident.tracker.dwell import RestMean
 from lrm_ident.tracker.frames import TargetNumbers, Tracker
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -111,8 +111,7 @@ class GoalRun:
                 self.arm.go(pose)
             except Unreachable as error:
                 return str(error)
-            self.clock.sleep(self.rhythm.settle)
-            rest = rest_mean(self.tracker.frames(self.rhythm.dwell), self.numbers)
+            rest = rest_at(self.tracker, self.numbers, self.clock, self.rhythm, self.clock.now())
             if isinstance(rest, RestMean):
                 spread = rest.sd / rest.frames**0.5
                 rounding = answer.rounded_error_m or 0.0

@@ -11,6 +11,7 @@ from lrm_ident.cli.common import app
 from lrm_math.errors import LrmError
 
 __all__ = [
+    "app",
     "campaign",
     "component_tests",
     "design",

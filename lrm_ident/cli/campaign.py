@@ -103,6 +103,8 @@ def _conclude(result: CampaignResult, total: int, output: Path) -> None:
 
 
 def _say(progress: Progress) -> None:
+    if not (progress.notable or progress.done % 10 == 0):
+        return
     left = f", about {_duration(progress.left)} left" if progress.left else ""
     count = f"{progress.done}/{progress.total}" if progress.total else f"{progress.done}"
     show(f"[{count}] {progress.words}{left}")

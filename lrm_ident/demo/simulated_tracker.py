@@ -11,7 +11,7 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
@@ -31,8 +31,6 @@ REST_SD_M, FRAME_SD_M = 0.0002, 0.0001
 """Per axis: error of a rest, and of a frame beside it. Together below the 0.5 mm of Conenna 2024, section 5.3."""
 FRAME_S = 0.015
 """s of the computer's clock between frames."""
-MEMORY = 3
-"""Rests before the present one that the true arm is computed with."""
 STILL = 1e-9
 """rad."""
 BASE, TOOL = 0, 1
@@ -65,11 +63,10 @@ class Seen:
         return other is not None and self.payload == other.payload and float(np.abs(self.q - other.q).max()) < STILL
 
 
-def true_tip(arm: ArmDescription, hidden: HiddenArm, rests: Sequence[Seen]) -> Array:
-    """(3,), true tip (m) at the last of some rests, in the frame of the arm."""
-    q = np.array([rest.q for rest in rests])
-    schedule = Schedule(np.array([rest.t for rest in rests]), np.array([float(rest.session) for rest in rests]), q[0])
-    return np.asarray(true_state(arm, hidden.truth, q, rests[-1].payload, schedule).tcp_m[-1])
+def true_tip(arm: ArmDescription, hidden: HiddenArm, rest: Seen) -> Array:
+    """(3,), true tip (m) at a rest, in the frame of the arm. No effect of `hidden` remembers where the arm was."""
+    schedule = Schedule(np.array([rest.t]), np.array([float(rest.session)]), rest.q)
+    return np.asarray(true_state(arm, hidden.truth, rest.q[None], rest.payload, schedule).tcp_m[0])
 
 
 def in_room(tip: Array) -> TargetPose:
@@ -81,16 +78,16 @@ def frames(board: Path, seed: int) -> Iterator[TrackerFrame]:
     """One frame after the other, for as long as the board answers. Raises `ControlError` when it does not."""
     arm, rng = load_arm(ARM_FILE), np.random.default_rng([seed, 99])
     hidden = hidden_arm(arm, seed)
-    rests: list[Seen] = []
     before: Seen | None = None
+    rest: Seen | None = None
     tip = np.zeros(3)
     for number in count(1):
         seen = Seen.of(board, len(arm.links))
         targets = {BASE: BASE_IN_ROOM}
         if seen.same(before):
-            if not rests or not seen.same(rests[-1]):
-                rests = [*rests[-MEMORY:], seen]
-                tip = true_tip(arm, hidden, rests) + rng.normal(scale=REST_SD_M, size=3)
+            if not seen.same(rest):
+                rest = seen
+                tip = true_tip(arm, hidden, rest) + rng.normal(scale=REST_SD_M, size=3)
             targets[TOOL] = in_room(tip + rng.normal(scale=FRAME_SD_M, size=3))
         before = seen
         yield TrackerFrame(number, seen.t, targets)

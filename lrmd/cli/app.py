@@ -109,9 +109,7 @@ def parser() -> argparse.ArgumentParser:
     c = command("relax", motion.relax, "stop the pulses: what they carried falls")
     c.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
     command("reload", status.reload, "take the model's file as it is now; nothing moves")
-    c = command(
-        "deploy", status.deploy, "give the daemon a model: checked, kept, used at once; nothing moves"
-    )
+    c = command("deploy", status.deploy, "give the daemon a model: checked, kept, used at once; nothing moves")
     c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident")
     c.add_argument("--undo", action="store_true", help="back to the model before the last one deployed")
     command("disarm", motion.disarm, "stop all pulses of an arm that stands still")
