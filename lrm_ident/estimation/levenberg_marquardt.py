@@ -150,7 +150,7 @@ def fit(
             raise
         weakly = replace(objective, prior=weak_prior(model))
         found = replace(replace(plain, objective=weakly).solve(DAMPED_STEPS), damped=True)
-    check_arm(found.rest, model.free, found.standard_error)
+    check_arm(found.rest, model.free)
     return found
 
 

@@ -221,7 +221,16 @@ def test_whatever_fits_refuses_to_destroy_the_arm(values: dict[str, float], said
     ):
         with pytest.raises(DestroyedArm, match=said):
             fitting()
-    check_arm(_drawn_with({}), keys, np.zeros(len(keys)))
+    check_arm(_drawn_with({}), keys)
+
+
+def test_a_length_that_others_undo_does_not_collapse() -> None:
+    """The first joint's offset along its axis and the base's position: together they move nothing."""
+    rest = _drawn_with({"offsets.joint1.d_mm": -0.080})
+    keys = [key for key in rest.model.keys if "base" in key or key == "offsets.joint1.d_mm"]
+    check_arm(rest, keys)
+    with pytest.raises(DestroyedArm, match="collapse"):
+        check_arm(rest, ["offsets.joint1.d_mm"])
 
 
 def test_a_fit_that_no_parameter_helps_is_refused() -> None:
