@@ -10,6 +10,10 @@ OFFLINE = {"matplotlib", "rich", "scipy", "tomli_w", "typer"}
 
 def main() -> None:
     """Runs the command line; a missing package of the extra `ident` is one line on stderr and exit code 2."""
+    if sys.argv[1:2] == ["workbench"] and "--help" not in sys.argv:
+        from lrm_ident.page.worker import start_early
+
+        start_early()
     try:
         from lrm_ident.cli.app import main as run
     except ModuleNotFoundError as error:

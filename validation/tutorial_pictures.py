@@ -6,11 +6,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from PIL import Image
+
 from tests.conftest import ROOT
 from tests.support.browser import PATIENCE_MS, RunningWorkbench, chromium, idle, wait_for, workbench
 
 PICTURES = ROOT / "docs" / "pictures" / "workbench"
-RANKED, SETTLE_MS = "lrm.state.values.ranking.length > 0", 4000
+RANKED, SETTLE_MS, COLOURS = "lrm.state.values.ranking.length > 0", 4000, 96
 
 
 def main() -> None:
@@ -47,7 +49,9 @@ def _opened(browser: Any, running: RunningWorkbench, scheme: str) -> Any:
 def _take(page: Any, name: str) -> None:
     page.mouse.move(683, 760)
     page.wait_for_timeout(SETTLE_MS)
-    page.screenshot(path=PICTURES / f"{name}.png")
+    path = PICTURES / f"{name}.png"
+    page.screenshot(path=path)
+    Image.open(path).quantize(COLOURS).save(path, optimize=True)
     print(f"{name}.png")
 
 

@@ -59,7 +59,7 @@ class WorkbenchPage:
         ui.on("lrm_key", lambda event: self._press(event.args))
         ui.timer(REFRESH_S, self.refresh)
         ui.timer(ROVER_S, self._show_rover)
-        ui.run_javascript(f"window.lrmGone = {self.gone!r}")
+        ui.run_javascript(f"window.lrmGone = {json.dumps(self.gone)}")
         if not first_tab:
             ui.notify("The workbench is open in another tab too: both show the same work.", type="info")
         if tour:
@@ -124,7 +124,7 @@ class WorkbenchPage:
             ui.run_javascript(f"lrm.load('/lrm/values?n={session.drawn}')")
             self.parts["numbers"].set_content(self._numbers())
             note = "" if findings.diagnosis else "the candidates appear when every effect has been tried"
-            ui.run_javascript(f"document.getElementById('lrm-effect-note').textContent = {note!r}")
+            ui.run_javascript(f"document.getElementById('lrm-effect-note').textContent = {json.dumps(note)}")
 
     def _show_work(self) -> None:
         session, parts = self.session, self.parts
@@ -267,9 +267,8 @@ class WorkbenchPage:
 
     def _listen(self, robot: str, endpoint: str) -> None:
         self._hang_up()
-        link = RoverLink(robot, endpoint)
-        link.open()
-        self.rover = link
+        self.rover = RoverLink(robot, endpoint)
+        self.rover.start()
         ui.context.client.on_disconnect(self._hang_up)
 
     def _hang_up(self) -> None:

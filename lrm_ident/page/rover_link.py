@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -56,20 +57,25 @@ class RoverLink:
     endpoint: str
     joints: dict[str, Any] = field(default_factory=dict)
     mode: dict[str, Any] = field(default_factory=dict)
-    heard: float = 0.0
+    heard: float = float("-inf")
+    failure: str = ""
     _session: Any = None
 
-    def open(self) -> None:
-        """Connects. Raises `LrmError` if nothing answers there."""
+    def start(self) -> None:
+        """Connects, without waiting for it: `tip` tells what came of it."""
+        threading.Thread(target=self._open, daemon=True).start()
+
+    def _open(self) -> None:
         config = zenoh.Config()
         settings = {"mode": "client", "connect/endpoints": [self.endpoint], "scouting/multicast/enabled": False}
-        for key, value in settings.items():
-            config.insert_json5(key, json.dumps(value))
         try:
+            for key, value in settings.items():
+                config.insert_json5(key, json.dumps(value))
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
             reason = str(error).split(" at /")[0]
-            raise LrmError(f"no connection to {self.endpoint} ({reason}); is lrmd running?") from None
+            self.failure = f"no connection to {self.endpoint} ({reason}); is lrmd running?"
+            return
         for name, store in (("joints", self.joints), ("mode", self.mode)):
             self._session.declare_subscriber(f"lrm/{self.robot}/state/{name}", lambda s, of=store: self._take(of, s))
 
@@ -81,6 +87,8 @@ class RoverLink:
 
     def tip(self, model: Model) -> RoverTip:
         """Where the arm is now. Raises `LrmError` if the daemon is silent or has another arm."""
+        if self.failure:
+            raise LrmError(self.failure)
         if time.monotonic() - self.heard > SILENT_S:
             raise LrmError(f"nothing is heard of the robot '{self.robot}' at {self.endpoint}; is the name right?")
         known = dict(zip(self.joints.get("names", []), self.joints.get("q_rad", []), strict=True))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lrm_ident.page.session import WorkbenchSession
 from lrm_ident.page.tasks import OpenTask
-from lrm_ident.page.worker import WorkProcess
+from lrm_ident.page.worker import work_process
 from lrm_math.errors import LrmError
 
 HOST, TICK_S = "127.0.0.1", 0.03
@@ -48,7 +48,7 @@ def new_place(port: int | None) -> WorkbenchPlace:
 
 def serve(place: WorkbenchPlace, opened: OpenTask, tour: bool, show: bool) -> None:
     """Runs the workbench until it is stopped. Raises `LrmError` if NiceGUI is not installed."""
-    worker = WorkProcess()
+    worker = work_process()
     session = WorkbenchSession(place.folder, worker)
     session.open(opened)
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str(place.folder / ".page"))

@@ -45,6 +45,16 @@
     if (panel) { panel.classList.add("lrm-toured"); panel.scrollIntoView({ block: "nearest" }); }
   };
 
+  // The panels take what the head leaves of the screen, however long the verdict is.
+  let head = 0;
+  setInterval(() => {
+    const heads = [...document.querySelectorAll(".lrm-head")].reduce((sum, one) => sum + one.offsetHeight, 14);
+    if (heads === head) return;
+    head = heads;
+    document.documentElement.style.setProperty("--head", `${head}px`);
+    lrm.resize();
+  }, 300);
+
   let away = 0;
   setInterval(() => {
     if (!window.socket) return;

@@ -10,6 +10,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
@@ -117,8 +118,22 @@ class WorkProcess:
         self._pipe.close()
 
 
+_EARLY: list[WorkProcess] = []
+
+
+def start_early() -> None:
+    """Starts the process while the command line is still loading: both take a second or two."""
+    _EARLY.append(WorkProcess())
+
+
+def work_process() -> WorkProcess:
+    """The process that was started early, or a new one."""
+    return _EARLY.pop() if _EARLY else WorkProcess()
+
+
 def _work(pipe: Connection) -> None:
     """Takes tasks until the other end closes."""
+    import_module("lrm_ident.page.tasks")  # before the first task comes
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
     said = 0.0
 

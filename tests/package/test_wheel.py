@@ -86,3 +86,8 @@ def test_the_extra_runs_the_offline_tool(wheel: Path, tmp_path: Path) -> None:
     )
     assert plotted.returncode == 0, plotted.stderr
     assert (tmp_path / "where.png").stat().st_size > 10_000
+    report = run(programs / "lrm-ident", "report", tmp_path / "model.toml", EXAMPLE, "-o", "r.html", cwd=tmp_path)
+    assert report.returncode == 0, report.stderr
+    refused = run(programs / "lrm-ident", "workbench", "--no-open", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.splitlines()[-1].endswith("pip install 'lrm-arm[page]'")

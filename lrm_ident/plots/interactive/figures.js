@@ -455,7 +455,12 @@ const lrm = (() => {
   function redraw() {
     if (!state.values) return;
     fill(); drawRanking(); drawHistory(); drawTurn(); drawCandidate(); drawArm(); tell();
-    requestAnimationFrame(() => setTimeout(drawField)); // what is flat is on the screen before the slower scene
+    const v = state.values, marks = [...(state.brushed || [])];
+    const now = JSON.stringify([v.data, v.poses, v.steps.map((step) => [step.name, step.rms]), state.step, state.beside,
+      marks, document.documentElement.dataset.theme]);
+    if (now === redraw.field) return; // a diagnosis changes nothing of the scene, which takes longest
+    redraw.field = now;
+    requestAnimationFrame(() => setTimeout(drawField)); // what is flat is on the screen before it
   }
 
   function show(values) {
