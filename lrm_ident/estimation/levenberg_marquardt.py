@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.loss import SQUARED, Loss, robust_scale
-from lrm_ident.estimation.objective import Iterate, NoiseScale, Objective
+from lrm_ident.estimation.objective import Iterate, NoiseScale, NoiseUpdate, Objective
 from lrm_ident.estimation.priors import WEAK_SD, Prior, weak_prior
 from lrm_ident.registration.collapse import check_arm
 from lrm_math.arrays import Array
@@ -181,6 +181,7 @@ class _LevenbergMarquardt:
         iterate = objective.at(np.clip(z, self.lower, self.upper), None)
         held = np.zeros(len(model.free), dtype=np.bool_)
         noise = objective.noise_scale(iterate, None, ~held)
+        before: NoiseUpdate | None = None
         damping, step, idle, columns = FIRST_DAMPING, np.inf, 0, np.empty((0, len(z)))
         if not model.free:
             return self._result(iterate, columns, held, 0, noise)
@@ -198,10 +199,10 @@ class _LevenbergMarquardt:
             done = step < STEP_TOLERANCE or predicted < least or idle >= self.idle_steps
             iterate = trial
             if done:
-                now = objective.noise_scale(iterate, noise, ~held)
-                if now.close_to(noise):
+                update = NoiseUpdate(noise, objective.noise_scale(iterate, noise, ~held))
+                if update.estimated.close_to(noise):
                     return self._result(iterate, columns, held, steps, noise)
-                noise, damping = now, min(damping, FIRST_DAMPING)
+                noise, before, damping = update.accelerated(before), update, min(damping, FIRST_DAMPING)
         raise FitNotConverged(most_steps, step)
 
     def _gains_nothing(self, iterate: Iterate, trial: Iterate, noise: NoiseScale) -> bool:

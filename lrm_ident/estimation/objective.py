@@ -5,6 +5,7 @@ Parameters are scaled by their typical sizes, residuals by the stated noise of t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,6 +20,7 @@ from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
+SLOW, LARGEST_CHANGE = 0.5, 2.0  # a contraction worth accelerating; the most that log σ may change at once
 SCALE_TOLERANCE = 1e-3  # relative change at which the noise scale has converged
 MIN_SCALE = 1e-9  # m, or of the stated noise
 EQUILIBRIUM_TOLERANCE = 1e-11  # m: with a larger one the objective is too rough for its last steps
@@ -55,6 +57,26 @@ class NoiseScale:
         """Whether both agree to `SCALE_TOLERANCE`."""
         scale_change, sigma_change = abs(self.scale - other.scale), abs(self.sigma - other.sigma)
         return scale_change < SCALE_TOLERANCE * other.scale and sigma_change <= SCALE_TOLERANCE * other.sigma
+
+
+@dataclass(frozen=True)
+class NoiseUpdate:
+    """One fixed-point step of the noise: `given` weighed the data, `estimated` followed from the fit."""
+
+    given: NoiseScale
+    estimated: NoiseScale
+
+    def accelerated(self, before: NoiseUpdate | None) -> NoiseScale:
+        """The noise to try next: Aitken's secant on log σ, without which a narrow prior lets it creep for ever."""
+        if before is None or self.estimated.sigma == 0.0:
+            return self.estimated
+        start, change = math.log(self.given.sigma), math.log(self.estimated.sigma / self.given.sigma)
+        apart = start - math.log(before.given.sigma)
+        slope = math.log(self.estimated.sigma / before.estimated.sigma) / apart if apart else 0.0
+        if not SLOW < slope < 1.0:
+            return self.estimated
+        change = min(max(change / (1.0 - slope), -LARGEST_CHANGE), LARGEST_CHANGE)
+        return NoiseScale(self.estimated.scale, math.exp(start + change))
 
 
 @dataclass(frozen=True, eq=False)

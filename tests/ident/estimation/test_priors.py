@@ -74,6 +74,15 @@ def test_the_estimate_is_the_top_of_the_posterior(whole: Model, seed: int, sizes
     assert np.abs(to_data - to_prior).max() < 0.02 * max(1.0, np.abs(to_prior).max())
 
 
+def test_a_prior_far_too_narrow_still_ends(whole: Model) -> None:
+    """The noise that a tenfold too narrow prior leaves follows slowly from itself; the estimate is its fixed point."""
+    data = measured(500, 60)
+    found = fit(whole, data, no_bounds(whole.free), prior=prior_of_typical_sizes(whole, 0.1))
+    again = fit(found.model, data, no_bounds(whole.free), prior=prior_of_typical_sizes(whole, 0.1))
+    assert again.sigma == pytest.approx(found.sigma, rel=2e-2)
+    assert 3e-4 < found.sigma < 5e-4
+
+
 def test_the_covariance_is_that_of_the_posterior(whole: Model) -> None:
     data, prior = measured(3, 60), prior_of_typical_sizes(whole)
     found = fit(whole, data, no_bounds(whole.free), prior=prior)
