@@ -9,6 +9,8 @@ MINUTES ?= 10
 HOURS ?= 24
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
+unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
+
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test quick browser lint schemas docs bench soak coverage confusion unfamiliar misreadings tutorial install uninstall clean
 

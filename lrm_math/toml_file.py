@@ -15,7 +15,7 @@ from lrm_math.errors import FileError, name_suggestion
 class StrictSchema(BaseModel):
     """Schema of a file's table: unknown keys, wrong types and non-finite numbers are errors."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
 
 
 S = TypeVar("S", bound=StrictSchema)

@@ -27,6 +27,7 @@ from lrmd.api.zenoh_server import ZenohServer
 from lrmd.config import SECOND, Config
 from lrmd.control.controller import Controller
 from lrmd.control.events import ControllerEvent, Level
+from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.control import DeployRequest, Message, ReloadRequest, UndeployRequest, error_reply, pack
@@ -36,7 +37,8 @@ from lrmd.persistence.arm_identity import of_this_arm
 from lrmd.persistence.background_writer import BackgroundWriter
 from lrmd.safety.thermal_model import gravity_torques
 
-PERIOD = SECOND // 50
+PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
+"""ns between cycles: the longer one while the servos are off and nobody subscribes to the joints."""
 RAMP_TIMEOUT = SECOND // 2
 """ns without a tick after which the ramp process is restarted: half of the board's own timeout."""
 START_TIMEOUT = 5 * SECOND
@@ -137,8 +139,13 @@ class ApiProcess:
             if ready and now - notified_at >= notify_every and now - self._ticked_at < RAMP_TIMEOUT:
                 notified_at = now
                 notify(f"WATCHDOG=1\nSTATUS={self._controller.mode}")
-            due = max(due + PERIOD, now)
+            due = max(due + (STANDBY_PERIOD if ready and self._standing_by else PERIOD), now)
             time.sleep(max(0, due - time.monotonic_ns()) / SECOND)
+
+    @property
+    def _standing_by(self) -> bool:
+        unread = self._server is None or not self._server.has_subscriber("state/joints")
+        return self._controller.mode is Mode.DISARMED and unread
 
     def _ready(self, probe: IkProbe, now: int) -> bool:
         """Whether all processes work: the ramp ticks, and the ik process has the model and answers."""
@@ -176,8 +183,8 @@ class ApiProcess:
         if self._presence is not None:
             self._controller.others_seen(self._presence.others)
         if self._server is not None:
-            for tail, message in self._publisher.due(now):
-                self._server.publish(tail, message)
+            for tail in filter(self._server.has_subscriber, self._publisher.due(now)):
+                self._server.publish(tail, self._publisher.states[tail]())
         self._flush()
         self._save(now)
 

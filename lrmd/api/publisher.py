@@ -54,8 +54,8 @@ class StatePublisher:
             "info": self._info,
         }
 
-    def due(self, now: int) -> list[tuple[str, Header]]:
-        """Keys and messages to publish at `now` (ns): joints always, others on change or every second."""
+    def due(self, now: int) -> list[str]:
+        """Keys of the states to publish at `now` (ns): joints always, others on change or every second."""
         c = self._controller
         keys = ["state/joints"]
         published = (c.mode, c.why, tuple(c.faults), c.lease and c.lease.holder, c.report.link, c.troubles)
@@ -66,7 +66,7 @@ class StatePublisher:
         if due:
             self._published_at = now
             keys += ["state/thermal", "state/metrics", "info"]
-        return [(key, self.states[key]()) for key in keys]
+        return keys
 
     def reply(self, tail: str, result: RequestResult) -> Reply:
         """The reply to a request that was carried out."""

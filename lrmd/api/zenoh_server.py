@@ -70,6 +70,11 @@ class ZenohServer:
             session.declare_subscriber(key(robot, tail), partial(self._command, tail))
         self._alive = session.liveliness().declare_token(key(robot, "alive/lrmd"))
 
+    def has_subscriber(self, tail: str) -> bool:
+        """Whether anybody reads the publications of a state."""
+        status = self._publishers[tail].matching_status  # an object, whatever zenoh's stub says
+        return bool(getattr(status, "matching", status))
+
     def publish(self, tail: str, message: Message) -> None:
         """Publishes a state; a slow subscriber loses messages."""
         self._publishers[tail].put(pack(message))

@@ -43,7 +43,7 @@ class MessageError(RequestError):
 class Part(BaseModel):
     """A map within a message; unknown fields, wrong types and non-finite numbers are errors."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
 
 
 class Message(Part):

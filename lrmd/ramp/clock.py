@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import time
 from dataclasses import dataclass
 
@@ -21,3 +22,9 @@ class MonotonicClock:
         rest = (due - self.now()) / self.speed
         if rest > 0:
             time.sleep(rest * 1e-9)
+
+    def wait_for(self, descriptor: int, due: int) -> None:
+        """Sleeps until `due` (ns), or until there is something to read from the descriptor."""
+        rest = (due - self.now()) / self.speed
+        if rest > 0:
+            select.select([descriptor], [], [], rest * 1e-9)

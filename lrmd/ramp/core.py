@@ -90,6 +90,12 @@ class RampCore:
         return self._move is not None
 
     @property
+    def standing_by(self) -> bool:
+        """Whether no servo has pulses and the board replied to the last frame, so that slower ticks delay nothing."""
+        resting = not self.outputs and not self.board_outputs and self._pulses_confirmed
+        return resting and self.link is LinkState.READY and self._last_reply == self._last_sent
+
+    @property
     def remaining(self) -> int:
         """Ticks left in the move if no frame is lost."""
         return 0 if self._move is None else self._move.length - self._k

@@ -24,6 +24,8 @@ from lrmd.ramp.stepping import next_due
 MCL_CURRENT, MCL_FUTURE = 1, 2
 DUTY_SHARE = 0.01
 """Weight of the newest tick in the exponential moving average of the duty."""
+STANDBY_TICKS = 6
+"""Periods between two ticks while the ramp stands by; an emergency stop wakes it before."""
 REOPEN_EVERY = 3
 """Ticks between two attempts to reopen a lost port."""
 
@@ -65,7 +67,11 @@ def _loop(setup: RampSetup, shared: SharedRecords, core: RampCore, realtime: boo
         core.opened(clock.now())
     due = clock.now() + setup.tick
     while not stopped:
-        clock.sleep_until(due)
+        if core.standing_by:
+            due += (STANDBY_TICKS - 1) * setup.tick
+            clock.wait_for(setup.estop.number, due)
+        else:
+            clock.sleep_until(due)
         now = clock.now()
         received = port.read()
         out = core.tick(now, real.now(), shared.read_order(), received, _estop_signalled(setup.estop.number))

@@ -72,9 +72,9 @@ class RampOrder:
     @classmethod
     def unpack(cls, data: bytes) -> Self:
         """The record from its bytes."""
-        number, heartbeat, fault_count, outputs, pace, *rows = cls.LAYOUT.unpack(data)
-        pose, target, stride = (tuple(rows[i * SERVOS : (i + 1) * SERVOS]) for i in range(3))
-        return cls(number, heartbeat, fault_count, outputs, Pace(pace), pose, target, stride)
+        v = cls.LAYOUT.unpack(data)
+        rows = v[5 : 5 + SERVOS], v[5 + SERVOS : 5 + 2 * SERVOS], v[5 + 2 * SERVOS :]
+        return cls(v[0], v[1], v[2], v[3], Pace(v[4]), *rows)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrmd.ramp.clock import MonotonicClock
 from lrmd.ramp.shared_memory import BUCKETS, HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport, SharedRecords
 from lrmd.ramp.stepping import Pace, move, next_due
 
@@ -116,3 +117,15 @@ def test_the_ramp_process_loads_neither_numpy_nor_the_configuration() -> None:
     program = f"import sys, lrmd.ramp.process; print(*sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_an_emergency_stop_ends_the_wait_of_a_ramp_that_stands_by() -> None:
+    clock, estop = MonotonicClock(), os.eventfd(0, os.EFD_NONBLOCK)
+    due = clock.now() + 20 * MS
+    clock.wait_for(estop, due)
+    assert clock.now() >= due
+    os.eventfd_write(estop, 1)
+    far = clock.now() + 600_000 * MS
+    clock.wait_for(estop, far)
+    assert clock.now() < far
+    os.close(estop)

@@ -13,6 +13,7 @@ from lrmd.config import MS, Config, load_config
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
 from lrmd.ramp.core import RampCore
+from lrmd.ramp.process import STANDBY_TICKS
 from lrmd.ramp.setup import board_settings
 from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampFault, RampOrder
 from lrmd.ramp.stepping import Pace
@@ -68,6 +69,28 @@ def test_a_new_order_switches_on_at_its_pose_and_moves(config: Config) -> None:
         line.tick(order)
     assert line.ramp.position[0] == MIDDLE + 5_000
     assert not line.ramp.moving
+
+
+def test_it_stands_by_only_with_all_pulses_off_and_a_reply_to_the_last_frame(config: Config) -> None:
+    line = RampWithBoard(config).ready()
+    for _ in range(20):
+        line.tick(pause=STANDBY_TICKS * TICK)
+        assert line.ramp.standing_by
+        assert line.ramp.link is LinkState.READY
+    line.back = b""  # a reply is lost: the next ticks come at the full rate
+    line.tick(pause=STANDBY_TICKS * TICK)
+    assert not line.ramp.standing_by
+    line.tick()
+    assert line.ramp.standing_by
+    line.tick(line.order())
+    for _ in range(5):
+        assert not line.ramp.standing_by
+        line.tick()
+    line.tick(estop=True)
+    assert not line.ramp.standing_by
+    line.tick()
+    line.tick()
+    assert line.ramp.standing_by
 
 
 @pytest.mark.parametrize("missed", [1, 2, 7])

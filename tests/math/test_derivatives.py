@@ -36,13 +36,16 @@ def some_poses(arm: Arm, seed: int, count: int) -> Poses:
     return poses_of(rng.uniform(-1.7, 1.7, (count, arm.dof)), rng.choice([0.0, 0.0663], count))
 
 
-def assert_parameter_derivatives(model: Model, poses: Poses) -> None:
-    J = parameter_jacobian(equilibrium(model, poses, tolerance=TIGHT))
-    for j, parameter in enumerate(model.parameters):
+def assert_parameter_derivatives(model: Model, poses: Poses, first: int = 0, every: int = 1) -> None:
+    """Of all parameters, or of every n-th after the `first` one."""
+    rest = equilibrium(model, poses, tolerance=TIGHT)
+    J = parameter_jacobian(rest)
+    for j in range(first % every, len(model.keys), every):
+        parameter = model.parameters[j]
         h = 1e-4 * (parameter.fixed or parameter.typical)
         step = h * (np.arange(len(model.keys)) == j)
-        plus = equilibrium(model.with_values(model.values + step), poses, tolerance=TIGHT).tcp
-        minus = equilibrium(model.with_values(model.values - step), poses, tolerance=TIGHT).tcp
+        plus = equilibrium(model.with_values(model.values + step), poses, rest, TIGHT).tcp
+        minus = equilibrium(model.with_values(model.values - step), poses, rest, TIGHT).tcp
         difference = (plus - minus) / (2 * h)
         round_off = 1e-15 / h
         allowed = RELATIVE * np.abs(difference).max() + round_off
@@ -52,7 +55,7 @@ def assert_parameter_derivatives(model: Model, poses: Poses) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_parameters_of_the_lab_arm(lab: Arm, seed: int) -> None:
-    assert_parameter_derivatives(full_model(lab, seed), some_poses(lab, seed, 20))
+    assert_parameter_derivatives(full_model(lab, seed), some_poses(lab, seed, 20), seed, 2)
 
 
 @pytest.mark.slow
@@ -62,7 +65,7 @@ def test_parameters_of_any_arm(arm: Arm, seed: int) -> None:
     model = full_model(arm, seed)
     calm = [e for e in model.effects if e.id != "backlash"]
     smaller = model_of(arm, calm, {k: 0.2 * model.value(k) for k in model.keys if not k.startswith("backlash")})
-    assert_parameter_derivatives(smaller, some_poses(arm, seed, 4))
+    assert_parameter_derivatives(smaller, some_poses(arm, seed, 4), seed, 4)
 
 
 @pytest.mark.parametrize("seed", range(3))
