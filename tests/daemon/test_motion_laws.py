@@ -434,7 +434,5 @@ def test_state_machine(tmp_path_factory) -> None:
         CONFIGS[hz] = config_at(hz, tmp_path_factory.mktemp("c"))
     run_state_machine_as_test(
         DaemonStateMachine,
-        settings=settings(
-            max_examples=60, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck)
-        ),
+        settings=settings(stateful_step_count=40, suppress_health_check=list(HealthCheck)),
     )

@@ -122,7 +122,8 @@ def test_finds_what_trying_all_sets_finds(seed: int, index: Index) -> None:
 def test_the_best_set_does_not_depend_on_units(seed: int) -> None:
     J = columns_of(seed, 30, 9)
     units = 10.0 ** np.random.default_rng(seed).uniform(-4, 4, 9)
-    assert np.array_equal(exchange(J, 10, seed=seed).rows, exchange(J * units, 10, seed=seed).rows)
+    scaled = exchange(J * units, 10, starts=2, seed=seed).rows
+    assert np.array_equal(exchange(J, 10, starts=2, seed=seed).rows, scaled)
 
 
 @pytest.mark.slow
