@@ -88,10 +88,11 @@ confusion: setup ## confusion matrix: hidden effects against named ones, both ta
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md
 	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.other_seeds
 	$(BIN)/python -m validation.hidden_effects.unfamiliar --half report --seeds 2 --jobs 2 --out docs/confusion.md
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects.unfamiliar --half tune --jobs 2
-	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws --half tune
 
 install: ## the daemon on this rover, as root (DESTDIR=, PYTHON=)
 	PYTHON=$(PYTHON) DESTDIR=$(DESTDIR) systemd/install.sh

@@ -1,7 +1,8 @@
 """`python -m validation.hidden_effects.proposed_laws`: laws outside the catalogue, and none, through `propose`.
 
-Twelve laws of which the grammar holds seven; and arms without a hidden effect, on which no law may be proposed. Counted
-is whether the model with the proposed law predicts unseen poses within 1.15 of the noise.
+Twelve laws per half, of which the grammar holds some; and arms without a hidden effect, on which no law may be
+proposed. The grammar was written with the first half in view, the second one is the report. Counted is whether the
+model with the proposed law predicts unseen poses within 1.15 of the noise.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from validation.hidden_effects.unfamiliar_data import arm_file, write_data
 from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, hidden, nothing
 
 ENOUGH = 1.15
-LAWS = {  # formula: (joint, size in rad)
+TUNE = {  # formula: (joint, size in rad)
     "np.sin(q[1] + q[4])": (3, 0.02),
     "np.cos(2 * (q[2] - q[5]))": (3, 0.012),
     "np.abs(q[3]) * np.sin(q[1])": (2, 0.012),
@@ -46,6 +47,24 @@ LAWS = {  # formula: (joint, size in rad)
     "np.sqrt(1 + q[4] ** 2) * np.cos(q[1])": (2, 0.012),
     "1 / (1 + np.exp(-4 * (q[3] - 0.3 * q[1])))": (2, 0.02),
 }
+REPORT = {
+    "np.cos(q[1] - q[4])": (2, 0.02),
+    "np.sin(3 * q[4])": (2, 0.012),
+    "np.abs(q[2] + q[5])": (3, 0.015),
+    "np.tanh((q[5] + 0.4) / 0.4)": (3, 0.02),
+    "np.sin(q[2]) * np.cos(q[4])": (3, 0.025),
+    "q[3] * np.abs(q[3])": (2, 0.012),
+    # not in the grammar
+    "np.sin(q[1] + 0.5 * q[3])": (2, 0.02),
+    "np.exp(-(q[2] ** 2) - q[4] ** 2)": (3, 0.03),
+    "np.maximum(np.sin(2 * q[3]), 0.2)": (2, 0.02),
+    "np.sign(q[1] * q[3])": (2, 0.01),
+    "np.log(1 + q[5] ** 2) * np.sin(q[2])": (3, 0.02),
+    "1 / (1.5 + np.cos(q[1] + q[3]))": (3, 0.03),
+}
+HALVES = {"tune": TUNE, "report": REPORT}
+FIRST_SEED = {"tune": 0, "report": 100}
+LAWS = TUNE | REPORT
 
 
 @dataclass(frozen=True)
@@ -90,13 +109,15 @@ def examine_law(formula: str, seed: int, poses: int) -> ProposedLawOutcome:
 def main() -> None:
     """Runs all laws and the null data, and prints a table."""
     parser = argparse.ArgumentParser(prog="python -m validation.hidden_effects.proposed_laws", description=__doc__)
+    parser.add_argument("--half", choices=HALVES, default="report")
     parser.add_argument("--seeds", type=int, default=1, help="data sets per law")
     parser.add_argument("--null", type=int, default=20, help="data sets without a hidden effect")
     parser.add_argument("--poses", type=int, default=300)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     options = parser.parse_args()
-    tasks = [(law, seed) for law in LAWS for seed in range(options.seeds)] + [
-        ("", seed) for seed in range(options.null)
+    first = FIRST_SEED[options.half]
+    tasks = [(law, seed) for law in HALVES[options.half] for seed in range(first, first + options.seeds)] + [
+        ("", seed) for seed in range(first, first + options.null)
     ]
     with ProcessPoolExecutor(options.jobs) as pool:
         found = []
