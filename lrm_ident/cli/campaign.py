@@ -1,4 +1,4 @@
-"""Commands that measure with the arm itself, through its daemon."""
+"""Commands that get measurements: with the arm itself, through its daemon, or from a tracker's recording."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
-from typer import Exit, Option
+from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.command import command
-from lrm_ident.cli.common import publish, show
+from lrm_ident.cli.command import command, stated_reading
+from lrm_ident.cli.common import notice, one_of, publish, show
 from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
 
@@ -140,6 +140,50 @@ def _loads(load_command: str | None) -> Callable[[float], None]:
 
 def _stop(*_: object) -> NoReturn:
     raise SystemExit(1)
+
+
+@command
+def import_(
+    recording: Annotated[
+        Path, Argument(metavar="RECORDING", help="CSV of OptiTrack Motive or Vicon, or .mat with a position per pose.")
+    ],
+    poses: Annotated[
+        Path, Argument(metavar="POSES", help="What was driven to, in order: a CSV as measure takes it, or .mat, .txt.")
+    ],
+    output: Annotated[Path, Option("-o", "--output", metavar="DATA", help="Measurements; a .toml file beside them.")],
+    arm: arg.ArmName = None,
+    tool: Annotated[str | None, Option(help="Name of the body at the tip; not needed if there is only one.")] = None,
+    base: Annotated[str | None, Option(help="Name of the body at the base. Default: the room's frame.")] = None,
+    every: Annotated[float | None, Option(min=0.1, help="Seconds from the end of one rest to the next.")] = None,
+    first: Annotated[float | None, Option(min=0, help="End of the first rest, seconds from the first frame.")] = None,
+    skip: Annotated[int, Option(min=0, help="Rests before the first pose; without --every they are looked for.")] = 0,
+    dwell: Dwell = 1.0,
+    axes: Annotated[str | None, Option(help="Which axes of the file are the arm's x, y, z: x,-z,y.")] = None,
+    rotation: Annotated[str | None, Option(help="Of Vicon's RX, RY, RZ: helical or euler-xyz.")] = None,
+) -> None:
+    """Turn a tracker's recording into measurements: one row for each pose, its mean over the end of the rest.
+
+    Rests are found where the tip stands still, or taken at regular times (--every, --first). A rest in which a body is
+    hidden, frozen or jumps is left out, and said.
+    """
+    from lrm_ident.data.measurements import arm_for
+    from lrm_ident.recordings.imported import RecordingOrder, import_recording, write_measurements
+    from lrm_ident.recordings.rests import RestTimes
+    from lrm_ident.recordings.vicon_csv import ROTATIONS
+
+    if (every is None) != (first is None):
+        raise LrmError("--every and --first go together")
+    times = None if every is None or first is None else RestTimes(first, every)
+    kind = None if rotation is None else one_of("rotation", rotation, ROTATIONS)
+    order = RecordingOrder(tool, base, times, skip, dwell, stated_reading({"axes": axes}).axes, kind)
+    name, the_arm = arm_for(poses, arm)
+    found = import_recording(recording, poses, the_arm, order)
+    write_measurements(found, output, name, recording.name)
+    for words in found.notices:
+        notice(words)
+    for number, why in found.left_out.items():
+        show(f"left out: pose {number}: {why}")
+    show(f"{len(found.tip)} of {len(found.tip) + len(found.left_out)} poses are in {output}")
 
 
 @command
