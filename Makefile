@@ -37,14 +37,14 @@ else
 	$(BIN)/python -m lrmd.demo
 endif
 
-test: setup lint ## all tests, after the linters: unit tests side by side, then those of the system one after the other
+test: setup lint ## all tests, after the linters: unit tests side by side, then those of the system and in a browser one after the other
 	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py
-	$(ONE_THREAD) $(BIN)/python -m pytest tests/system tests/package
+	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/system tests/package tests/page/test_in_browser.py
 
 quick: setup ## the unit tests that are not marked slow, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py -m "not slow"
 
-browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (minutes)
+browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/page/test_in_browser.py
 
 lint: setup ## ruff and mypy --strict

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+import tomli_w
+
 from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.csv_table import read_table
@@ -52,10 +54,9 @@ class CampaignHead:
 
     def toml(self) -> str:
         """The metadata file."""
-        angles = ", ".join(f"{math.degrees(q):.6f}" for q in self.start)
-        lines = ['schema = "lrm/measurements/1"', f'arm = "{self.arm}"', f'source = "{self.source}"']
-        lines += [f"start_q_deg = [{angles}]", f'poses_sha256 = "{self.plan_sha256}"', f"t0_s = {self.started!r}"]
-        return "\n".join(lines) + "\n"
+        angles = [round(math.degrees(q), 6) for q in self.start]
+        about = {"schema": "lrm/measurements/1", "arm": self.arm, "source": self.source, "start_q_deg": angles}
+        return tomli_w.dumps({**about, "poses_sha256": self.plan_sha256, "t0_s": self.started})
 
 
 class DataFile:

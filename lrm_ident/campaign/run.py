@@ -94,6 +94,7 @@ class PoseCampaign:
         """Measures every pose of the plan that the file does not have, in order. Raises what ends it before."""
         result, payload, began = CampaignResult(), None, self.clock.now()
         left = [pose for pose in plan if pose.number not in set(file.done)]
+        total = len(file.done) + len(left)
         for place, pose in enumerate(left):
             if pose.payload != payload:
                 self.arm.load(pose.payload)
@@ -102,7 +103,7 @@ class PoseCampaign:
             words = self._pose(pose, file, result)
             notable = len(result.failed) + result.repeated > faults
             each = (self.clock.now() - began) / (place + 1)
-            self.on_progress(Progress(words, len(file.done), len(plan), each * (len(left) - place - 1), notable))
+            self.on_progress(Progress(words, len(file.done), total, each * (len(left) - place - 1), notable))
         return result
 
     def _pose(self, pose: PlannedPose, file: DataFile, result: CampaignResult) -> str:

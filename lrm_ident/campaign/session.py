@@ -8,11 +8,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from lrm_ident.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.campaign.data_file import CampaignHead, DataFile
 from lrm_ident.campaign.plan import CampaignPlan
 from lrm_ident.campaign.rover_arm import RoverArm
 from lrm_ident.campaign.run import CampaignResult, Clock, PoseCampaign, Progress, Rhythm
 from lrm_ident.campaign.zenoh_tracker import ZenohTracker
+from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.tracker.source import open_tracker
 from lrm_math.arm.arm import Arm
@@ -40,7 +42,11 @@ class RealClock:
 
 @dataclass(frozen=True)
 class CampaignOrder:
-    """What to measure with: `arm_name` as the metadata will have it; `loads`: has somebody change the load (kg)."""
+    """What to measure with.
+
+    `arm_name` as the metadata will have it; `loads`: has somebody change the load (kg); `on_findings`: called with what
+    is known after a batch, if measuring is adaptive.
+    """
 
     rover: Rover
     tracker: str
@@ -50,11 +56,17 @@ class CampaignOrder:
     rhythm: Rhythm
     loads: Callable[[float], object]
     on_progress: Callable[[Progress], object]
+    on_findings: Callable[[str], object]
     take: bool = False
 
 
-def measure(order: CampaignOrder, plan: CampaignPlan, output: Path) -> CampaignResult:
-    """Measures what is left of a plan into a file, holding the lease. Raises `LrmError`; the file stays resumable."""
+def measure(
+    order: CampaignOrder, plan: CampaignPlan, output: Path, goal: StoppingGoal | None = None
+) -> CampaignResult:
+    """Measures what is left of a plan into a file, holding the lease; with a goal, only as much as that needs.
+
+    Raises `LrmError`; the file stays resumable.
+    """
     file = DataFile(output, order.arm.dof)
     file.check_plan(plan.sha256)
     lease = order.rover.control("lrm-ident measure", order.take)
@@ -69,7 +81,9 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path) -> CampaignR
         file.begin(CampaignHead(order.arm_name, source, start, plan.sha256, first.t))
         rest = plan.lightest(order.arm)
         campaign = PoseCampaign(arm, tracker, order.numbers, clock, order.rhythm, rest, order.on_progress)
-        return campaign.run(plan.poses, file)
+        if goal is None:
+            return campaign.run(plan.poses, file)
+        return AdaptiveCampaign(campaign, order.arm, goal, order.on_findings).run(plan.poses, file)
 
 
 def first_frame(tracker: Tracker, name: str) -> TrackerFrame:

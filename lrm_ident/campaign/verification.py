@@ -3,38 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lrm_ident.campaign.goals import PlacedGoal
 from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.campaign.rover_arm import RoverArm
 from lrm_ident.campaign.run import Clock, Rhythm, Unreachable, rest_at
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.tracker.dwell import RestMean
 from lrm_ident.tracker.frames import TargetNumbers, Tracker
-from lrm_math.arm.arm import Arm
-from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
-from lrm_math.model.model import model_of
 from lrmd.client import GoalEntry, IkAnswer, IkRequest
 
 DEADLINE_MS = 10_000.0
-HIGHEST_SHARE = 0.8
-"""Of a joint's range: goals at the edge of the reach are reached by some models and not by others."""
 
 
 @dataclass(frozen=True)
 class Landing:
     """Where the tip landed that was sent to a goal, m.
 
-    `goal`, `tip`: (3,). `rounding`: error that the model predicts from rounding to counts. `sd`: standard deviation of
-    the model's prediction, None without a covariance. `spread`: of the rest's mean, per axis.
+    `place`: what is there, in words, or empty. `goal`, `tip`: (3,). `rounding`: error that the model predicts from
+    rounding to counts. `sd`: standard deviation of the model's prediction, None without a covariance. `spread`: of the
+    rest's mean, per axis.
     """
 
     number: int
+    place: str
     goal: tuple[float, ...]
     tip: tuple[float, ...]
     rounding: float
@@ -69,6 +65,15 @@ class Verification:
         known = [(one.rounding, one.sd) for one in self.landings if one.sd is not None]
         return float(np.sqrt(np.mean(np.square(known).sum(axis=1)))) if known else None
 
+    def at(self, place: str) -> Verification:
+        """The landings at one place."""
+        return replace(self, landings=tuple(one for one in self.landings if one.place == place), failed={})
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """The places that goals were at, each once."""
+        return tuple(dict.fromkeys(one.place for one in self.landings))
+
     @property
     def rounding(self) -> float:
         """RMS of the predicted error of rounding to counts."""
@@ -86,8 +91,8 @@ class GoalRun:
     rhythm: Rhythm
     payload: float
 
-    def visit(self, goals: Sequence[Sequence[float]], on_landing: Callable[[int, str], object]) -> Verification:
-        """Sends the tip to every goal (m), and measures where it lands."""
+    def visit(self, goals: Sequence[PlacedGoal], on_landing: Callable[[int, str], object]) -> Verification:
+        """Sends the tip to every goal, and measures where it lands."""
         landings, failed = [], {}
         model = self.arm.rover.info()
         for number, goal in enumerate(goals, start=1):
@@ -100,8 +105,8 @@ class GoalRun:
                 on_landing(number, found)
         return Verification(model.model or "nominal", model.model_sha256, tuple(landings), failed)
 
-    def _land(self, number: int, goal: Sequence[float]) -> Landing | str:
-        answer = self._solve(goal)
+    def _land(self, number: int, goal: PlacedGoal) -> Landing | str:
+        answer = self._solve(goal.position)
         if answer.rounded_q_rad is None:
             return f"{answer.verdict}: {answer.text}"
         pose = PlannedPose(number, tuple(answer.rounded_q_rad), self.payload, 0, number)
@@ -115,7 +120,8 @@ class GoalRun:
             if isinstance(rest, RestMean):
                 spread = rest.sd / rest.frames**0.5
                 rounding = answer.rounded_error_m or 0.0
-                return Landing(number, tuple(goal), tuple(rest.tip.tolist()), rounding, answer.sd_m, spread)
+                tip = tuple(rest.tip.tolist())
+                return Landing(number, goal.place, goal.position, tip, rounding, answer.sd_m, spread)
             why = rest.why
         return why
 
@@ -131,21 +137,3 @@ class GoalRun:
             deadline_ms=DEADLINE_MS,
         )
         return self.arm.rover.ik(request).answers[0]
-
-
-def draw_goals(arm: Arm, count: int, seed: int, allowed: Callable[[Array], Array]) -> Array:
-    """(count, 3), tips (m) of the nominal arm at random angles in the middle of the range, the same for every model.
-
-    `allowed`: which of angles (N, n) are free of collisions, (N,).
-    """
-    rng = np.random.default_rng([seed, 2])
-    low, high = HIGHEST_SHARE * np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
-    found = np.empty((0, 3))
-    for _ in range(100):
-        q = rng.uniform(low, high, size=(4 * count, arm.dof))
-        free = q[allowed(q)]
-        if len(free):
-            found = np.concatenate([found, equilibrium(model_of(arm, ()), poses_of(free)).tcp])
-        if len(found) >= count:
-            return found[:count]
-    raise LrmError(f"{arm.name}: hardly any pose keeps clear of everything")

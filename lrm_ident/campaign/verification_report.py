@@ -20,8 +20,9 @@ def verification_document(found: Verification, earlier: Mapping[str, Any] | None
     if earlier is not None:
         rows.insert(0, summary_row("before", earlier))
     table = ResultTable(COLUMNS, rows, f"Where the tip landed: {len(found.landings)} goals, mm from the goal")
+    table_by_place = [place_table(found)] if len(found.places) > 1 else []
     left = [f"not reached: goal {number}: {why}" for number, why in found.failed.items()]
-    return Document([table, *left], "lrm/verification/1", values(found), goal_table(found.landings))
+    return Document([table, *table_by_place, *left], "lrm/verification/1", values(found), goal_table(found.landings))
 
 
 COLUMNS = ("", "model", "mean|.2f", "RMS|.2f", "worst|.2f", "rounding, RMS|.2f", "predicted, RMS|.2f")
@@ -32,6 +33,18 @@ def summary_row(name: str, found: Mapping[str, Any]) -> tuple[object, ...]:
     error, predicted = found["error"], found["predicted_rms_mm"]
     figures = (error["mean_mm"], error["rms_mm"], error["max_mm"], found["rounding_rms_mm"])
     return name, found["model_sha256"][:12] or "nominal", *figures, predicted
+
+
+def place_table(found: Verification) -> ResultTable:
+    """One row per place."""
+    columns = ("at the", "goals|d", "mean|.2f", "RMS|.2f", "worst|.2f", "rounding, RMS|.2f", "predicted, RMS|.2f")
+    rows = []
+    for place in found.places:
+        part = found.at(place)
+        error, predicted = part.error, part.predicted
+        figures = [MM * one for one in (error.mean, error.rms, error.max, part.rounding)]
+        rows.append((place, len(part.landings), *figures, None if predicted is None else MM * predicted))
+    return ResultTable(columns, rows, "By place, mm from the goal")
 
 
 def values(found: Verification) -> dict[str, Any]:
@@ -51,10 +64,10 @@ def values(found: Verification) -> dict[str, Any]:
 def goal_table(landings: Sequence[Landing]) -> ResultTable:
     """One row per goal: goal, tip and error in mm."""
     axes = [f"{what}{axis}_mm|.3f" for what in ("goal_", "") for axis in "xyz"]
-    columns = ["goal|d", *axes, "error_mm|.3f", "rounding_mm|.3f", "predicted_sd_mm|.3f", "measured_sd_mm|.3f"]
+    columns = ["goal|d", "place", *axes, "error_mm|.3f", "rounding_mm|.3f", "predicted_sd_mm|.3f", "measured_sd_mm|.3f"]
     rows = [
         (
-            one.number, *(MM * v for v in (*one.goal, *one.tip)), MM * one.error, MM * one.rounding,
+            one.number, one.place, *(MM * v for v in (*one.goal, *one.tip)), MM * one.error, MM * one.rounding,
             None if one.sd is None else MM * one.sd, MM * one.spread,
         )
         for one in landings

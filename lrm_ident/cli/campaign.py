@@ -1,7 +1,8 @@
-"""Commands that measure with the arm itself, through its daemon."""
+"""Commands that get measurements: with the arm itself, through its daemon, or from a tracker's recording."""
 
 from __future__ import annotations
 
+import re
 import shlex
 import signal
 import subprocess
@@ -10,11 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
-from typer import Exit, Option
+from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.command import command
-from lrm_ident.cli.common import publish, show
+from lrm_ident.cli.command import command, stated_reading
+from lrm_ident.cli.common import notice, one_of, publish, show
+from lrm_ident.data.apply_reading import LENGTH_UNITS
 from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
 
@@ -63,41 +65,62 @@ def measure(
     settle: Settle = 0.5,
     dwell: Dwell = 1.0,
     load_command: LoadCommand = None,
+    until: Annotated[
+        str | None,
+        Option(metavar="LENGTH", help="Adaptive: until the held-out error is surely below this, such as 0.6mm."),
+    ] = None,
+    explain: Annotated[
+        bool, Option("--explain", help="Adaptive: until what is missing has a name, and nothing is missing any more.")
+    ] = False,
     take: Take = False,
 ) -> None:
     """Drive the arm through POSES and measure its tip at each: DATA, one row as soon as it is known.
 
     The arm must be armed. It takes planned ways, and pauses when a servo is warm. A rest in which a target is hidden,
     the tracker is frozen, or a frame lies far off is repeated. Interrupted, it holds; the same command goes on.
+
+    Adaptive (--until, --explain), it takes of POSES those that tell most: after every batch it fits, diagnoses, and
+    chooses the next ones, until that is enough; some are measured twice.
     """
     from lrm_ident.campaign.plan import load_plan
     from lrm_ident.campaign.run import Rhythm
     from lrm_ident.campaign.session import CampaignOrder
     from lrm_ident.campaign.session import measure as run
+    from lrm_ident.design.adaptive_batch import StoppingGoal
     from lrm_ident.tracker.frames import TargetNumbers
     from lrmd.client import Rover
 
     signal.signal(signal.SIGTERM, _stop)
+    goal = StoppingGoal(None if until is None else _length(until), explain) if until or explain else None
     numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
     with Rover(robot, connect.split(",") if connect else None) as rover:
         name = arm or rover.info().arm
         the_arm = load_arm(name)
         plan = load_plan(poses, the_arm)
         rhythm = Rhythm(pause, settle, dwell)
-        order = CampaignOrder(rover, tracker, numbers, the_arm, name, rhythm, _loads(load_command), _say, take)
+        order = CampaignOrder(rover, tracker, numbers, the_arm, name, rhythm, _loads(load_command), _say, show, take)
         try:
-            result = run(order, plan, output)
+            result = run(order, plan, output, goal)
         except (KeyboardInterrupt, SystemExit):
             show(f"stopped; the arm holds. What is measured is in {output}; the same command goes on")
             raise Exit(1) from None
-    _conclude(result, len(plan.poses), output)
+    _conclude(result, len(plan.poses) if goal is None else None, output)
 
 
-def _conclude(result: CampaignResult, total: int, output: Path) -> None:
+def _length(text: str) -> float:
+    """A length with its unit, such as `0.6mm`, in m. Raises `LrmError`."""
+    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(um|mm|cm|m)\s*", text)
+    if found is None or not float(found[1]) > 0.0:
+        raise LrmError(f"--until {text}: should be a length with its unit, such as 0.6mm")
+    return float(found[1]) * LENGTH_UNITS[found[2]]
+
+
+def _conclude(result: CampaignResult, total: int | None, output: Path) -> None:
     for number, why in result.failed.items():
         show(f"not measured: pose {number}: {why}")
     again = f"; {result.repeated} unfit rests were repeated" if result.repeated else ""
-    show(f"{total - len(result.failed)} of {total} poses are in {output}{again}")
+    count = "what was measured is" if total is None else f"{total - len(result.failed)} of {total} poses are"
+    show(f"{count} in {output}{again}")
     if result.failed:
         show("The same command tries those that are missing again.")
 
@@ -143,11 +166,57 @@ def _stop(*_: object) -> NoReturn:
 
 
 @command
+def import_(
+    recording: Annotated[
+        Path, Argument(metavar="RECORDING", help="CSV of OptiTrack Motive or Vicon, or .mat with a position per pose.")
+    ],
+    poses: Annotated[
+        Path, Argument(metavar="POSES", help="What was driven to, in order: a CSV as measure takes it, or .mat, .txt.")
+    ],
+    output: Annotated[Path, Option("-o", "--output", metavar="DATA", help="Measurements; a .toml file beside them.")],
+    arm: arg.ArmName = None,
+    tool: Annotated[str | None, Option(help="Name of the body at the tip; not needed if there is only one.")] = None,
+    base: Annotated[str | None, Option(help="Name of the body at the base. Default: the room's frame.")] = None,
+    every: Annotated[float | None, Option(min=0.1, help="Seconds from the end of one rest to the next.")] = None,
+    first: Annotated[float | None, Option(min=0, help="End of the first rest, seconds from the first frame.")] = None,
+    skip: Annotated[int, Option(min=0, help="Rests before the first pose; without --every they are looked for.")] = 0,
+    dwell: Dwell = 1.0,
+    axes: Annotated[str | None, Option(help="Which axes of the file are the arm's x, y, z: x,-z,y.")] = None,
+    rotation: Annotated[str | None, Option(help="Of Vicon's RX, RY, RZ: helical or euler-xyz.")] = None,
+) -> None:
+    """Turn a tracker's recording into measurements: one row for each pose, its mean over the end of the rest.
+
+    Rests are found where the tip stands still, or taken at regular times (--every, --first). A rest in which a body is
+    hidden, frozen or jumps is left out, and said.
+    """
+    from lrm_ident.data.measurements import arm_for
+    from lrm_ident.recordings.imported import RecordingOrder, import_recording, write_measurements
+    from lrm_ident.recordings.rests import RestTimes
+    from lrm_ident.recordings.vicon_csv import ROTATIONS
+
+    if (every is None) != (first is None):
+        raise LrmError("--every and --first go together")
+    times = None if every is None or first is None else RestTimes(first, every)
+    kind = None if rotation is None else one_of("rotation", rotation, ROTATIONS)
+    order = RecordingOrder(tool, base, times, skip, dwell, stated_reading({"axes": axes}).axes, kind)
+    name, the_arm = arm_for(poses, arm)
+    found = import_recording(recording, poses, the_arm, order)
+    write_measurements(found, output, name, recording.name)
+    for words in found.notices:
+        notice(words)
+    for number, why in found.left_out.items():
+        show(f"left out: pose {number}: {why}")
+    show(f"{len(found.tip)} of {len(found.tip) + len(found.left_out)} poses are in {output}")
+
+
+@command
 def verify(
     tracker: TrackerName,
     robot: RobotName = "rover",
     connect: Connect = None,
-    goals: Annotated[str, Option(help="How many random goals, or a CSV of x_mm, y_mm, z_mm to visit in order.")] = "50",
+    goals: Annotated[
+        str, Option(help="How many random goals; a CSV of x_mm, y_mm, z_mm to visit in order; or hole-to-basket.")
+    ] = "50",
     arm: arg.ArmName = None,
     payload_g: Annotated[float, Option(min=0, help="What the tool carries.")] = 0.0,
     seed: Annotated[int, Option(help="Of the goals: the same goals before and after.")] = 0,
@@ -184,5 +253,5 @@ def verify(
             clock = RealClock()
             rover_arm = RoverArm(rover, clock, lambda _: None, 1)
             run = GoalRun(rover_arm, opened, numbers, clock, Rhythm(0.0, settle, dwell), payload_g * GRAM)
-            found = run.visit(wanted.tolist(), lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
+            found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
     publish(verification_document(found, earlier), json)

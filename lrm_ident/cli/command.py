@@ -44,13 +44,13 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(function)
     def run(**values: Any) -> None:
         if reads:
-            values["reading"] = _reading({name: values.pop(name) for name in READING_OPTIONS})
+            values["reading"] = stated_reading({name: values.pop(name) for name in READING_OPTIONS})
         check_outputs(_outputs(values), _inputs(values))
         function(**values)
 
     run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
-    app.command()(run)
+    app.command(function.__name__.rstrip("_").replace("_", "-"))(run)  # `import_` is the command `import`
     return function
 
 
@@ -67,7 +67,7 @@ def _inputs(values: dict[str, Any]) -> list[Path]:
     return [*paths, *(path for path in beside if path.exists() and not is_something_else(path))]
 
 
-def _reading(options: dict[str, str | None]) -> Reading:
+def stated_reading(options: dict[str, str | None]) -> Reading:
     """The reading that the options state. Raises `LrmError`."""
     said: dict[str, Any] = {name: text for name, text in options.items() if text is not None}
     for name in ("joint_sign", "joint_order"):

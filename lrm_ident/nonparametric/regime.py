@@ -72,6 +72,13 @@ class Regime:
         return f"{self.low:.4g}{unit} < {name} < {self.high:.4g}{unit}"
 
     @property
+    def rows(self) -> NDArray[np.bool_]:
+        """(N,), which poses it holds."""
+        values = self.quantity.values
+        above = np.ones(len(values), dtype=np.bool_) if self.low is None else values > self.low
+        return np.asarray(above if self.high is None else above & (values < self.high))
+
+    @property
     def sentence(self) -> str:
         """What is concentrated where, and what it may be."""
         hint = HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]

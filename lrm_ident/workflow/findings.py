@@ -34,7 +34,7 @@ class Findings:
         field: the error field of every step. drivers: what errors may follow, at the drawn poses.
         comparison, diagnosis: what the commands of these names print; None as long as they are not done.
         candidates: the best ones beside the data, in the order of the ranking.
-        marked: numbers of the poses to look at, by why: worst, outliers.
+        marked: numbers of the poses to look at, by why: worst, outliers, regimes in which the error is larger.
     """
 
     file: ModelFile
@@ -108,5 +108,7 @@ def with_diagnosis(found: Findings, report: DiagnosisReport) -> Findings:
     rows = np.array([row_of.get(number, -1) for number in found.poses.pose.tolist()])
     known = drivers(data, fitted.rest.joint_torque)
     views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
-    marked = {**(found.marked or {}), "outliers": diagnosis.outliers}
+    numbers = diagnosis.data.pose
+    regimes = {f"regime {one.where}": tuple(numbers[one.rows].tolist()) for one in report.left.regimes}
+    marked = {**(found.marked or {}), "outliers": diagnosis.outliers, **regimes}
     return replace(found, diagnosis=diagnosis_document(report), candidates=views, marked=marked)

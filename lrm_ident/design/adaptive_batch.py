@@ -1,0 +1,172 @@
+"""Sequential experiment design: after every batch of poses fit, diagnose, and choose those that tell most next.
+
+Chernoff 1959, Sequential Design of Experiments; batches are D-optimal for the parameters and, while effects cannot be
+told apart, Ds-optimal for these (`pose_design`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.design.observability import identification_jacobian
+from lrm_ident.design.pose_design import DesignProblem, design
+from lrm_ident.diagnosis.auto import AutoRun, AutoStep, run_auto
+from lrm_ident.diagnosis.diagnose import Verdict
+from lrm_ident.diagnosis.linearised_fit import PRIOR_SD
+from lrm_ident.estimation.loss import SQUARED
+from lrm_ident.estimation.model_fit import fit_model, nominal_model
+from lrm_math.arrays import Array
+from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model
+
+FIRST_BATCH, BATCH = 40, 8
+"""Poses: enough for a first fit of the thesis's parameters and its cross-validation; then as many at a time."""
+OFFERED = 400
+"""Candidates that a batch is chosen from; more are drawn at random, which hardly changes the best index."""
+FIRST_NOISE = 3e-4
+"""m per axis, before there is a fit: which parameters are worth a pose depends on it weakly."""
+MOST_RIVALS = 3
+SURE = 1.645
+"""Standard errors of a one-sided bound that holds with 95 %."""
+DRAWS = 9
+
+
+@dataclass(frozen=True)
+class StoppingGoal:
+    """When enough is known. `error`: RMS of the held-out error (m) that must surely be reached, or None.
+
+    `explain`: whether every missing effect must have one name.
+    """
+
+    error: float | None = None
+    explain: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptiveFindings:
+    """What the poses so far tell.
+
+    Attributes:
+        model: after the last step of `auto`. named: for each effect added, its name and those it cannot be told from.
+        rivals: of the first effect that has several names; `before`: the model without it.
+        held_out: RMS of the held-out error (m); bound: what it is below with 95 %. noise: sd per axis of the fit (m).
+    """
+
+    model: Model
+    named: tuple[tuple[str, ...], ...]
+    rivals: tuple[Effect, ...]
+    before: Model
+    verdict: Verdict
+    held_out: float
+    bound: float
+    noise: float
+
+    def reached(self, goal: StoppingGoal) -> bool:
+        """Whether enough is known."""
+        close = goal.error is None or self.bound <= goal.error
+        sure = all(len(names) == 1 for names in self.named) and self.verdict == "nothing_missing"
+        return close and (sure or not goal.explain)
+
+
+def assess(data: Measurements, catalogue: Iterable[type[Effect]] = CATALOGUE) -> AdaptiveFindings:
+    """Fits the thesis's model and follows `auto`. Raises `LrmError`: too few poses, or no fit."""
+    kinds = tuple(catalogue)
+    assert data.arm is not None
+    fitted = fit_model(nominal_model(data.arm), data, "identifiable", SQUARED).fit
+    run = run_auto(fitted.model, data, catalogue=kinds)
+    last = run.steps[-1]
+    squares = (last.held_out**2).sum(axis=1)
+    error = float(squares.std(ddof=1) / np.sqrt(len(squares)))
+    unsure = next((number for number, step in enumerate(run.steps) if step.equivalent), None)
+    return AdaptiveFindings(
+        model=last.fit.model,
+        named=tuple((step.added, *step.equivalent) for step in run.steps[1:]),
+        rivals=() if unsure is None else _rivals(run.steps[unsure], kinds),
+        before=_before(run, unsure),
+        verdict=run.verdict,
+        held_out=float(np.sqrt(squares.mean())),
+        bound=float(np.sqrt(squares.mean() + SURE * error)),
+        noise=last.fit.sigma,
+    )
+
+
+def next_rows(found: AdaptiveFindings, measured: Poses, candidates: Poses, count: int, seed: int) -> NDArray[np.int64]:
+    """Rows (count,) of the candidates to measure next; fewer if there are no more."""
+    if len(candidates) <= count:
+        return np.arange(len(candidates))
+    problem = DesignProblem(found.model, None, (), count, "O1", found.noise, measured, 0, 1, seed)
+    if found.rivals:
+        with suppress(LrmError):  # where no choice of these candidates can tell them apart, the parameters are next
+            return _chosen(replace(problem, model=found.before, rivals=found.rivals), candidates)
+    return _chosen(problem, candidates)
+
+
+def first_rows(model: Model, measured: Poses | None, candidates: Poses, count: int, seed: int) -> NDArray[np.int64]:
+    """Rows of the candidates as long as nothing is fitted, for the parameters of the thesis. Raises `LrmError`."""
+    if len(candidates) <= count:
+        return np.arange(len(candidates))
+    return _chosen(DesignProblem(model, None, (), count, "O1", FIRST_NOISE, measured, 0, 1, seed), candidates)
+
+
+def random_poses_as_good(found: AdaptiveFindings, measured: Poses, every: Poses, seed: int) -> int | None:
+    """How many random ones of all poses would be expected to place the TCP as well as those measured (median draw).
+
+    By the covariance of the fitted parameters. None: not even all of them.
+    """
+    rest, keys = equilibrium(found.model, every), found.model.free
+    columns = identification_jacobian(rest, keys)
+    own = identification_jacobian(equilibrium(found.model, measured), keys)
+    wanted = _uncertainty(own, columns, found.noise)
+    rng, needed = np.random.default_rng(seed), []
+    for _ in range(DRAWS):
+        order = rng.permutation(len(every))
+        low, high = len(keys) // 3, len(every)
+        if _uncertainty(columns[order], columns, found.noise) > wanted:
+            needed.append(len(every) + 1)
+            continue
+        while low < high:  # the uncertainty only falls with every further pose
+            middle = (low + high) // 2
+            enough = _uncertainty(columns[order[:middle]], columns, found.noise) <= wanted
+            low, high = (low, middle) if enough else (middle + 1, high)
+        needed.append(high)
+    median = int(np.median(needed))
+    return median if median <= len(every) else None
+
+
+def _uncertainty(rows: Array, everywhere: Array, noise: float) -> float:
+    """Expected RMS error of the TCP over candidates (mm), from the information of some rows."""
+    stacked = rows.reshape(-1, rows.shape[2]) / (noise * 1e3)
+    covariance = np.linalg.inv(stacked.T @ stacked + np.eye(rows.shape[2]) / PRIOR_SD**2)
+    return float(np.sqrt(np.einsum("nci,ij,ncj->n", everywhere, covariance, everywhere, optimize=True).mean()))
+
+
+def _chosen(problem: DesignProblem, candidates: Poses) -> NDArray[np.int64]:
+    already = 0 if problem.measured is None else len(problem.measured)
+    rng = np.random.default_rng([problem.seed, already])
+    offered = rng.choice(len(candidates), min(OFFERED, len(candidates)), replace=False)
+    few = replace(candidates.take(offered), direction=None, number=None)
+    found = design(problem, few)
+    row_of = {(q.tobytes(), load): row for row, q, load in zip(offered, few.q, few.payload.tolist(), strict=True)}
+    keys = zip(found.poses.q, found.poses.payload.tolist(), strict=True)
+    return np.array(sorted({int(row_of[q.tobytes(), load]) for q, load in keys}))
+
+
+def _rivals(step: AutoStep, kinds: tuple[type[Effect], ...]) -> tuple[Effect, ...]:
+    """The effects that a step can stand for, each once."""
+    found = list[Effect]()
+    for name in (step.added, *step.equivalent)[:MOST_RIVALS]:
+        found += effects_at(step.fit.model.arm, name, kinds)
+    return tuple(found)
+
+
+def _before(run: AutoRun, unsure: int | None) -> Model:
+    return run.model if unsure is None else run.steps[max(unsure - 1, 0)].fit.model

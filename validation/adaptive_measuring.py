@@ -1,0 +1,132 @@
+"""Adaptive measuring against random poses, on simulated arms: how many poses until the tip lands as near to its goals.
+
+`python -m validation.adaptive_measuring --seeds 20`. A true arm is drawn by the seed as in `make demo`, with an effect
+hidden in it; what is measured has the noise of the demo's tracker. A random plan of 120 poses is measured and
+identified (`assess`: fit, then `auto`); its error at 300 goals that were never measured is the mark. Then poses are
+chosen batch by batch (`design.adaptive_batch`) among 600 drawn in the same way, until the error at the goals is no
+larger. Pure simulation of measuring, without daemon; fitting, diagnosing and choosing are the code of
+`lrm-ident measure --until`.
+Exit code 1 unless the median share of poses is at most a half.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.demo.hidden import HiddenArm, hidden_arm
+from lrm_ident.demo.pose_files import LOAD_G, clear_poses
+from lrm_ident.demo.simulated_tracker import REST_SD_M
+from lrm_ident.demo.world import ARM
+from lrm_ident.design.adaptive_batch import BATCH, FIRST_BATCH, AdaptiveFindings, assess, first_rows, next_rows
+from lrm_ident.estimation.model_fit import nominal_model
+from lrm_ident.synthetic import ArmDescription, load_arm, true_state
+from lrm_ident.synthetic.example import ARM_FILE
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm as model_arm
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model
+
+RANDOM_POSES, OFFERED, GOALS, REPEAT_EVERY = 120, 600, 300, 8
+
+
+@dataclass
+class SimulatedRig:
+    """An arm that is measured without moving anything. `measured`: rows of poses so far, repeats among them."""
+
+    arm: Arm
+    described: ArmDescription
+    hidden: HiddenArm
+    rng: np.random.Generator
+
+    def true_tips(self, poses: Poses) -> Array:
+        """(N, 3), m."""
+        return np.asarray(true_state(self.described, self.hidden.truth, poses.q, poses.payload).tcp_m)
+
+    def measure(self, poses: Poses, repeat_of: Sequence[int]) -> Measurements:
+        """Poses with noise, numbered from 1; `repeat_of`: (N,), number of the pose that each repeats, or its own."""
+        tips = self.true_tips(poses)
+        noisy = tips + self.rng.normal(scale=REST_SD_M, size=tips.shape)
+        number = np.arange(1, len(poses) + 1)
+        return Measurements(
+            poses, number, noisy, None, None, np.array(repeat_of), Path("simulated"), "", arm=self.arm, arm_name=ARM
+        )
+
+    def goal_error(self, model: Model, goals: Poses) -> float:
+        """RMS distance (m) of the tip from goals: where the arm really is, at angles for which the model says goal."""
+        return float(np.sqrt(((self.true_tips(goals) - equilibrium(model, goals).tcp) ** 2).sum(axis=1).mean()))
+
+
+def with_repeats(rows: Sequence[int]) -> tuple[list[int], list[int]]:
+    """Rows with every eighth once more at the end, and the numbers that they repeat."""
+    again = list(range(0, len(rows), REPEAT_EVERY))
+    return [*rows, *(rows[k] for k in again)], [*range(1, len(rows) + 1), *(k + 1 for k in again)]
+
+
+def drawn(arm: Arm, count: int, seed: Sequence[int]) -> Poses:
+    """Random poses that keep clear, half of them with the load."""
+    rng = np.random.default_rng(list(seed))
+    return poses_of(clear_poses(arm, count, rng), np.where(np.arange(count) % 2, LOAD_G * 1e-3, 0.0))
+
+
+def told(rig: SimulatedRig, every: Poses, rows: Sequence[int]) -> tuple[AdaptiveFindings, int]:
+    """What measuring some rows tells, and how many poses were measured."""
+    again, of = with_repeats(rows)
+    return assess(rig.measure(every.take(again), of)), len(again)
+
+
+def random_run(rig: SimulatedRig, every: Poses, goals: Poses) -> tuple[float, int]:
+    """Error at the goals (m) after a random plan, and its poses."""
+    found, count = told(rig, every, range(RANDOM_POSES * REPEAT_EVERY // (REPEAT_EVERY + 1)))
+    return rig.goal_error(found.model, goals), count
+
+
+def adaptive_run(
+    rig: SimulatedRig, every: Poses, goals: Poses, mark: float, seed: int
+) -> list[tuple[int, float, float]]:
+    """Poses measured, error at the goals, and bound of the held-out error (m), batch by batch until below a mark."""
+    rows, course = first_rows(nominal_model(rig.arm), None, every, FIRST_BATCH, seed).tolist(), []
+    while True:
+        found, count = told(rig, every, rows)
+        course.append((count, rig.goal_error(found.model, goals), found.bound))
+        if course[-1][1] <= mark or count > 2 * RANDOM_POSES:
+            return course
+        left = np.setdiff1d(np.arange(len(every)), rows)
+        rows += left[next_rows(found, every.take(rows), every.take(left), BATCH, seed)].tolist()
+
+
+def main() -> int:
+    """Prints one line a seed."""
+    parser = argparse.ArgumentParser("validation.adaptive_measuring", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0)
+    options = parser.parse_args()
+    arm, described, shares = model_arm(ARM), load_arm(ARM_FILE), []
+    print("| seed | hidden | random poses | error at goals mm | adaptive poses | error mm | share | s |")
+    print("|---|---|---|---|---|---|---|---|")
+    for seed in range(options.first, options.first + options.seeds):
+        began = time.monotonic()
+        rig = SimulatedRig(arm, described, hidden_arm(described, seed), np.random.default_rng([seed, 3]))
+        goals = drawn(arm, GOALS, (seed, 4))
+        mark, random = random_run(rig, drawn(arm, RANDOM_POSES, (seed, 5)), goals)
+        error, count = adaptive_run(rig, drawn(arm, OFFERED, (seed, 6)), goals, mark, seed)
+        shares.append(count / random if error <= mark else np.inf)
+        figures = [f"{mark * 1e3:.2f}", str(count), f"{error * 1e3:.2f}", f"{shares[-1]:.2f}"]
+        cells = [str(seed), rig.hidden.effect, str(random), *figures, f"{time.monotonic() - began:.0f}"]
+        print("|", " | ".join(cells), "|", flush=True)
+    median = float(np.median(shares))
+    print(f"median share of poses: {median:.2f}; at most a half in {np.sum(np.array(shares) <= 0.5)} of {len(shares)}")
+    return int(median > 0.5)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
