@@ -66,6 +66,12 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
 
 
 __all__ = [
-    "CATALOGUE", "FORMS", "AngleDependentEffect", "Effect", "JointEffect", "LoadedJointEffect", "Parameter",
+    "CATALOGUE",
+    "FORMS",
+    "AngleDependentEffect",
+    "Effect",
+    "JointEffect",
+    "LoadedJointEffect",
+    "Parameter",
     "effects_at",
 ]
