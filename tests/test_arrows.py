@@ -19,7 +19,8 @@ ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
     "lrm_math": "errors arrays toml_file arm kinematics collision effects model ik",
-    "lrm_ident": "synthetic progress digits tracker data recordings registration effect_plugins nonparametric "
+    "lrm_ident": "synthetic progress digits description weights tracker data recordings registration effect_plugins "
+    "nonparametric "
     "estimation diagnosis laws design thesis workspace views report workflow plots api page campaign cli demo",
     "lrmd": "errors log config persistence link messages ramp safety control sim ik api client cli main demo",
 }

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 from pydantic import ValidationError
-from typer import Option
+from typer import Option, Typer
 
 from lrm_ident.cli.common import app
 from lrm_ident.data.measurements import is_something_else
@@ -32,6 +32,21 @@ READING_OPTIONS: dict[str, Any] = {
 
 def command(function: Callable[..., None]) -> Callable[..., None]:
     """Registers a command. Its outputs are checked before the work; a parameter `reading` becomes its options."""
+    return command_of(app)(function)
+
+
+def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """As `command`, for a group of commands."""
+
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        # `import_` is the command `import`
+        group.command(name or function.__name__.rstrip("_").replace("_", "-"))(_checked(function))
+        return function
+
+    return register
+
+
+def _checked(function: Callable[..., None]) -> Callable[..., None]:
     signature, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
     own = [parameter.replace(annotation=hints[name]) for name, parameter in signature.parameters.items()]
     shown = [parameter for parameter in own if parameter.name != "reading"]
@@ -50,8 +65,7 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
 
     run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
-    app.command(function.__name__.rstrip("_").replace("_", "-"))(run)  # `import_` is the command `import`
-    return function
+    return run
 
 
 def _outputs(values: dict[str, Any]) -> dict[str, Path]:

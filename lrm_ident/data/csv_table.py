@@ -40,6 +40,11 @@ class CsvTable:
         values = np.array([self._number(i, column, row[j]) for i, row in enumerate(self.rows)], dtype=np.float64)
         return values * self.factors.get(column, 1.0)
 
+    def take(self, rows: Sequence[int]) -> CsvTable:
+        """Some rows."""
+        chosen = tuple(self.rows[row] for row in rows)
+        return replace(self, rows=chosen, lines=tuple(self.lines[row] for row in rows))
+
     def with_factors(self, factors: Mapping[str, float]) -> CsvTable:
         """The same table with other factors for some columns."""
         return replace(self, factors={**self.factors, **factors})
@@ -98,7 +103,10 @@ def csv_text(columns: Iterable[tuple[str, Array, int]]) -> str:
     named = list(columns)
     head = ",".join(name for name, _, _ in named)
     lines = (
-        ",".join(f"{value:.{decimals}f}" for value, (_, _, decimals) in zip(row, named, strict=True))
+        ",".join(
+            "" if math.isnan(value) else f"{value:.{decimals}f}"
+            for value, (_, _, decimals) in zip(row, named, strict=True)
+        )
         for row in zip(*(values for _, values, _ in named), strict=True)
     )
     return "\n".join([head, *lines]) + "\n"

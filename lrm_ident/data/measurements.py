@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,23 +16,36 @@ from pydantic import Field
 from lrm_ident.data.apply_reading import ANGLE_UNITS, AS_NAMED, LENGTH_UNITS, read_joints, read_positions
 from lrm_ident.data.csv_table import CsvTable, csv_text, require
 from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_measurement_table
+from lrm_ident.data.pose_columns import (
+    QUATERNION,
+    SCATTER,
+    covariance_columns,
+    feedback_columns,
+    read_attitude,
+    read_covariance,
+    read_feedback,
+)
 from lrm_ident.data.pose_table import in_units, poses_of_table, read_angles, read_whole
+from lrm_ident.weights.rotations import quaternions, rotation_vectors
+from lrm_ident.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.reading import Reading
+from lrm_math.model.sensed import encoder_angles, tool_rotation
 from lrm_math.toml_file import read_toml, schema_of
 
-ATTITUDE = ("qw", "qx", "qy", "qz")
-OPTIONAL = ("t_s", "session", "payload_g", *ATTITUDE, "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
+OPTIONAL = ("t_s", "session", "payload_g", "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
 
 
 class Metadata(Reading):
     """Metadata file `NAME.toml`, schema `lrm/measurements/1`; it may say how the numbers are to be read.
 
-    `poses_sha256`, `t0_s`: of a campaign, its file of poses and the tracker's time at t_s = 0.
+    `feedback_sd_deg`: standard deviation of the joints' encoders. `poses_sha256`, `t0_s`: of a campaign, its file of
+    poses and the tracker's time at t_s = 0.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
@@ -39,6 +53,7 @@ class Metadata(Reading):
     source: str = ""
     start_q_deg: list[float] | None = None
     noise_sd_mm: Annotated[float, Field(gt=0)] | None = None
+    feedback_sd_deg: Annotated[float, Field(gt=0)] | None = None
     poses_sha256: str | None = None
     t0_s: float | None = None
 
@@ -58,6 +73,10 @@ class Measurements:
         stated: the same with the units of the columns' names.
         left_out: numbers of poses that were taken out.
         arm_name: of a shipped arm, or path of its file, as a model file names it; None: the arm's own name.
+        covariance: (N, 6, 6), of position and rotation vector (m, rad), NaN where not stated; None without any.
+        attitude: (N, 3, 3), rotation of the tool's frame, NaN where not measured; None where there is none to use.
+        feedback: (N, n), what encoders read (rad), NaN where they did not; None where there is none to use.
+        feedback_sd: its standard deviation (rad).
     """
 
     poses: Poses
@@ -74,6 +93,34 @@ class Measurements:
     stated: Reading = AS_NAMED
     left_out: tuple[int, ...] = ()
     arm_name: str | None = None
+    covariance: Array | None = None
+    attitude: Array | None = None
+    feedback: Array | None = None
+    feedback_sd: float | None = None
+
+    @cached_property
+    def whitening(self) -> Whitening:
+        """The weights of what was measured."""
+        return whitening_of(self.sd, self.covariance, self.attitude, self.feedback, self.feedback_sd)
+
+    def residual(self, rest: Equilibrium) -> Array:
+        """(N, R), what was measured less what the model has at rest: m, rad; zero where nothing was measured."""
+        parts = [self.tcp - rest.tcp]
+        if self.attitude is not None:
+            parts.append(rotation_vectors(self.attitude @ tool_rotation(rest).transpose(0, 2, 1)))
+        if self.feedback is not None:
+            parts.append(self.feedback - encoder_angles(rest))
+        return parts[0] if len(parts) == 1 else np.nan_to_num(np.concatenate(parts, axis=1))
+
+    def turned(self, rotation: Array, translation: Array) -> Measurements:
+        """In another frame: positions to R p + t, with rotation R (3, 3) and translation t (3,), m."""
+        both = np.kron(np.eye(2), rotation)
+        return replace(
+            self,
+            tcp=self.tcp @ rotation.T + translation,
+            covariance=None if self.covariance is None else both @ self.covariance @ both.T,
+            attitude=None if self.attitude is None else rotation @ self.attitude,
+        )
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -87,6 +134,9 @@ class Measurements:
             pose=self.pose[chosen],
             tcp=self.tcp[chosen],
             sd=None if self.sd is None else self.sd[chosen],
+            covariance=None if self.covariance is None else self.covariance[chosen],
+            attitude=None if self.attitude is None else self.attitude[chosen],
+            feedback=None if self.feedback is None else self.feedback[chosen],
             repeat_of=self.repeat_of[chosen],
         )
 
@@ -146,20 +196,68 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     sd = known.get("sd_mm")
     if sd is not None:
         table.reject(sd <= 0, "sd_mm", "not above zero")
+    noise = None if metadata is None or metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM
+    more, unused = _more_parts(table, arm, how, metadata, None if sd is None else sd * MM, noise)
     return Measurements(
         poses=poses_of_table(table, q, known, pose, start, how),
         pose=pose,
         tcp=read_positions(how, np.stack([table.numbers(name) for name in POSITION], axis=1) * MM),
-        sd=None if sd is None else sd * MM,
-        noise_sd=None if metadata is None or metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM,
+        noise_sd=noise,
         repeat_of=_repeats(table, pose),
         path=path,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        notices=tuple(_notices(table, [*angles, *_sides(arm), "pose", *POSITION, *OPTIONAL])),
+        notices=(*_notices(table, [*angles, *_sides(arm), "pose", *POSITION, *OPTIONAL, *_pose_columns(arm)]), *unused),
         arm=arm,
         reading=Reading(**how.said()),
         stated=_stated(table, how),
+        **more,
     )
+
+
+def _pose_columns(arm: Arm) -> tuple[str, ...]:
+    return (*SCATTER, *QUATERNION, *feedback_columns(arm))
+
+
+def _more_parts(
+    table: CsvTable, arm: Arm, how: Reading, metadata: Metadata | None, sd: Array | None, noise: float | None
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The attributes sd, covariance, attitude and feedback of measurements, and why some are not used.
+
+    `sd`, `noise`: of the column sd_mm, and for all poses (m).
+    """
+    known = sd if sd is not None or noise is None else np.full(len(table.rows), noise)
+    covariance = read_covariance(table, known)
+    attitude, feedback = read_attitude(table), read_feedback(table, arm, how)
+    feedback_sd = None if metadata is None or metadata.feedback_sd_deg is None else np.radians(metadata.feedback_sd_deg)
+    notices = []
+    if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
+        notices.append("the orientation is not used: state its standard deviation in a column srot_deg")
+        attitude = None
+    if feedback is not None and (feedback_sd is None or (covariance is None and known is None)):
+        notices.append(
+            "the joint feedback is not used: state feedback_sd_deg in the file beside the data, and the positions' "
+            "standard deviation (sd_mm, noise_sd_mm)"
+        )
+        feedback = None
+    if covariance is None and feedback is not None and known is not None:
+        covariance = np.full((len(known), 6, 6), np.nan)
+        covariance[:, :3, :3] = known[:, None, None] ** 2 * np.eye(3)
+    if covariance is not None:
+        turn, _ = _frame_of(how)
+        if np.linalg.det(turn) < 0 and attitude is not None:
+            raise FileError(table.path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
+        both = np.kron(np.eye(2), turn)
+        covariance = both @ covariance @ both.T
+        attitude = None if attitude is None else turn @ attitude
+        sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
+    kept = {"covariance": covariance, "attitude": attitude, "feedback": feedback}
+    return {"sd": sd, "feedback_sd": None if feedback is None else feedback_sd, **kept}, tuple(notices)
+
+
+def _frame_of(how: Reading) -> tuple[Array, Array]:
+    """Rotation (3, 3), or mirror, and translation (3,), m, by which a reading turns positions."""
+    origin, *unit = read_positions(how, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+    return (np.array(unit) - origin).T, origin
 
 
 def _stated(table: CsvTable, how: Reading) -> Reading:
@@ -224,10 +322,23 @@ def measurements_csv(data: Measurements) -> str:
     columns += [(name, data.tcp[:, i] / MM, 6) for i, name in enumerate(("x_mm", "y_mm", "z_mm"))]
     if data.poses.temperature is not None:
         columns.append(("temp_c", data.poses.temperature, 3))
-    if data.sd is not None:
-        columns.append(("sd_mm", data.sd / MM, 6))
+    columns += _scatter_columns(data)
     columns.append(("repeat_of", data.repeat_of.astype(np.float64), 0))
     return csv_text(columns)
+
+
+def _scatter_columns(data: Measurements) -> list[tuple[str, Array, int]]:
+    """Optional columns of scatter, orientation and feedback."""
+    out: list[tuple[str, Array, int]] = []
+    if data.covariance is not None:
+        out += covariance_columns(data.covariance)
+    elif data.sd is not None:
+        out.append(("sd_mm", data.sd / MM, 6))
+    if data.attitude is not None:
+        out += [(name, column, 9) for name, column in zip(QUATERNION, quaternions(data.attitude).T, strict=True)]
+    if data.feedback is not None:
+        out += [(f"q{i + 1}_meas_deg", np.degrees(column), 6) for i, column in enumerate(data.feedback.T)]
+    return out
 
 
 def _check_once(table: CsvTable, pose: NDArray[np.int64]) -> None:

@@ -72,7 +72,7 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss | None = No
             and key not in model.free
             and (key.partition(".")[0] in DEFAULT_EFFECTS or key.rpartition(".")[0] in begun)
         ]
-        found = identifiable_beside(fitted.rest, model.free, base, fitted.sigma, data.sd)
+        found = identifiable_beside(fitted.rest, model.free, base, fitted.sigma, data.whitening)
         if not found or len(model.free) + len(found) > len(data):
             return fitted
         free = tuple(key for key in model.keys if key in (*model.free, *found))

@@ -14,6 +14,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import Response, effect_columns, respond
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.sensed import TCP_ONLY, Sensed
 
 REFINEMENT, PLAIN, FORM = 0, 1, 2
 NO_TORQUE = 1e-9  # N·m: round-off
@@ -81,9 +82,11 @@ def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:
     return tuple(i for i, p in enumerate(effect.parameters) if p.fixed is None and prefix + p.name not in fitted)
 
 
-def split_testable(effects: Iterable[Unfitted], rest: Equilibrium) -> tuple[list[Unfitted], list[tuple[Effect, str]]]:
+def split_testable(
+    effects: Iterable[Unfitted], rest: Equilibrium, sensed: Sensed = TCP_ONLY
+) -> tuple[list[Unfitted], list[tuple[Effect, str]]]:
     """The effects that these poses can test, and the others with the reason."""
-    excitation = Excitation(rest.poses, rest.joint_torque)
+    excitation = Excitation(rest.poses, rest.joint_torque, sensed.feedback)
     tried = [(one, _no_torque(one[0], rest) or one[0].missing_excitation(excitation)) for one in effects]
     testable = [one for one, reason in tried if reason is None]
     return testable, [(effect, reason) for (effect, _), reason in tried if reason is not None]
@@ -101,14 +104,14 @@ def _no_torque(effect: Effect, rest: Equilibrium) -> str | None:
 
 
 def differentiate_candidates(
-    model: Model, poses: Poses, effects: Sequence[Unfitted]
+    model: Model, poses: Poses, effects: Sequence[Unfitted], sensed: Sensed = TCP_ONLY
 ) -> tuple[Response, list[Candidate]]:
     """The columns of every effect at the model's equilibrium, where none of them acts yet; and that response."""
     present = _present(model)
     added = [effect for effect, _ in effects if f"{effect.id}@{effect.place}" not in present]
     known = {key: model.value(key) for key in model.keys}
     extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free)
-    response = respond(equilibrium(extended, poses))
+    response = respond(equilibrium(extended, poses), sensed)
     found = (_candidate(extended, effect, rows, response, _standing(effect, present)) for effect, rows in effects)
     return response, list(found)
 

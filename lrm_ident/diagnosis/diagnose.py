@@ -30,6 +30,7 @@ from lrm_ident.estimation.identifiability import some_rows
 from lrm_ident.estimation.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
 from lrm_ident.estimation.loss import Loss, robust_scale
 from lrm_ident.progress import OnProgress, silent
+from lrm_ident.weights.row_weights import RowWeights
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.derivatives import parameter_jacobian
@@ -132,11 +133,12 @@ def _diagnose(
     whole = fit(model, data, loss=loss)
     screened = rows_to_screen(whole)
     fitted, part = whole.take(screened), data.take(screened)
-    weight = row_weights(part, fitted)
-    linear = linearised(fitted, part, weight)
-    testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.rest)
-    response, found = differentiate_candidates(fitted.model, part.poses, testable)
-    scored, undetectable = score_candidates(found, linear, weight, progress)
+    weigh = RowWeights(part.whitening, fitted.weight)
+    linear = linearised(fitted, part, weigh)
+    sensed = part.whitening.sensed
+    testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.rest, sensed)
+    response, found = differentiate_candidates(fitted.model, part.poses, testable, sensed)
+    scored, undetectable = score_candidates(found, linear, weigh, progress)
     ranked = sorted(scored, key=lambda one: one.alone.rms)
     floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
     quiet = _like_noise(whole, floor, structure)
@@ -155,9 +157,9 @@ def _diagnose(
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
         selected=tuple(selected),
         equivalent={one.name: equivalent_effects(one, selected, ranked, linear) for one in selected},
-        unexplained=unexplained_structure(selected, linear, functions, weight),
+        unexplained=unexplained_structure(selected, linear, functions, weigh),
         not_testable=(*not_testable, *undetectable),
-        joint_jacobian=joint_jacobian,
+        joint_jacobian=joint_jacobian[:, :3],
         screened=screened,
         loss=loss,
     )
@@ -178,20 +180,15 @@ def _like_noise(fitted: Fit, floor: NoiseFloor, structure: ResidualStructure) ->
     return bool(chdtrc(freedom, freedom * (fitted.sigma / floor.sd) ** 2) > SIGNIFICANCE)
 
 
-def row_weights(data: Measurements, fitted: Fit) -> Array:
-    """(3 N, 1), relative weight of each row, of mean square near one: by its stated noise and the loss of the fit."""
-    known = np.ones(len(data)) if data.sd is None else np.sqrt(np.mean(data.sd**2)) / data.sd
-    return np.repeat(known * np.sqrt(fitted.weight), 3)[:, None]
-
-
-def linearised(fitted: Fit, data: Measurements, weight: Array) -> LinearisedFit:
-    """A fit linearised at its minimum, with the joint-space blocks. `weight`: (3 N, 1), relative weight of each row."""
+def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> LinearisedFit:
+    """A fit linearised at its minimum, with the joint-space blocks. `weigh`: relative weights of its rows."""
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     typical = np.array([fitted.model.parameters[fitted.model.position(key)].typical for key in keys])
-    columns = (parameter_jacobian(fitted.rest, keys) * typical).reshape(-1, len(keys))
+    columns = (parameter_jacobian(fitted.rest, keys, data.whitening.sensed) * typical).reshape(-1, len(keys))
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]
-    return linearise(columns * weight, fitted.residual.reshape(-1) * weight[:, 0], poses, fitted.sigma)
+    residual = data.residual(fitted.rest).reshape(-1, 1)
+    return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma)
 
 
 def _outliers(diagnosis: Diagnosis) -> list[int]:

@@ -19,7 +19,7 @@ from lrm_ident.diagnosis.linearised_fit import paired_z
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate
 from lrm_ident.estimation.cross_validation import held_out_blocks
 from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_ident.nonparametric.predictability import HeldOutBlock, held_out_rows
+from lrm_ident.nonparametric.predictability import HeldOutBlock, decisive_rows, held_out_rows
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
@@ -89,7 +89,7 @@ def judge(
     for number, scored in enumerate(diagnosis.supported):
         on_progress(f"refitting with {scored.name}")
         refit = _refit(diagnosis, scored)
-        if refit is not None and _predicts_better(refit.held_out, held_out_rows(blocks)):
+        if refit is not None and _predicts_better(decisive_rows(refit.blocks), decisive_rows(blocks)):
             return Judgement(diagnosis, blocks, refit, diagnosis.supported[number:])
     return Judgement(diagnosis, blocks, None, ())
 
@@ -105,6 +105,6 @@ def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:
 
 
 def _predicts_better(then: Array, now: Array) -> bool:
-    """Whether a held-out residual (N, 3) is smaller by a share worth naming, and by more than its standard error."""
+    """Whether held-out rows (N, R) are smaller by a share worth naming, and by more than their standard error."""
     squares = [np.asarray((residual**2).sum(axis=1)) for residual in (then, now)]
     return error_stats(then).rms < (1.0 - MIN_GAIN) * error_stats(now).rms and paired_z(*squares) > Z_THRESHOLD

@@ -89,12 +89,14 @@ class LinearisedFit:
         residual: (3 N,), what the fitted parameters leave (m).
         basis: (3 N, P), orthonormal basis of their columns.
         sigma: m per axis, the noise against which the prior is weighed.
+        rows: of each pose, R; 3 N above stands for R N.
     """
 
     residual: Array
     basis: Array
     folds: tuple[Fold, ...]
     sigma: float
+    rows: int = 3
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -164,18 +166,20 @@ class LinearisedFit:
         """(N,), squared 3-D distance of each pose from the folds' test residuals (F, Q)."""
         held_out = np.zeros(len(self.residual) + 1)
         held_out[self._test_rows] = test**2
-        return np.asarray(held_out[:-1].reshape(-1, 3).sum(axis=1))
+        return np.asarray(held_out[:-1].reshape(-1, self.rows).sum(axis=1))
 
 
 def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]], sigma: float) -> LinearisedFit:
     """Linearises a fit with the parameters' columns A (3 N, P), residual (3 N,) (m) and the test poses of each fold."""
     basis = _svd(A)[0]
     projected = residual - basis @ (basis.T @ residual)
-    return LinearisedFit(projected, basis, tuple(_fold(A, projected, poses) for poses in test_poses), sigma)
+    rows = len(residual) // sum(len(poses) for poses in test_poses)
+    folds = tuple(_fold(A, projected, poses, rows) for poses in test_poses)
+    return LinearisedFit(projected, basis, folds, sigma, rows)
 
 
-def _fold(A: Array, residual: Array, poses: NDArray[np.int64]) -> Fold:
-    test = (3 * poses[:, None] + np.arange(3)).reshape(-1)
+def _fold(A: Array, residual: Array, poses: NDArray[np.int64], rows: int) -> Fold:
+    test = (rows * poses[:, None] + np.arange(rows)).reshape(-1)
     train = np.setdiff1d(np.arange(len(residual)), test)
     basis, inverse_factor = _svd(A[train])
     test_residual = residual[test] - A[test] @ (inverse_factor @ (basis.T @ residual[train]))

@@ -60,10 +60,13 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
         q: (N, n) joint angles (rad). residual: (3 N,), what the fit leaves. basis: (3 N, P), what the fit explains.
     """
     near, successive = _neighbours(q), np.stack([np.arange(len(q) - 1), np.arange(1, len(q))], axis=1)
+    rows = len(residual) // len(q)
     noise = np.random.default_rng(SEED).normal(size=(len(residual), DRAWS))
     noise -= basis @ (basis.T @ noise)
-    observed = [_morans_i(residual[:, None], pairs)[0] for pairs in (near, successive)]
-    p_values = [_p_value(i, _morans_i(noise, pairs)) for i, pairs in zip(observed, (near, successive), strict=True)]
+    observed = [_morans_i(residual[:, None], pairs, rows)[0] for pairs in (near, successive)]
+    p_values = [
+        _p_value(i, _morans_i(noise, pairs, rows)) for i, pairs in zip(observed, (near, successive), strict=True)
+    ]
     return ResidualStructure(float(observed[0]), *p_values)
 
 
@@ -74,9 +77,9 @@ def _neighbours(q: Array) -> NDArray[np.int64]:
     return np.array(pairs, dtype=np.int64)
 
 
-def _morans_i(residuals: Array, pairs: NDArray[np.int64]) -> Array:
-    """Mean product of paired residual vectors over their mean square, for each column of (3 N, D)."""
-    vectors = residuals.reshape(-1, 3, residuals.shape[1])
+def _morans_i(residuals: Array, pairs: NDArray[np.int64], rows: int) -> Array:
+    """Mean product of paired residual vectors over their mean square, for each column of (R N, D), R `rows` a pose."""
+    vectors = residuals.reshape(-1, rows, residuals.shape[1])
     products = np.einsum("pcd,pcd->d", vectors[pairs[:, 0]], vectors[pairs[:, 1]]) / len(pairs)
     return np.asarray(products / np.einsum("ncd,ncd->d", vectors, vectors) * len(vectors))
 

@@ -11,7 +11,7 @@ from scipy.special import fdtrc
 from lrm_ident.diagnosis.candidates import Candidate
 from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, projected_rank
 from lrm_ident.progress import OnProgress
-from lrm_math.arrays import Array
+from lrm_ident.weights.row_weights import RowWeights
 from lrm_math.effects import Effect
 
 Z_THRESHOLD = 2.0  # standard errors by which one prediction must beat another to be distinguished from it
@@ -47,24 +47,26 @@ class ScoredCandidate:
 
 
 def score_candidates(
-    found: Sequence[Candidate], linear: LinearisedFit, weight: Array, progress: OnProgress
+    found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights, progress: OnProgress
 ) -> tuple[list[ScoredCandidate], list[tuple[Effect, str]]]:
     """Scores every candidate; those not detectable at their typical size come apart, with the reason.
 
     Args:
-        weight: (3 N, 1), relative weight of each row.
+        weigh: relative weights of the rows.
     """
     scored, undetectable = [], []
     for number, candidate in enumerate(found):
         tried = []
         for shape, columns in zip(candidate.shapes, candidate.columns, strict=True):
-            projected = linear.project(columns * weight)
-            tried.append((linear.explain(projected), shape, projected, columns * weight))
+            weighted = weigh(columns)
+            projected = linear.project(weighted)
+            tried.append((linear.explain(projected), shape, projected, weighted))
         alone, shape, projected, columns = min(tried, key=lambda one: one[0].in_sample)
         rank = projected_rank(projected.all_rows, columns)
         moved = float(np.linalg.norm(projected.all_rows))
         if rank == 0 or moved < MIN_DETECTABLE * linear.sigma:
-            size = f"a typical size moves the TCP by only {moved / np.sqrt(len(weight) / 3) * 1e3:.2g} mm"
+            each = moved / np.sqrt(len(linear.residual) / linear.rows)
+            size = f"a typical size moves the TCP by only {each * 1e3:.2g} mm"
             undetectable.append((candidate.effect, f"{size} beyond what the fitted parameters already explain"))
         else:
             p_value = f_test_p_value(linear.explain().in_sample, alone.in_sample, rank, linear.degrees_of_freedom)

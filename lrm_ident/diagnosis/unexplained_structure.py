@@ -9,7 +9,7 @@ from lrm_ident.diagnosis.forward_selection import improves_prediction
 from lrm_ident.diagnosis.free_functions import FreeFunction
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, ProjectedColumns, paired_z
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate
-from lrm_math.arrays import Array
+from lrm_ident.weights.row_weights import RowWeights
 
 MIN_FREE_GAIN = 0.10  # part of the held-out RMS that a free function must save to be unexplained structure
 MAX_FREE_FUNCTIONS = 3
@@ -32,11 +32,11 @@ class UnexplainedStructure:
 
 
 def unexplained_structure(
-    selected: Sequence[ScoredCandidate], linear: LinearisedFit, functions: Sequence[FreeFunction], weight: Array
+    selected: Sequence[ScoredCandidate], linear: LinearisedFit, functions: Sequence[FreeFunction], weigh: RowWeights
 ) -> UnexplainedStructure:
-    """Tries free functions on what the selected effects leave. `weight`: (3 N, 1), relative weight of each row."""
+    """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows."""
     taken = [one.projected for one in selected]
-    ready = [(function, linear.project(function.columns * weight)) for function in functions]
+    ready = [(function, linear.project(weigh(function.columns))) for function in functions]
     tried = [(function, linear.explain(*taken, columns).rms) for function, columns in ready]
     ranking = tuple(sorted(tried, key=lambda one: one[1])[:5])
     free = _select_free(taken, [one for one in ready if not one[0].in_catalogue], linear)

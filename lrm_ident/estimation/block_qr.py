@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrm_ident.weights.whitening import Whitening
 from lrm_math.arrays import Array
-from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium
 
 BLOCK = 2000  # poses
@@ -31,19 +31,21 @@ class CompressedRows:
     residual: Array
 
 
-def compress(rest: Equilibrium, keys: Sequence[str], weight: Array, residual: Array) -> CompressedRows:
-    """The Jacobian of an equilibrium's TCPs and a residual, scaled, as few rows.
+def compress(
+    rest: Equilibrium, keys: Sequence[str], whitening: Whitening, weight: Array, residual: Array
+) -> CompressedRows:
+    """The Jacobian of an equilibrium's measured rows and a residual, whitened and weighted, as few rows.
 
     Args:
         keys: P parameters; their columns are scaled by their typical sizes.
         weight: (N, 1) or (1, 1), factor of the rows of each pose.
-        residual: (N, 3), not weighted yet (m, or in the unit of its noise).
+        residual: (N, R), whitened, not weighted yet.
     """
     typical = np.array([rest.model.parameters[rest.model.position(key)].typical for key in keys])
     factor: Array = np.empty((0, len(keys) + 1))
     for rows in np.split(np.arange(len(rest.poses)), range(BLOCK, len(rest.poses), BLOCK)):
         scale = weight if len(weight) == 1 else weight[rows]
-        J = parameter_jacobian(rest.take(rows), keys) * typical
+        J = whitening.take(rows).jacobian(rest.take(rows), keys) * typical
         block = np.concatenate([J, residual[rows][:, :, None]], axis=2) * scale[:, :, None]
         factor = np.asarray(np.linalg.qr(np.concatenate([factor, block.reshape(-1, len(keys) + 1)]), mode="r"))
     return CompressedRows(factor[:, :-1], factor[:, -1])

@@ -91,8 +91,12 @@ def held_out_blocks(
     models = refitted(model, data, left_out, bounds, loss, prior) if model.free else repeat(model)
     for number, (test, fitted) in enumerate(zip(left_out, models, strict=False)):
         train = np.flatnonzero(fold != number)
-        left = [data.tcp[rows] - equilibrium(fitted, data.poses.take(rows)).tcp for rows in (train, test)]
-        blocks.append(HeldOutBlock(train, test, *left))
+        seen, unseen = (equilibrium(fitted, data.poses.take(rows)) for rows in (train, test))
+        part, whitening = data.take(test), data.whitening
+        weighted = None
+        if whitening.root is not None:
+            weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
+        blocks.append(HeldOutBlock(train, test, data.tcp[train] - seen.tcp, part.tcp - unseen.tcp, weighted))
         progress(number + 1, count)
     return tuple(blocks)
 

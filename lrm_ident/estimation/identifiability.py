@@ -13,6 +13,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.block_qr import compress
 from lrm_ident.estimation.levenberg_marquardt import Bounds, Fit, bounds_of, check_enough, fit
 from lrm_ident.estimation.loss import Loss
+from lrm_ident.weights.whitening import PLAIN, Whitening
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
@@ -85,7 +86,7 @@ def _last_lever(model: Model) -> float:
 
 
 def select_identifiable(
-    rest: Equilibrium, keys: Sequence[str], noise: float, sd: Array | None = None
+    rest: Equilibrium, keys: Sequence[str], noise: float, whitening: Whitening = PLAIN
 ) -> IdentifiableSet:
     """Forward selection of parameters by Gram–Schmidt orthogonalisation of their Jacobian columns.
 
@@ -96,12 +97,12 @@ def select_identifiable(
         rest: equilibrium at the poses, at the parameters to linearise about.
         keys: candidates.
         noise: expected residual of the fit, m per axis.
-        sd: (N,), relative weights of the poses as in `Measurements.sd`, or None.
+        whitening: weights of what was, or will be, measured.
     """
     model = rest.model
     order = selection_order(model, keys)
     typical = np.array([model.parameters[model.position(key)].typical for key in order])
-    columns = compress(rest, order, _weights(sd), np.zeros_like(rest.tcp)).columns
+    columns = _columns(rest, order, whitening)
     kept, dropped = _gram_schmidt(columns, noise)
     held = [
         explain_dependence(columns, typical, order, model, kept, j, independent, noise) for j, independent in dropped
@@ -111,11 +112,11 @@ def select_identifiable(
 
 
 def identifiable_beside(
-    rest: Equilibrium, free: Sequence[str], others: Sequence[str], noise: float, sd: Array | None = None
+    rest: Equilibrium, free: Sequence[str], others: Sequence[str], noise: float, whitening: Whitening = PLAIN
 ) -> tuple[str, ...]:
     """Those of `others` that the data can tell beside the parameters `free`, by the rule of `select_identifiable`."""
     order = [*free, *selection_order(rest.model, others)]
-    columns = compress(rest, order, _weights(sd), np.zeros_like(rest.tcp)).columns
+    columns = _columns(rest, order, whitening)
     kept, _ = _gram_schmidt(columns, noise, len(free))
     return tuple(order[j] for j in kept if j >= len(free))
 
@@ -136,21 +137,21 @@ def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[in
     return kept, dropped
 
 
-def expected_noise(rest: Equilibrium, keys: Sequence[str], tcp: Array, sd: Array | None = None) -> float:
-    """Residual standard deviation per axis (m) of a fit of `keys`, by one linear least-squares step from `rest`.
-
-    Args:
-        tcp: (N, 3), measured (m).
-    """
-    rows = compress(rest, keys, _weights(sd), tcp - rest.tcp)
+def expected_noise(rest: Equilibrium, keys: Sequence[str], data: Measurements) -> float:
+    """Residual standard deviation per axis (m) of a fit of `keys`, by one linear least-squares step from `rest`."""
+    whitening = data.whitening
+    residual = whitening(data.residual(rest))
+    rows = compress(rest, keys, whitening, np.full((1, 1), whitening.unit), residual)
     step, _, rank, _ = np.linalg.lstsq(rows.columns, rows.residual, rcond=ROUND_OFF)
     left = rows.residual - rows.columns @ step
-    return float(np.sqrt(left @ left / max(tcp.size - int(rank), 1)))
+    measured = int((whitening.measured * np.ones(len(data))).sum())
+    return float(np.sqrt(left @ left / max(measured - int(rank), 1)))
 
 
-def _weights(sd: Array | None) -> Array:
-    """(N, 1) or (1, 1), RMS of sd over sd of each pose; one where no sd is known."""
-    return np.ones((1, 1)) if sd is None else (np.sqrt(np.mean(sd**2)) / sd)[:, None]
+def _columns(rest: Equilibrium, order: Sequence[str], whitening: Whitening) -> Array:
+    """Compressed columns of parameters, relative to a noise of the whitening's unit (m)."""
+    nothing = np.zeros((len(rest.poses), whitening.rows(rest.model.arm.dof)))
+    return compress(rest, order, whitening, np.full((1, 1), whitening.unit), nothing).columns
 
 
 def explain_dependence(
@@ -206,10 +207,10 @@ def fit_identifiable(
         rest, noise = equilibrium(coarse.model, data.poses), coarse.sigma
     else:
         rest = equilibrium(model, data.poses)
-        noise = expected_noise(rest, keys, data.tcp, data.sd)
+        noise = expected_noise(rest, keys, data)
     seen: list[tuple[str, ...]] = []
     for _ in range(MAX_ITERATIONS):
-        selected = select_identifiable(rest, keys, noise, data.sd)
+        selected = select_identifiable(rest, keys, noise, data.whitening)
         if seen and selected.kept == seen[-1]:
             break
         check_enough(len(data), len(selected.kept))

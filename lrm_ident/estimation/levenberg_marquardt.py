@@ -255,10 +255,10 @@ class _LevenbergMarquardt:
         return Fit(
             model=replace(iterate.rest.model, free=objective.model.free),
             rest=iterate.rest,
-            residual=iterate.residual * objective.stated_noise,
+            residual=data.tcp - iterate.rest.tcp,
             covariance=covariance * np.outer(objective.typical, objective.typical),
             effective_parameters=parameters,
-            sigma=sigma * (1.0 if data.sd is None else float(np.sqrt(np.mean(data.sd**2)))),
+            sigma=sigma * data.whitening.unit,
             at_bound=tuple(key for key, bound in zip(objective.model.free, held, strict=True) if bound),
             weight=objective.weight(iterate),
             outliers=tuple(np.flatnonzero(distance > OUTLIER_DISTANCE * robust_scale(distance)).tolist()),

@@ -29,7 +29,7 @@ MIN_SIGMA = 1e-5  # m: below any tracker's noise; at much smaller values the pri
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """One iterate: scaled parameters z (P,), equilibrium, residual (N, 3) in units of the noise."""
+    """One iterate: scaled parameters z (P,), equilibrium, whitened residual (N, R)."""
 
     z: Array
     rest: Equilibrium
@@ -99,11 +99,6 @@ class Objective:
         return np.array([self.model.parameters[j].typical for j in self.columns])
 
     @cached_property
-    def stated_noise(self) -> Array:
-        """(N, 1) or (1, 1), stated noise (m); one where none is stated."""
-        return np.ones((1, 1)) if self.data.sd is None else self.data.sd[:, None]
-
-    @cached_property
     def _prior_mean(self) -> Array:
         """(P,), scaled."""
         free = self.model.free
@@ -120,7 +115,7 @@ class Objective:
         values = self.model.values.copy()
         values[self.columns] = z * self.typical
         rest = equilibrium(self.model.with_values(values), self.data.poses, near, EQUILIBRIUM_TOLERANCE)
-        return Iterate(z, rest, (self.data.tcp - rest.tcp) / self.stated_noise)
+        return Iterate(z, rest, self.data.whitening(self.data.residual(rest)))
 
     def value(self, iterate: Iterate, noise: NoiseScale) -> float:
         """The objective."""
@@ -129,11 +124,12 @@ class Objective:
 
     def linearise(self, iterate: Iterate, noise: NoiseScale, poses: NDArray[np.int64] | None = None) -> CompressedRows:
         """Scaled Jacobian and residual of all or some poses, weighted by the loss (iteratively reweighted)."""
-        weight = np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None] / self.stated_noise
-        residual = iterate.residual * self.stated_noise
+        weight = np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None]
+        whitening, keys = self.data.whitening, self.model.free
         if poses is None:
-            return compress(iterate.rest, self.model.free, weight, residual)
-        return compress(iterate.rest.take(poses), self.model.free, weight[poses], residual[poses])
+            return compress(iterate.rest, keys, whitening, weight, iterate.residual)
+        rest = iterate.rest.take(poses)
+        return compress(rest, keys, whitening.take(poses), weight[poses], iterate.residual[poses])
 
     def negative_gradient(self, iterate: Iterate, rows: CompressedRows, noise: NoiseScale) -> Array:
         """(P,), times scale²."""
@@ -162,7 +158,7 @@ class Objective:
     def residual_sd(self, iterate: Iterate, parameters: float = 0.0) -> float:
         """Weighted residual standard deviation per axis, in units of the noise; `parameters`: effective number."""
         weight = self.weight(iterate)
-        freedom = 3 * weight.sum() - parameters
+        freedom = float((self.data.whitening.measured * weight).sum()) - parameters
         return float(np.sqrt((weight[:, None] * iterate.residual**2).sum() / freedom)) if freedom > 0 else np.nan
 
     def noise_scale(self, iterate: Iterate, before: NoiseScale | None, free: NDArray[np.bool_]) -> NoiseScale:
@@ -174,9 +170,9 @@ class Objective:
         if before is not None and free.any():
             inverse = self.inverse_hessian(self.linearise(iterate, before).columns, before, free)
             parameters = self.effective_parameters(inverse, before, free)
-        return NoiseScale(
-            scale, max(self.residual_sd(iterate, parameters), MIN_SIGMA / float(self.stated_noise.mean()))
-        )
+        sd = self.data.sd
+        least = MIN_SIGMA / (1.0 if sd is None else float(sd.mean()))
+        return NoiseScale(scale, max(self.residual_sd(iterate, parameters), least))
 
     def _scale(self, iterate: Iterate) -> float:
         return 1.0 if self.loss.name == "squared" else max(robust_scale(iterate.distance), MIN_SCALE)

@@ -7,14 +7,15 @@ from collections.abc import Iterable
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.diagnose import row_weights
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.laws.grammar import Law, laws_at, quantities_at
 from lrm_ident.laws.search import LawColumns
+from lrm_ident.weights.row_weights import RowWeights
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import respond
 from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.sensed import TCP_ONLY, Sensed
 
 TYPICAL_SIZE, SEED = 0.02, 0  # rad
 OWN = ("tau", "side")  # quantities that each joint has for itself
@@ -24,8 +25,8 @@ Evaluated = dict[tuple[str, ...], tuple[Array, bytes]]
 
 def law_columns(fitted: Fit, data: Measurements) -> list[LawColumns]:
     """The laws of every joint, and their motions of the TCP for coefficients of a typical size."""
-    groups, weight, shared = [], row_weights(data, fitted), Evaluated()
-    for joint, motion in enumerate(levers(fitted.rest)):
+    groups, weigh, shared = [], RowWeights(data.whitening, fitted.weight), Evaluated()
+    for joint, motion in enumerate(levers(fitted.rest, data.whitening.sensed)):
         torque = fitted.rest.joint_torque[:, joint]
         laws, values = _distinct(laws_at(joint, quantities_at(joint, data.poses, torque)), data.poses, torque, shared)
         terms = np.concatenate(values, axis=1)
@@ -33,16 +34,16 @@ def law_columns(fitted: Fit, data: Measurements) -> list[LawColumns]:
         counts = np.array([len(law.terms) for law in laws])
         first = np.cumsum(counts) - counts
         second = np.where(counts > 1, first + 1, terms.shape[1])
-        motions = (motion.T[:, :, None] * terms[:, None, :]).reshape(-1, terms.shape[1]) * weight
+        motions = weigh((motion.T[:, :, None] * terms[:, None, :]).reshape(-1, terms.shape[1]))
         groups.append(
             LawColumns(tuple(laws), np.concatenate([motions, np.zeros((len(motions), 1))], axis=1), first, second)
         )
     return groups
 
 
-def levers(rest: Equilibrium) -> Array:
-    """(n, 3, N), motion of the TCP for a rotation added at each joint (m/rad)."""
-    return np.asarray(respond(rest).slots[list(rest.model.chain.joint_slots)])
+def levers(rest: Equilibrium, sensed: Sensed = TCP_ONLY) -> Array:
+    """(n, R, N), motion of the TCP for a rotation added at each joint (m/rad), and of what else is sensed."""
+    return np.asarray(respond(rest, sensed).slots[list(rest.model.chain.joint_slots)])
 
 
 def _distinct(laws: Iterable[Law], poses: Poses, torque: Array, shared: Evaluated) -> tuple[list[Law], list[Array]]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.diagnosis.diagnose import linearised, row_weights
+from lrm_ident.diagnosis.diagnose import linearised
 from lrm_ident.diagnosis.forward_selection import MIN_GAIN, SIGNIFICANCE
 from lrm_ident.diagnosis.linearised_fit import paired_z
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD
@@ -26,6 +26,7 @@ from lrm_ident.laws.law_columns import TYPICAL_SIZE, law_columns, levers
 from lrm_ident.laws.law_file import law_id, law_source
 from lrm_ident.laws.search import LawSearch, search_laws
 from lrm_ident.progress import OnProgress, silent
+from lrm_ident.weights.row_weights import RowWeights
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
@@ -111,7 +112,7 @@ def _propose(
 ) -> LawProposal:
     """The best law at any joint, or the best to add to one that is known, with its class."""
     start = fitted if known is None else known.fit
-    linear = linearised(start, data, row_weights(data, start))
+    linear = linearised(start, data, RowWeights(data.whitening, start.weight))
     groups = law_columns(start, data)
     search = search_laws(linear, groups if known is None else [groups[known.law.joint]], progress)
     without = linear.explain().held_out

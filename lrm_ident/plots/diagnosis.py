@@ -12,6 +12,7 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidat
 from lrm_ident.diagnosis.free_functions import FreeFunction
 from lrm_ident.plots.driver_curve import DriverCurve, driver_curve
 from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
+from lrm_ident.weights.row_weights import RowWeights
 from lrm_math.arrays import Array
 
 if TYPE_CHECKING:
@@ -62,8 +63,9 @@ def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None
     One point for each pose and axis; along the dashed line the effect explains all of it.
     """
     scored = first.scored
-    motion = (scored.projected.all_rows @ scored.alone.theta).reshape(-1, 3) * 1e3
-    residual = found.seen[0].residual * 1e3
+    fitted, data = found.seen
+    motion = RowWeights(data.whitening, fitted.weight).positions(scored.projected.all_rows @ scored.alone.theta) * 1e3
+    residual = fitted.residual * 1e3
     for axis, (colour, marker) in enumerate(BANDS):
         label = f"along {'xyz'[axis]}"
         axes.scatter(motion[:, axis], residual[:, axis], s=12, color=colour, marker=marker, label=label)

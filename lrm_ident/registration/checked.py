@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import AS_NAMED, frame_table, read_positions
+from lrm_ident.data.apply_reading import AS_NAMED, frame_table, rigid_motion
 from lrm_ident.data.measurements import Measurements, load_measurements, metadata_of
 from lrm_ident.data.pose_table import BeyondLimits
 from lrm_ident.registration.hypotheses import Hypothesis
@@ -81,8 +81,7 @@ def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:
     angle = math.degrees(math.acos(min(1.0, max(-1.0, (float(np.trace(motion.rotation)) - 1.0) / 2.0))))
     distance = float(np.linalg.norm(motion.translation)) / MM
     return replace(
-        data,
-        tcp=read_positions(Reading(frame=frame), data.tcp),
+        data.turned(*rigid_motion(frame)),
         reading=data.reading.model_copy(update={"frame": frame}),
         stated=data.stated.model_copy(update={"frame": frame}),
         notices=(*data.notices, f"registered to the arm: turned by {angle:.1f} deg and moved by {distance:.1f} mm"),

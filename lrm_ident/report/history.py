@@ -13,10 +13,7 @@ def history_table(file: ModelFile) -> ResultTable:
     """Every step of a model's history with its error in the fit and held out."""
     known = [value for entry in file.history for value in (entry.fit_rms_mm, entry.held_out_rms_mm) if value]
     spec = f".{decimals(*known)}f"
-    rows = [
-        (number, entry.step, entry.fit_rms_mm, entry.held_out_rms_mm)
-        for number, entry in enumerate(file.history)
-    ]
+    rows = [(number, entry.step, entry.fit_rms_mm, entry.held_out_rms_mm) for number, entry in enumerate(file.history)]
     columns = ("|", "step", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}")
     return ResultTable(columns, rows, "Steps")
 

@@ -21,7 +21,7 @@ class FramePlacement:
 
 @dataclass(frozen=True)
 class LinkDescription:
-    """Denavit-Hartenberg parameters of a link (theta, d, a, alpha, then extra z) and the limits of its joint."""
+    """Denavit-Hartenberg parameters of a link (theta, d, a, alpha, beta about y, then extra z); its joint's limits."""
 
     theta_rad: float
     d_m: float
@@ -29,6 +29,7 @@ class LinkDescription:
     alpha_rad: float
     extra_z_m: float
     limits_rad: tuple[float, float]
+    beta_rad: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,7 @@ def _link(entry: dict[str, Any]) -> LinkDescription:
         alpha_rad=math.radians(entry.get("alpha_deg", 0.0)),
         extra_z_m=entry.get("extra_z_mm", 0.0) / 1000.0,
         limits_rad=(math.radians(low), math.radians(high)),
+        beta_rad=math.radians(entry.get("beta_deg", 0.0)),
     )
 
 

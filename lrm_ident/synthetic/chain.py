@@ -108,7 +108,7 @@ def _along_link(
 ) -> tuple[CoordinateFrame, CoordinateFrame]:
     """The link's frame before its last translation along z, and its end frame."""
     frame = frame.rotated(Z, link.theta_rad + error[0]).translated(Z, link.d_m + error[1])
-    near = frame.translated(X, link.a_m + error[2]).rotated(X, link.alpha_rad + error[3])
+    near = frame.translated(X, link.a_m + error[2]).rotated(X, link.alpha_rad + error[3]).rotated(Y, link.beta_rad)
     return near, near.translated(Z, link.extra_z_m + error[4])
 
 

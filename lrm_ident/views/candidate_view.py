@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.diagnose import Diagnosis, row_weights
+from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.views.drivers import Driver
 from lrm_ident.views.error_field import joint_turns
+from lrm_ident.weights.row_weights import RowWeights
 from lrm_math.arrays import Array
 
 SHARE = 0.2
@@ -55,10 +56,10 @@ def candidate_view(
     """
     scored = ranked.scored
     fitted, data = found.seen
-    weight = row_weights(data, fitted)
+    weigh = RowWeights(data.whitening, fitted.weight)
     columns = scored.candidate.columns[scored.candidate.shapes.index(scored.shape)]
-    alone = (columns @ scored.alone.theta).reshape(-1, 3)
-    added = ((scored.projected.all_rows @ scored.alone.theta)[:, None] / weight).reshape(-1, 3)
+    alone = (columns @ scored.alone.theta).reshape(len(data), -1)[:, :3]
+    added = weigh.positions(scored.projected.all_rows @ scored.alone.theta)
     turns = joint_turns(alone, found.joint_jacobian)
     lever = (found.joint_jacobian**2).sum(axis=1)
     joint = _own_joint(scored.candidate.effect.place, (turns**2 * lever).sum(axis=1))

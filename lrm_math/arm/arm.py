@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -13,6 +14,8 @@ from lrm_math.errors import LrmError
 
 BASE = "base"
 TOOL = "tool"
+NEARLY_PARALLEL = 0.1
+"""Sine of the angle between axes that errors of assembly (0.05 rad at either end) can make parallel."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,8 @@ class Placement:
 class Joint:
     """One link of the modified DH chain: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Tz(extra_z); rad and m (thesis Table 4.1).
 
-    `extra_z` is None where the link has no such translation, so that it has no such parameter either.
+    `extra_z` is None where the link has no such translation, so that it has no such parameter either. `beta`: Hayati's
+    angle, Ry(beta) after Rx(alpha), where two axes are drawn nearly parallel. `name`: as in the robot's description.
     """
 
     theta: float
@@ -42,6 +46,13 @@ class Joint:
     lower: float
     upper: float
     servo: ServoTable | None = None
+    beta: float = 0.0
+    name: str = ""
+
+    @property
+    def leads_parallel(self) -> bool:
+        """Whether its axis and the next one are so close to parallel that the link has an angle beta."""
+        return abs(math.sin(self.alpha)) < NEARLY_PARALLEL
 
 
 @dataclass(frozen=True)
@@ -106,6 +117,9 @@ def outwards(bodies: Iterable[Body]) -> tuple[Body, ...]:
 def contradictions(joints: Sequence[Joint | None], bodies: Sequence[Body]) -> Iterator[str]:
     """What bodies say against the joints, or against each other; a joint that is not known is None."""
     n = len(joints)
+    for number, link in enumerate(joints, start=1):
+        if link is not None and link.beta and (number == n or not link.leads_parallel):
+            yield f"joint {number}: beta_deg is for links whose two axes are nearly parallel"
     for body in bodies:
         lowest = max(1, min(body.frame, n))
         if not lowest <= body.loads_joint <= n:

@@ -62,6 +62,8 @@ class JointTable(StrictSchema):
     a_mm: Length
     alpha_deg: Angle
     extra_z_mm: Length | None = None
+    beta_deg: Angle = 0.0
+    name: str = ""
     limits_deg: Annotated[list[Angle], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
     servo: ServoCalibrationTable | None = None
 
@@ -220,6 +222,8 @@ def _joint(number: int, t: JointTable) -> Joint:
         lower=lower,
         upper=upper,
         servo=None if t.servo is None else _servo(f"joint {number}", t.servo),
+        beta=math.radians(t.beta_deg),
+        name=t.name,
     )
 
 

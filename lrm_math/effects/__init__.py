@@ -12,6 +12,7 @@ from lrm_math.effects.forces import CableSpring, Mass, Payload
 from lrm_math.effects.friction import FrictionCurve
 from lrm_math.effects.moment_curves import BaseCurve, BearingCurve, TorqueCurve
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.servo_droop import ServoDroop
 from lrm_math.effects.servo_errors import Coupling, Eccentricity, Quantisation, ServoGain
 from lrm_math.effects.session_errors import Drift, MeasurementFrame, Session
 from lrm_math.errors import UnknownName
@@ -34,6 +35,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Drift,
     Session,
     MeasurementFrame,
+    ServoDroop,
 )
 FORMS: tuple[type[Effect], ...] = (
     BendingEnds,
@@ -66,6 +68,12 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
 
 
 __all__ = [
-    "CATALOGUE", "FORMS", "AngleDependentEffect", "Effect", "JointEffect", "LoadedJointEffect", "Parameter",
+    "CATALOGUE",
+    "FORMS",
+    "AngleDependentEffect",
+    "Effect",
+    "JointEffect",
+    "LoadedJointEffect",
+    "Parameter",
     "effects_at",
 ]

@@ -20,8 +20,12 @@ class Backlash(LoadedJointEffect):
     parameters = (
         Parameter("b_rad", "play of the joint, from end to end", 0.02, lower=0.0),
         Parameter(
-            "tau0_Nm", "torque that takes up 76 % of the play", 0.02, 1e-4,
-            fixed=0.02, scan=(0.003, 0.01, 0.02, 0.04, 0.08, 0.2),
+            "tau0_Nm",
+            "torque that takes up 76 % of the play",
+            0.02,
+            1e-4,
+            fixed=0.02,
+            scan=(0.003, 0.01, 0.02, 0.04, 0.08, 0.2),
         ),
     )
     claim = "{place} has {b_rad} of play"

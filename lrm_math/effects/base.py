@@ -78,10 +78,14 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """What excites effects: the poses, and gravity's torque (N, n) on the joints at them (N·m)."""
+    """What excites effects: the poses, and gravity's torque (N, n) on the joints at them (N·m).
+
+    `feedback`: whether the joints' encoders were read.
+    """
 
     poses: Poses
     torque: Array
+    feedback: bool = False
 
     def levels(self, joint: int) -> int:
         """Number of different angles (to 0.5°) of a joint."""
@@ -124,6 +128,8 @@ class Effect(ABC):
     """Whether `motion` is proportional to the loads that it feels, and depends on nothing else."""
     geared: ClassVar[bool] = False
     """Whether `motion` is proportional to commanded angles, and depends on nothing else."""
+    before_encoder: ClassVar[bool] = False
+    """Whether the joint's encoder reads what it moves, where there is joint feedback."""
     follows_angles: ClassVar[bool] = True
     """Whether `motion` depends on the commanded angles themselves, not only on loads."""
 

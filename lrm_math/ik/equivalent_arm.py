@@ -111,6 +111,7 @@ def _equivalent_arm(model: Model) -> Arm:
             d=length(place, "d", nominal_joint.d),
             a=length(place, "a", nominal_joint.a),
             alpha=amounts[f"{place}.alpha"],
+            beta=0.0,
             extra_z=None if nominal_joint.extra_z is None else length(place, "extra_z", nominal_joint.extra_z),
             lower=nominal_joint.lower - SLACK,
             upper=nominal_joint.upper + SLACK,

@@ -3,8 +3,8 @@
 Base: T(x, y, z) Rx(alpha) Ry(beta) Rz(gamma). Link i: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Tz(extra z) (modified DH,
 thesis section 4.1), then the bending of link i about x and y at its middle. Tool: Rx Ry Rz T(x, y, z).
 
-Where consecutive axes are (nearly) parallel, Ry(beta) follows Rx(alpha), nominally zero: four numbers do not describe
-every small deviation of such axes, whose common normal jumps far along them (Hayati & Mirmirani 1985).
+Where consecutive axes are (nearly) parallel, Ry(beta) follows Rx(alpha): four numbers do not describe every small
+deviation of such axes, whose common normal jumps far along them (Hayati & Mirmirani 1985).
 
 Effects add amounts (rad or m) to slots. A slot's amount is a float where it is the same for all poses, or an array
 `(N,)`; the same code serves both, so one pose costs scalar Python and a batch numpy.
@@ -30,8 +30,6 @@ Angle: TypeAlias = "tuple[Number, Number] | None"
 
 X, Y, Z = 0, 1, 2
 ROUND_OFF = 1e-15
-NEARLY_PARALLEL = 0.1
-"""Sine of the angle between axes that errors of assembly (0.05 rad at either end) can make parallel."""
 PLANE = ((Y, Z), (Z, X), (X, Y))  # the two axes that a rotation about x, y, z mixes
 
 
@@ -175,8 +173,8 @@ def _link_slots(arm: Arm, i: int) -> Iterable[Slot]:
     yield Slot(place, "d", False, Z, joint.d)
     yield Slot(place, "a", False, X, joint.a)
     yield Slot(place, "alpha", True, X, joint.alpha)
-    if i + 1 < arm.dof and abs(math.sin(joint.alpha)) < NEARLY_PARALLEL:
-        yield Slot(place, "beta", True, Y, 0.0)
+    if i + 1 < arm.dof and joint.leads_parallel:
+        yield Slot(place, "beta", True, Y, joint.beta)
     if joint.extra_z is not None:
         yield Slot(place, "extra_z", False, Z, joint.extra_z)
 
@@ -203,7 +201,11 @@ def _half_length(arm: Arm, i: int) -> list[float]:
     """Half the translation from joint i to the link's far frame, in that frame (m); below a nanometre it is zero."""
     joint = arm.joints[i]
     c, s = math.cos(joint.alpha), math.sin(joint.alpha)
-    translation = (joint.a, s * joint.d, c * joint.d + (joint.extra_z or 0.0))
+    x, y, z = joint.a, s * joint.d, c * joint.d
+    if joint.beta:
+        cb, sb = math.cos(joint.beta), math.sin(joint.beta)
+        x, z = cb * x - sb * z, sb * x + cb * z
+    translation = (x, y, z + (joint.extra_z or 0.0))
     return [0.5 * component if abs(component) > 1e-9 else 0.0 for component in translation]
 
 

@@ -22,6 +22,7 @@ from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
 from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.sensed import TCP_ONLY, Sensed
 
 
 def slot_jacobian(chain: Chain, geometry: ChainGeometry) -> Array:
@@ -35,36 +36,72 @@ def slot_jacobian(chain: Chain, geometry: ChainGeometry) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Sensitivity of the measured TCP to small changes, through the equilibrium.
+    """Sensitivity of what is measured to small changes, through the equilibrium: R rows of each pose.
 
     Attributes:
         rest: the equilibrium at which it is linearised.
         geometry: screw axes and bodies there.
-        slots: (S, 3, N), ∂TCP/∂(motion added at each slot) (m/rad or 1).
-        loads: (K, 3, N), ∂TCP/∂(load added on each slot of `model.load_slots`) (m/N·m).
+        slots: (S, R, N), ∂TCP/∂(motion added at each slot) (m/rad or 1), and of what else is `sensed`.
+        loads: (K, R, N), ∂TCP/∂(load added on each slot of `model.load_slots`) (m/N·m), and of what else is sensed.
     """
 
     rest: Equilibrium
     geometry: ChainGeometry
     slots: Array
     loads: Array
+    sensed: Sensed = TCP_ONLY
 
 
-def respond(rest: Equilibrium) -> Response:
+def respond(rest: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     """The response at an equilibrium."""
     model, chain = rest.model, rest.model.chain
     geometry = chain_geometry(chain, rest.slots, len(rest.poses), [weight.com for weight in rest.weights])
     rigid = slot_jacobian(chain, geometry)
+    if sensed != TCP_ONLY:
+        rigid = _with_sensed(rigid, chain, geometry, sensed)
     if not model.load_slots:
-        return _as_measured(Response(rest, geometry, rigid, np.empty((0, 3, len(rest.poses)))))
+        return _as_measured(Response(rest, geometry, rigid, np.empty((0, *rigid.shape[1:])), sensed))
     H = statics.load_derivatives(chain, geometry, rest.weights, model.load_slots)
     moving = list(model.binding.moving)
     D = _elastic_compliance(rest)
     system = np.eye(len(model.load_slots)) - np.einsum("ksn,sjn->nkj", H[:, moving], D)
     deflected = np.einsum("scn,sjn->njc", rigid[moving], D)
+    if sensed.feedback:
+        _add_before_encoder(deflected, rest, sensed)
     by_load = np.ascontiguousarray(np.linalg.solve(system.transpose(0, 2, 1), deflected).transpose(1, 2, 0))
     total = rigid + np.einsum("kcn,ksn->scn", by_load, H)
-    return _as_measured(Response(rest, geometry, total, by_load))
+    return _as_measured(Response(rest, geometry, total, by_load, sensed))
+
+
+def _with_sensed(rigid: Array, chain: Chain, geometry: ChainGeometry, sensed: Sensed) -> Array:
+    """(S, R, N), the Jacobian of the TCP (S, 3, N) with the rows of its attitude, and empty ones of the encoders.
+
+    An attitude error is a rotation vector in world axes. A motion that is added before an encoder adds to its row.
+    """
+    parts = [rigid]
+    if sensed.attitude:
+        rotates = np.array([slot.rotates for slot in chain.slots])
+        parts.append(np.where(rotates[:, None, None], geometry.axis, 0.0))
+    if sensed.feedback:
+        parts.append(np.zeros((len(rigid), chain.dof, rigid.shape[2])))
+    return np.concatenate(parts, axis=1)
+
+
+def _add_before_encoder(deflected: Array, rest: Equilibrium, sensed: Sensed) -> None:
+    """Adds to deflected (N, K, R) what loads do to the encoders' angles."""
+    for bound in rest.model.binding.elastic:
+        if bound.effect.before_encoder:
+            rows = bound.effect.d_tau(rest.poses, tuple(rest.tau[i] for i in bound.feels), bound.p)
+            for i, amounts in zip(bound.feels, rows, strict=True):
+                for k, amount in zip(bound.moves, amounts, strict=True):
+                    deflected[:, i, sensed.first_feedback + _joint(rest, k)] += amount
+
+
+def _joint(rest: Equilibrium, slot: int) -> int:
+    """Number of the joint whose angle a slot is."""
+    joint = rest.model.chain.slots[slot].joint
+    assert joint is not None, "what is before an encoder turns a joint"
+    return joint
 
 
 def _as_measured(response: Response) -> Response:
@@ -73,16 +110,21 @@ def _as_measured(response: Response) -> Response:
         errors = [bound.effect.seen(axis[None, :], bound.p) for axis in np.eye(3)]
         if errors[0] is not None:
             distort = np.eye(3) + np.stack([error[0] for error in errors], axis=1)  # type: ignore[index]
-            slots, loads = (np.einsum("dc,scn->sdn", distort, moves) for moves in (response.slots, response.loads))
+            slots, loads = response.slots.copy(), response.loads.copy()
+            for moves in (slots, loads):
+                moves[:, :3] = np.einsum("dc,scn->sdn", distort, moves[:, :3])
             response = replace(response, slots=slots, loads=loads)
     return response
 
 
-def parameter_jacobian(rest: Equilibrium, keys: Sequence[str] | None = None) -> Array:
-    """∂TCP/∂parameters through the equilibrium: (N, 3, P), SI, for `keys` (every parameter if None)."""
-    model, response = rest.model, respond(rest)
+def parameter_jacobian(rest: Equilibrium, keys: Sequence[str] | None = None, sensed: Sensed = TCP_ONLY) -> Array:
+    """∂TCP/∂parameters through the equilibrium: (N, 3, P), SI, for `keys` (every parameter if None).
+
+    (N, R, P) with what else is `sensed`.
+    """
+    model, response = rest.model, respond(rest, sensed)
     position = {key: column for column, key in enumerate(model.keys if keys is None else keys)}
-    out = np.zeros((len(position), 3, len(rest.poses)))
+    out = np.zeros((len(position), response.slots.shape[1], len(rest.poses)))
     for effect, span in zip(model.effects, model.spans, strict=True):
         columns = [position.get(key) for key in model.keys[span]]
         if any(column is not None for column in columns):
@@ -94,12 +136,15 @@ def parameter_jacobian(rest: Equilibrium, keys: Sequence[str] | None = None) -> 
 
 
 def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Array:
-    """∂TCP/∂p of one effect at parameter values p: (P, 3, N), SI. The model's `load_slots` must hold what it feels."""
+    """∂TCP/∂p of one effect at parameter values p: (P, R, N), SI. The model's `load_slots` must hold what it feels."""
     rest, index = response.rest, response.rest.model.chain.index
-    out = np.zeros((len(p), 3, len(rest.poses)))
+    out = np.zeros((len(p), response.slots.shape[1], len(rest.poses)))
     if effect.moves:
         for j, amounts in enumerate(effect.d_parameters(rest.poses, _loads_felt(effect, rest), p)):
             _add_motion(out[j], effect, amounts, index, response.slots)
+            if effect.before_encoder and response.sensed.feedback:
+                for key, amount in zip(effect.moves, amounts, strict=True):
+                    out[j][response.sensed.first_feedback + _joint(rest, index[key])] += amount
     units = np.eye(len(p)).tolist()
     load_row = {k: row for row, k in enumerate(rest.model.load_slots)}
     for key, *loads in zip(effect.pushes, *(effect.push(rest.poses, unit) for unit in units), strict=True):
@@ -116,7 +161,7 @@ def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Ar
     for j, unit in enumerate(units):
         shift = effect.seen(rest.true_tcp, unit)
         if shift is not None:
-            out[j] += shift.T
+            out[j][:3] += shift.T
     return out
 
 

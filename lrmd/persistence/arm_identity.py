@@ -11,7 +11,7 @@ from lrmd.persistence.state_file import StoredState
 
 def arm_identity(config: Config) -> str:
     """SHA-256 of what a pulse means: name and geometry of the arm; name, channel and table of every servo."""
-    joints = [(j.theta, j.d, j.a, j.alpha, j.extra_z) for j in config.arm.joints]
+    joints = [(j.theta, j.d, j.a, j.alpha, j.extra_z, *((j.beta,) if j.beta else ())) for j in config.arm.joints]
     servos = [(s.name, s.channel, s.table.angle, s.table.pulse) for s in config.servos]
     return hashlib.sha256(json.dumps([config.arm.name, joints, servos]).encode()).hexdigest()
 

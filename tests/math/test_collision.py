@@ -283,9 +283,7 @@ def test_home_is_free(name: str, request: pytest.FixtureRequest) -> None:
 
 
 @pytest.mark.parametrize("name", ["lab", "rover"])
-def test_each_joint_alone_is_free_over_its_calibrated_range(
-    name: str, request: pytest.FixtureRequest
-) -> None:
+def test_each_joint_alone_is_free_over_its_calibrated_range(name: str, request: pytest.FixtureRequest) -> None:
     """Thesis Table 3.1: 100 degrees in both directions, so the links without obstacles must not collide there."""
     arm = request.getfixturevalue(name)
     links = tuple(c for c in arm.shapes.capsules if not c.name.startswith("target"))

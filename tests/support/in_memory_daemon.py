@@ -61,9 +61,7 @@ class SimulatedDaemon:
         self.random = Random(self.seed)
         self.board = SimulatedBoard(Pca9685Chip(self.config.clock.oscillator_hz), self.random, self.now)
         self.ramp = RampCore(board_settings(self.config))
-        self.core = Controller(
-            self.config, lambda *_: self.torque, self.stored, lambda *_: None, self.now, WALL
-        )
+        self.core = Controller(self.config, lambda *_: self.torque, self.stored, lambda *_: None, self.now, WALL)
         self.report = self._report()
         self.allowed: dict[int, int] = {}
         self.outputs = self._pulses()

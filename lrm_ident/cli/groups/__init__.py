@@ -1,0 +1,1 @@
+"""Groups of commands: `lrm-ident GROUP COMMAND`."""

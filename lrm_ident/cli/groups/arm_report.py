@@ -1,0 +1,77 @@
+"""Report of an arm: dimensions, masses, reach, gravity's torques."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lrm_ident.report.document import Block, Document, ResultTable
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+
+DIMENSIONS = "theta_deg|.3f", "d_mm|.3f", "a_mm|.3f", "alpha_deg|.3f", "beta_deg|.4f", "extra_z_mm|.3f"
+
+
+def arm_document(arm: Arm, difference: float | None = None, q: Array | None = None) -> Document:
+    """Result of `lrm-ident arm show` and `arm import`, schema `lrm/arm-report/1`.
+
+    Args:
+        difference: largest difference from the URDF's own kinematics (m, rad), of an imported arm.
+        q: (n,), joint angles (rad) at which torques are shown; None: zero.
+    """
+    angles = np.zeros(arm.dof) if q is None else q
+    rest = equilibrium(model_of(arm, ()), poses_of(angles))
+    torque, tcp = rest.joint_torque[0], rest.tcp[0] / MM
+    limits = np.degrees([(joint.lower, joint.upper) for joint in arm.joints])
+    joints = ResultTable(
+        ("joint", "name", "lower_deg|.1f", "upper_deg|.1f", "torque_Nm|.3f"),
+        [(str(i + 1), joint.name, *limits[i].tolist(), float(torque[i])) for i, joint in enumerate(arm.joints)],
+        f"{arm.name}: {arm.dof} joints; gravity's torque on each",
+    )
+    links = ResultTable(("link", *DIMENSIONS), [_link_row(arm, i) for i in range(arm.dof)])
+    bodies = ResultTable(
+        ("body", "mass_g|.1f", "com_x_mm|.2f", "com_y_mm|.2f", "com_z_mm|.2f", "frame", "loads joint|d"),
+        [(b.name, b.mass / GRAM, *(c / MM for c in b.com), _frame(arm, b.frame), b.loads_joint) for b in arm.bodies],
+    )
+    mass = sum(body.mass for body in arm.bodies)
+    reach = chain_of(arm).length
+    x, y, z = tcp.tolist()
+    at = "at zero" if q is None else "at " + ", ".join(f"{angle:g}°" for angle in np.degrees(angles))
+    lines = [
+        f"TCP {at}: {x:.2f}, {y:.2f}, {z:.2f} mm. From joint 1 it reaches {reach / MM:.0f} mm at most. "
+        f"Moving: {mass / GRAM:.0f} g."
+    ]
+    parallel = [f"{i} and {i + 1}" for i in range(1, arm.dof) if arm.joints[i - 1].leads_parallel]
+    if parallel:
+        lines.append(f"(Nearly) parallel axes: {'; '.join(parallel)}.")
+    if not mass:
+        lines.append("No mass: gravity loads nothing, so that no compliance can be found.")
+    if difference is not None:
+        lines.append(f"Largest difference from the URDF's own kinematics at random poses: {difference:.1g} (m, rad).")
+    blocks: list[Block] = [joints, links, bodies, *lines]
+    values = {
+        "arm": arm.name,
+        "joints": joints.records(),
+        "links": links.records(),
+        "bodies": bodies.records(),
+        "tcp_mm": tcp,
+        "longest_mm": reach / MM,
+        "moving_mass_g": mass / GRAM,
+        "largest_difference": difference,
+    }
+    return Document(blocks, "lrm/arm-report/1", values, links)
+
+
+def _link_row(arm: Arm, i: int) -> tuple[object, ...]:
+    joint = arm.joints[i]
+    theta, alpha, beta = np.degrees([joint.theta, joint.alpha, joint.beta]).tolist()
+    extra = None if joint.extra_z is None else joint.extra_z / MM
+    return str(i + 1), theta, joint.d / MM, joint.a / MM, alpha, beta if joint.beta else None, extra
+
+
+def _frame(arm: Arm, frame: int) -> str:
+    return ("base", *arm.joint_names, "tool")[frame]

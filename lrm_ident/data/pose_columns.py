@@ -1,0 +1,169 @@
+"""Optional columns of a measured pose: scatter per axis or covariance, orientation, joint feedback."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from lrm_ident.data.apply_reading import read_joints
+from lrm_ident.data.csv_table import CsvTable
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import MM
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+from lrm_math.model.reading import Reading
+
+AXES, TURNS = "xyz", "uvw"
+"""Coordinates of a pose's error: along x, y, z (mm), and the rotation vector about them (deg)."""
+PER_AXIS = ("sx_mm", "sy_mm", "sz_mm")
+POSITION_COVARIANCE = tuple(f"c{a}{b}_mm2" for a, b in combinations_with_replacement(AXES, 2))
+CROSS_COVARIANCE = tuple(f"c{a}{u}_mmdeg" for a in AXES for u in TURNS)
+TURN_COVARIANCE = tuple(f"c{u}{w}_deg2" for u, w in combinations_with_replacement(TURNS, 2))
+TURN_SD = "srot_deg"
+QUATERNION = ("qw", "qx", "qy", "qz")
+UNIT_TOLERANCE = 0.01  # of a quaternion's length
+SCATTER = (*PER_AXIS, *POSITION_COVARIANCE, *CROSS_COVARIANCE, *TURN_COVARIANCE, TURN_SD)
+DEG = float(np.radians(1.0))
+
+
+def feedback_columns(arm: Arm) -> tuple[str, ...]:
+    """The columns of joint feedback."""
+    return tuple(f"q{i + 1}_meas_deg" for i in range(arm.dof))
+
+
+def read_covariance(table: CsvTable, sd: Array | None) -> Array | None:
+    """(N, 6, 6), covariance of position and rotation vector (m, rad) of each pose; None if no column states any.
+
+    `sd`: (N,), m per axis, of the column sd_mm or the file beside the data. Rows and columns of what is not stated are
+    NaN. Raises `FileError`: half a covariance, or one that is not positive definite.
+    """
+    position = _position(table, sd)
+    turn = _turn(table)
+    if position is None or (turn is None and not _stated(table, PER_AXIS, POSITION_COVARIANCE)):
+        if turn is not None:
+            right = "give sd_mm, sx_mm …, or noise_sd_mm in the file beside the data"
+            raise FileError(
+                table.path, "header", "the orientation has a standard deviation, the position has none", right
+            )
+        return None
+    out = np.full((len(table.rows), 6, 6), np.nan)
+    out[:, :3, :3] = position
+    if turn is not None:
+        out[:, 3:, 3:] = turn
+        out[:, :3, 3:] = _cross(table)
+        out[:, 3:, :3] = out[:, :3, 3:].transpose(0, 2, 1)
+    size = 6 if turn is not None else 3
+    scale = np.sqrt(np.maximum(np.einsum("nii->ni", out[:, :size, :size]), 1e-300))
+    least = np.linalg.eigvalsh(out[:, :size, :size] / (scale[:, :, None] * scale[:, None, :]))[:, 0]
+    if not (least > 1e-9).all():
+        row = int(np.argmin(least))
+        raise FileError(table.path, table.at(row, table.header[0]), "its covariance is not positive definite")
+    return out
+
+
+def _stated(table: CsvTable, *groups: Sequence[str]) -> bool:
+    """Whether one of the groups of columns is there. Raises `FileError` for a part of one."""
+    found = False
+    for group in groups:
+        there = [name for name in group if name in table.header]
+        if there and len(there) < len(group):
+            missing = next(name for name in group if name not in table.header)
+            raise FileError(table.path, "header", f"no column {missing}", f"{', '.join(group)} go together")
+        found = found or bool(there)
+    return found
+
+
+def _position(table: CsvTable, sd: Array | None) -> Array | None:
+    n = len(table.rows)
+    if _stated(table, POSITION_COVARIANCE):
+        return _symmetric(table, POSITION_COVARIANCE, MM**2)
+    if _stated(table, PER_AXIS):
+        each = np.stack([_positive(table, name) for name in PER_AXIS], axis=1) * MM
+        return np.asarray(np.einsum("ni,ij->nij", each**2, np.eye(3)))
+    return None if sd is None else np.broadcast_to(sd[:, None, None] ** 2 * np.eye(3), (n, 3, 3))
+
+
+def _turn(table: CsvTable) -> Array | None:
+    if _stated(table, TURN_COVARIANCE):
+        return _symmetric(table, TURN_COVARIANCE, DEG**2)
+    if TURN_SD in table.header:
+        return np.asarray(np.einsum("n,ij->nij", (_positive(table, TURN_SD) * DEG) ** 2, np.eye(3)))
+    return None
+
+
+def _cross(table: CsvTable) -> Array:
+    if not _stated(table, CROSS_COVARIANCE):
+        return np.zeros((len(table.rows), 3, 3))
+    return np.stack([table.numbers(name) for name in CROSS_COVARIANCE], axis=1).reshape(-1, 3, 3) * MM * DEG
+
+
+def _symmetric(table: CsvTable, names: Sequence[str], unit: float) -> Array:
+    upper = np.stack([table.numbers(name) for name in names], axis=1) * unit
+    out = np.empty((len(upper), 3, 3))
+    for k, (i, j) in enumerate(combinations_with_replacement(range(3), 2)):
+        out[:, i, j] = out[:, j, i] = upper[:, k]
+    return out
+
+
+def _positive(table: CsvTable, name: str) -> Array:
+    values = table.numbers(name)
+    table.reject(values <= 0, name, "not above zero")
+    return values
+
+
+def read_attitude(table: CsvTable) -> Array | None:
+    """(N, 3, 3), rotation of the tool's frame, NaN where all four cells are empty; None without such columns.
+
+    Raises `FileError`: a quaternion that is not of length one.
+    """
+    if not _stated(table, QUATERNION):
+        return None
+    values = np.stack([_maybe(table, name) for name in QUATERNION], axis=1)
+    gone = np.isnan(values)
+    for i, name in enumerate(QUATERNION):
+        table.reject(gone[:, i] & ~gone.all(axis=1), name, "empty, the rest of the quaternion is not")
+    length = np.linalg.norm(values, axis=1)
+    table.reject(np.abs(length - 1.0) > UNIT_TOLERANCE, "qw", "the quaternion's length is not one")
+    w, x, y, z = (values / length[:, None]).T
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    ).transpose(2, 0, 1)
+
+
+def read_feedback(table: CsvTable, arm: Arm, how: Reading) -> Array | None:
+    """(N, n), what the joints' encoders read (rad), NaN where a cell is empty; None without such columns."""
+    columns = feedback_columns(arm)
+    if not _stated(table, columns):
+        return None
+    return np.radians(read_joints(how, np.stack([_maybe(table, name) for name in columns], axis=1)))
+
+
+def _maybe(table: CsvTable, name: str) -> Array:
+    """A column of numbers of which some may be missing (NaN)."""
+    j = table.header.index(name)
+    empty = np.array([not row[j].strip() for row in table.rows])
+    out = np.full(len(table.rows), np.nan)
+    if not empty.all():
+        rows = [i for i, missing in enumerate(empty.tolist()) if not missing]
+        out[rows] = table.take(rows).numbers(name)
+    return out
+
+
+def covariance_columns(covariance: Array) -> list[tuple[str, Array, int]]:
+    """The columns of a covariance (N, 6, 6), m and rad; those of the orientation only where it is stated."""
+    turns = not np.isnan(covariance[0, 3, 3])
+    units = np.array([MM] * 3 + [DEG] * 3)
+    scaled = covariance / np.outer(units, units)
+    upper = list(combinations_with_replacement(range(3), 2))
+    out = [(name, scaled[:, i, j], 9) for name, (i, j) in zip(POSITION_COVARIANCE, upper, strict=True)]
+    if turns:
+        crossed = [(i, 3 + j) for i in range(3) for j in range(3)]
+        out += [(name, scaled[:, i, j], 9) for name, (i, j) in zip(CROSS_COVARIANCE, crossed, strict=True)]
+        out += [(name, scaled[:, 3 + i, 3 + j], 9) for name, (i, j) in zip(TURN_COVARIANCE, upper, strict=True)]
+    return out

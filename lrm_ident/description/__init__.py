@@ -1,0 +1,1 @@
+"""Descriptions of robots in other formats: URDF and MJCF, in and out."""

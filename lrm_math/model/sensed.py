@@ -1,0 +1,52 @@
+"""What is measured of a pose beside the TCP's position: rows of its derivative, and what encoders read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lrm_math.arrays import Array
+from lrm_math.kinematics.forward import frames
+from lrm_math.model.equilibrium import Equilibrium
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """Rows of each pose: the TCP's position (3), then its `attitude` (3), then every joint's `feedback` (n)."""
+
+    attitude: bool = False
+    feedback: bool = False
+
+    def rows(self, dof: int) -> int:
+        """Number of rows R of one pose."""
+        return 3 + 3 * self.attitude + dof * self.feedback
+
+    @property
+    def first_feedback(self) -> int:
+        """Row of the first joint's feedback, if there is one."""
+        return 3 + 3 * self.attitude
+
+
+TCP_ONLY = Sensed()
+
+
+def encoder_angles(rest: Equilibrium) -> Array:
+    """(N, n), what joint encoders read (rad): the command, and what effects before the encoder add to it.
+
+    What gives way behind an encoder, between it and the link, it does not see.
+    """
+    model = rest.model
+    load = dict(zip(model.load_slots, rest.tau, strict=True))
+    out = rest.poses.q.copy()
+    for effect, p in model.parts():
+        if effect.before_encoder:
+            felt = tuple(load[model.chain.index[key]] for key in effect.feels)
+            for key, amount in zip(effect.moves, effect.motion(rest.poses, felt, p), strict=True):
+                joint = model.chain.slots[model.chain.index[key]].joint
+                if joint is not None:
+                    out[:, joint] += amount
+    return out
+
+
+def tool_rotation(rest: Equilibrium) -> Array:
+    """(N, 3, 3), rotation of the tool's frame at rest."""
+    return frames(rest.model.chain, rest.slots, len(rest.poses))[:, -1, :3, :3]

@@ -1,0 +1,168 @@
+"""Scatter per axis, covariance, orientation and joint feedback: read, weighted, told apart; bad ones in one line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from lrm_ident.data.measurements import Measurements, load_measurements, measurements_csv
+from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.estimation.levenberg_marquardt import Fit, fit
+from lrm_ident.estimation.loss import SQUARED
+from lrm_ident.estimation.model_fit import fit_model
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.errors import FileError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.sensed import encoder_angles, tool_rotation
+
+SD, TURN_SD, FEEDBACK_SD = 4e-4, 2e-3, 4e-4
+
+
+@pytest.fixture(scope="module")
+def so101() -> Arm:
+    return load_arm("so101")
+
+
+def hidden(arm: Arm, **effects: float) -> Model:
+    """SO-101 with errors of assembly, springs, and effects `effect__place__parameter`."""
+    names = ["offsets", "compliance", *dict.fromkeys(name.rsplit("__", 1)[0].replace("__", "@") for name in effects)]
+    model = model_of(arm, [effect for name in names for effect in effects_at(arm, name)])
+    rng = np.random.default_rng(3)
+    values = {k: float(rng.normal(0, 0.1) * p.typical) for k, p in zip(model.keys, model.parameters, strict=True)}
+    values |= {key: abs(value) for key, value in values.items() if key.startswith("compliance")}
+    values = {k: v for k, v in values.items() if k.split(".")[0] in ("offsets", "compliance") and "base.k" not in k}
+    return model_of(arm, model.effects, values | {k.replace("__", "."): v for k, v in effects.items()})
+
+
+def measured(model: Model, poses: int, seed: int, covariance: Array | None = None) -> Measurements:
+    """Positions, orientations and feedback with noise of the covariance (6, 6), m and rad."""
+    rng = np.random.default_rng(seed)
+    limits = np.array([(joint.lower, joint.upper) for joint in model.arm.joints]) * 0.8
+    rest = equilibrium(model, poses_of(rng.uniform(*limits.T, (poses, model.arm.dof))))
+    C = np.diag([SD**2] * 3 + [TURN_SD**2] * 3) if covariance is None else covariance
+    error = rng.multivariate_normal(np.zeros(6), C, poses)
+    number = np.arange(1, poses + 1)
+    return Measurements(
+        rest.poses, number, rest.tcp + error[:, :3], np.full(poses, np.sqrt(np.trace(C[:3, :3]) / 3)), None, number,
+        Path("made.csv"), "", covariance=np.broadcast_to(C, (poses, 6, 6)).copy(),
+        attitude=Rotation.from_rotvec(error[:, 3:]).as_matrix() @ tool_rotation(rest),
+        feedback=encoder_angles(rest) + rng.normal(0, FEEDBACK_SD, (poses, model.arm.dof)), feedback_sd=FEEDBACK_SD,
+    )  # fmt: skip
+
+
+def positions_only(data: Measurements) -> Measurements:
+    return replace(data, attitude=None, feedback=None, feedback_sd=None)
+
+
+def fitted(model: Model, data: Measurements) -> Fit:
+    return fit_model(model, data, "identifiable", SQUARED).fit
+
+
+def test_written_and_read_again(so101: Arm, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    root = np.diag([4e-4, 3e-4, 2e-3, 1e-3, 2e-3, 3e-3]) @ (np.eye(6) + 0.2 * rng.normal(size=(6, 6)))
+    data = measured(hidden(so101), 30, 1, root @ root.T)
+    assert data.attitude is not None
+    assert data.feedback is not None
+    data.attitude[3], data.feedback[4, 2] = np.nan, np.nan
+    path = tmp_path / "poses.csv"
+    path.write_text(measurements_csv(data))
+    path.with_suffix(".toml").write_text(
+        f'schema = "lrm/measurements/1"\nfeedback_sd_deg = {float(np.degrees(FEEDBACK_SD))!r}\n'
+    )
+    again = load_measurements(path, so101)
+    rest = equilibrium(hidden(so101), again.poses)
+    np.testing.assert_allclose(again.residual(rest), data.residual(rest), atol=1e-8)
+    np.testing.assert_allclose(again.whitening.root, data.whitening.root, rtol=1e-5, atol=1e-3)
+    assert again.whitening.measured[3] == data.whitening.measured[3] == 3 + 5
+    assert again.whitening.measured[4] == 6 + 4
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("cxx_mm2", -1.0, "not positive definite"),
+        ("qw", 3.0, "length is not one"),
+        ("cyy_mm2", None, "no column cyy_mm2"),
+        ("cxx_mm2", "", "the cell is empty"),
+        ("q3_meas_deg", None, "no column q3_meas_deg"),
+    ],
+)
+def test_bad_columns(so101: Arm, tmp_path: Path, column: str, value: float | str | None, words: str) -> None:
+    path = tmp_path / "bad.csv"
+    rows = [line.split(",") for line in measurements_csv(measured(hidden(so101), 12, 1)).splitlines()]
+    j = rows[0].index(column)
+    if value is None:
+        rows = [row[:j] + row[j + 1 :] for row in rows]
+    else:
+        rows[2][j] = str(value)
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    with pytest.raises(FileError, match=words):
+        load_measurements(path, so101)
+
+
+def test_unstated_parts_are_kept_but_not_used(so101: Arm, tmp_path: Path) -> None:
+    path = tmp_path / "plain.csv"
+    data = replace(measured(hidden(so101), 12, 1), covariance=None)
+    path.write_text(measurements_csv(data))
+    again = load_measurements(path, so101)
+    assert again.attitude is None
+    assert again.feedback is None
+    assert sum("not used" in notice for notice in again.notices) == 2
+
+
+def test_a_round_covariance_is_a_standard_deviation(so101: Arm) -> None:
+    truth = hidden(so101)
+    data = positions_only(measured(truth, 60, 2))
+    plain = replace(data, covariance=None)
+    start = replace(truth, free=("compliance.joint2.k_rad_per_Nm", "offsets.joint3.theta_rad", "offsets.tool.x_mm"))
+    one, other = fit(start, data), fit(start, plain)
+    np.testing.assert_allclose(one.model.values, other.model.values, atol=1e-12)
+    np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-8)
+    assert one.sigma == pytest.approx(other.sigma, rel=1e-9)
+
+
+def test_depth_that_is_poorly_measured_is_weighted_down(so101: Arm) -> None:
+    """With the covariance the tip is known better than with one standard deviation, with orientations better still."""
+    truth = hidden(so101)
+    C = np.diag([3e-4, 3e-4, 3e-3, 1e-3, 1e-3, 1e-3]) ** 2
+    elsewhere = poses_of(np.random.default_rng(9).uniform(-1, 1, (100, 5)))
+    there = equilibrium(truth, elsewhere).tcp
+    errors = {"one sd": [], "covariance": [], "pose": []}
+    for seed in range(4):
+        data = replace(measured(truth, 50, seed, C), feedback=None, feedback_sd=None)
+        ways = {"one sd": replace(data, covariance=None, attitude=None), "covariance": replace(data, attitude=None)}
+        for name, way in {**ways, "pose": data}.items():
+            found = fitted(hidden(so101), way)
+            errors[name].append(float(((equilibrium(found.model, elsewhere).tcp - there) ** 2).sum(axis=1).mean()))
+    rms = {name: np.sqrt(np.mean(squares)) for name, squares in errors.items()}
+    assert rms["covariance"] < 0.6 * rms["one sd"]
+    assert rms["pose"] < rms["covariance"]
+
+
+def test_droop_and_flex_are_told_apart_by_joint_feedback(so101: Arm) -> None:
+    truth = hidden(so101, servo_droop__joint2__k_rad_per_Nm=0.06)
+    start = model_of(so101, [effect for name in ("offsets", "compliance") for effect in effects_at(so101, name)])
+    data = measured(truth, 60, 5)
+    seen = diagnose(fitted(start, data).model, data)
+    assert [one.name for one in seen.supported][:1] == ["servo_droop@joint2"]
+    blind = positions_only(data)
+    unseen = diagnose(fitted(start, blind).model, blind)
+    reasons = {f"{effect.id}@{effect.place}": reason for effect, reason in unseen.not_testable}
+    assert "one class" in reasons["servo_droop@joint2"]
+    assert not unseen.supported
+    both = model_of(so101, (*start.effects, *effects_at(so101, "servo_droop@joint2")))
+    found = fitted(both, data)
+    error = dict(zip(found.model.free, found.standard_error, strict=True))
+    for key in ("servo_droop.joint2.k_rad_per_Nm", "compliance.joint2.k_rad_per_Nm"):
+        assert abs(found.model.value(key) - truth.value(key)) < 4 * error[key]
+        assert error[key] < 0.004
