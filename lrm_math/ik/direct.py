@@ -10,7 +10,7 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.nearest import error_of, nearest
 from lrm_math.ik.solver_context import Command, CommandBatch, IkQuery, SolverContext
 
-REACHED = 1e-3
+REACHED = 0.01
 """m: a goal that the nearest command misses by less is tried once more from there."""
 
 

@@ -212,6 +212,8 @@ class SolverContext:
 
     def at_goal(self, query: IkQuery, slots: Array) -> list[Command]:
         """The command at the goal by Newton's method from slot amounts (V,); none if it does not lead there."""
+        if not self.joint_laws.others_are_linear:
+            return self._corrected(query, slots, self.arm(query.payload).forward(slots[None])[1][0])
         state = self.arm(query.payload).newton(query.goal, slots)
         return [] if state is None else self._corrected(query, *state)
 
