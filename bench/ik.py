@@ -18,10 +18,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.ik.answer import JointLimits
 from lrm_math.ik.goal import Goal, point, point_along, pose
-from lrm_math.ik.nominal import solver_of
-from lrm_math.ik.pieper import pieper_form
-from lrm_math.ik.scalar_closed_form import scalar_closed_form
-from lrm_math.ik.screw_axes import screw_axes_of
+from lrm_math.ik.nominal.solver import solver_of
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
@@ -120,9 +117,7 @@ def rows(arm: Arm, count: int) -> Iterator[SolverRow]:
     """The table, ours first; peers that are not installed say so."""
     q, T = reachable(arm, count)
     goals = [pose(pose_[:3, 3], pose_[:3, :3]) for pose_ in T[:TIMED]]
-    fixed = [(goal.rotation, goal.position) for goal in goals]
-    form, solver = pieper_form(screw_axes_of(arm)), solver_of(arm)
-    core = scalar_closed_form(form, JointLimits.of(arm)) if form else None
+    solver = solver_of(arm)
     contenders: dict[str, Callable[[], object]] = {}
 
     def timed(name: str, run: Callable[[object], object], over: list[object]) -> None:
@@ -132,9 +127,9 @@ def rows(arm: Arm, count: int) -> Iterator[SolverRow]:
     found: list[SolverRow] = []
     found.append(run_peer(arm, "lrm_math, Answer with all branches in limits", _first(solver), T[:20_000]))
     timed(found[-1].name, solver.solve, list(goals))  # type: ignore[arg-type]
-    if core is not None:
-        found.append(SolverRow("lrm_math, the closed form alone", 0, np.nan, np.nan, None))
-        timed(found[-1].name, lambda goal: core(*goal), list(fixed))  # type: ignore[misc]
+    if solver.form is not None:
+        found.append(SolverRow("lrm_math, branches alone", 0, np.nan, np.nan, None))
+        timed(found[-1].name, solver.branches, list(goals))  # type: ignore[arg-type]
     found.append(run_batches(arm, q, T))
     contenders[found[-1].name] = lambda: solver.solve_batch(T[:BATCH, :3, 3], T[:BATCH, :3, :3])
     partial = {
@@ -164,17 +159,13 @@ def rows(arm: Arm, count: int) -> Iterator[SolverRow]:
 def one_pose(arm: Arm, ours: str) -> dict[str, Callable[[], object]]:
     """What to race for one pose, all branches: our closed form under the name `ours`, our whole answer, and EAIK."""
     _, T = reachable(arm, TIMED)
-    goals, form, solver = [pose(t[:3, 3], t[:3, :3]) for t in T], pieper_form(screw_axes_of(arm)), solver_of(arm)
-    core = scalar_closed_form(form, JointLimits.of(arm)) if form else None
-    if core is None:
-        raise ValueError(f"{arm.name} has no closed form in scalar Python")
+    goals, solver = [pose(t[:3, 3], t[:3, :3]) for t in T], solver_of(arm)
+    if solver.form is None:
+        raise ValueError(f"{arm.name} has no closed form")
     turns = [cycle(goals), cycle(goals), cycle(T)]
 
-    def alone() -> object:
-        goal = next(turns[0])
-        return core(goal.rotation, goal.position)
-
-    out: dict[str, Callable[[], object]] = {ours: alone, "lrm_math, Answer": lambda: solver.solve(next(turns[1]))}
+    out: dict[str, Callable[[], object]] = {ours: lambda: solver.branches(next(turns[0]))}
+    out["lrm_math, Answer"] = lambda: solver.solve(next(turns[1]))
     eaik = _installed(EaikSolver, arm)
     if isinstance(eaik, EaikSolver):
         out["EAIK, limits not looked at"] = lambda: eaik.branches(next(turns[2]))

@@ -11,7 +11,7 @@ from bench.peers import Pinocchio
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.ik.answer import JointLimits
-from lrm_math.ik.screw_axes import screw_axes_of
+from lrm_math.ik.nominal.screw_axes import screw_axes_of
 from lrm_math.kinematics.chain import X, chain_of
 
 

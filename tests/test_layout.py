@@ -10,8 +10,6 @@ from tests.support.source_files import files, syntax_tree
 
 PACKAGES = ("lrm_math", "lrmd", "lrm_ident", "bench", "validation", "firmware", "tests/support", "tests/soak")
 MOST_FILES = 14
-CROWDED = {"lrm_math/ik"}
-"""Folders that may have more files, until they are divided."""
 
 
 def test_public_class_names_are_unique() -> None:
@@ -27,4 +25,4 @@ def test_public_class_names_are_unique() -> None:
 def test_no_folder_has_too_many_files() -> None:
     sources = [path for package in PACKAGES for path in files(package) if path.name != "__init__.py"]
     sizes = Counter(path.parent.relative_to(ROOT).as_posix() for path in sources)
-    assert {folder: size for folder, size in sizes.items() if size > MOST_FILES and folder not in CROWDED} == {}
+    assert {folder: size for folder, size in sizes.items() if size > MOST_FILES} == {}

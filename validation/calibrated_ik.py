@@ -30,11 +30,10 @@ from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import pose
 from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.multi_start import distinct
-from lrm_math.ik.newton import StoppingRule
+from lrm_math.ik.library import CHAR_LENGTH
 from lrm_math.ik.pulse_rounding import Rounding
 from lrm_math.ik.reply import CalibratedReply, NotConverged, Solved
-from lrm_math.ik.solver_context import IkQuery, Method
+from lrm_math.ik.solver_context import AT_LIMIT, IkQuery, Method
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.model import Model, model_of
@@ -49,7 +48,7 @@ PAYLOAD = 0.0663
 METHODS: tuple[Method, Method] = (Direct(), Cube())
 QUICK = Cube(guesses=2, name="cube, 2 guesses")
 EXACT, CLOSE = 1e-9, 1e-3  # m
-STARTS, EXHAUSTIVE = 96, StoppingRule(enough=1000, patience=12, singly=True)
+STARTS = 96
 DISTINCT = 1e-3
 """rad: commands no further apart count as one branch; singular poses have ever more of them."""
 
@@ -150,21 +149,36 @@ def one_cube(solver: CalibratedSolver, tools: Array) -> float:
     return float(np.median(took))
 
 
+def exhaustive(solver: CalibratedSolver, query: IkQuery) -> list[Array]:
+    """Commands within the limits that the `STARTS` closest poses of the library lead to."""
+    context, library = solver.context, solver.context.library
+    goal = query.goal
+    off = ((library.tcp[:, :3, 3] - goal.position) ** 2).sum(axis=1)
+    off += CHAR_LENGTH**2 * ((library.tcp[:, :3, :3] - np.array(goal.rotation)) ** 2).sum(axis=(1, 2))
+    reached = [c for row in np.argsort(off)[:STARTS] for c in context.at_goal(query, library.slots[row])]
+    return distinct([np.array(command.q) for command in reached if command.margin >= -AT_LIMIT])
+
+
+def distinct(commands: list[Array]) -> list[Array]:
+    """Those further than `DISTINCT` from all before them."""
+    kept: list[Array] = []
+    for q in commands:
+        if all(np.abs(q - other).max() > DISTINCT for other in kept):
+            kept.append(q)
+    return kept
+
+
 def shares_of_branches(solver: CalibratedSolver, tools: Array) -> tuple[float, float]:
-    """How many of the commands within the limits that `STARTS` poses of the library lead to `METHODS` answer with."""
-    context, found, known = solver.context, [0, 0], 0
+    """Shares of all branches known, by `STARTS` starts or either of `METHODS`, that `METHODS` answer with."""
+    found, known = [0, 0], 0
     for tool in tools:
-        ask = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
-        library_seeds = context.library_seeds.starts(ask.goal, STARTS // 2)
-        close = context.library.amounts[context.library.closest(ask.goal, STARTS // 2)]
-        there, _ = context.solve_from(ask, np.concatenate([library_seeds, close]), EXHAUSTIVE)
-        every = distinct(there.q[context.within_limits(there)], DISTINCT)
+        query = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
+        answers = [solver.solve(query.goal, PAYLOAD, method=method) for method in METHODS]
+        rows = [[np.array(b.q) for b in r.branches] if isinstance(r, Solved) else [] for r in answers]
+        every = distinct([*exhaustive(solver, query), *rows[0], *rows[1]])
         known += len(every)
-        for i, method in enumerate(METHODS):
-            reply = solver.solve(ask.goal, PAYLOAD, method=method)
-            answered = [branch.q for branch in reply.branches] if isinstance(reply, Solved) else []
-            rows = np.array(answered).reshape(-1, every.shape[1])
-            found[i] += sum(bool((np.abs(rows - q).max(axis=1) < DISTINCT).any()) for q in every)
+        for i, answered in enumerate(rows):
+            found[i] += sum(any(np.abs(q - row).max() < DISTINCT for row in answered) for q in every)
     return found[0] / known, found[1] / known
 
 

@@ -25,7 +25,6 @@ from lrm_ident.workspace.voxel_grid import grid_around, parse_area
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.collision.scene import Scene
 from lrm_math.errors import LrmError
-from lrm_math.ik.closed_form import ClosedForm
 
 NOTHING = "none"
 
@@ -88,13 +87,13 @@ def reach(
     checked = collisions and bool(the_arm.shapes.capsules)
     scenes = [Scene.of(each.arm, pairs) if checked else None for each in compared]
     margin = None if margin_mm is None else margin_mm * MM
-    searched = [each.name for each in compared if not isinstance(pose_solver(each.arm), ClosedForm)]
+    searched = [each.name for each in compared if pose_solver(each.arm).form is None]
     if collisions and not checked:
         log.print(f"notice: the file of {the_arm.name} has no shapes: collisions are not looked at")
     if searched:
         log.print(
             f"notice: no closed form for '{searched[0]}': {len(grid) * directions * rolls:,} goals are searched "
-            "for, tenths of a second each; take larger cells and fewer directions"
+            "for, a tenth of a millisecond each; take larger cells and fewer directions"
         )
     maps: list[CapabilityMap] = []
     started = perf_counter()

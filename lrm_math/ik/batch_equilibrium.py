@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lrm_math.errors import NoEquilibrium
-from lrm_math.ik.linkage import Indices
+from lrm_math.ik.kernel.linkage import Indices
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import TOLERANCE, Equilibrium, solve_equilibrium

@@ -14,17 +14,15 @@ from numpy.typing import NDArray
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import Branch, IkVerdict
+from lrm_math.ik.answer import Branch, IkVerdict, Nearest
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.joint_laws import deployed
+from lrm_math.ik.kernel.flat_arm import matrices
 from lrm_math.ik.nearest import nearest
-from lrm_math.ik.newton import CHAR_LENGTH, Target
 from lrm_math.ik.pulse_rounding import RoundedCommand, Rounding, ServoCounts, round_to_counts
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, PositionUncertainty, Solved, Unsolved
-from lrm_math.ik.scalar_linkage import ScalarFrame, frame_of, matrices
-from lrm_math.ik.scalar_newton import pose_residual
-from lrm_math.ik.solver_context import CommandBatch, IkQuery, Method, SolverContext, Stalled
+from lrm_math.ik.solver_context import Command, CommandBatch, IkQuery, Method, SolverContext, Stalled
 from lrm_math.ik.uncertainty import position_covariance
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
@@ -101,8 +99,7 @@ class CalibratedSolver:
 
     def warm_up(self) -> None:
         """Fills the caches, so that the first goals need not wait."""
-        context = self.context
-        _ = context.nominal_solver, context.equivalent_arm, context.library_seeds, context.scalar_newton
+        _ = self.context.nominal_solver, self.context.arm(0.0)
 
     def solve(
         self,
@@ -134,17 +131,16 @@ class CalibratedSolver:
         if found is not None:
             order = in_limits = self._ordered(query, found)
             if allowed is not None and in_limits:
-                free = allowed(*self._near_rest(query, found, order))
-                order = [row for row, may in zip(order, free, strict=True) if may]
+                free = allowed(*self._near_rest(query, order))
+                order = [command for command, may in zip(order, free, strict=True) if may]
                 if not order:
-                    branches, elapsed = self._branches(found, in_limits), time.perf_counter() - started
+                    branches, elapsed = self._branches(in_limits), time.perf_counter() - started
                     return NoAllowedBranch(goal, branches, method.name, self.left_out, elapsed)
-            for row in order:
-                try:
-                    best_first = [row, *(other for other in order if other != row)]
-                    return self._solved(query, found, best_first, method.name, rounding, started)
-                except NoEquilibrium:
-                    continue
+            for k, command in enumerate(order):
+                best_first = [command, *order[:k], *order[k + 1 :]]
+                reply = self._solved(query, found, best_first, method.name, rounding, started)
+                if reply is not None:
+                    return reply
         return self._unsolved(query, found, method.name, started)
 
     def forward(self, q: Sequence[float], payload: float = 0.0, near: Sequence[float] | None = None) -> ForwardResult:
@@ -157,40 +153,48 @@ class CalibratedSolver:
         angles = np.array([command])
         side = None if here is None else np.sign(angles - here)
         rest = solve_equilibrium(self.context.model, self.context.poses(query, angles, side))
-        rotation, torque = _columns(self._tcp(rest)), tuple(rest.joint_torque[0].tolist())
-        return ForwardResult(_triple(rest.true_tcp[0]), rotation, torque, self._uncertainty(rest))
+        slots = np.array([[float(rest.slots[k]) for k in self.context.joint_laws.linkage.slots]])
+        rotation = rotation_rows(self.context.arm(query.payload).forward(slots)[0][0, :3, :3])
+        return ForwardResult(
+            _triple(rest.true_tcp[0]), rotation, tuple(rest.joint_torque[0].tolist()), self._uncertainty(rest)
+        )
 
-    def _ordered(self, query: IkQuery, found: CommandBatch) -> list[int]:
-        """Rows of commands within the limits, best first, each branch once."""
-        rows, q = np.flatnonzero(self.context.within_limits(found)).tolist(), found.q.tolist()
-        near, limits = query.near, self.context.limits
-        rows.sort(key=lambda row: -min(limits.margins(q[row])) if near is None else _apart(q[row], near))
-        kept: list[int] = []
-        for row in rows:
-            if all(_apart(q[row], q[other]) > SAME for other in kept):
-                kept.append(row)
+    def _ordered(self, query: IkQuery, found: CommandBatch) -> list[Command]:
+        """Commands within the limits, best first, each branch once."""
+        near, commands = query.near, found.within
+        if near is None:
+            commands.sort(key=lambda command: -command.margin)
+        else:
+            commands.sort(key=lambda command: _apart(command.q, near))
+        kept: list[Command] = []
+        for command in commands:
+            if all(_apart(command.q, other.q) > SAME for other in kept):
+                kept.append(command)
         return kept
 
     def _solved(
-        self, query: IkQuery, found: CommandBatch, order: list[int], method: str, rounding: Rounding, started: float
-    ) -> Solved:
-        """The reply with the rows `order` as branches, the first checked by the model's equilibrium."""
-        row = order[0]
-        poses, near_rest = self._near_rest(query, found, [row])
-        rest = solve_equilibrium(self.context.model, poses, near_rest)
-        tcp = self._tcp(rest)
+        self, query: IkQuery, found: CommandBatch, order: list[Command], method: str, rounding: Rounding, started: float
+    ) -> Solved | None:
+        """The reply, the first branch checked by its equilibrium; None if the arm does not settle there."""
+        first, branches = order[0], self._branches(order)
+        q, side = np.array([branches[0].q]), np.array([first.direction])
+        rest = self.context.at_rest(query, q, side, np.array([first.slots]))
+        if not len(rest.rows):
+            return None
+        tcp = matrices(rest.tcp)[0]
+        there = Nearest.at(branches[0].q, query.goal, tcp)
         return Solved(
             goal=query.goal,
-            q=tuple(poses.q[0].tolist()),
-            branches=self._branches(found, order),
-            tcp=_triple(rest.true_tcp[0]),
-            rotation=_columns(tcp),
-            predicted_error=math.dist(rest.true_tcp[0], query.goal.position),
-            predicted_turn=_rotation_error(query.goal, tcp),
-            uncertainty=self._uncertainty(rest),
-            direction=tuple(int(side) for side in found.direction[row]),
-            detours=tuple(int(joint) + 1 for joint in np.flatnonzero(found.detour[row])),
-            rounded=self._rounded(query, rest, rounding),
+            q=branches[0].q,
+            branches=branches,
+            tcp=_triple(tcp[:3, 3]),
+            rotation=rotation_rows(tcp[:3, :3]),
+            predicted_error=there.distance,
+            predicted_turn=there.angle,
+            uncertainty=self._uncertainty_of(query, q, side, rest.slots),
+            direction=first.direction,
+            detours=first.detour,
+            rounded=self._rounded(query, q, side, rest.slots, rounding),
             method=method,
             steps=found.steps,
             cube_error=found.error,
@@ -198,37 +202,35 @@ class CalibratedSolver:
             elapsed=time.perf_counter() - started,
         )
 
-    def _clipped(self, found: CommandBatch, rows: list[int]) -> Array:
-        """(len(rows), n), commands without the round-off that leads beyond a limit."""
-        bounds = self.context.bounds
-        return np.asarray(np.minimum(np.maximum(found.q[rows], bounds.lower), bounds.upper))
-
-    def _branches(self, found: CommandBatch, rows: list[int]) -> tuple[Branch, ...]:
-        return tuple(Branch(tuple(q), -1, self.context.limits) for q in self._clipped(found, rows).tolist())
+    def _branches(self, commands: Sequence[Command]) -> tuple[Branch, ...]:
+        """Without the round-off that leads beyond a limit."""
+        limits = self.context.limits
+        return tuple([Branch(limits.clipped(command.q), -1, limits, command.free) for command in commands])
 
     def _unsolved(self, query: IkQuery, found: CommandBatch | None, method: str, started: float) -> Unsolved:
-        limits, beyond = self.context.limits, np.empty((0, self.context.model.arm.dof))
-        if found is not None:
-            beyond = found.q[~self.context.within_limits(found)]
-        branches = sorted((Branch(tuple(q), -1, limits) for q in beyond.tolist()), key=lambda branch: -branch.margin)
+        limits = self.context.limits
+        beyond = [] if found is None else found.beyond
+        branches = tuple(Branch(command.q, -1, limits, command.free) for command in beyond)
         violation = limits.violation(branches[0].q) if branches else None
         verdict = IkVerdict.OUTSIDE_LIMITS if branches else IkVerdict.OUT_OF_REACH
-        closest = nearest(self.context, query, beyond)
+        closest = nearest(self.context, query, [command.q for command in beyond])
         elapsed = time.perf_counter() - started
-        return Unsolved(query.goal, verdict, closest, tuple(branches), violation, method, self.left_out, elapsed)
+        return Unsolved(query.goal, verdict, closest, branches, violation, method, self.left_out, elapsed)
 
-    def _near_rest(self, query: IkQuery, found: CommandBatch, rows: list[int]) -> tuple[Poses, list[Number]]:
+    def _near_rest(self, query: IkQuery, commands: list[Command]) -> tuple[Poses, list[Number]]:
         """Commands as poses, and amounts of all slots of the chain near rest there."""
-        poses = self.context.poses(query, self._clipped(found, rows), found.direction[rows])
-        return poses, self.context.chain_amounts(found.reached.amounts[rows])
+        q = np.array([self.context.limits.clipped(command.q) for command in commands])
+        poses = self.context.poses(query, q, np.array([command.direction for command in commands], dtype=np.float64))
+        return poses, self.context.chain_amounts(np.array([command.slots for command in commands]))
 
-    def _tcp(self, rest: Equilibrium) -> ScalarFrame:
-        """Tool frame of a single pose at rest."""
-        linkage, scalar = self.context.linkage, self.context.scalar_newton
-        amounts = [float(rest.slots[k]) for k in linkage.slots.tolist()]
-        if scalar is None:
-            return frame_of(linkage.forward(np.array([amounts])).tcp[0])
-        return scalar.linkage.tool_frame(amounts)
+    def _equilibrium(self, query: IkQuery, q: Array, side: Array, slots: Array) -> Equilibrium:
+        poses = self.context.poses(query, q, side.astype(np.float64))
+        return solve_equilibrium(self.context.model, poses, self.context.chain_amounts(slots))
+
+    def _uncertainty_of(self, query: IkQuery, q: Array, side: Array, slots: Array) -> PositionUncertainty | None:
+        if self.covariance is None and self.joint_sd is None:
+            return None
+        return self._uncertainty(self._equilibrium(query, q, side, slots))
 
     def _uncertainty(self, rest: Equilibrium) -> PositionUncertainty | None:
         covariance = position_covariance(rest, self.covariance, self.joint_sd)
@@ -236,20 +238,25 @@ class CalibratedSolver:
             return None
         return PositionUncertainty(rotation_rows(covariance[0]), math.sqrt(float(np.trace(covariance[0]))))
 
-    def _rounded(self, query: IkQuery, rest: Equilibrium, rounding: Rounding) -> RoundedCommand | None:
+    def _rounded(
+        self, query: IkQuery, q: Array, side: Array, slots: Array, rounding: Rounding
+    ) -> RoundedCommand | None:
         if self.servos is None:
             return None
-        command = rest.poses.q[0]
-        joints = self.context.model.chain.joint_slots
+        context = self.context
 
-        def position_error(q: tuple[float, ...]) -> float:
-            slots = list(rest.slots)
-            for k, change in zip(joints, (np.array(q) - command).tolist(), strict=True):
-                slots[k] = slots[k] + change
-            poses = Poses(np.array([q]), rest.poses.payload, rest.poses.direction)
-            return math.dist(solve_equilibrium(self.context.model, poses, slots).true_tcp[0], query.goal.position)
+        def position_error(angles: tuple[float, ...]) -> float:
+            there = np.array([angles])
+            start = slots + context.stiff(there) - context.stiff(q)
+            rest = context.at_rest(query, there, side, start)
+            if not len(rest.rows):
+                raise NoEquilibrium([1], "the arm does not settle at the rounded command")
+            return math.dist(rest.tcp[0, 9:], query.goal.position)
 
-        return round_to_counts(self.servos, command.tolist(), rounding, position_error, lambda: joint_jacobian(rest)[0])
+        def jacobian() -> Array:
+            return np.asarray(joint_jacobian(self._equilibrium(query, q, side, slots))[0])
+
+        return round_to_counts(self.servos, q[0].tolist(), rounding, position_error, jacobian)
 
     def _checked_angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
         if q is None:
@@ -290,16 +297,3 @@ def _marginal(covariance: Covariance, model: Model, smooth: Model) -> Covariance
 def _triple(v: Array) -> Vector3:
     x, y, z = v.tolist()
     return x, y, z
-
-
-def _columns(tcp: ScalarFrame) -> Rotation:
-    ax, ay, az, bx, by, bz, cx, cy, cz = tcp[:9]
-    return (ax, bx, cx), (ay, by, cy), (az, bz, cz)
-
-
-def _rotation_error(goal: Goal, tcp: ScalarFrame) -> float:
-    """Remaining rotation to the goal's orientation (rad)."""
-    if goal.rotation is not None:
-        rodrigues = math.hypot(*pose_residual(goal.rotation, goal.position, tcp)[3:]) / CHAR_LENGTH  # 2 tan(angle / 2)
-        return 2.0 * math.atan(rodrigues / 2.0)
-    return float(np.linalg.norm(Target.of(goal).error(matrices([tcp]))[0, 3:])) / CHAR_LENGTH

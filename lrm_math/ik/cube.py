@@ -1,10 +1,10 @@
-"""The thesis's second method: search a cube of goals centre_rest the first correction (Conenna 2024, section 7.2)."""
+"""The thesis's second method: search a cube of goals about the first correction (Conenna 2024, section 7.2)."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -12,14 +12,11 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.batch_equilibrium import batch_equilibrium
-from lrm_math.ik.branches import every_branch
-from lrm_math.ik.initial_guess import NominalPose, initial_guesses, nominal_pose, nominal_solutions
-from lrm_math.ik.solver_context import CommandBatch, IkQuery, SolverContext
-from lrm_math.kinematics.chain import Number
-from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import Equilibrium, rigid_amounts
-from lrm_math.model.model import Model
+from lrm_math.ik.direct import Direct
+from lrm_math.ik.kernel.flat_arm import matrices
+from lrm_math.ik.solver_context import SLACK, CommandBatch, IkQuery, SolverContext
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.forward import frames
 
 REGION = 0.05
 """rad: rounding of known commands, so that the search starts beside them."""
@@ -27,13 +24,32 @@ COARSE = 1e-3
 """m: equilibria in the cube are settled to this step; the remaining error is a tenth of it. The best settles fully."""
 SHRINK = 0.6
 """Ratio of the sides of successive cubes."""
+RETRACTIONS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+"""Shares of the distance to the second joint by which goals beyond the nominal arm's reach are retracted."""
+
+
+@dataclass(frozen=True, eq=False)
+class NominalPose:
+    """Angles `q` (n,), rad, and the nominal tool position (3,), m, and orientation (3, 3)."""
+
+    q: Array
+    position: Array
+    rotation: Array
+
+    @classmethod
+    def at(cls, context: SolverContext, q: Sequence[float] | Array) -> NominalPose:
+        """The nominal tool frame at some angles (n,)."""
+        chain = chain_of(context.model.arm)
+        angles = np.asarray(q, dtype=np.float64)
+        tcp = frames(chain, chain.values(angles.tolist()), 1)[0, -1]
+        return cls(angles, tcp[:3, 3], tcp[:3, :3])
 
 
 @dataclass(frozen=True, eq=False)
 class CubeResult:
     """The best goal of a cube: slot amounts there (V,), and its distance from the query (m)."""
 
-    amounts: Array
+    slots: Array
     error: float
 
 
@@ -66,23 +82,26 @@ class Cube:
             )
 
     def find(self, context: SolverContext, query: IkQuery) -> CommandBatch | None:
-        """The best of the cube refined by Newton, and all other branches of the extended search."""
-        others = every_branch(context, query)
-        result = self.search(context, query, None if others is None else others.q[context.within_limits(others)])
+        """The best of the cube refined by Newton, and all other branches of the direct method."""
+        others = Direct().find(context, query)
+        result = self.search(context, query, [] if others is None else [command.q for command in others.within])
         if result is None:
             return others
-        polished, _ = context.solve_from(query, result.amounts[None])
-        return replace(polished if others is None else polished.joined(others), error=result.error)
+        polished = tuple(context.at_goal(query, result.slots))
+        if others is None:
+            return CommandBatch(polished, 0, result.error) if polished else None
+        return replace(others, commands=(*polished, *others.commands), error=result.error)
 
-    def search(self, context: SolverContext, query: IkQuery, commands: Array | None = None) -> CubeResult | None:
+    def search(
+        self, context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]] = ()
+    ) -> CubeResult | None:
         """The best of the cubes; None where the arm does not settle or the nominal inverse has no solution.
 
-        `commands`: (K, n), rad, that are known to reach the goal; see the class.
+        `commands`: rad, known to reach the goal; see the class.
         """
         best: CubeResult | None = None
-        guesses = itertools.islice(_starts(context, initial_guesses(context, query), commands), self.guesses)
-        for nominal in guesses:
-            result = self._search_from(context, query, nominal)
+        for start in itertools.islice(_starts(context, query, commands), self.guesses):
+            result = self._search_from(context, query, start)
             best = result if best is None or (result is not None and result.error < best.error) else best
             if best is not None and best.error <= self.width:
                 break
@@ -95,56 +114,72 @@ class Cube:
 
     def _search_from(self, context: SolverContext, query: IkQuery, nominal: NominalPose) -> CubeResult | None:
         best: CubeResult | None = None
-        centre_rest, rows = batch_equilibrium(context.model, context.poses(query, nominal.q[None]), tolerance=COARSE)
-        if not len(rows):
-            return None
+        goal, q = np.array(query.goal.position), nominal.q
+        here = context.at_rest(query, q[None], tolerance=COARSE)
         for move in range(self.moves + 1):
-            centre, rotation = _corrected(context, query, nominal, centre_rest)
-            q, valid = nominal_solutions(
-                context, centre + self.side * SHRINK**move * _grid(self.points), rotation, centre_rest.poses.q[0]
-            )
-            poses = context.poses(query, q[valid])
-            rest, rows = batch_equilibrium(context.model, poses, _like(context.model, centre_rest, poses), COARSE)
-            if not len(rows):
+            if not len(here.rows):
                 break
-            roughly = rest.one(int(np.linalg.norm(rest.true_tcp - query.goal.position, axis=1).argmin()))
-            centre_rest, rows = batch_equilibrium(context.model, roughly.poses, roughly.slots)
-            if not len(rows):
+            centre, rotation = _corrected(query, nominal, matrices(here.tcp)[0])
+            positions = centre + self.side * SHRINK**move * _grid(self.points)
+            answers, exist = context.nominal_solver.nearest_branches(positions, rotation, q, -SLACK)
+            answers = answers[exist]
+            start = here.slots + context.stiff(answers) - context.stiff(q[None])
+            rest = context.at_rest(query, answers, start=start, tolerance=COARSE)
+            if not len(rest.rows):
                 break
-            error = math.dist(centre_rest.true_tcp[0], query.goal.position)
-            if best is not None and error >= best.error:
+            k = int(np.linalg.norm(rest.tcp[:, 9:] - goal, axis=1).argmin())
+            q = answers[rest.rows[k]]
+            here = context.at_rest(query, q[None], start=rest.slots[k : k + 1])
+            error = math.dist(here.tcp[0, 9:], goal) if len(here.rows) else math.inf
+            if not math.isfinite(error) or (best is not None and error >= best.error):
                 break
-            best = CubeResult(context.slot_amounts(centre_rest)[0], error)
-            if best.error <= self.width:
+            best = CubeResult(here.slots[0], error)
+            if error <= self.width:
                 break
-            nominal = nominal_pose(context, centre_rest.poses.q[0])
+            nominal = NominalPose.at(context, q)
         return best
 
 
-def _starts(context: SolverContext, guesses: Iterator[NominalPose], commands: Array | None) -> Iterator[NominalPose]:
-    """The first guess; then neighbourhoods of commands (K, n) known to reach the goal; then the other guesses."""
+def initial_guesses(context: SolverContext, query: IkQuery) -> Iterator[NominalPose]:
+    """Nominal solutions, nearest to `near` first, or else furthest from the limits; they may break them by a little.
+
+    Goals beyond the nominal arm's reach are retracted. What the goal leaves free of the orientation is as the guess has
+    it. At last the closest poses of the library.
+    """
+    inwards = np.array(context.nominal_solver.second_axis) - query.goal.position
+    for share in RETRACTIONS:
+        position = np.array(query.goal.position) + share * inwards
+        goal = replace(query.goal, position=tuple(position.tolist()))
+        branches = context.nominal_solver.branches(goal, query.near)
+        for branch in branches:
+            yield NominalPose.at(context, branch.q)
+        if branches:
+            break
+    found = context.library.tcp[:, :3, 3] - query.goal.position
+    for row in np.argsort(np.linalg.norm(found, axis=1))[:16]:
+        yield NominalPose.at(context, context.library.q[row])
+
+
+def _starts(
+    context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]]
+) -> Iterator[NominalPose]:
+    """The first guess; then neighbourhoods of commands known to reach the goal; then the other guesses."""
+    guesses = initial_guesses(context, query)
     yield from itertools.islice(guesses, 1)
-    for q in () if commands is None else np.round(commands / REGION) * REGION:
-        yield nominal_pose(context, q)
+    for q in commands:
+        yield NominalPose.at(context, np.round(np.array(q) / REGION) * REGION)
     yield from guesses
 
 
-def _corrected(context: SolverContext, query: IkQuery, nominal: NominalPose, rest: Equilibrium) -> tuple[Array, Array]:
-    """Position (3,) and orientation (3, 3) for the nominal arm, corrected by the calibrated arm's error."""
-    position = nominal.position + query.goal.position - rest.true_tcp[0]
+def _corrected(query: IkQuery, nominal: NominalPose, tcp: Array) -> tuple[Array, Array]:
+    """Position (3,) and orientation (3, 3) for the nominal arm, corrected by the error of the deflected tool (4, 4)."""
+    position = nominal.position + query.goal.position - tcp[:3, 3]
     if query.goal.rotation is None:
         return position, nominal.rotation
-    tcp_rotation = context.linkage.forward(context.slot_amounts(rest)).tcp[0, :3, :3]
-    return position, np.array(query.goal.rotation) @ tcp_rotation.T @ nominal.rotation
+    return position, np.array(query.goal.rotation) @ tcp[:3, :3].T @ nominal.rotation
 
 
 @lru_cache(maxsize=8)
 def _grid(points: int) -> Array:
     """(points³, 3), a cube of side 1 about zero."""
     return np.array(list(itertools.product(np.linspace(-0.5, 0.5, points), repeat=3)))
-
-
-def _like(model: Model, rest: Equilibrium, poses: Poses) -> list[Number]:
-    """Amounts of all slots at poses near one at rest, with the same deflections."""
-    given = zip(rigid_amounts(model, poses), rest.slots, rigid_amounts(model, rest.poses), strict=True)
-    return [rigid + (there - before) for rigid, there, before in given]

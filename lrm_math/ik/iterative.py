@@ -6,11 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.ik.batch_equilibrium import batch_equilibrium
-from lrm_math.ik.equivalent_arm import SLACK
-from lrm_math.ik.initial_guess import initial_guesses, nominal_solutions
-from lrm_math.ik.solver_context import CommandBatch, IkQuery, SolverContext, Stalled
-from lrm_math.kinematics.chain import Number
+from lrm_math.ik.cube import initial_guesses
+from lrm_math.ik.solver_context import Command, CommandBatch, IkQuery, SolverContext, Stalled
 
 STILL = 1e-6
 """m: the error has settled when it changes by less."""
@@ -35,22 +32,24 @@ class Iterative:
         """Where it ended; None if the arm does not settle at the start."""
         nominal = next(initial_guesses(context, query))
         goal = np.array(query.goal.position)
-        q, errors = nominal.q, [0.0][:0]
-        near: list[Number] | None = None
+        q, errors = nominal.q, list[float]()
+        start = context.stiff(q[None])
         for step in range(1, self.most + 1):
-            rest, rows = batch_equilibrium(context.model, context.poses(query, q[None]), near, 0.1 * STILL)
-            if not len(rows):
+            rest = context.at_rest(query, q[None], start=start, tolerance=0.1 * STILL)
+            if not len(rest.rows):
                 break
-            error = rest.true_tcp[0] - goal
+            error = rest.tcp[0, 9:] - goal
             errors.append(float(np.linalg.norm(error)))
             settled = step > 2 and max(abs(errors[-1] - before) for before in errors[-3:-1]) < STILL
             if errors[-1] <= self.enough:
-                return context.at_rest(query, q[None], step)
-            answer, valid = nominal_solutions(context, (nominal.position - error)[None], nominal.rotation, q, SLACK)
+                angles, unknown = tuple(q.tolist()), (0,) * len(q)
+                margin = min(context.limits.margins(angles))
+                return CommandBatch((Command(angles, unknown, (), tuple(rest.slots[0].tolist()), margin),), step)
+            answer, valid = context.nominal_solver.nearest_branches(
+                (nominal.position - error)[None], nominal.rotation, q, 0.0
+            )
             if settled or not valid[0]:
                 break
-            near = list(rest.slots)
-            for k, turn in zip(context.model.chain.joint_slots, (answer[0] - q).tolist(), strict=True):
-                near[k] = near[k] + turn
+            start = rest.slots + context.stiff(answer) - context.stiff(q[None])
             q = answer[0]
         return Stalled(tuple(q.tolist()), tuple(errors)) if errors else None

@@ -1,50 +1,36 @@
-"""Laws of the joints: from true joint angles to the commands that produce them.
+"""Which effects the kernel computes and which Python has to: springs, joint laws, and the laws that users bring.
 
 The TCP depends on the slots of the chain only. Once these are solved for, the effects on the joints follow without
-inner iteration: commanded = true − (what springs, play and gears add there). Only effects of the commanded angle itself
-(gain, eccentricity, coupling, cables) need a few steps, and those need no kinematics.
+kinematics: commanded = true − (what springs, play and gears add there). Of these the kernel knows the laws of
+`kernel.laws`; others follow here, after it. Other slots follow loads in proportion in the kernel; an effect that moves
+them otherwise is linearised about the loads found, and the kernel asked again (see `solver_context`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import TypeAlias
+from functools import cached_property
 
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.effects.base import Amounts
 from lrm_math.errors import LrmError
-from lrm_math.ik.linkage import Linkage, MassMoments, linkage_of
-from lrm_math.ik.scalar_pose import SinglePose
+from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws
+from lrm_math.ik.kernel.linkage import Linkage, linkage_of
+from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.effect_binding import BoundEffect
-from lrm_math.model.equilibrium import effect_loads
-from lrm_math.model.model import CACHED_PAYLOADS, Model
+from lrm_math.model.equilibrium import effect_loads, rigid_amounts
+from lrm_math.model.model import Model
 
-SETTLED = 1e-10
-"""rad: iteration stops when no joint has turned more than this; the next step would be far smaller."""
-LEAST_STEP = 1e-7
-"""rad: shorter steps of a joint give no secant."""
-MOST_STEPS = 25
-SLOPE_BOUND = 0.5
-"""Bound on the change of a joint's slope, true angle by command, from that at zero."""
-JointMotion: TypeAlias = tuple[
-    Callable[[Poses, Amounts, tuple[float, ...]], Amounts], tuple[float, ...], tuple[int, ...], tuple[int, ...]
-]
-"""An effect's motion, its parameters, the moving slots whose loads it feels, and the joints that it turns; anything
-else has the number after the last joint's.
-"""
-
-AppliedLoad: TypeAlias = tuple[Callable[[Poses, tuple[float, ...]], Amounts], tuple[float, ...], tuple[int | None, ...]]
-"""An effect's loads, its parameters, and the moving slots that they act on; None is a slot that does not move."""
+SETTLED, MOST_STEPS = 1e-11, 60
+"""rad; iterations of commands that follow from themselves."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointLaws:
-    """The relation between commands and true joint angles of a model.
+    """The relation between commands, loads and slots of a model.
 
     `model`: only effects that can be compensated, and no rounding (see `deployed`).
     """
@@ -55,10 +41,9 @@ class JointLaws:
     def linkage(self) -> Linkage:
         """The arm, everything that never moves welded together."""
         binding = self.model.binding
-        rigid = {k for effect in binding.rigid for k in effect.moves}
-        return linkage_of(
-            self.model.chain, binding.constants, sorted({*binding.moving, *self.model.load_slots, *rigid})
-        )
+        rigid = {k for bound in binding.rigid for k in bound.moves} | {k for k, _, _ in binding.gears}
+        also = sorted({*binding.moving, *self.model.load_slots, *rigid})
+        return linkage_of(self.model.chain, binding.constants, also)
 
     @cached_property
     def constants(self) -> Array:
@@ -66,247 +51,97 @@ class JointLaws:
         return np.array(self.model.binding.constants)[self.linkage.slots]
 
     @cached_property
-    def _load_rows(self) -> list[int]:
-        return [self._row[k] for k in self.model.load_slots]
-
-    @cached_property
     def _row(self) -> dict[int, int]:
         return {int(k): v for v, k in enumerate(self.linkage.slots)}
 
     @cached_property
+    def _load_rows(self) -> list[int]:
+        return [self._row[k] for k in self.model.load_slots]
+
+    @cached_property
     def compliances(self) -> Array:
         """(V, V), response of the linear effects to loads on the moving slots (rad/N·m, m/N·m)."""
-        out, nowhere = np.zeros((len(self._row), len(self._row))), poses_of([0.0] * self.model.arm.dof)
-        for effect in self.model.binding.elastic:
-            if effect.effect.linear:
-                rows = effect.effect.d_tau(nowhere, (0.0,) * len(effect.feels), effect.p)
-                for i, responses in zip(effect.feels, rows, strict=True):
-                    for k, response in zip(effect.moves, responses, strict=True):
-                        out[self._row[k], self._load_rows[i]] += response
-        return out
+        linear = [bound for bound in self.model.binding.elastic if bound.effect.linear]
+        return self._responses(poses_of([0.0] * self.model.arm.dof), [0.0] * len(self._row), linear)
 
     @cached_property
-    def _nonlinear(self) -> tuple[BoundEffect, ...]:
-        """Nonlinear effects."""
-        binding = self.model.binding
-        return (*binding.rigid, *(effect for effect in binding.elastic if not effect.effect.linear))
+    def known(self) -> tuple[KernelLaw, ...] | None:
+        """The laws of the joints, if the kernel has all of them."""
+        return kernel_laws(self.model.binding, {k: joint for joint, k in enumerate(self.model.chain.joint_slots)})
 
     @cached_property
-    def _on_others(self) -> tuple[BoundEffect, ...]:
-        """Nonlinear effects that move slots other than joints."""
-        joints = set(self.model.chain.joint_slots)
-        return tuple(effect for effect in self._nonlinear if set(effect.moves) - joints)
-
-    def _joint_motion(self, effect: BoundEffect) -> JointMotion:
-        joints, feels = self._joint_of, tuple(self._load_rows[i] for i in effect.feels)
-        return effect.effect.motion, effect.p, feels, tuple(joints.get(k, len(joints)) for k in effect.moves)
-
-    @cached_property
-    def _joint_of(self) -> dict[int, int]:
-        """Slots of the chain to joint numbers from 0."""
-        return {k: joint for joint, k in enumerate(self.model.chain.joint_slots)}
-
-    @cached_property
-    def _on_joints(self) -> tuple[BoundEffect, ...]:
-        joints = set(self.model.chain.joint_slots)
-        return tuple(effect for effect in self._nonlinear if set(effect.moves) & joints)
-
-    def _follows(self, effect: BoundEffect) -> bool:
-        applied = {k for other in self.model.binding.pushing for k in other.pushes}
-        return effect.effect.follows_angles or any(self.model.load_slots[i] in applied for i in effect.feels)
-
-    @cached_property
-    def _following(self) -> tuple[JointMotion, ...]:
-        """Effects on joints that change with the command while the arm stays where it is."""
-        return tuple(self._joint_motion(effect) for effect in self._on_joints if self._follows(effect))
-
-    @property
-    def _depends_on_command(self) -> bool:
-        """Whether the sum of effects on the joints changes with the command."""
-        binding = self.model.binding
-        return bool(self._following or binding.pushing or binding.gears)
-
-    @cached_property
-    def _independent(self) -> tuple[JointMotion, ...]:
-        """The other effects on joints."""
-        return tuple(self._joint_motion(effect) for effect in self._on_joints if not self._follows(effect))
-
-    @cached_property
-    def follows_command(self) -> bool:
-        """Whether the slots other than joints depend on the command itself."""
-        return any(self._follows(effect) or not effect.feels for effect in self._on_others) or any(
-            self.compliances[self.linkage.others][:, self._row[k]].any()
-            for effect in self.model.binding.pushing
-            for k in effect.pushes
-        )
-
-    @property
     def others_are_linear(self) -> bool:
-        """Whether the slots other than joints follow loads linearly, and nothing else."""
-        return not (self._on_others or self.follows_command)
+        """Whether the slots other than joints follow gravity's loads in proportion, and nothing else."""
+        joints, binding = set(self.model.chain.joint_slots), self.model.binding
+        nonlinear = (*binding.rigid, *(bound for bound in binding.elastic if not bound.effect.linear))
+        moved = {k for bound in nonlinear for k in bound.moves} | {k for k, _, _ in binding.gears}
+        pushed = [self._row[k] for bound in binding.pushing for k in bound.pushes if k in self._row]
+        return moved <= joints and not self.compliances[self.linkage.others][:, pushed].any()
 
-    @cached_property
-    def mass_moments(self) -> Callable[[float], MassMoments]:
-        """Mass moments with a payload (kg), cached."""
-        return lru_cache(maxsize=CACHED_PAYLOADS)(
-            lambda carried: self.linkage.mass_moments(self.model.weights(carried))
-        )
+    @property
+    def complete(self) -> bool:
+        """Whether the kernel alone computes the model."""
+        return self.known is not None and self.others_are_linear
 
-    def others_at_loads(self, poses: Poses, tau: Array) -> Array:
-        """(W, K), equilibrium amounts of the slots other than joints under gravity loads (V, K): rad, m."""
-        rows = self.linkage.others
-        total = tau + self._loads_of_effects(poses) if self.follows_command else tau
-        out = self.constants[rows, None] + self.compliances[rows] @ total
-        if self._on_others:
-            deflection = np.zeros_like(tau)
-            for effect in self._on_others:
-                for k, amount in effect.motion(poses, [total[v] for v in self._load_rows]):
-                    deflection[self._row[k]] += amount
-            out += deflection[rows]
-        return np.asarray(out)
+    def slots_at(self, poses: Poses, tau: Array) -> Array:
+        """(K, V), amounts that the moving slots are due for commands under gravity loads (K, V): rad, m."""
+        count, rigid, pushed = len(poses), rigid_amounts(self.model, poses), effect_loads(self.model, poses)
+        felt = self._felt(tau, pushed)
+        due = {k: rigid[k] for k in self._row}
+        for bound in self.model.binding.elastic:
+            for k, amount in bound.motion(poses, felt):
+                due[k] = due[k] + amount
+        return np.stack([np.broadcast_to(due[k], count) for k in self._row], axis=1)
 
-    def others_compliance(self, poses: Poses, tau: Array) -> Array:
-        """(K, W, V), derivative of `others_at_loads` by the loads (rad/N·m, m/N·m)."""
-        rows = self.linkage.others
-        if not self._on_others:
-            return self.compliances[None, rows]
-        total = tau + self._loads_of_effects(poses) if self.follows_command else tau
-        out = np.repeat(self.compliances[:, :, None], len(poses), axis=2)
-        for effect in self._on_others:
-            loads = tuple(total[self._load_rows[i]] for i in effect.feels)
-            for i, responses in zip(effect.feels, effect.effect.d_tau(poses, loads, effect.p), strict=True):
-                for k, response in zip(effect.moves, responses, strict=True):
+    def command(self, poses: Poses, tau: Array, slots: Array) -> Array:
+        """(K, n), commands that hold slot amounts (K, V) under gravity loads (K, V); not finite where none does.
+
+        `poses`: payload and direction, and angles to begin with. Fixed-point iteration with secants (Anderson 1965).
+        """
+        joints, q = self.linkage.joints, poses.q
+        before: tuple[Array, Array] | None = None
+        step = np.full_like(q, np.inf)
+        for _ in range(MOST_STEPS):
+            step = (slots - self.slots_at(replace(poses, q=q), tau))[:, joints]
+            if not (np.abs(step) > SETTLED).any():
+                return np.asarray(q + step)
+            moved = step
+            if before is not None:
+                change = step - before[1]
+                share = (step * change).sum(axis=1) / np.maximum((change * change).sum(axis=1), 1e-300)
+                moved = step - share[:, None] * (q - before[0] + change)
+            before, q = (q, step), q + moved
+        settled = np.abs(step).max(axis=1, keepdims=True) < 1e3 * SETTLED
+        return np.asarray(np.where(settled, q, np.nan))
+
+    def linearised(self, poses: Poses, tau: Array) -> tuple[Array, Array]:
+        """Amounts without load (V,) and compliances (V, V) that stand for the model about one pose and loads (V,).
+
+        Of joints, the linear effects alone.
+        """
+        loads, others = tau.tolist(), self.linkage.others
+        springs = self.compliances.copy()
+        responses = self._responses(poses, loads, self.model.binding.elastic, effect_loads(self.model, poses))
+        springs[others] = responses[others]
+        zero = self.constants.copy()
+        zero[others] = (self.slots_at(poses, tau[None])[0] - springs @ tau)[others]
+        return zero, springs
+
+    def _felt(self, tau: Array, pushed: dict[int, Number]) -> list[Number]:
+        """Loads on `model.load_slots`, floats for one pose."""
+        rows: list[Number] = [float(tau[0, v]) if len(tau) == 1 else tau[:, v] for v in self._load_rows]
+        return [load + pushed.get(k, 0.0) for k, load in zip(self.model.load_slots, rows, strict=True)]
+
+    def _responses(
+        self, pose: Poses, tau: list[float], effects: Sequence[BoundEffect], pushed: dict[int, Number] | None = None
+    ) -> Array:
+        """(V, V), derivatives of some effects by the loads, at one pose and gravity loads (V,)."""
+        out, felt = np.zeros((len(self._row), len(self._row))), self._felt(np.array([tau]), pushed or {})
+        for bound in effects:
+            loads = tuple(felt[i] for i in bound.feels)
+            for i, responses in zip(bound.feels, bound.effect.d_tau(pose, loads, bound.p), strict=True):
+                for k, response in zip(bound.moves, responses, strict=True):
                     out[self._row[k], self._load_rows[i]] += response
-        return out[rows].transpose(2, 0, 1)
-
-    def command(self, poses: Poses, tau: Array, real: Array) -> Array:
-        """Commands (K, n) for true joint angles `real` (K, n) under gravity loads (V, K).
-
-        `poses`: payload and direction, and angles near those sought. Candidates are solved one by one with floats, much
-        faster than with short arrays.
-        """
-        targets = self.linear_command(tau, real)
-        if not (self._on_joints or self._depends_on_command):
-            return targets
-        rows = [
-            self._command_one(SinglePose.of(poses, k, target), tau[:, k], target) for k, target in enumerate(targets)
-        ]
-        return np.array(rows).reshape(real.shape)
-
-    def linear_command(self, tau: Array, real: Array) -> Array:
-        """As `command`, with the linear effects only."""
-        joints = self.linkage.joints
-        return np.asarray(real - self.constants[joints] - (self.compliances[joints] @ tau).T)
-
-    def _command_one(self, pose: SinglePose, tau: Array, target: Array) -> Array:
-        """Start by the slopes at zero, then secants joint by joint, since most effects follow one; then Broyden."""
-        loads: list[float] = tau.tolist()
-        if self._independent:
-            target = target - self._joint_turns(self._independent, pose, loads)[:-1]
-        if not self._depends_on_command:
-            return target
-        inverse, before, largest = self._slope_inverse, 0.0, 0.0
-        q = inverse @ (target - self._at_zero)
-        residual = target - q - self._response(pose.turned_to(q), loads)
-        step = inverse @ residual
-        for number in range(MOST_STEPS):
-            q = q + step
-            before, largest = largest, max(map(abs, step.tolist()))
-            if largest <= SETTLED or largest * largest <= SETTLED * before:
-                break
-            new_residual = target - q - self._response(pose.turned_to(q), loads)
-            if number == 0:
-                inverse = self._with_secants(step, residual - new_residual)
-            else:
-                response = inverse @ (residual - new_residual)
-                along = float(step @ response)
-                if along != 0.0:
-                    inverse = inverse + ((step - response) / along)[:, None] * (step @ inverse)
-            residual, step = new_residual, inverse @ new_residual
-        return np.asarray(q)
-
-    @cached_property
-    def _at_zero(self) -> Array:
-        """(n,), effects that follow the command, at command zero without gravity (rad)."""
-        return self._response(poses_of([0.0] * self.model.arm.dof), [0.0] * len(self._row))
-
-    @cached_property
-    def _slope(self) -> Array:
-        """(n, n), derivative of the true angles by the commands, at command zero without gravity."""
-        zero, tau = poses_of([0.0] * self.model.arm.dof), [0.0] * len(self._row)
-        n, h = zero.q.shape[1], 0.1
-        ends = [[self._response(zero.perturbed(i, delta), tau) for i in range(n)] for delta in (h, -h)]
-        return np.asarray(np.eye(n) + (np.array(ends[0]) - np.array(ends[1])).T / (2.0 * h))
-
-    @cached_property
-    def _slope_inverse(self) -> Array:
-        return np.asarray(np.linalg.inv(self._slope))
-
-    def _with_secants(self, step: Array, response: Array) -> Array:
-        """(n, n), the inverse slope, its diagonal updated by the secants of a step and the response (n,).
-
-        To first order in the change of the diagonal.
-        """
-        known = abs(step) > LEAST_STEP
-        change = (response - self._slope @ step) / np.where(known, step, np.inf)
-        inverse = self._slope_inverse
-        return np.asarray(inverse - (inverse * np.minimum(np.maximum(change, -SLOPE_BOUND), SLOPE_BOUND)) @ inverse)
-
-    def with_commands(self, poses: Poses, tau: Array, amounts: Array) -> Poses:
-        """Poses with the commands for slot amounts (K, V) under gravity loads (V, K)."""
-        return replace(poses, q=self.command(poses, tau, amounts[:, self.linkage.joints]))
-
-    def _response(self, pose: Poses, tau: list[float]) -> Array:
-        """(n,), sum of the effects that follow the command (rad), for one pose and loads (V,)."""
-        applied = [
-            (v, float(load))
-            for push, p, rows in self._applied_loads
-            for v, load in zip(rows, push(pose, p), strict=True)
-            if v is not None
-        ]
-        loads = list(tau)
-        for v, load in applied:
-            loads[v] += load
-        turns = self._joint_turns(self._following, pose, loads)
-        for v, load in applied:
-            for joint, compliance in self._turned_by[v]:
-                turns[joint] += compliance * load
-        return np.asarray(np.array(turns[:-1]) + self._gears @ pose.q[0])
-
-    @cached_property
-    def _applied_loads(self) -> list[AppliedLoad]:
-        """Effects that put loads on slots."""
-        return [(w.effect.push, w.p, tuple(self._row.get(k) for k in w.pushes)) for w in self.model.binding.pushing]
-
-    @cached_property
-    def _gears(self) -> Array:
-        """(n, n), turn of each joint by commands of the others alone (rad/rad)."""
-        out = np.zeros((self.model.arm.dof, self.model.arm.dof))
-        for k, joint, ratio in self.model.binding.gears:
-            out[self._joint_of[k], joint] += ratio
-        return out
-
-    @cached_property
-    def _turned_by(self) -> list[list[tuple[int, float]]]:
-        """For every moving slot: joints that its load turns, and compliances (rad/N·m)."""
-        columns = self.compliances[self.linkage.joints].T
-        return [[(joint, k) for joint, k in enumerate(column) if k] for column in columns.tolist()]
-
-    def _joint_turns(self, effects: Iterable[JointMotion], pose: Poses, loads: list[float]) -> list[float]:
-        """(n + 1,), sum of some effects on the joints of one pose under loads (V,): rad; last, on anything else."""
-        out = [0.0] * (self.model.arm.dof + 1)
-        for motion, p, feels, joints in effects:
-            amounts = motion(pose, tuple([loads[v] for v in feels]) if feels else (), p)
-            for joint, amount in zip(joints, amounts, strict=True):
-                out[joint] += amount  # type: ignore[assignment]
-        return out
-
-    def _loads_of_effects(self, poses: Poses) -> Array:
-        """(V, K), loads of effects on the moving slots (N·m)."""
-        out = np.zeros((len(self._row), len(poses)))
-        for k, load in effect_loads(self.model, poses).items():
-            if k in self._row:
-                out[self._row[k]] += load
         return out
 
 

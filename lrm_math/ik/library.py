@@ -1,4 +1,4 @@
-"""Library of settled poses all over the joint range: seeds for goals that the closed form cannot solve."""
+"""Library of settled poses all over the joint range: seeds of every search, and what is known of the reach."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.batch_equilibrium import batch_equilibrium
-from lrm_math.ik.goal import Goal
-from lrm_math.ik.linkage import Indices
-from lrm_math.ik.multi_start import roberts_sequence
-from lrm_math.ik.newton import CHAR_LENGTH
-from lrm_math.kinematics.forward import frames
+from lrm_math.ik.joint_laws import JointLaws
+from lrm_math.ik.kernel.flat_arm import FlatArm, SeedLibrary
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import LARGEST_MOTION
 from lrm_math.model.model import Model
 
 SIZE = 2048
 COARSE = 1e-5
+"""m: tolerance of the library's equilibria."""
+DAMPING = 1e-4
+"""m²: keeps first steps short where the arm is nearly singular."""
+CHAR_LENGTH = 0.1
+"""m: weight of a rotation by 1 rad against a distance (characteristic length), as in the kernel."""
 ROUND_OFF = 1e-9
 
 
@@ -39,53 +41,69 @@ class Ball:
 
 @dataclass(frozen=True, eq=False)
 class PoseLibrary:
-    """M settled poses: commands `q` (M, n) in rad, slot amounts (M, V) and TCP (M, 4, 4) there.
+    """M settled poses without load.
 
-    `reach_ball`: contains every position that the TCP can have.
+    Attributes:
+        q: (M, n), commands (rad). slots: (M, V), amounts of the moving slots (rad, m). tau: (M, V), their loads (N·m).
+        tcp: (M, 4, 4), tool frames (m).
+        inverse: (M, n, 6), damped least-squares inverse of the Jacobian, rotation weighed by `CHAR_LENGTH` (rad/m).
+        reach_ball: contains every position that the TCP can have.
     """
 
     q: Array
-    amounts: Array
+    slots: Array
+    tau: Array
     tcp: Array
+    inverse: Array
     reach_ball: Ball
 
     @classmethod
-    def of(cls, model: Model, slots: Sequence[int]) -> PoseLibrary:
-        """Poses without load, evenly spread, with amounts of `slots`; those that do not settle are left out.
-
-        Raises `LrmError`: none settles.
-        """
-        n = model.arm.dof
-        lower = np.array([joint.lower for joint in model.arm.joints])
-        upper = np.array([joint.upper for joint in model.arm.joints])
-        q = lower + roberts_sequence(SIZE, n) * (upper - lower)
-        rest, _ = batch_equilibrium(model, poses_of(q), tolerance=COARSE)
-        count = len(rest.poses)
-        if not count:
+    def of(cls, laws: JointLaws, arm: FlatArm) -> PoseLibrary:
+        """Poses evenly spread over the limits; those that do not settle are left out. Raises `LrmError`: none does."""
+        joints = laws.model.arm.joints
+        lower, upper = np.array([joint.lower for joint in joints]), np.array([joint.upper for joint in joints])
+        q, slots = _settled(laws, arm, lower + roberts_sequence(SIZE, len(joints)) * (upper - lower))
+        if not len(q):
             raise LrmError(
                 "the arm comes to rest in none of many poses without load; its compliances must be too large"
             )
-        amounts = np.stack([np.broadcast_to(rest.slots[k], count) for k in slots], axis=1)
-        return cls(rest.poses.q, amounts, frames(model.chain, rest.slots, count)[:, -1], reach_ball(model))
+        tcp, tau, jacobian = arm.forward(slots)
+        J = jacobian[:, :, laws.linkage.joints] * np.array([[1.0]] * 3 + [[CHAR_LENGTH]] * 3)
+        turned = J.transpose(0, 2, 1)
+        inverse = np.linalg.solve(turned @ J + DAMPING * np.eye(len(joints)), turned)
+        return cls(q, slots, tau, tcp, inverse, reach_ball(laws.model))
 
-    def closest(self, goal: Goal, count: int) -> Indices:
-        """(count,), numbers of the poses closest to a goal, the closest first."""
-        square = self._squared_distance(goal)
-        some = np.argpartition(square, count)[:count] if count < len(square) else np.arange(len(square))
-        return np.asarray(some[np.argsort(square[some])])
+    def nonlinear_bound(self, laws: JointLaws) -> float:
+        """rad, bound on the share of nonlinear effects in a command: twice the largest of the library."""
+        joints = laws.linkage.joints
+        linear = self.slots[:, joints] - laws.constants[joints] - self.tau @ laws.compliances[joints].T
+        return 2.0 * float(np.abs(linear - self.q).max())
 
-    def gap(self, goal: Goal) -> float:
-        """Distance of the closest pose from a goal: m, rotation weighed by `newton.CHAR_LENGTH`."""
-        return math.sqrt(float(self._squared_distance(goal).min()))
+    @property
+    def seeds(self) -> SeedLibrary:
+        """As the kernel takes them."""
+        frames = self.tcp[:, :3].transpose(0, 2, 1).reshape(-1, 12)
+        return SeedLibrary.of(frames, self.inverse, self.q, self.slots)
 
-    def _squared_distance(self, goal: Goal) -> Array:
-        """(M,), m², squared distances from a goal, rotations by chords."""
-        square = ((self.tcp[:, :3, 3] - goal.position) ** 2).sum(axis=1)
-        if goal.rotation is not None:
-            square += CHAR_LENGTH**2 * ((self.tcp[:, :3, :3] - np.array(goal.rotation)) ** 2).sum(axis=(1, 2))
-        elif goal.approach is not None:
-            square += CHAR_LENGTH**2 * ((self.tcp[:, :3, 2] - np.array(goal.approach)) ** 2).sum(axis=1)
-        return np.asarray(square)
+
+def _settled(laws: JointLaws, arm: FlatArm, q: Array) -> tuple[Array, Array]:
+    """Those of commands (K, n) that come to rest, and slot amounts there."""
+    if laws.complete:
+        start = np.tile(laws.constants, (len(q), 1))
+        start[:, laws.linkage.joints] += q
+        slots, _, iterations = arm.settle(q, np.zeros_like(q), start, COARSE)
+        return q[iterations > 0], slots[iterations > 0]
+    rest, _ = batch_equilibrium(laws.model, poses_of(q), tolerance=COARSE)
+    count = len(rest.poses)
+    return rest.poses.q, np.stack([np.broadcast_to(rest.slots[k], count) for k in laws.linkage.slots], axis=1)
+
+
+def roberts_sequence(count: int, n: int) -> Array:
+    """(count, n), evenly over the unit cube: additive sequence with irrational steps (Roberts 2018)."""
+    golden = 2.0
+    for _ in range(40):
+        golden = (1.0 + golden) ** (1.0 / (n + 1))
+    return (0.5 + np.outer(np.arange(1, count + 1), golden ** -np.arange(1.0, n + 1.0))) % 1.0
 
 
 def reach_ball(model: Model) -> Ball:

@@ -1,35 +1,44 @@
-"""Everything that the methods of the calibrated inverse precompute from one deployed model."""
+"""A deployed model as the methods of the calibrated inverse use it: packed for the kernel, its answers unpacked."""
 
 from __future__ import annotations
 
+import ctypes
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.ik.answer import JointLimits
-from lrm_math.ik.equivalent_arm import SLACK, EquivalentArm, SeedBatch
+from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.joint_laws import JointLaws
+from lrm_math.ik.kernel.flat_arm import FlatArm, goal_numbers, packed, with_form, with_laws
+from lrm_math.ik.kernel.linkage import Indices
+from lrm_math.ik.kernel.shared_library import kernel
+from lrm_math.ik.kernel.structures import KernelFound
 from lrm_math.ik.library import PoseLibrary
-from lrm_math.ik.library_seeds import LibrarySeeds
-from lrm_math.ik.linkage import Linkage
-from lrm_math.ik.newton import EVERY_BRANCH, JointBounds, NewtonBatch, StoppingRule, Target, newton_solve
-from lrm_math.ik.nominal import solver_of
-from lrm_math.ik.scalar_newton import ScalarNewton
-from lrm_math.ik.scalar_pose import SinglePose
-from lrm_math.ik.solver import NominalSolver
+from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
+from lrm_math.ik.nominal.pieper import pieper_form
+from lrm_math.ik.nominal.screw_axes import screw_axes_of
+from lrm_math.ik.nominal.solver import NominalSolver, solver_of
 from lrm_math.kinematics.chain import Number
-from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
-from lrm_math.model.model import Model
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.model import CACHED_PAYLOADS, Model
 
 AT_LIMIT = 1e-9
 """rad: a command this far beyond a limit is at the limit."""
-MOST_SIDE_CHANGES = 2
+SLACK = 0.4
+"""rad: the nominal solutions may break the limits by so much, since the commands then differ from them."""
+FREE_STARTS = (16, 96)
+"""Number of library poses from which goals that leave motion free are sought, at first and if that leads nowhere."""
+SIDE_CHANGES = 3
+ALIGNED = 1e-4
+"""m/rad: where some joint motion moves the tool no faster, a solution is called singular."""
+LINEARISATIONS, STEADY = 30, 1e-11
+"""Most calls of the kernel for effects that it does not know; rad: change of the slots that ends them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,28 +50,44 @@ class IkQuery:
     near: tuple[float, ...] | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class CommandBatch:
-    """Commands that a method found.
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command that reaches a goal.
 
-    `q`: (K, n), rad, whatever the limits. `reached`: states of the arm at the goal. `direction`: (K, n), the side that
-    each joint arrives from (see `Poses`); zeros where it is not known. `detour`: (K, n), where a move straight from
-    `near` would arrive from the other side. `steps`: of the method. `error`: m, before the final Newton's method, if
-    the method has one.
+    Attributes:
+        q: rad, whatever the limits.
+        direction: the side that each joint arrives from (see `Poses`), zeros where it is not known.
+        detour: joints from 1 that a move straight from `near` would bring from the other side.
+        slots: amounts of the moving slots (rad, m).
+        margin: distance to the nearest limit (rad), negative beyond.
+        free: number from 1 of a joint that can turn while the tool hardly moves; None if there is none.
     """
 
-    q: Array
-    reached: NewtonBatch
-    direction: Array
-    detour: NDArray[np.bool_]
+    q: tuple[float, ...]
+    direction: tuple[int, ...]
+    detour: tuple[int, ...]
+    slots: tuple[float, ...]
+    margin: float
+    free: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CommandBatch:
+    """Commands that a method found, and its steps; `error`: m, before the final Newton's method, if it has one."""
+
+    commands: tuple[Command, ...]
     steps: int
     error: float | None = None
 
-    def joined(self, others: CommandBatch) -> CommandBatch:
-        """Concatenation, in this order."""
-        q, direction = (np.concatenate(pair) for pair in ((self.q, others.q), (self.direction, others.direction)))
-        detour, steps = np.concatenate([self.detour, others.detour]), self.steps + others.steps
-        return CommandBatch(q, self.reached.joined(others.reached), direction, detour, steps, self.error)
+    @property
+    def within(self) -> list[Command]:
+        """Those within the limits."""
+        return [command for command in self.commands if command.margin >= -AT_LIMIT]
+
+    @property
+    def beyond(self) -> list[Command]:
+        """Those beyond, the least excess first."""
+        return sorted((c for c in self.commands if c.margin < -AT_LIMIT), key=lambda command: -command.margin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +113,15 @@ class Method(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class ArmAtRest:
+    """Those of K commands that come to rest, `rows` (M,): slot amounts (M, V) and tool frames (M, 12) by columns."""
+
+    rows: Indices
+    slots: Array
+    tcp: Array
+
+
+@dataclass(frozen=True, eq=False)
 class SolverContext:
     """A deployed model (see `joint_laws.deployed`) and what follows from it alone."""
 
@@ -95,13 +129,8 @@ class SolverContext:
 
     @cached_property
     def joint_laws(self) -> JointLaws:
-        """From true joint angles to commands."""
+        """What the kernel computes, and what is left to Python."""
         return JointLaws(self.model)
-
-    @property
-    def linkage(self) -> Linkage:
-        """The calibrated arm, reduced to its moving slots."""
-        return self.joint_laws.linkage
 
     @cached_property
     def limits(self) -> JointLimits:
@@ -115,117 +144,158 @@ class SolverContext:
         return solver_of(replace(self.model.arm, joints=tuple(joints)))
 
     @cached_property
-    def equivalent_arm(self) -> EquivalentArm:
-        """An arm close to the calibrated one, with a closed form."""
-        return EquivalentArm.of(self.model)
+    def _bare(self) -> FlatArm:
+        laws, limits = self.joint_laws, self.limits
+        moments = laws.linkage.moments(self.model.weights(0.0))
+        arm = packed(laws.linkage, moments, self.model.binding.reach, limits.lower, limits.upper)
+        arm = with_form(arm, pieper_form(screw_axes_of(equivalent_arm(self.model))))
+        return with_laws(arm.with_springs(laws.constants, laws.compliances), self._kernel_laws, 0.0)
+
+    @property
+    def _kernel_laws(self) -> tuple[tuple[int, int, tuple[float, ...]], ...] | None:
+        return self.joint_laws.known if self.joint_laws.complete else None
 
     @cached_property
     def library(self) -> PoseLibrary:
         """Settled poses all over the range."""
-        return PoseLibrary.of(self.model, self.linkage.slots.tolist())
+        return PoseLibrary.of(self.joint_laws, self._bare)
 
     @cached_property
-    def library_seeds(self) -> LibrarySeeds:
-        """Ranked library seeds for full poses."""
-        return LibrarySeeds.of(self.library, self.linkage, self.bounds)
+    def _ready(self) -> FlatArm:
+        """The arm without load, with seeds; effects that are not linear about the library's mean loads."""
+        laws, library = self.joint_laws, self.library
+        arm = with_laws(self._bare, self._kernel_laws, library.nonlinear_bound(laws))
+        if not laws.others_are_linear:
+            arm = arm.with_springs(*laws.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
+        return arm.with_library(library.seeds, library.slots.mean(axis=0))
+
+    @cached_property
+    def arm(self) -> Callable[[float], FlatArm]:
+        """The arm with a payload (kg), cached."""
+
+        def loaded(payload: float) -> FlatArm:
+            return self._ready.with_(moment=self.joint_laws.linkage.moments(self.model.weights(payload)))
+
+        return lru_cache(maxsize=CACHED_PAYLOADS)(loaded)
 
     def poses(self, query: IkQuery, q: Array, direction: Array | None = None) -> Poses:
         """Commands q (K, n) with the payload of a query."""
-        return (SinglePose if len(q) == 1 else Poses)(q, np.full(len(q), query.payload), direction)
+        return Poses(q, np.full(len(q), query.payload), direction)
 
-    def start_amounts(self, query: IkQuery, seeds: SeedBatch) -> Array:
-        """Slot amounts (K, V) at the equivalent arm's branches, and at the present angles, if known."""
-        return self.amounts_at(seeds.q if query.near is None else np.vstack([seeds.q, query.near]))
+    def branches(self, query: IkQuery) -> CommandBatch:
+        """All branches of a pose; commands nearest to `near`, or to the middle of the limits, of any other goal."""
+        arm, found, goal = self.arm(query.payload), KernelFound(), query.goal
+        numbers, n, at = goal_numbers(goal), self.model.arm.dof, ctypes.addressof(found)
+        near = None if query.near is None else (ctypes.c_double * n)(*query.near)
+        if goal.constraints == 6:
+            kernel().ik_pose(arm.address, numbers, near, at)
+        else:
+            towards = near or (ctypes.c_double * n)(*self.limits.middle)
+            for starts in FREE_STARTS:
+                if kernel().ik_free(arm.address, numbers, goal.constraints, towards, near, starts, at):
+                    break
+        if self.joint_laws.complete:
+            return CommandBatch(tuple(self._unpacked(found, goal.constraints >= n)), found.steps)
+        V = arm.slots
+        states = [(np.array(x.slots[:V]), np.array(x.tau[:V])) for x in found.at[: found.count]]
+        return CommandBatch(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), found.steps)
 
-    def amounts_at(self, q: Array) -> Array:
-        """Slot amounts (K, V) at true joint angles (K, n), other slots at their library means."""
-        start = np.repeat(self._mean_amounts[None], len(q), axis=0)
-        start[:, self.linkage.joints] = self.zero + q
-        return start
-
-    def slot_amounts(self, rest: Equilibrium) -> Array:
-        """(K, V), amounts of the moving slots at rest (rad, m)."""
-        return np.array([np.broadcast_to(rest.slots[k], len(rest.poses)) for k in self.linkage.slots]).T
-
-    def chain_amounts(self, amounts: Array) -> list[Number]:
-        """Amounts of all slots of the chain, from those of the moving ones (K, V); floats for a single pose."""
-        out: list[Number] = list(self.model.binding.constants)
-        for k, amount in zip(self.linkage.slots.tolist(), amounts.T, strict=True):
-            out[k] = float(amount[0]) if len(amounts) == 1 else amount
+    def _unpacked(self, found: KernelFound, determined: bool) -> list[Command]:
+        """The kernel's solutions."""
+        n, V, out = self.model.arm.dof, len(self.joint_laws.linkage.slots), []
+        for k in range(found.count):
+            at = found.at[k]
+            detour = tuple(j for j, wrong in enumerate(at.detour[:n], 1) if wrong)
+            margin, free = -at.excess - AT_LIMIT, at.free if determined and 0.0 <= at.slope < ALIGNED else None
+            out.append(Command(tuple(at.q[:n]), tuple(at.side[:n]), detour, tuple(at.slots[:V]), margin, free))
         return out
 
-    @cached_property
-    def _mean_amounts(self) -> Array:
-        """(V,), mean slot amounts of the library (rad, m)."""
-        return np.asarray(self.library.amounts.mean(axis=0))
+    def at_goal(self, query: IkQuery, slots: Array) -> list[Command]:
+        """The command at the goal by Newton's method from slot amounts (V,); none if it does not lead there."""
+        if not self.joint_laws.others_are_linear:
+            return self._corrected(query, slots, self.arm(query.payload).forward(slots[None])[1][0])
+        state = self.arm(query.payload).newton(query.goal, slots)
+        return [] if state is None else self._corrected(query, *state)
 
-    @cached_property
-    def _nonlinear_bound(self) -> float:
-        """rad, bound on the share of nonlinear effects in a command: twice the largest of the library."""
-        laws, amounts = self.joint_laws, self.library.amounts
-        tau = laws.linkage.loads(laws.linkage.forward(amounts), laws.mass_moments(0.0)).tau
-        return 2.0 * float(np.abs(laws.linear_command(tau, amounts[:, laws.linkage.joints]) - self.library.q).max())
+    def _corrected(self, query: IkQuery, slots: Array, tau: Array) -> list[Command]:
+        """The command for a state at the goal, (V,) each; other effects than the kernel's first linearised about it."""
+        laws = self.joint_laws
+        q, side, detour = self._command(query, slots, tau)
+        for _ in range(0 if laws.others_are_linear else LINEARISATIONS):
+            poses = self.poses(query, q[None], side[None])
+            arm = self.arm(query.payload).with_springs(*laws.linearised(poses, tau))
+            state = arm.newton(query.goal, slots)
+            if state is None:
+                return []
+            steady = bool(np.abs(state[0] - slots).max() < STEADY)
+            slots, tau = state
+            q, side, detour = self._command(query, slots, tau)
+            if steady:
+                break
+        if not np.isfinite(q).all():
+            return []
+        angles = tuple(q.tolist())
+        margin = min(self.limits.margins(angles))
+        turned = tuple(int(j) + 1 for j in np.flatnonzero(detour))
+        return [Command(angles, tuple(side.astype(int).tolist()), turned, tuple(slots.tolist()), margin)]
 
-    @cached_property
-    def scalar_newton(self) -> ScalarNewton | None:
-        """Newton from one start at a time; None for models that are only solved in batches."""
-        return ScalarNewton.of(self.joint_laws, self.bounds, self._nonlinear_bound)
+    def _command(self, query: IkQuery, slots: Array, tau: Array) -> tuple[Array, Array, Array]:
+        """Command (n,), sides of arrival, and 1 where coming straight from `near` contradicts them, else 0."""
 
-    def solve_from(
-        self, query: IkQuery, start: Array, stopping: StoppingRule = EVERY_BRANCH
-    ) -> tuple[CommandBatch, NewtonBatch]:
-        """Newton's method from slot amounts (K, V): commands of the converged candidates, and all candidates."""
-        laws, joints = self.joint_laws, self.linkage.joints
-        goal, scalar, masses = query.goal, self.scalar_newton, laws.mass_moments(query.payload)
-        if scalar is not None and goal.rotation is not None and stopping.singly:
-            reached = scalar.solve_each(goal.rotation, goal.position, masses, start.tolist(), stopping)
-        else:
-            poses = self.poses(query, start[:, joints] - self.zero)
-            reached = newton_solve(laws, Target.of(goal), masses, poses, start, self.bounds, stopping)
-        linear = laws.linear_command(reached.tau, reached.amounts[:, joints])
-        near_limits = reached.converged & self.bounds.contains(linear, SLACK)
-        return self.commands(query, reached.take(near_limits)), reached
+        laws = self.joint_laws
+        stiff = (slots - laws.constants)[laws.linkage.joints]
 
-    def commands(self, query: IkQuery, reached: NewtonBatch) -> CommandBatch:
-        """Commands that bring the arm to the states reached; sides of arrival follow from the present angles."""
-        arrived = reached.amounts[:, self.linkage.joints]
+        def command(side: Array) -> Array:
+            poses = self.poses(query, stiff[None], side[None])
+            return np.asarray(laws.command(poses, tau[None], slots[None])[0])
 
-        def command(q: Array, side: Array | None) -> Array:
-            return self.joint_laws.command(self.poses(query, q, side), reached.tau, arrived)
-
-        q = command(arrived - self.zero, None)
+        side = np.zeros(len(stiff))
+        q, wrong = command(side), side
         if query.near is None:
-            return CommandBatch(q, reached, np.zeros_like(q), np.zeros(q.shape, dtype=bool), reached.steps)
+            return q, side, wrong
         side = np.sign(q - query.near)
-        for _ in range(MOST_SIDE_CHANGES):
-            q = command(q, side)
-            wrong = np.sign(q - query.near) != side
-            if not wrong.any():
-                return CommandBatch(q, reached, side, wrong, reached.steps)
-            side = np.where(wrong, -side, side)
-        q = command(q, side)
-        return CommandBatch(q, reached, side, np.sign(q - query.near) != side, reached.steps)
+        for change in range(SIDE_CHANGES):
+            q = command(side)
+            wrong = (np.sign(q - query.near) != side).astype(np.float64)
+            if not wrong.any() or change == SIDE_CHANGES - 1:
+                break
+            side = np.where(wrong > 0.0, -side, side)
+        return q, side, wrong
 
-    @cached_property
-    def bounds(self) -> JointBounds:
-        """The limits as arrays."""
-        return JointBounds(np.array(self.limits.lower), np.array(self.limits.upper))
+    def at_rest(
+        self, query: IkQuery, q: Array, direction: Array | None = None, start: Array | None = None,
+        tolerance: float = 1e-9,
+    ) -> ArmAtRest:  # fmt: skip
+        """Equilibria of commands (K, n) from sides (K, n), those that there are.
 
-    def at_rest(self, query: IkQuery, q: Array, steps: int) -> CommandBatch:
-        """Commands (K, n) as they are, and the equilibria there. Raises `NoEquilibrium`."""
-        amounts = self.slot_amounts(solve_equilibrium(self.model, self.poses(query, q)))
-        state = self.linkage.forward(amounts)
-        tau = self.linkage.loads(state, self.joint_laws.mass_moments(query.payload)).tau
-        residual = np.linalg.norm(state.tcp[:, :3, 3] - np.array(query.goal.position), axis=1)
-        reached = NewtonBatch(amounts, tau, residual, state.tcp, np.zeros(len(q), dtype=bool), steps)
-        unknown = np.zeros_like(q)
-        return CommandBatch(q, reached, unknown, unknown > 0.0, steps)
+        `start`: (K, V), slot amounts to begin with; None: those of the stiff arm. `tolerance`: m.
+        """
+        laws, arm = self.joint_laws, self.arm(query.payload)
+        if laws.complete:
+            begin = self.stiff(q) if start is None else start
+            side = np.zeros_like(q) if direction is None else direction
+            slots, tcp, iterations = arm.settle(q, side, begin, tolerance)
+            rows = np.flatnonzero(iterations > 0)
+            return ArmAtRest(rows, slots[rows], tcp[rows])
+        first = None if start is None else self.chain_amounts(start)
+        rest, rows = batch_equilibrium(self.model, self.poses(query, q, direction), first, tolerance)
+        slots = np.array([np.broadcast_to(rest.slots[k], len(rest.poses)) for k in laws.linkage.slots]).T
+        frames = arm.forward(slots)[0]
+        return ArmAtRest(rows, slots, frames[:, :3].transpose(0, 2, 1).reshape(-1, 12))
 
-    @cached_property
-    def zero(self) -> Array:
-        """(n,), true joint angles at command zero without load, constant effects included (rad)."""
-        return np.asarray(self.joint_laws.constants[self.linkage.joints])
+    def stiff(self, q: Array) -> Array:
+        """(K, V), slot amounts of the arm without loads at commands (K, n)."""
+        out = np.tile(self.joint_laws.constants, (len(q), 1))
+        out[:, self.joint_laws.linkage.joints] += q
+        return out
 
-    def within_limits(self, found: CommandBatch) -> NDArray[np.bool_]:
-        """(K,), which commands keep the limits."""
-        return self.bounds.contains(found.q, AT_LIMIT)
+    def chain_amounts(self, slots: Array) -> list[Number]:
+        """Amounts of all slots of the chain, from those of the moving ones (K, V); floats for a single pose."""
+        out: list[Number] = list(self.model.binding.constants)
+        for k, amount in zip(self.joint_laws.linkage.slots.tolist(), slots.T, strict=True):
+            out[k] = float(amount[0]) if len(slots) == 1 else amount
+        return out
+
+    def within_limits(self, q: Sequence[float]) -> bool:
+        """Whether a command keeps the limits."""
+        return min(self.limits.margins(q)) >= -AT_LIMIT

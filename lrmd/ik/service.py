@@ -14,23 +14,17 @@ from numpy.typing import NDArray
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
-from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CUBE, CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.linkage import Indices
 from lrm_math.ik.pulse_rounding import Rounding
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, Solved, Unsolved
-from lrm_math.ik.scalar_pose import SinglePose
-from lrm_math.ik.solver_context import Method
+from lrm_math.ik.solver_context import IkQuery, Method, SolverContext
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.forward import frames
-from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import Equilibrium
-from lrm_math.model.fixed_point import ACCELERATED_ITERATIONS
-from lrm_math.model.model import Model
+from lrm_math.kinematics.poses import Poses
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
@@ -41,8 +35,6 @@ from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkAnswer, I
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
 NO_EQUILIBRIUM = "the model has no elastic equilibrium there, or more than one: the load may be too heavy for the arm"
-EQUILIBRIUM_TOLERANCE = 1e-7
-"""m: motion of the TCP in the last iteration."""
 UNIQUE_TOLERANCE = 1e-6
 """rad, m: slots of one equilibrium differ by less."""
 CancellationCheck = Callable[[], None]
@@ -97,53 +89,48 @@ class FeasibilityCheck:
     """Feasibility of commands: one elastic equilibrium; rigid and sagging bodies keep the margin of `scene`."""
 
     scene: Scene | None
-    model: Model
+    context: SolverContext
 
     def feasible(self, poses: Poses, equilibria: Sequence[Number]) -> NDArray[np.bool_]:
-        """(K,), for commands that a solver proposes; `equilibria`: all slots in the equilibria that it found."""
+        """(K,), for commands that a solver proposes; `equilibria`: all slots in the equilibria that it found.
+
+        An overloaded arm may have several: a command is feasible only if the one that is reached from the rigid pose is
+        the solver's.
+        """
         feasible = np.zeros(len(poses), dtype=bool)
-        found = []
-        for k, q in enumerate(poses.q):  # a few; one after the other is faster
-            rest, rows = self._equilibrium(SinglePose.of(poses, k, q))
-            if len(rows) and self._same_equilibrium(rest, equilibria, k):
-                feasible[k] = True
-                found.append(rest)
-        if found and self.scene is not None:
-            distance = self._clearance(self.scene, found).distance.reshape(2, -1).min(axis=0)
-            feasible[feasible] = distance >= self.scene.margin
+        query = IkQuery(Goal((0.0, 0.0, 0.0)), float(poses.payload[0]))
+        rest = self.context.at_rest(query, poses.q, poses.direction)
+        expected = np.stack([np.broadcast_to(equilibria[k], len(poses)) for k in self._slots], axis=1)[rest.rows]
+        same = (np.abs(rest.slots - expected) < UNIQUE_TOLERANCE).all(axis=1)
+        rows, slots = rest.rows[same], rest.slots[same]
+        feasible[rows] = True
+        if len(rows) and self.scene is not None:
+            distance = self._clearance(self.scene, poses.q[rows], slots).distance.reshape(2, -1).min(axis=0)
+            feasible[rows] = distance >= self.scene.margin
         return feasible
 
-    def _same_equilibrium(self, rest: Equilibrium, equilibria: Sequence[Number], row: int) -> bool:
-        """Whether the equilibrium reached from the rigid pose is the solver's: an overloaded arm may have several."""
-        for k in self.model.binding.moving:
-            other = equilibria[k]
-            other = other if isinstance(other, float) else float(other[row])
-            if abs(float(rest.slots[k]) - other) >= UNIQUE_TOLERANCE:
-                return False
-        return True
-
-    def _equilibrium(self, poses: Poses) -> tuple[Equilibrium, Indices]:
-        """As `batch_equilibrium`; slow convergence is repeated at the full tolerance."""
-        rest, rows = batch_equilibrium(self.model, poses, tolerance=EQUILIBRIUM_TOLERANCE)
-        plain = len(rows) and rest.iterations <= ACCELERATED_ITERATIONS
-        return (rest, rows) if plain else batch_equilibrium(self.model, poses)
+    @property
+    def _slots(self) -> list[int]:
+        """Numbers of the moving slots in the chain."""
+        numbers: list[int] = self.context.joint_laws.linkage.slots.tolist()
+        return numbers
 
     def confirms_rounding(self, reply: Solved, payload: float) -> bool:
         """Whether the equilibrium at the rounded counts has the error that the reply states."""
         if reply.rounded is None:
             return True
         side = np.array([reply.direction], dtype=np.float64)
-        poses = SinglePose(np.array([reply.rounded.q]), np.array([payload]), side)
-        rest, rows = self._equilibrium(poses)
-        if not len(rows):
+        rest = self.context.at_rest(IkQuery(reply.goal, payload), np.array([reply.rounded.q]), side)
+        if not len(rest.rows):
             return False
-        return abs(math.dist(rest.true_tcp[0], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
+        return abs(math.dist(rest.tcp[0, 9:], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
 
     def reason(self, q: tuple[float, ...], payload: float) -> tuple[str, ClosestPair | None]:
         """Why a command (rad) is infeasible, as text, and the two bodies of a collision."""
-        rest, rows = batch_equilibrium(self.model, poses_of(np.array([q]), payload))
-        if self.scene is not None and len(rows):
-            near = self._clearance(self.scene, [rest])
+        command = np.array([q])
+        rest = self.context.at_rest(IkQuery(Goal((0.0, 0.0, 0.0)), payload), command)
+        if self.scene is not None and len(rest.rows):
+            near = self._clearance(self.scene, command, rest.slots)
             k = int(near.distance.argmin())
             closest = ClosestPair(float(near.distance[k]), str(near.first[k]), str(near.second[k]))
             if closest.distance < self.scene.margin:
@@ -154,11 +141,10 @@ class FeasibilityCheck:
                 return text, closest
         return NO_EQUILIBRIUM, None
 
-    def _clearance(self, scene: Scene, rests: Sequence[Equilibrium]) -> Clearance:
-        """Of twice as many arms: the sagging ones, then the rigid ones at the same commands."""
-        bent = [frames(self.model.chain, rest.slots, 1) for rest in rests]
-        rigid = scene.frames(np.concatenate([rest.poses.q for rest in rests]))
-        return clearance_of(scene, np.concatenate([*bent, rigid]))
+    def _clearance(self, scene: Scene, q: Array, slots: Array) -> Clearance:
+        """Of twice as many arms: at rest, with slot amounts (K, V), then the rigid ones at the commands (K, n)."""
+        bent = frames(self.context.model.chain, self.context.chain_amounts(slots), len(q))
+        return clearance_of(scene, np.concatenate([bent, scene.frames(q)]))
 
 
 class IkService:
@@ -167,9 +153,9 @@ class IkService:
     def __init__(self, config: Config, deployed: DeployedModel) -> None:
         self.deployed = deployed
         self._solver = solver_of(config, deployed)
-        self._config, self._model = config, self._solver.context.model
+        self._config = config
         self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
-        self._feasibility = FeasibilityCheck(self._scene, self._model)
+        self._feasibility = FeasibilityCheck(self._scene, self._solver.context)
         self._solver.warm_up()
 
     def inverse(self, request: IkRequest) -> Iterator[IkAnswer]:

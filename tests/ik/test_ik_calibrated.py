@@ -24,7 +24,6 @@ from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.pulse_rounding import Rounding
 from lrm_math.ik.reply import NotConverged, Solved, Unsolved
 from lrm_math.ik.solver_context import IkQuery
@@ -35,7 +34,6 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
-from tests.support.random_arms import arms
 
 SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
 EXACT = 1e-9  # m: 1e-6 mm
@@ -246,31 +244,6 @@ def test_near_orders_branches_and_sets_the_side_of_arrival(name: str) -> None:
             assert math.dist(solver(name).forward(reply.q, 0.0, near).tcp, tool[:3, 3]) <= EXACT
 
 
-@settings(max_examples=25)
-@given(arms, st.integers(0, 100), st.floats(0.0, 0.1))
-def test_linkage_equals_chain(arm: Arm, seed: int, payload: float) -> None:
-    """The same tool, loads and screws, on any arm."""
-    model = with_effects(model_of(arm, ()), ("offsets", "compliance", "base_compliance", "lateral_compliance"), seed)
-    model = model.with_values(0.1 * model.values)
-    poses = poses_of(np.random.default_rng(seed).uniform(-1.7, 1.7, (3, arm.dof)), payload)
-    rest = equilibrium(model, poses, tolerance=1e-14)
-    linkage = JointLaws(model).linkage
-    amounts = np.array([np.broadcast_to(rest.slots[k], 3) for k in linkage.slots]).T
-    state = linkage.forward(amounts)
-    np.testing.assert_allclose(state.tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
-    loads = linkage.loads(state, linkage.mass_moments(model.weights(payload)))
-    expected = rest.loads_on(linkage.slots.tolist())
-    np.testing.assert_allclose(loads.tau.T, expected, atol=1e-11)
-    J, h = linkage.jacobian(state), 1e-6
-    for v in range(len(linkage.slots)):
-        step = h * (np.arange(len(linkage.slots)) == v)
-        up, down = (linkage.forward(amounts + way * step).tcp for way in (1, -1))
-        np.testing.assert_allclose(J[:, :3, v], (up - down)[:, :3, 3] / (2 * h), atol=1e-8)
-        spin = ((up - down)[:, :3, :3] / (2 * h)) @ state.tcp[:, :3, :3].transpose(0, 2, 1)
-        turn = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
-        np.testing.assert_allclose(J[:, 3:, v], turn, atol=1e-8)
-
-
 @pytest.mark.parametrize("name", MODELS)
 def test_single_pose_equilibrium_equals_batch(name: str) -> None:
     model = solver(name).context.model
@@ -283,22 +256,6 @@ def test_single_pose_equilibrium_equals_batch(name: str) -> None:
         assert all(isinstance(amount, float) for amount in alone.slots)
         np.testing.assert_allclose(alone.tcp[0], batch.tcp[row], atol=1e-12)
         np.testing.assert_allclose(alone.joint_torque[0], batch.joint_torque[row], atol=1e-11)
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_joint_laws_invert_the_equilibrium(name: str) -> None:
-    """Side of arrival and cables included."""
-    model = solver(name).context.model
-    q, _ = reachable(model, 20, 18, 0.03)
-    side = np.random.default_rng(18).choice([-1.0, 1.0], q.shape)
-    poses = Poses(q, np.full(len(q), 0.03), side)
-    rest = equilibrium(model, poses, tolerance=1e-14)
-    joint_laws = solver(name).context.joint_laws
-    linkage = joint_laws.linkage
-    amounts = np.array([np.broadcast_to(rest.slots[k], len(q)) for k in linkage.slots]).T
-    tau = linkage.loads(linkage.forward(amounts), joint_laws.mass_moments(float(poses.payload[0]))).tau
-    guess = replace(poses, q=np.zeros_like(q))
-    np.testing.assert_allclose(joint_laws.command(guess, tau, amounts[:, linkage.joints]), q, atol=1e-9)
 
 
 @settings(max_examples=15)

@@ -12,7 +12,7 @@ from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance_of
 from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.goal import Goal
-from lrm_math.ik.linkage import Indices
+from lrm_math.ik.kernel.linkage import Indices
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import TOLERANCE

@@ -1,0 +1,241 @@
+"""One model with one payload as the kernel reads it: packed once, immutable, checked against the fixed maxima."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.ik.goal import Goal
+from lrm_math.ik.kernel.laws import KernelLaw
+from lrm_math.ik.kernel.linkage import Linkage
+from lrm_math.ik.kernel.shared_library import kernel
+from lrm_math.ik.kernel.structures import (
+    MAX_BODIES,
+    MAX_JOINTS,
+    MAX_LAWS,
+    MAX_SLOTS,
+    MAX_SPRINGS,
+    KernelArm,
+    KernelForm,
+    KernelFound,
+)
+from lrm_math.ik.nominal.pieper import AxisPair, PieperForm
+
+Integers = NDArray[np.int32]
+DESCENTS, KEPT = 24, 4
+"""Poses of the library from which descents to the nearest goal start, and how many of these go on to the end."""
+SHAPES = (AxisPair.MEETING, AxisPair.PARALLEL, AxisPair.SKEW)
+
+
+@dataclass(frozen=True, eq=False)
+class SeedLibrary:
+    """M poses to start from: tool frames (M, 12) by columns, inverse (M, n, 6), commands (M, n), slots (M, V)."""
+
+    tcp: Array
+    inverse: Array
+    q: Array
+    slots: Array
+    columns: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, tcp: Array, inverse: Array, q: Array, slots: Array) -> SeedLibrary:
+        """From arrays of any layout."""
+        frames, steps, commands, amounts = (np.ascontiguousarray(a) for a in (tcp, inverse, q, slots))
+        return cls(frames, steps, commands, amounts, np.ascontiguousarray(tcp.T, dtype=np.float32))
+
+
+@dataclass(frozen=True, eq=False)
+class FlatArm:
+    """A packed model. `memory`: the kernel's structure; `kept`: arrays that it points to."""
+
+    memory: KernelArm
+    slots: int
+    joints: int
+    kept: SeedLibrary | None = None
+
+    @property
+    def address(self) -> int:
+        """Of the structure."""
+        return ctypes.addressof(self.memory)
+
+    def with_(self, **numbers: ArrayLike) -> FlatArm:
+        """A copy with other numbers in some fields of the structure."""
+        memory = KernelArm.from_buffer_copy(self.memory)
+        for name, values in numbers.items():
+            put(memory, name, values)
+        return FlatArm(memory, self.slots, self.joints, self.kept)
+
+    def with_library(self, library: SeedLibrary, start: Array) -> FlatArm:
+        """A copy with seeds; `start` (V,): amounts of the slots other than joints from which searches begin."""
+        memory = KernelArm.from_buffer_copy(self.memory)
+        memory.poses = len(library.q)
+        for name in ("tcp", "inverse", "q", "slots", "columns"):
+            setattr(memory, f"library_{name}", getattr(library, name).ctypes.data)
+        put(memory, "start", start)
+        return FlatArm(memory, self.slots, self.joints, library)
+
+    def with_springs(self, zero: Array, compliances: Array) -> FlatArm:
+        """A copy with other amounts without load (V,) and compliances (V, V), rad/N·m or m/N·m."""
+        rows, columns = np.nonzero(compliances)
+        fits("springs", len(rows), MAX_SPRINGS)
+        counts = np.bincount(rows, minlength=len(zero)).cumsum()
+        return self.with_(
+            zero=zero, spring_from=[0, *counts.tolist()], spring_load=columns, spring=compliances[rows, columns]
+        )
+
+    def forward(self, slots: Array) -> tuple[Array, Array, Array]:
+        """Tool frames (K, 4, 4), gravity loads (K, V) and Jacobians (K, 6, V) at slot amounts (K, V)."""
+        s = np.ascontiguousarray(slots, dtype=np.float64)
+        tcp, tau, J = np.empty((len(s), 12)), np.empty(s.shape), np.empty((len(s), 6, self.slots))
+        kernel().ik_forward(self.address, len(s), *map(_at, (s, tcp, tau, J)))
+        return matrices(tcp), tau, J
+
+    def load_derivatives(self, slots: Array) -> Array:
+        """(V, V), derivatives of the loads by the slots at amounts (V,)."""
+        s, out = np.ascontiguousarray(slots, dtype=np.float64), np.empty((self.slots, self.slots))
+        kernel().ik_load_derivatives(self.address, _at(s), _at(out))
+        return out
+
+    def settle(self, q: Array, side: Array, start: Array, tolerance: float) -> tuple[Array, Array, Integers]:
+        """Equilibria of commands (K, n) that arrive from sides (K, n), from slot amounts (K, V).
+
+        Returns amounts (K, V), tool frames (K, 12) by columns, iterations (K,), -1 where there is none.
+        """
+        commands, sides = np.ascontiguousarray(q, dtype=np.float64), np.ascontiguousarray(side, dtype=np.int32)
+        slots, tcp, iterations = np.array(start, order="C"), np.empty((len(q), 12)), np.empty(len(q), dtype=np.int32)
+        args = (_at(commands), _at(sides), tolerance, _at(slots), _at(tcp), _at(iterations))
+        kernel().ik_settle(self.address, len(q), *args)
+        return slots, tcp, iterations
+
+    def joint_errors(self, q: Array, side: Array, tau: Array) -> Array:
+        """(K, n), true joint angles less commands (K, n) from sides (K, n), under gravity loads (K, V)."""
+        commands, loads = np.ascontiguousarray(q), np.ascontiguousarray(tau)
+        sides = np.ascontiguousarray(side, np.int32)
+        out = np.empty((len(q), self.joints))
+        kernel().ik_joint_errors(self.address, len(q), _at(commands), _at(sides), _at(loads), _at(out))
+        return out
+
+    def commands(self, slots: Array, tau: Array, side: Array) -> Array:
+        """(K, n), commands from sides (K, n) that hold slot amounts (K, V) under gravity loads (K, V)."""
+        s, loads, sides = np.ascontiguousarray(slots), np.ascontiguousarray(tau), np.ascontiguousarray(side, np.int32)
+        q = np.empty((len(s), self.joints))
+        kernel().ik_commands(self.address, len(s), _at(s), _at(loads), _at(sides), _at(q))
+        return q
+
+    def newton(self, goal: Goal, slots: Array) -> tuple[Array, Array] | None:
+        """Slots (V,) at the goal, from slots (V,), and the loads there; None if it is not reached."""
+        s, tau, found = np.array(slots), np.empty(self.slots), KernelFound()
+        args = (goal_numbers(goal), goal.constraints, _at(s), _at(tau), ctypes.addressof(found))
+        return (s, tau) if kernel().ik_newton(self.address, *args) else None
+
+    def nearest(self, goal: Goal, starts: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], Array] | None:
+        """The nearest command (n,), rad, and the tool frame (4, 4) there; None if the arm does not settle.
+
+        `starts`: commands to start from, beside the closest poses of the library.
+        """
+        found, flat = KernelFound(), [angle for start in starts for angle in start]
+        more = (ctypes.c_double * max(len(flat), 1))(*flat)
+        args = (goal.constraints, DESCENTS, KEPT, len(starts), more, ctypes.addressof(found))
+        if not kernel().ik_nearest(self.address, goal_numbers(goal), *args):
+            return None
+        tcp, _, _ = self.forward(np.array([found.at[0].slots[: self.slots]]))
+        return tuple(found.at[0].q[: self.joints]), tcp[0]
+
+
+def packed(
+    linkage: Linkage, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]
+) -> FlatArm:
+    """An arm without springs, laws, closed form or library; limits (rad). Raises `LrmError` beyond a fixed maximum."""
+    V, n, B = len(linkage.slots), len(linkage.joints), len(linkage.inboard)
+    for name, count, most in (("moving slots", V, MAX_SLOTS), ("joints", n, MAX_JOINTS), ("bodies", B, MAX_BODIES)):
+        fits(name, count, most)
+    memory = KernelArm()
+    memory.slots, memory.joints, memory.others, memory.bodies = V, n, len(linkage.others), B
+    memory.laws_known, memory.reach = 1, reach
+    turned = [not np.array_equal(weld[:3, :3], np.eye(3)) for weld in linkage.welds]
+    numbers: dict[str, ArrayLike] = {
+        "gravity": linkage.gravity, "weld": linkage.welds[:, :3], "welded_turn": turned, "moment": moments,
+        "axis": linkage.axes, "joint": linkage.joints, "other": linkage.others, "inboard": linkage.inboard,
+        "counted": linkage.counted, "moved": linkage.moved, "lower": lower, "upper": upper,
+    }  # fmt: skip
+    for name, values in numbers.items():
+        if not np.isfinite(values).all():
+            raise LrmError(f"the arm's {name} has a number that is not finite")
+        put(memory, name, values)
+    return FlatArm(memory, V, n)
+
+
+def with_laws(arm: FlatArm, laws: Sequence[KernelLaw] | None, nonlinear_bound: float) -> FlatArm:
+    """The arm with joint laws; None: they are computed in Python. `nonlinear_bound`: rad, most that laws change."""
+    known = laws or ()
+    fits("joint laws", len(known), MAX_LAWS)
+    p = np.zeros((len(known), 4))
+    for row, (_, _, values) in zip(p, known, strict=True):
+        row[: len(values)] = values
+    out = arm.with_(law=[law for law, _, _ in known], law_joint=[joint for _, joint, _ in known], law_p=p)
+    out.memory.laws, out.memory.laws_known = len(known), laws is not None
+    out.memory.nonlinear_bound = nonlinear_bound
+    return out
+
+
+def with_form(arm: FlatArm, form: PieperForm | None) -> FlatArm:
+    """The arm with a closed form, its own or that of one like it."""
+    if form is None:
+        return arm
+    out = arm.with_()
+    memory = KernelForm(a=form.a, length=form.length, shape=SHAPES.index(form.shape), backwards=form.backwards)
+    for name in ("frame", "foot", "centre", "tip_x", "tip_z", "links", "offsets", "v0", "vc", "vs", "elbow"):
+        put(memory, name, getattr(form, name))
+    out.memory.form, out.memory.has_form = memory, 1
+    return out
+
+
+def put(memory: Any, name: str, values: ArrayLike) -> None:
+    """Fills the beginning of an array in a structure."""
+    field = np.ctypeslib.as_array(getattr(memory, name))
+    flat = np.asarray(values).ravel()
+    field[: flat.size] = flat
+
+
+def fits(name: str, count: int, most: int) -> None:
+    """Raises `LrmError` if there are more than the kernel has room for."""
+    if count > most:
+        raise LrmError(f"the model has {count} {name}; the kernel of inverse kinematics has room for {most}")
+
+
+def goal_numbers(goal: Goal) -> ctypes.Array[ctypes.c_double]:
+    """A goal as the kernel takes it: columns of the rotation (zeros where free) and position."""
+    if goal.rotation is not None:
+        (a, d, g), (b, e, h), (c, f, i) = goal.rotation
+        return Twelve(a, b, c, d, e, f, g, h, i, *goal.position)
+    return Twelve(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *(goal.approach or (0.0, 0.0, 0.0)), *goal.position)
+
+
+Twelve = ctypes.c_double * 12
+
+
+def frames_as_numbers(positions: Array, rotations: Array) -> Array:
+    """(K, 12), goals as the kernel takes them, from positions (K, 3) in m and rotations (K, 3, 3)."""
+    columns = rotations.transpose(0, 2, 1).reshape(-1, 9)
+    return np.ascontiguousarray(np.concatenate([columns, positions], axis=1))
+
+
+def matrices(tcp: Array) -> Array:
+    """(K, 4, 4), homogeneous matrices of frames (K, 12) by columns."""
+    out = np.zeros((len(tcp), 4, 4))
+    out[:, :3] = tcp.reshape(-1, 4, 3).transpose(0, 2, 1)
+    out[:, 3, 3] = 1.0
+    return out
+
+
+def _at(array: NDArray[Any]) -> int:
+    return array.ctypes.data
+
+

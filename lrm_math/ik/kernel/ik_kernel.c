@@ -1,0 +1,1295 @@
+/* Inverse kinematics of an elastic arm: the inner loops of lrm_math.ik.
+ *
+ * C99 and libm only, no state, no allocation: every function works on its arguments, so that threads do not meet.
+ * Python packs a model into one `Arm` (flat_arm.py, structures.py) and calls the functions marked API with ctypes.
+ * Lengths in m, angles in rad, loads in N m; frames are four columns x, y, z, origin: twelve numbers.
+ *
+ *   1 Arm, state                    5 Error of a goal, Newton's method     9 Poses: all branches
+ *   2 Forward kinematics, loads     6 Closed form                          10 Goals that leave motion free
+ *   3 Derivatives                   7 Singular directions                  11 Nearest reachable goal
+ *   4 Joint laws, equilibrium       8 Library of poses                     12 Batches
+ */
+#include <math.h>
+#include <stddef.h>
+#include <string.h>
+
+#ifdef _WIN32
+#define API __declspec(dllexport)
+#else
+#define API __attribute__((visibility("default")))
+#endif
+#ifndef SOURCE_CRC
+#define SOURCE_CRC 0
+#endif
+#define COPY(to, from, count) memcpy(to, from, (size_t)(count) * sizeof *(to))
+
+/* ---------------------------------------------------------------- 1 Arm, state ---------------------------------- */
+
+enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48 };
+enum { MEETING, PARALLEL, SKEW };                                            /* the first two axes, see pieper.py */
+enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
+enum { RANKED = 512, KEPT = 128 };
+
+typedef struct { /* Pieper's normal form of an arm of six joints; pieper.py says what each number is */
+    double frame[3][3], foot[3], centre[3], tip_x[3], tip_z[3], a, links[5][2], offsets[4], v0[3], vc[3], vs[3];
+    double elbow[3], length;
+    int shape, backwards;
+} Form;
+
+typedef struct { /* a model with one payload; linkage.py says what slots, welds and bodies are */
+    int slots, joints, others, bodies, laws, poses, has_form, laws_known;
+    double gravity[3], reach, nonlinear_bound;
+    double weld[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* 3x4 by rows; mass moments and mass in the slot's frame */
+    int welded_turn[MAX_SLOTS + 1], axis[MAX_SLOTS]; /* whether the weld turns; 0..2 turns about x, y, z, 3..5 slides */
+    int joint[MAX_JOINTS], other[MAX_SLOTS], inboard[MAX_BODIES], counted[MAX_SLOTS], moved[MAX_SLOTS];
+    double zero[MAX_SLOTS], start[MAX_SLOTS], lower[MAX_JOINTS], upper[MAX_JOINTS]; /* unloaded; mean; limits */
+    int spring_from[MAX_SLOTS + 1], spring_load[MAX_SPRINGS]; /* compliances, sparse by rows: slot, load's slot */
+    double spring[MAX_SPRINGS];
+    int law[MAX_LAWS], law_joint[MAX_LAWS];
+    double law_p[MAX_LAWS][4];
+    Form form; /* of the arm itself if nothing deflects, else of one that looks like it: seeds */
+    const double *library_tcp, *library_inverse, *library_q, *library_slots; /* (M,12), (M,n,6), (M,n), (M,slots) */
+    const float *library_columns;                                           /* (12,M): library_tcp, for one pass */
+} Arm;
+
+typedef struct {
+    double q[MAX_JOINTS], slots[MAX_SLOTS], tau[MAX_SLOTS], excess, slope;
+    int side[MAX_JOINTS], detour[MAX_JOINTS], free;
+} Solution; /* command, state, rad beyond the limits, m/rad of the slowest motion and its joint from 1 (0: none) */
+
+typedef struct {
+    int count, steps;
+    Solution at[MAX_FOUND];
+} Found;
+
+typedef struct { /* what belongs to one set of slot amounts */
+    double tcp[12], axis[MAX_SLOTS][3], origin[MAX_SLOTS][3], tau[MAX_SLOTS];
+    double lever[MAX_SLOTS][3], by_counted[MAX_SLOTS][3], by_moved[MAX_SLOTS][3];
+    double mass[MAX_BODIES + 1], first[MAX_BODIES + 1][3]; /* mass and first moment of body b and all outboard */
+    double J[6][MAX_SLOTS], e[6], total[6][MAX_JOINTS], follow[MAX_SLOTS][MAX_JOINTS + 1], lack[MAX_SLOTS];
+} State;
+
+static const double LEVER = 0.1;     /* m: weight of a turn by 1 rad against a distance (characteristic length) */
+static const double CLOSE = 5e-11;   /* m: a goal is reached */
+static const double SLACK = 0.4;     /* rad: joints sag and play by less, so seeds further outside lead nowhere */
+static const double AT_LIMIT = 1e-9; /* rad: a command this far beyond a limit is at the limit */
+static const double SAME = 1e-6;     /* rad: commands no further apart are one solution */
+static const double FLAT_TURN = 1e-3; /* 1 + trace of a rotation below which it is taken for half a turn */
+static const double TURN = 6.283185307179586;
+
+static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static void cross(const double *a, const double *b, double *out) {
+    out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
+}
+static double largest(const double *x, int n) {
+    double out = 0;
+    for (int i = 0; i < n; i++) out = fmax(out, fabs(x[i]));
+    return out;
+}
+static double apart(const double *a, const double *b, int n) {
+    double out = 0;
+    for (int i = 0; i < n; i++) out = fmax(out, fabs(a[i] - b[i]));
+    return out;
+}
+static double excess_of(const Arm *a, const double *q) {
+    double out = -INFINITY;
+    for (int j = 0; j < a->joints; j++) out = fmax(out, fmax(a->lower[j] - q[j], q[j] - a->upper[j]));
+    return out;
+}
+
+/* ---------------------------------------------------------------- 2 Forward kinematics, loads ------------------- */
+
+/* Product of exponentials outwards (Brockett 1984), then gravity's load on each slot by its screw and the first mass
+ * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin). */
+static void forward(const Arm *a, const double *s, State *w) {
+    double f[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p[3] = {0, 0, 0}, centre[MAX_BODIES][3];
+    int body = 0;
+    for (int v = 0; v <= a->slots; v++) {
+        for (; body < a->bodies && a->inboard[body] == v; body++) {
+            const double *m = a->moment[body];
+            for (int i = 0; i < 3; i++) centre[body][i] = f[0][i] * m[0] + f[1][i] * m[1] + f[2][i] * m[2] + p[i] * m[3];
+        }
+        const double *T = a->weld[v];
+        for (int i = 0; i < 3; i++) p[i] += f[0][i] * T[3] + f[1][i] * T[7] + f[2][i] * T[11];
+        if (a->welded_turn[v])
+            for (int i = 0; i < 3; i++) {
+                const double x = f[0][i], y = f[1][i], z = f[2][i];
+                f[0][i] = x * T[0] + y * T[4] + z * T[8];
+                f[1][i] = x * T[1] + y * T[5] + z * T[9];
+                f[2][i] = x * T[2] + y * T[6] + z * T[10];
+            }
+        if (v == a->slots) break;
+        const int kind = a->axis[v];
+        if (kind >= 3) {
+            for (int i = 0; i < 3; i++) w->axis[v][i] = f[kind - 3][i], w->origin[v][i] = p[i] += s[v] * f[kind - 3][i];
+            continue;
+        }
+        double *y = f[kind == 2 ? 0 : kind + 1], *z = f[kind == 0 ? 2 : kind - 1];
+        const double c = cos(s[v]), sine = sin(s[v]);
+        for (int i = 0; i < 3; i++) {
+            const double old = y[i];
+            w->axis[v][i] = f[kind][i], w->origin[v][i] = p[i];
+            y[i] = c * old + sine * z[i], z[i] = c * z[i] - sine * old;
+        }
+    }
+    for (int i = 0; i < 3; i++) w->tcp[i] = f[0][i], w->tcp[3 + i] = f[1][i], w->tcp[6 + i] = f[2][i], w->tcp[9 + i] = p[i];
+    w->mass[a->bodies] = w->first[a->bodies][0] = w->first[a->bodies][1] = w->first[a->bodies][2] = 0;
+    for (int b = a->bodies - 1; b >= 0; b--) {
+        w->mass[b] = w->mass[b + 1] + a->moment[b][3];
+        for (int i = 0; i < 3; i++) w->first[b][i] = w->first[b + 1][i] + centre[b][i];
+    }
+    for (int v = 0; v < a->slots; v++) {
+        const double *first = w->first[a->counted[v]], m = w->mass[a->counted[v]];
+        double *lever = w->lever[v];
+        cross(a->gravity, w->axis[v], lever);
+        if (a->axis[v] >= 3) lever[0] = lever[1] = lever[2] = 0;
+        w->tau[v] = dot(lever, first) - m * dot(lever, w->origin[v]);
+    }
+}
+
+/* ---------------------------------------------------------------- 3 Derivatives --------------------------------- */
+
+/* Geometric Jacobian: velocity of the tool (m/rad, or 1) above LEVER times its angular velocity. */
+static void jacobian(const Arm *a, State *w) {
+    for (int v = 0; v < a->slots; v++) {
+        const double *u = w->axis[v], *o = w->origin[v];
+        const double x = w->tcp[9] - o[0], y = w->tcp[10] - o[1], z = w->tcp[11] - o[2];
+        const int slides = a->axis[v] >= 3;
+        w->J[0][v] = slides ? u[0] : u[1] * z - u[2] * y;
+        w->J[1][v] = slides ? u[1] : u[2] * x - u[0] * z;
+        w->J[2][v] = slides ? u[2] : u[0] * y - u[1] * x;
+        for (int i = 0; i < 3; i++) w->J[3 + i][v] = slides ? 0 : LEVER * u[i];
+    }
+}
+
+/* How the mass moments of the bodies from `body` outwards change with slot v. */
+static void swept(const Arm *a, const State *w, int v, int body, double *out) {
+    double arm[3];
+    for (int i = 0; i < 3; i++) arm[i] = w->first[body][i] - w->mass[body] * w->origin[v][i];
+    if (a->axis[v] < 3) cross(w->axis[v], arm, out);
+    else for (int i = 0; i < 3; i++) out[i] = w->mass[body] * w->axis[v][i];
+}
+static void sweep(const Arm *a, State *w) {
+    for (int v = 0; v < a->slots; v++) swept(a, w, v, a->moved[v], w->by_moved[v]), swept(a, w, v, a->counted[v], w->by_counted[v]);
+}
+
+/* d tau_u / d s_v: the Hessian of gravity's potential; less what u counts although v, inboard, does not move it. */
+static double load_derivative(const Arm *a, const State *w, int u, int v) {
+    if (v >= u) return dot(w->lever[u], w->by_moved[v]);
+    double out = dot(w->lever[v], w->by_counted[u]);
+    if (a->counted[u] < a->moved[v]) {
+        double all[3];
+        swept(a, w, v, a->counted[u], all);
+        for (int i = 0; i < 3; i++) all[i] -= w->by_moved[v][i];
+        out -= dot(w->lever[u], all);
+    }
+    return out;
+}
+
+/* Response of the deflection of slot `row` to every slot's motion, (slots,). */
+static void deflection_derivative(const Arm *a, const State *w, int row, double *out) {
+    for (int v = 0; v < a->slots; v++) out[v] = 0;
+    for (int k = a->spring_from[row]; k < a->spring_from[row + 1]; k++)
+        for (int v = 0; v < a->slots; v++) out[v] += a->spring[k] * load_derivative(a, w, a->spring_load[k], v);
+}
+
+/* Cholesky factorisation in place of the lower triangle, reciprocal pivots; a pivot that is not positive becomes 0. */
+static int factorise(double N[][MAX_JOINTS], int m) {
+    int definite = 1;
+    for (int i = 0; i < m; i++)
+        for (int j = 0; j <= i; j++) {
+            double x = N[i][j];
+            for (int k = 0; k < j; k++) x -= N[i][k] * N[j][k];
+            if (i == j) definite &= x > 0;
+            N[i][j] = i == j ? (x > 0 ? 1 / sqrt(x) : 0) : x * N[j][j];
+        }
+    return definite;
+}
+static void substitute(double N[][MAX_JOINTS], double *y, int m) {
+    for (int i = 0; i < m; i++) {
+        for (int k = 0; k < i; k++) y[i] -= N[i][k] * y[k];
+        y[i] *= N[i][i];
+    }
+    for (int i = m - 1; i >= 0; i--) {
+        for (int k = i + 1; k < m; k++) y[i] -= N[k][i] * y[k];
+        y[i] *= N[i][i];
+    }
+}
+
+/* ---------------------------------------------------------------- 4 Joint laws, equilibrium --------------------- */
+
+/* Amount of a slot under the loads tau, springs alone; joints at command zero. */
+static double spring_rest(const Arm *a, const double *tau, int v) {
+    double x = a->zero[v];
+    for (int k = a->spring_from[v]; k < a->spring_from[v + 1]; k++) x += a->spring[k] * tau[a->spring_load[k]];
+    return x;
+}
+static void linear_command(const Arm *a, const State *w, const double *s, double *q) {
+    for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, w->tau, a->joint[j]);
+}
+
+/* True angles of the joints less their commands: springs, and the laws of laws.py, for commands q under gravity loads;
+ * side: -1, 0, 1 of each joint's arrival. */
+static void joint_errors(const Arm *a, const double *gravity_load, const double *q, const int *side, double *out) {
+    double tau[MAX_SLOTS];
+    COPY(tau, gravity_load, a->slots);
+    for (int k = 0; k < a->laws; k++)
+        if (a->law[k] == CABLE_SPRING) tau[a->joint[a->law_joint[k]]] -= a->law_p[k][0] * q[a->law_joint[k]];
+    for (int j = 0; j < a->joints; j++) out[j] = spring_rest(a, tau, a->joint[j]);
+    for (int k = 0; k < a->laws; k++) {
+        const int j = a->law_joint[k];
+        const double *p = a->law_p[k], x = q[j], load = tau[a->joint[j]];
+        switch (a->law[k]) {
+        case SERVO_GAIN: out[j] += (x > 0 ? p[0] : p[1]) * x; break;
+        case ECCENTRICITY: {
+            const double s = sin(x), c = cos(x);
+            out[j] += p[0] * s + p[1] * (c - 1) + 2 * s * (p[2] * c - p[3] * s);
+            break;
+        }
+        case BACKLASH: out[j] += 0.5 * p[0] * tanh(load / p[1]); break;
+        case NONLINEAR_STIFFNESS: out[j] += load * (p[0] * fabs(load) + p[1] * load * load); break;
+        case HYSTERESIS: out[j] += 0.5 * p[0] * side[j]; break;
+        case COUPLING: out[j] += p[0] * q[(int)p[1]]; break;
+        default: break;
+        }
+    }
+}
+
+/* One step of Anderson's (1965) method with a memory of one: x moves by the step, or by a secant along the last two. */
+typedef struct { double x[MAX_SLOTS], step[MAX_SLOTS]; int known; } Memory;
+static void accelerate(Memory *m, double *x, const double *step, int n) {
+    double size = 1e-300, along = 0, now[MAX_SLOTS];
+    for (int i = 0; m->known && i < n; i++) {
+        const double change = step[i] - m->step[i];
+        size += change * change, along += step[i] * change;
+    }
+    const double share = m->known ? along / size : 0;
+    COPY(now, x, n);
+    for (int i = 0; i < n; i++) x[i] += step[i] - (m->known ? share * (now[i] - m->x[i] + step[i] - m->step[i]) : 0);
+    COPY(m->x, now, n), COPY(m->step, step, n);
+    m->known = 1;
+}
+
+/* Commands that hold the slots at s: 1, or 0 where the laws do not settle. */
+static int command(const Arm *a, const double *tau, const double *s, const int *side, double *q) {
+    Memory memory;
+    memory.known = 0;
+    for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, tau, a->joint[j]);
+    if (!a->laws) return 1;
+    for (int it = 0; it < 100; it++) {
+        double error[MAX_JOINTS], step[MAX_JOINTS];
+        joint_errors(a, tau, q, side, error);
+        for (int j = 0; j < a->joints; j++) step[j] = s[a->joint[j]] - error[j] - q[j];
+        if (!(largest(step, a->joints) < 10)) return 0;
+        const int done = largest(step, a->joints) < 1e-11;
+        if (it > 30) for (int j = 0; j < a->joints; j++) q[j] += 0.5 * step[j];
+        else accelerate(&memory, q, step, a->joints);
+        if (done) return 1;
+    }
+    return 0;
+}
+
+/* Elastic equilibrium of a command by fixed-point iteration (thesis Figure 4.4), from slot amounts s, in place; the
+ * state is that of the amounts before the last step. Iterations, or -1. */
+static int settle(const Arm *a, const double *q, const int *side, double tolerance, double *s, State *w) {
+    Memory memory;
+    memory.known = 0;
+    for (int it = 1; it <= 300; it++) {
+        double error[MAX_JOINTS], step[MAX_SLOTS], change = 0;
+        forward(a, s, w);
+        joint_errors(a, w->tau, q, side, error);
+        for (int j = 0; j < a->joints; j++) step[a->joint[j]] = q[j] + error[j] - s[a->joint[j]];
+        for (int i = 0; i < a->others; i++) step[a->other[i]] = spring_rest(a, w->tau, a->other[i]) - s[a->other[i]];
+        for (int v = 0; v < a->slots; v++) change += fabs(step[v]) * (a->axis[v] < 3 ? a->reach : 1);
+        if (!(change < 1e6)) return -1;
+        if (change <= tolerance) {
+            for (int v = 0; v < a->slots; v++) s[v] += step[v];
+            return it;
+        }
+        if (it <= 20) accelerate(&memory, s, step, a->slots);
+        else for (int v = 0; v < a->slots; v++) s[v] += (it > 60 ? 0.4 : 1) * step[v];
+    }
+    return -1;
+}
+/* Whether a slot deflects by more than the effects' formulas hold for (0.5 rad, equilibrium.py). */
+static int too_soft(const Arm *a, const double *q, const int *side, const double *s) {
+    double nothing[MAX_SLOTS] = {0}, error[MAX_JOINTS];
+    joint_errors(a, nothing, q, side, error);
+    for (int j = 0; j < a->joints; j++) if (fabs(s[a->joint[j]] - q[j] - error[j]) > 0.5) return 1;
+    for (int i = 0; i < a->others; i++)
+        if (a->axis[a->other[i]] < 3 && fabs(s[a->other[i]] - a->zero[a->other[i]]) > 0.5) return 1;
+    return 0;
+}
+
+/* ---------------------------------------------------------------- 5 Error of a goal, Newton's method ------------ */
+
+/* Displacement to the goal (m) and LEVER times the turn to it; returns its square. rows: 6 a pose, 5 a position and
+ * the direction of z (the turn about the tool's x and y), 3 a position. A turn is counted by its Rodrigues vector. */
+static double goal_error(const double *g, int rows, State *w) {
+    const double *t = w->tcp;
+    double *e = w->e, turn[3], part[3];
+    for (int i = 0; i < 3; i++) e[i] = g[9 + i] - t[9 + i], e[3 + i] = 0;
+    if (rows == 6) {
+        double trace = 0;
+        for (int k = 0; k < 9; k++) trace += t[k] * g[k];
+        const double scale = 2 * LEVER / fmax(1 + trace, FLAT_TURN);
+        for (int k = 0; k < 9; k += 3) {
+            cross(t + k, g + k, part);
+            for (int i = 0; i < 3; i++) e[3 + i] += scale * part[i];
+        }
+    } else if (rows == 5) {
+        cross(t + 6, g + 6, turn);
+        const double sine = sqrt(dot(turn, turn)), scale = LEVER * atan2(sine, dot(t + 6, g + 6)) / fmax(sine, 1e-300);
+        e[3] = scale * dot(turn, t), e[4] = scale * dot(turn, t + 3);
+    }
+    return dot(e, e) + dot(e + 3, e + 3);
+}
+
+/* How far the slots that are no joints are from where their loads would have them, w->lack; in m at the tool. */
+static double lacking(const Arm *a, const double *s, State *w) {
+    double out = 0;
+    for (int i = 0; i < a->others; i++) {
+        const int v = a->other[i];
+        w->lack[i] = spring_rest(a, w->tau, v) - s[v];
+        out += fabs(w->lack[i]) * (a->axis[v] < 3 ? a->reach : 1);
+    }
+    return out;
+}
+
+/* w->total: Jacobian (rows, joints), the other slots following their loads (w->follow; last column: what they lack).
+ * (1 - M)^-1 of their mutual response M is cut after M: the deflection that a deflection causes. */
+static void total_jacobian(const Arm *a, int rows, State *w) {
+    const int n = a->joints;
+    double M[MAX_SLOTS][MAX_SLOTS], sum[6][MAX_JOINTS + 1];
+    jacobian(a, w);
+    if (a->others) sweep(a, w);
+    for (int i = 0; i < a->others; i++) deflection_derivative(a, w, a->other[i], M[i]);
+    for (int i = 0; i < a->others; i++)
+        for (int j = 0; j <= n; j++) {
+            double x = j < n ? M[i][a->joint[j]] : w->lack[i];
+            for (int k = 0; k < a->others; k++) x += M[i][a->other[k]] * (j < n ? M[k][a->joint[j]] : w->lack[k]);
+            w->follow[i][j] = x;
+        }
+    for (int r = 0; r < 6; r++)
+        for (int j = 0; j <= n; j++) {
+            double x = j < n ? w->J[r][a->joint[j]] : 0;
+            for (int i = 0; i < a->others; i++) x += w->J[r][a->other[i]] * w->follow[i][j];
+            sum[r][j] = x;
+        }
+    if (rows == 5)
+        for (int j = 0; j <= n; j++) {
+            const double turn[3] = {sum[3][j], sum[4][j], sum[5][j]};
+            sum[3][j] = dot(w->tcp, turn), sum[4][j] = dot(w->tcp + 3, turn);
+        }
+    for (int r = 0; r < rows; r++) {
+        COPY(w->total[r], sum[r], n);
+        w->e[r] -= sum[r][n];
+    }
+}
+
+static void move(const Arm *a, const State *w, const double *step, double *s) {
+    for (int j = 0; j < a->joints; j++) s[a->joint[j]] += step[j];
+    for (int i = 0; i < a->others; i++) {
+        double x = w->follow[i][a->joints];
+        for (int j = 0; j < a->joints; j++) x += w->follow[i][j] * step[j];
+        s[a->other[i]] += x;
+    }
+}
+
+/* Least-squares step of the joints to w->e, damping in m^2, by the smaller of the two normal equations. */
+static void damped_step(const Arm *a, const State *w, int rows, double damping, double *step) {
+    const int n = a->joints, short_side = n < rows ? n : rows;
+    double N[MAX_JOINTS][MAX_JOINTS], y[MAX_JOINTS];
+    for (int i = 0; i < short_side; i++) {
+        for (int j = 0; j <= i; j++) {
+            double x = 0;
+            if (n < rows) for (int r = 0; r < rows; r++) x += w->total[r][i] * w->total[r][j];
+            else for (int k = 0; k < n; k++) x += w->total[i][k] * w->total[j][k];
+            N[i][j] = x;
+        }
+        N[i][i] += damping;
+        y[i] = n < rows ? 0 : w->e[i];
+        if (n < rows) for (int r = 0; r < rows; r++) y[i] += w->total[r][i] * w->e[r];
+    }
+    factorise(N, short_side), substitute(N, y, short_side);
+    for (int j = 0; j < n; j++) {
+        step[j] = n < rows ? y[j] : 0;
+        if (n >= rows) for (int r = 0; r < rows; r++) step[j] += w->total[r][j] * y[r];
+    }
+}
+
+enum { MOST_STEPS = 40, PATIENCE = 4 };
+typedef enum { REACHED, STUCK, BEYOND, KNOWN } Ending;
+
+/* Newton's method in the slot amounts s, in place: the joints go to the goal, the other slots to their equilibrium.
+ * Damping in proportion to the squared error keeps convergence fast and works where the Jacobian is singular
+ * (Yamashita & Fukushima 2001). `limited` gives up what leads beyond the limits; `found`: solutions not to find again. */
+static Ending newton(const Arm *a, const double *goal, int rows, double *s, State *w, Found *found, int limited) {
+    const double longest = 0.6, least_damping = 1e-3, tiny = 1e-15, nearly = 1e-5;
+    double before = INFINITY, damping = least_damping, best = INFINITY;
+    int since = 0;
+    for (int step = 0;; step++, found->steps++) {
+        double turns[MAX_JOINTS], q[MAX_JOINTS];
+        forward(a, s, w);
+        const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, w);
+        if (miss <= CLOSE) return REACHED;
+        if (step == MOST_STEPS || !(miss < 1e6)) return STUCK;
+        if (miss < 0.5 * best) best = miss, since = 0;
+        else if (++since >= PATIENCE) return STUCK;
+        if (rows == 6 && miss < 1e-4)
+            for (int k = 0; k < found->count; k++) {
+                double off = 0;
+                for (int j = 0; j < a->joints; j++) off = fmax(off, fabs(s[a->joint[j]] - found->at[k].slots[a->joint[j]]));
+                if (off < 3e-4) return KNOWN;
+            }
+        damping = miss > before ? 30 * damping : fmax(0.3 * damping, least_damping);
+        before = miss;
+        total_jacobian(a, rows, w);
+        damped_step(a, w, rows, damping * square + tiny, turns);
+        const double size = largest(turns, a->joints), cut = size > longest ? longest / size : 1;
+        for (int j = 0; j < a->joints; j++) turns[j] *= cut;
+        move(a, w, turns, s);
+        if (limited && miss > nearly) {
+            linear_command(a, w, s, q);
+            if (excess_of(a, q) > fmin(0.2, a->nonlinear_bound + size * cut)) return BEYOND;
+        }
+    }
+}
+
+/* ---------------------------------------------------------------- 6 Closed form --------------------------------- */
+
+enum { BRANCHES = 8 };
+static const double EDGE = 1e-12;  /* share of a length, or of 1, by which a goal at the edge may lie beyond it */
+static const double ROUND_OFF = 1e-10; /* rad: an angle this far beyond a limit is at the limit */
+static const double BARELY = 1e-8; /* square of a share: closer to a double root or a lost lever, round-off counts */
+
+typedef struct { /* angles wanted: within the limits, modulo 2 pi near `towards`; what is arbitrary is `towards` */
+    double towards[6], lower[6], upper[6];
+} Window;
+typedef struct {
+    double q[BRANCHES][6];
+    int exists, degenerate, lost[BRANCHES]; /* bits; whether some root is (nearly) double; arbitrary joint or -1 */
+} Branches;
+
+static double into_window(const Window *win, int j, double q) {
+    q += TURN * rint((win->towards[j] - q) / TURN);
+    if (q < win->lower[j] - ROUND_OFF) q += TURN * ceil((win->lower[j] - ROUND_OFF - q) / TURN);
+    if (q > win->upper[j] + ROUND_OFF) q -= TURN * ceil((q - win->upper[j] - ROUND_OFF) / TURN);
+    return q < win->lower[j] - ROUND_OFF ? NAN : fmin(fmax(q, win->lower[j]), win->upper[j]);
+}
+
+/* mean + c cos t + s sin t + cc cos 2t + ss sin 2t */
+typedef struct { double mean, c, s, cc, ss; } Wave;
+static Wave product(Wave f, Wave g) {
+    Wave out = {f.mean * g.mean + 0.5 * (f.c * g.c + f.s * g.s), f.mean * g.c + f.c * g.mean, f.mean * g.s + f.s * g.mean,
+                0.5 * (f.c * g.c - f.s * g.s), 0.5 * (f.c * g.s + f.s * g.c)};
+    return out;
+}
+static Wave combined(Wave f, double by, Wave g) {
+    Wave out = {f.mean + by * g.mean, f.c + by * g.c, f.s + by * g.s, f.cc + by * g.cc, f.ss + by * g.ss};
+    return out;
+}
+static double wave_at(Wave f, double t) {
+    return f.mean + f.c * cos(t) + f.s * sin(t) + f.cc * cos(2 * t) + f.ss * sin(2 * t);
+}
+
+/* Zeros of a wave: with z = exp(it) a polynomial of degree four, whose roots on the unit circle are found all at once
+ * (Weierstrass 1891, Durand 1960, Kerner 1966) and then polished. Real and imaginary parts apart: C99 without complex.h. */
+static int zeros(Wave f, double scale, double *t) {
+    double p[5][2] = {{0.5 * f.cc, 0.5 * f.ss}, {0.5 * f.c, 0.5 * f.s}, {f.mean, 0}, {0.5 * f.c, -0.5 * f.s}, {0.5 * f.cc, -0.5 * f.ss}};
+    double z[4][2] = {{1, 0}, {0.4, 0.9}, {-0.65, 0.72}, {-0.908, -0.297}};
+    if (p[4][0] * p[4][0] + p[4][1] * p[4][1] < 1e-28 * scale * scale) p[4][0] = 1e-14 * scale, p[4][1] = 0;
+    for (int it = 0; it < 120; it++) {
+        double moved = 0;
+        for (int k = 0; k < 4; k++) {
+            double v[2] = {p[4][0], p[4][1]}, d[2] = {p[4][0], p[4][1]};
+            for (int i = 3; i >= 0; i--) {
+                const double x = v[0] * z[k][0] - v[1] * z[k][1] + p[i][0];
+                v[1] = v[0] * z[k][1] + v[1] * z[k][0] + p[i][1], v[0] = x;
+            }
+            for (int i = 0; i < 4; i++) {
+                if (i == k) continue;
+                const double x = z[k][0] - z[i][0], y = z[k][1] - z[i][1], old = d[0];
+                d[0] = old * x - d[1] * y, d[1] = old * y + d[1] * x;
+            }
+            const double size = fmax(d[0] * d[0] + d[1] * d[1], 1e-300);
+            const double x = (v[0] * d[0] + v[1] * d[1]) / size, y = (v[1] * d[0] - v[0] * d[1]) / size;
+            z[k][0] -= x, z[k][1] -= y, moved = fmax(moved, fabs(x) + fabs(y));
+        }
+        if (moved < 1e-15) break;
+    }
+    int count = 0;
+    for (int k = 0; k < 4; k++) {
+        if (!(fabs(hypot(z[k][0], z[k][1]) - 1) < 1e-2)) continue;
+        double x = atan2(z[k][1], z[k][0]);
+        for (int it = 0; it < 6; it++) {
+            const double slope = -f.c * sin(x) + f.s * cos(x) - 2 * f.cc * sin(2 * x) + 2 * f.ss * cos(2 * x);
+            const double step = slope != 0 ? fmin(fmax(-wave_at(f, x) / slope, -1e-3), 1e-3) : 0;
+            if (fabs(wave_at(f, x + step)) < fabs(wave_at(f, x))) x += step;
+        }
+        if (fabs(wave_at(f, x)) < 1e-12 * scale) t[count++] = x;
+    }
+    return count;
+}
+
+/* Elbow angles where the first two axes are skew: |u|^2 = |v|^2 across the second axis, a wave of degree two. */
+static int skew_elbow(const Form *f, double height, double square, double *t) {
+    const Wave one = {1, 0, 0, 0, 0}, vz = {f->v0[2], f->vc[2], f->vs[2], 0, 0};
+    const Wave norm = {dot(f->v0, f->v0) + dot(f->vc, f->vc), 2 * dot(f->v0, f->vc), 2 * dot(f->v0, f->vs), 0, 0};
+    const Wave nothing = {0, 0, 0, 0, 0}, far = {square - f->a * f->a, 0, 0, 0, 0}, high = {height, 0, 0, 0, 0};
+    const Wave ux = product(combined(far, -1, norm), combined(nothing, 0.5 / f->a, one));
+    const Wave uy = product(combined(high, -f->links[0][0], vz), combined(nothing, 1 / f->links[0][1], one));
+    const Wave F = combined(combined(combined(product(ux, ux), 1, product(uy, uy)), 1, product(vz, vz)), -1, norm);
+    return zeros(F, f->length * f->length, t);
+}
+
+/* A vector seen across one joint and its link: Rx(-alpha) Rz(-t) v. */
+static void across(double c, double s, const double *link, double *v) {
+    const double x = c * v[0] + s * v[1], y = c * v[1] - s * v[0], z = v[2];
+    v[0] = x, v[1] = link[0] * y + link[1] * z, v[2] = link[0] * z - link[1] * y;
+}
+
+/* A squared root between two bounds: below zero by round-off it is zero; missed by no more than the share `missed` of
+ * its largest value it is what it was shortly before; NAN where there is none. */
+static double root_of(double square, double most, double round_off, double missed) {
+    if (square >= 0) return sqrt(square);
+    if (square >= -round_off) return 0;
+    return square >= -missed * most ? sqrt(0.02 * most) : NAN;
+}
+
+/* The branches of a pose (Pieper 1968), as pieper.py derives them, that lie in a window; `mask`: those asked for.
+ * Bits 4, 2, 1 of a branch's number: signs of elbow, shoulder, wrist. */
+static void closed_form(const Form *f, const double *g, const Window *win, double missed, int mask, Branches *out) {
+    double r[3][3], p[3], c[3], C[3], K[3], I[3];
+    const double L2 = f->length * f->length, *link = f->links[0];
+    out->exists = out->degenerate = 0;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) r[i][j] = f->backwards ? g[3 * i + j] : g[3 * j + i];
+        c[i] = f->backwards ? f->centre[i] - g[9 + i] : f->centre[i], p[i] = f->backwards ? 0 : g[9 + i];
+    }
+    double seen[3][3];
+    for (int i = 0; i < 3; i++) seen[0][i] = dot(r[i], c) + p[i], seen[1][i] = dot(r[i], f->tip_x), seen[2][i] = dot(r[i], f->tip_z);
+    for (int i = 0; i < 3; i++) C[i] = dot(f->frame[i], seen[0]) - f->foot[i], I[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
+    const int at[6] = {f->backwards ? 5 : 0, f->backwards ? 4 : 1, f->backwards ? 3 : 2, f->backwards ? 2 : 3, f->backwards ? 1 : 4, f->backwards ? 0 : 5};
+    const double flat = C[0] * C[0] + C[1] * C[1], square = flat + C[2] * C[2];
+    double elbows[4];
+    int elbow_count = 2;
+    if (f->shape == SKEW) elbow_count = skew_elbow(f, C[2], square, elbows), out->degenerate |= elbow_count < 4;
+    else {
+        double cos3 = ((f->shape == MEETING ? square : C[2]) - f->elbow[0]) / f->elbow[1];
+        out->degenerate |= fabs(1 - cos3 * cos3) < BARELY;
+        if (fabs(cos3) > 1 + fmax(EDGE, missed)) return;
+        if (fabs(cos3) > 1) cos3 = fabs(cos3) <= 1 + EDGE ? copysign(1, cos3) : copysign(0.98, cos3);
+        elbows[0] = f->elbow[2] + acos(cos3), elbows[1] = f->elbow[2] - acos(cos3);
+    }
+    for (int elbow = 0; elbow < elbow_count; elbow++) {
+        const int first = f->shape == SKEW ? 2 * elbow : 4 * elbow;
+        if (!(mask >> first & (f->shape == SKEW ? 3 : 15))) continue;
+        const double t3 = elbows[elbow], q3 = into_window(win, at[2], t3 - f->offsets[1]);
+        if (isnan(q3)) continue;
+        const double cos3 = cos(t3), sin3 = sin(t3);
+        double v[3];
+        for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos3 + f->vs[i] * sin3;
+        const double round2 = v[0] * v[0] + v[1] * v[1], least = fmin(flat, round2);
+        const int lost1 = flat < 1e-18 * L2, lost2 = round2 < 1e-14 * L2;
+        double uy = (C[2] - link[0] * v[2]) / link[1], ux = (square - f->a * f->a - round2 - v[2] * v[2]) / (2 * f->a), root = 1;
+        if (f->shape != SKEW) {
+            const double u = f->shape == MEETING ? uy : ux, other = f->shape == MEETING ? link[0] * uy - link[1] * v[2] : ux + f->a;
+            const double inside = flat < round2 ? flat - other * other : round2 - u * u;
+            root = root_of(inside, least, EDGE * f->length * (sqrt(least) + EDGE * f->length), missed);
+            out->degenerate |= inside < BARELY * least;
+        }
+        out->degenerate |= least < 1e-10 * L2;
+        if (isnan(root)) continue;
+        for (int shoulder = 0; shoulder < (f->shape == SKEW || lost1 || lost2 ? 1 : 2); shoulder++) {
+            if (f->shape == MEETING) ux = shoulder ? -root : root;
+            if (f->shape == PARALLEL) uy = shoulder ? -root : root;
+            const double wx = ux + f->a, wy = link[0] * uy - link[1] * v[2];
+            const double free2 = win->towards[at[1]] + f->offsets[0];
+            const double t2 = lost2 ? free2 : atan2(uy * v[0] - ux * v[1], ux * v[0] + uy * v[1]);
+            const double t1 = lost1 ? win->towards[at[0]] : atan2(wx * C[1] - wy * C[0], wx * C[0] + wy * C[1]);
+            const double q2 = into_window(win, at[1], t2 - f->offsets[0]), q1 = into_window(win, at[0], t1);
+            if (isnan(q1) || isnan(q2)) continue;
+            const double turn[3][2] = {{cos(t1), sin(t1)}, {cos(t2), sin(t2)}, {cos3, sin3}};
+            double m[3], n[3];
+            COPY(m, K, 3), COPY(n, I, 3);
+            for (int k = 0; k < 3; k++) across(turn[k][0], turn[k][1], f->links[k], m);
+            const double *l4 = f->links[3], *l5 = f->links[4];
+            double cos5 = (l4[0] * l5[0] - m[2]) / (l4[1] * l5[1]);
+            const double lever = m[0] * m[0] + m[1] * m[1];
+            const int lost4 = lever < 1e-18;
+            out->degenerate |= fabs(1 - cos5 * cos5) < BARELY || lever < BARELY;
+            if (fabs(cos5) > 1 + fmax(EDGE, missed)) continue;
+            if (fabs(cos5) > 1) cos5 = fabs(cos5) <= 1 + EDGE ? copysign(1, cos5) : copysign(0.98, cos5);
+            double sin5 = l5[1] * sqrt(fmax(1 - cos5 * cos5, EDGE * EDGE));
+            const double side = -l4[0] * cos5 * l5[1] - l4[1] * l5[0];
+            for (int k = 0; k < 3; k++) across(turn[k][0], turn[k][1], f->links[k], n);
+            for (int wrist = 0; wrist < (lost4 ? 1 : 2); wrist++, sin5 = -sin5) {
+                const int number = first + (f->shape == SKEW ? 0 : 2 * shoulder) + wrist;
+                if (!(mask >> number & 1)) continue;
+                const double t4 = lost4 ? win->towards[at[3]] + f->offsets[2] : atan2(sin5 * m[1] - side * m[0], sin5 * m[0] + side * m[1]);
+                const double q4 = into_window(win, at[3], t4 - f->offsets[2]);
+                if (isnan(q4)) continue;
+                double tip[3] = {m[0], m[1], m[2]}, end[3] = {n[0], n[1], n[2]};
+                across(cos(t4), sin(t4), l4, tip);
+                const double t5 = atan2(tip[0], -tip[1]), q5 = into_window(win, at[4], t5 - f->offsets[3]);
+                if (isnan(q5)) continue;
+                across(cos(t4), sin(t4), l4, end), across(cos(t5), sin(t5), l5, end);
+                const double q6 = into_window(win, at[5], atan2(end[1], end[0]));
+                if (isnan(q6)) continue;
+                const double q[6] = {q1, q2, q3, q4, q5, q6};
+                for (int k = 0; k < 6; k++) out->q[number][at[k]] = q[k];
+                out->exists |= 1 << number;
+                out->lost[number] = lost1 ? at[0] : lost2 ? at[1] : lost4 ? at[3] : -1;
+            }
+        }
+    }
+}
+
+static Window anywhere(const Arm *a) {
+    Window out;
+    for (int j = 0; j < 6; j++) out.towards[j] = 0.5 * (a->lower[j] + a->upper[j]), out.lower[j] = -INFINITY, out.upper[j] = INFINITY;
+    return out;
+}
+static Window limits(const Arm *a, const double *towards) {
+    Window out;
+    for (int j = 0; j < 6; j++) out.towards[j] = towards[j], out.lower[j] = a->lower[j], out.upper[j] = a->upper[j];
+    return out;
+}
+
+/* ---------------------------------------------------------------- 7 Singular directions ------------------------- */
+
+/* The joint motion (largest element 1) that moves the tool least, and the tool's direction then; returns its speed
+ * (m/rad): up to that scale the smallest singular value, by inverse iteration (Wielandt 1944). After `forward`. */
+static double slowest(const Arm *a, State *w, double *along, double *direction) {
+    const int n = a->joints;
+    double N[MAX_JOINTS][MAX_JOINTS], size = 0;
+    jacobian(a, w);
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j <= i; j++) {
+            N[i][j] = i == j ? 1e-15 : 0;
+            for (int r = 0; r < 6; r++) N[i][j] += w->J[r][a->joint[i]] * w->J[r][a->joint[j]];
+        }
+        along[i] = 1 + 0.3 * i;
+    }
+    factorise(N, n);
+    for (int it = 0; it < 4; it++) {
+        substitute(N, along, n);
+        const double scale = 1 / fmax(largest(along, n), 1e-300);
+        for (int i = 0; i < n; i++) along[i] *= scale;
+    }
+    for (int r = 0; r < 6; r++) {
+        direction[r] = 0;
+        for (int i = 0; i < n; i++) direction[r] += w->J[r][a->joint[i]] * along[i];
+        size += direction[r] * direction[r];
+    }
+    size = sqrt(size);
+    for (int r = 0; r < 6; r++) direction[r] /= fmax(size, 1e-300);
+    return size;
+}
+
+static int most_moving(const Arm *a, const double *along) {
+    int most = 0;
+    for (int j = 1; j < a->joints; j++) if (fabs(along[j]) > 1.000001 * fabs(along[most])) most = j;
+    return most + 1;
+}
+
+/* The joint, from 1, that turns most along a family of solutions through s; 0 where the solution is alone. */
+static int family_joint(const Arm *a, const double *goal, const double *s, const double *along, Found *scratch) {
+    State w;
+    for (int way = -1; way <= 1; way += 2) {
+        double t[MAX_SLOTS], off = 0;
+        COPY(t, s, a->slots);
+        for (int j = 0; j < a->joints; j++) t[a->joint[j]] += 0.02 * way * along[j];
+        scratch->count = 0;
+        if (newton(a, goal, 6, t, &w, scratch, 0) != REACHED) continue;
+        for (int j = 0; j < a->joints; j++) off = fmax(off, fabs(t[a->joint[j]] - s[a->joint[j]]));
+        if (off > 0.01) return most_moving(a, along);
+    }
+    return 0;
+}
+
+/* ---------------------------------------------------------------- 8 Library of poses ---------------------------- */
+
+static void move_joints(const Arm *a, const double *by, double much, double *s) {
+    for (int j = 0; j < a->joints; j++) s[a->joint[j]] += much * by[j];
+}
+
+/* Squared distances of all poses of the library from a goal (m^2), turns by their chords. */
+static void library_distances(const Arm *a, const double *goal, int rows, float *far) {
+    const int M = a->poses;
+    for (int i = 0; i < M; i++) far[i] = 0;
+    for (int k = rows == 6 ? 0 : rows == 5 ? 6 : 9; k < 12; k++) {
+        const float g = (float)goal[k], weight = k < 9 ? (float)(LEVER * LEVER) : 1.0f, *column = a->library_columns + (size_t)k * (size_t)M;
+        for (int i = 0; i < M; i++) far[i] += weight * (column[i] - g) * (column[i] - g);
+    }
+}
+
+/* Numbers of the `count` least keys, unordered: a heap with the largest on top. Returns how many there are. */
+static int least(const float *key, int size, int count, int *heap) {
+    int held = 0;
+    for (int i = 0; i < size; i++) {
+        int k;
+        if (held < count) {
+            for (k = held++; k > 0 && key[heap[(k - 1) / 2]] < key[i]; k = (k - 1) / 2) heap[k] = heap[(k - 1) / 2];
+            heap[k] = i;
+        } else if (key[i] < key[heap[0]]) {
+            for (k = 0; 2 * k + 1 < held;) {
+                int child = 2 * k + 1;
+                if (child + 1 < held && key[heap[child + 1]] > key[heap[child]]) child++;
+                if (key[heap[child]] <= key[i]) break;
+                heap[k] = heap[child], k = child;
+            }
+            heap[k] = i;
+        }
+    }
+    return held;
+}
+
+/* Newton's first step from a pose of the library to a goal, by its stored inverse; returns its largest turn. */
+static double first_step(const Arm *a, const double *goal, int row, State *w, double *step) {
+    COPY(w->tcp, a->library_tcp + 12 * row, 12);
+    goal_error(goal, 6, w);
+    for (int j = 0; j < a->joints; j++) {
+        const double *inverse = a->library_inverse + 6 * (row * a->joints + j);
+        step[j] = 0;
+        for (int r = 0; r < 6; r++) step[j] += inverse[r] * w->e[r];
+    }
+    return largest(step, a->joints);
+}
+
+/* The `count` poses of the `judged` closest ones that one step takes to the goal with the least motion and excess. */
+static int library_seeds(const Arm *a, const double *goal, int judged, int count, State *w, float *far, int *out) {
+    double score[KEPT];
+    int close[RANKED], kept = 0;
+    library_distances(a, goal, 6, far);
+    const int held = least(far, a->poses, judged, close);
+    for (int i = 0; i < held; i++) {
+        double q[MAX_JOINTS];
+        const double length = first_step(a, goal, close[i], w, q);
+        for (int j = 0; j < a->joints; j++) q[j] += a->library_q[close[i] * a->joints + j];
+        const double s = length + fmax(excess_of(a, q), 0);
+        if (kept == count && s >= score[kept - 1]) continue;
+        int k = kept < count ? kept++ : count - 1;
+        for (; k > 0 && score[k - 1] > s; k--) score[k] = score[k - 1], out[k] = out[k - 1];
+        score[k] = s, out[k] = close[i];
+    }
+    return kept;
+}
+static void library_start(const Arm *a, const double *goal, int row, State *w, double *s) {
+    double step[MAX_JOINTS];
+    const double size = first_step(a, goal, row, w, step);
+    COPY(s, a->library_slots + row * a->slots, a->slots);
+    move_joints(a, step, size > 0.6 ? 0.6 / size : 1, s);
+}
+
+/* ---------------------------------------------------------------- 9 Poses: all branches ------------------------- */
+
+static int sign(double x) { return (x > 0) - (x < 0); }
+
+/* The command for the state of an arm, and the sides its joints arrive from, coming from `near` (or NULL: unknown): a
+ * side follows from the command and changes it; where that contradicts itself the joint has to make a detour. */
+static int command_from(const Arm *a, const State *w, const double *s, const double *near, Solution *out) {
+    for (int j = 0; j < a->joints; j++) out->side[j] = out->detour[j] = 0;
+    if (!command(a, w->tau, s, out->side, out->q)) return 0;
+    if (!near) return 1;
+    for (int j = 0; j < a->joints; j++) out->side[j] = sign(out->q[j] - near[j]);
+    for (int round = 0; round < 3; round++) {
+        int wrong = 0;
+        if (!command(a, w->tau, s, out->side, out->q)) return 0;
+        for (int j = 0; j < a->joints; j++) wrong |= out->detour[j] = sign(out->q[j] - near[j]) != out->side[j];
+        if (!wrong || round == 2) break;
+        for (int j = 0; j < a->joints; j++) if (out->detour[j]) out->side[j] = -out->side[j];
+    }
+    return 1;
+}
+
+/* Keeps a state that reaches the goal, unless it is known or far outside the limits. Laws that only Python knows change
+ * a command by no more than the nonlinear bound; it then decides about the limits. */
+static int keep(const Arm *a, const State *w, const double *s, const double *near, double same, Found *found) {
+    if (found->count == MAX_FOUND) return 0;
+    Solution *new = found->at + found->count;
+    linear_command(a, w, s, new->q);
+    if (excess_of(a, new->q) > SLACK || !command_from(a, w, s, near, new)) return 0;
+    for (int k = 0; k < found->count; k++) if (apart(new->q, found->at[k].q, a->joints) <= same) return 0;
+    new->excess = excess_of(a, new->q) - (a->laws_known ? AT_LIMIT : AT_LIMIT + a->nonlinear_bound);
+    if (new->excess > SLACK) return 0;
+    COPY(new->slots, s, a->slots), COPY(new->tau, w->tau, a->slots);
+    new->slope = -1, new->free = 0;
+    found->count++;
+    return 1;
+}
+static void attempt(const Arm *a, const double *goal, const double *near, double *s, int limited, Found *found) {
+    State w;
+    if (newton(a, goal, 6, s, &w, found, limited) == REACHED) keep(a, &w, s, near, SAME, found);
+}
+static int solved(const Found *found) {
+    int out = 0;
+    for (int k = 0; k < found->count; k++) out += found->at[k].excess <= 0;
+    return out;
+}
+
+/* Seeds across a fold, where two solutions merge (Borrel & Liegeois 1986): along the slowest motion by x the tool moves
+ * slope x + bend x^2 / 2, so to second order the partner is at -2 slope / bend. From solution number `k`. */
+static void fold_seeds(const Arm *a, const double *goal, const double *near, int k, Found *found) {
+    const double near_fold = 5e-3, at_fold = 2e-3, nudge = 0.02;
+    State w;
+    double along[MAX_JOINTS], direction[6], moved[6], s[MAX_SLOTS], then = 0, old[MAX_SLOTS], q[MAX_JOINTS];
+    COPY(old, found->at[k].slots, a->slots), COPY(q, found->at[k].q, a->joints);
+    forward(a, old, &w);
+    const double slope = slowest(a, &w, along, direction);
+    found->at[k].slope = slope, found->at[k].free = most_moving(a, along);
+    if (slope > near_fold) return;
+    COPY(s, old, a->slots);
+    move_joints(a, along, nudge, s);
+    forward(a, s, &w), jacobian(a, &w);
+    for (int r = 0; r < 6; r++) {
+        moved[r] = 0;
+        for (int j = 0; j < a->joints; j++) moved[r] += w.J[r][a->joint[j]] * along[j];
+        then += direction[r] * moved[r];
+    }
+    const double bend = (then - slope) / nudge;
+    const double ways[7] = {bend != 0 ? -2 * slope / bend : 0, 0.15, -0.15, 0.4, -0.4, 0.9, -0.9};
+    for (int i = 0; i < (slope < at_fold ? 7 : 1); i++) {
+        const double x = ways[i];
+        double there[MAX_JOINTS], nearest = INFINITY;
+        for (int j = 0; j < a->joints; j++) there[j] = q[j] + x * along[j];
+        for (int m = 0; m < found->count; m++) nearest = fmin(nearest, apart(there, found->at[m].q, a->joints));
+        if (fabs(x) > 1.5 || nearest <= 0.35 * fabs(x) || excess_of(a, there) > 0.2) continue;
+        COPY(s, old, a->slots);
+        move_joints(a, along, x, s);
+        attempt(a, goal, near, s, 1, found);
+    }
+}
+static int fold_partners(const Arm *a, const double *goal, const double *near, int done, Found *found) {
+    for (int generation = 0; generation < 3 && done < found->count; generation++)
+        for (const int last = found->count; done < last; done++) fold_seeds(a, goal, near, done, found);
+    return done;
+}
+
+/* Seeds for a branch that the closed form has outside the limits although the deflected arm has it within: where axes
+ * are aligned, joints turn against each other along the null space, and small deflections decide how far. */
+static void null_space_seeds(const Arm *a, const double *goal, const double *near, const double *q, Found *found) {
+    State w;
+    double at[MAX_SLOTS], along[MAX_JOINTS], direction[6], first = -INFINITY, last = INFINITY;
+    COPY(at, a->start, a->slots);
+    for (int j = 0; j < a->joints; j++) at[a->joint[j]] = a->zero[a->joint[j]] + q[j];
+    forward(a, at, &w);
+    if (slowest(a, &w, along, direction) > 0.01) return;
+    for (int j = 0; j < a->joints; j++) {
+        if (fabs(along[j]) <= 0.05) {
+            if (q[j] < a->lower[j] - SLACK || q[j] > a->upper[j] + SLACK) return;
+            continue;
+        }
+        const double one = (a->lower[j] - 0.1 - q[j]) / along[j], two = (a->upper[j] + 0.1 - q[j]) / along[j];
+        first = fmax(first, fmin(one, two)), last = fmin(last, fmax(one, two));
+    }
+    for (int i = 0; i < 3 && first < last; i++) {
+        double s[MAX_SLOTS];
+        COPY(s, at, a->slots);
+        move_joints(a, along, first + (0.1 + 0.4 * i) * (last - first), s);
+        attempt(a, goal, near, s, 1, found);
+    }
+}
+
+/* All branches of a pose: Newton's method from the closed form of the arm that looks like this one, from null-space
+ * seeds, from across folds and from poses of the library; the more of these, the less was found.
+ * near: present commands, or NULL. Returns the number of solutions within the limits. */
+API int ik_pose(const Arm *a, const double *goal, const double *near, Found *found) {
+    float far[2048];
+    State w;
+    Branches b;
+    double s[MAX_SLOTS];
+    int order[KEPT], outside = 0, done = 0;
+    const Window all = anywhere(a);
+    found->count = found->steps = 0;
+    b.exists = 0;
+    if (a->has_form) closed_form(&a->form, goal, &all, INFINITY, 255, &b);
+    for (int k = 0; k < BRANCHES; k++) {
+        if (!(b.exists >> k & 1)) continue;
+        if (excess_of(a, b.q[k]) > SLACK) { outside |= 1 << k; continue; }
+        COPY(s, a->start, a->slots);
+        for (int j = 0; j < 6; j++) s[a->joint[j]] = a->zero[a->joint[j]] + b.q[k][j];
+        attempt(a, goal, near, s, 1, found);
+    }
+    if (near) {
+        COPY(s, a->start, a->slots);
+        for (int j = 0; j < a->joints; j++) s[a->joint[j]] = a->zero[a->joint[j]] + near[j];
+        attempt(a, goal, near, s, 1, found);
+    }
+    for (int k = 0; k < BRANCHES; k++) if (outside >> k & 1) null_space_seeds(a, goal, near, b.q[k], found);
+    done = fold_partners(a, goal, near, done, found);
+    const int more = a->has_form ? 8 : 48, seeds = library_seeds(a, goal, a->has_form ? 48 : 256, more, &w, far, order);
+    for (int k = 0; k < seeds; k++) library_start(a, goal, order[k], &w, s), attempt(a, goal, near, s, 1, found);
+    done = fold_partners(a, goal, near, done, found);
+    if (!solved(found)) {
+        const int last = library_seeds(a, goal, 512, 96, &w, far, order);
+        for (int k = 0; k < last && !solved(found); k++) {
+            library_start(a, goal, order[k], &w, s);
+            attempt(a, goal, near, s, k >= 12, found);
+        }
+        fold_partners(a, goal, near, done, found);
+    }
+    return solved(found);
+}
+
+/* ---------------------------------------------------------------- 10 Goals that leave motion free --------------- */
+
+/* From s, in place, to the command nearest to `towards` that reaches the goal: least squares of joint motions subject
+ * to the linearised goal, step after step, joints stopping at their limits (sequential quadratic programming with an
+ * active set); at last Newton's method alone. */
+static Ending slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w, Found *found) {
+    const int n = a->joints, unknown[MAX_JOINTS] = {0};
+    double before = INFINITY, share = 1;
+    int settled = 0;
+    for (int step = 0; step < 120; step++, found->steps++) {
+        double q[MAX_JOINTS], wish[MAX_JOINTS], turn[MAX_JOINTS], N[MAX_JOINTS][MAX_JOINTS], y[MAX_JOINTS];
+        int stuck[MAX_JOINTS] = {0}, changed = 1;
+        forward(a, s, w);
+        const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, w);
+        if (!(miss < 1e6)) return STUCK;
+        if (!command(a, w->tau, s, unknown, q)) linear_command(a, w, s, q);
+        if (miss <= CLOSE && settled) return REACHED;
+        total_jacobian(a, rows, w);
+        double cost = 0;
+        for (int j = 0; j < n; j++) cost += (towards[j] - q[j]) * (towards[j] - q[j]);
+        share = cost + 100 * miss > before ? 0.5 * share : fmin(1, 1.5 * share);
+        before = cost + 100 * miss;
+        for (int j = 0; j < n; j++) wish[j] = settled ? 0 : share * (towards[j] - q[j]);
+        for (int round = 0; round < n && changed; round++) {
+            changed = 0;
+            for (int i = 0; i < rows; i++) {
+                for (int j = 0; j <= i; j++) {
+                    N[i][j] = i == j ? 1e-9 + 1e-2 * square : 0;
+                    for (int k = 0; k < n; k++) if (!stuck[k]) N[i][j] += w->total[i][k] * w->total[j][k];
+                }
+                y[i] = w->e[i];
+                for (int k = 0; k < n; k++) y[i] -= w->total[i][k] * (stuck[k] ? turn[k] : wish[k]);
+            }
+            factorise(N, rows), substitute(N, y, rows);
+            for (int j = 0; j < n; j++) {
+                if (stuck[j]) continue;
+                turn[j] = wish[j];
+                for (int r = 0; r < rows; r++) turn[j] += w->total[r][j] * y[r];
+                const double within = fmin(fmax(turn[j], a->lower[j] - q[j]), a->upper[j] - q[j]);
+                if (within != turn[j]) turn[j] = within, stuck[j] = changed = 1;
+            }
+        }
+        const double size = largest(turn, n), cut = size > 0.7 ? 0.7 / size : 1;
+        for (int j = 0; j < n; j++) turn[j] *= cut;
+        move(a, w, turn, s);
+        settled |= size < 1e-5 * share || step > 90;
+    }
+    return STUCK;
+}
+
+/* Commands that reach a goal of `rows` constraints nearest to `towards`, from `starts` poses of the library that are
+ * close to both, from `towards` itself and from `near` (or NULL). Returns the number within the limits. */
+API int ik_free(const Arm *a, const double *goal, int rows, const double *towards, const double *near, int starts, Found *found) {
+    float far[2048];
+    int close[RANKED];
+    const int n = a->joints;
+    found->count = found->steps = 0;
+    library_distances(a, goal, rows, far);
+    for (int i = 0; i < a->poses; i++) {
+        double motion = 0;
+        for (int j = 0; j < n; j++) motion += (a->library_q[n * i + j] - towards[j]) * (a->library_q[n * i + j] - towards[j]);
+        far[i] = (float)(far[i] * 300 + motion);
+    }
+    const int held = least(far, a->poses, starts, close);
+    for (int k = -2; k < held; k++) {
+        State w;
+        double s[MAX_SLOTS];
+        const double *from = k == -2 ? near : towards;
+        if (k >= 0) COPY(s, a->library_slots + close[k] * a->slots, a->slots);
+        else if (!from) continue;
+        else {
+            COPY(s, a->start, a->slots);
+            for (int j = 0; j < n; j++) s[a->joint[j]] = a->zero[a->joint[j]] + from[j];
+        }
+        if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, near, 0.02, found);
+    }
+    return solved(found);
+}
+
+/* ---------------------------------------------------------------- 11 Nearest reachable goal --------------------- */
+
+/* Displacement and LEVER times the rotation vector to a goal, base frame, in w->e; returns its square. */
+static double rotation_error(const double *g, int rows, State *w) {
+    const double *t = w->tcp;
+    double turn[3] = {0, 0, 0}, part[3], cosine = rows == 6 ? -0.5 : 0;
+    goal_error(g, 3, w);
+    if (rows == 3) return dot(w->e, w->e);
+    for (int k = rows == 6 ? 0 : 6; k < 9; k += 3) {
+        const double share = rows == 6 ? 0.5 : 1;
+        cross(t + k, g + k, part);
+        for (int i = 0; i < 3; i++) turn[i] += share * part[i];
+        cosine += share * dot(t + k, g + k);
+    }
+    const double sine = sqrt(dot(turn, turn)), angle = atan2(sine, cosine);
+    for (int i = 0; i < 3; i++) w->e[3 + i] = LEVER * angle * turn[i] / fmax(sine, 1e-12);
+    return dot(w->e, w->e) + LEVER * LEVER * angle * angle;
+}
+
+/* Square of the error (m^2) of a command's equilibrium, amounts s in place; infinite where there is none. */
+static double settled_error(const Arm *a, const double *goal, int rows, const double *q, double *s, State *w) {
+    const int unknown[MAX_JOINTS] = {0};
+    if (settle(a, q, unknown, 1e-8, s, w) < 0) return INFINITY;
+    forward(a, s, w);
+    return rotation_error(goal, rows, w);
+}
+
+/* Motion of the tool by commands through the equilibrium, (6, joints), springs and the slopes of the laws included. */
+static void command_jacobian(const Arm *a, const double *q, State *w, double J[6][MAX_JOINTS]) {
+    const double h = 1e-5;
+    const int unknown[MAX_JOINTS] = {0}, n = a->joints;
+    double M[MAX_SLOTS][MAX_SLOTS], more[MAX_SLOTS], less[MAX_SLOTS], up[MAX_JOINTS], down[MAX_JOINTS];
+    jacobian(a, w), sweep(a, w);
+    for (int v = 0; v < a->slots; v++) deflection_derivative(a, w, v, M[v]), more[v] = w->tau[v] + h, less[v] = w->tau[v] - h;
+    if (a->laws) {
+        joint_errors(a, more, q, unknown, up), joint_errors(a, less, q, unknown, down);
+        for (int j = 0; j < n; j++) {
+            const int u = a->joint[j];
+            const double slope = (up[j] - down[j] - spring_rest(a, more, u) + spring_rest(a, less, u)) / (2 * h);
+            for (int v = 0; v < a->slots; v++) M[u][v] += slope * load_derivative(a, w, u, v);
+        }
+    }
+    for (int j = 0; j < n; j++) {
+        double moved[MAX_SLOTS], next[MAX_SLOTS];
+        const int u = a->joint[j];
+        for (int v = 0; v < a->slots; v++) moved[v] = M[v][u] + (v == u);
+        for (int it = 0; it < 2; it++) {
+            for (int v = 0; v < a->slots; v++) {
+                next[v] = v == u;
+                for (int k = 0; k < a->slots; k++) next[v] += M[v][k] * moved[k];
+            }
+            COPY(moved, next, a->slots);
+        }
+        for (int r = 0; r < 6; r++) {
+            J[r][j] = 0;
+            for (int v = 0; v < a->slots; v++) J[r][j] += w->J[r][v] * moved[v];
+        }
+    }
+}
+
+/* Damped Newton descent (Levenberg 1944) of the squared error over the commands q within the limits, in place. The
+ * curvature has the term by which an inner joint turns the screw of an outer one. Returns the square (m^2). */
+static double descend(const Arm *a, const double *goal, int rows, double *q, double *s, int steps, Found *found) {
+    const int n = a->joints;
+    State w;
+    double damping = 1e-2, f = settled_error(a, goal, rows, q, s, &w);
+    for (int it = 0; it < steps && f < INFINITY; it++) {
+        double J[6][MAX_JOINTS], e[6], gradient[MAX_JOINTS], curvature[MAX_JOINTS][MAX_JOINTS], top = 0;
+        double moved[MAX_JOINTS], there[MAX_SLOTS], new = INFINITY;
+        COPY(e, w.e, 6);
+        command_jacobian(a, q, &w, J);
+        for (int i = 0; i < n; i++) {
+            gradient[i] = 0;
+            for (int r = 0; r < (rows == 3 ? 3 : 6); r++) gradient[i] += J[r][i] * e[r];
+            for (int j = i; j < n; j++) {
+                const double *u = w.axis[a->joint[i]], v[3] = {J[0][j], J[1][j], J[2][j]};
+                double turned[3], x = 0;
+                for (int r = 0; r < (rows == 3 ? 3 : 6); r++) x += J[r][i] * J[r][j];
+                if (i == j) top = fmax(top, x);
+                cross(u, v, turned);
+                curvature[j][i] = x - dot(e, turned);
+            }
+        }
+        for (int tries = 0; tries < 14 && !(new < f); tries++) {
+            double H[MAX_JOINTS][MAX_JOINTS], p[MAX_JOINTS];
+            for (int i = 0; i < n; i++) {
+                const int stuck = (q[i] <= a->lower[i] && gradient[i] < 0) || (q[i] >= a->upper[i] && gradient[i] > 0);
+                for (int j = 0; j <= i; j++) H[i][j] = stuck ? 0 : curvature[i][j];
+                for (int k = 0; k < i; k++) if (p[k] == 0 && H[k][k] >= 1e29) H[i][k] = 0;
+                H[i][i] = stuck ? 1e30 : curvature[i][i] + damping * top;
+                p[i] = stuck ? 0 : gradient[i];
+            }
+            if (!factorise(H, n)) { damping = fmax(5 * damping, 1e-2); continue; }
+            substitute(H, p, n);
+            const double size = largest(p, n), cut = size > 0.7 ? 0.7 / size : 1;
+            for (int j = 0; j < n; j++) moved[j] = fmin(fmax(q[j] + cut * p[j], a->lower[j]), a->upper[j]);
+            if (apart(moved, q, n) < 1e-9) return f;
+            COPY(there, s, a->slots);
+            for (int j = 0; j < n; j++) there[a->joint[j]] += moved[j] - q[j];
+            new = settled_error(a, goal, rows, moved, there, &w), found->steps++;
+            damping = new < f ? 0.1 * damping : fmax(6 * damping, 1e-3);
+        }
+        if (!(new < f)) return f;
+        const double gain = f - new;
+        COPY(q, moved, n), COPY(s, there, a->slots);
+        f = new;
+        if (gain < 1e-13 * f) return f;
+    }
+    return f;
+}
+
+enum { MOST_STARTS = 64 };
+/* The command within the limits whose tool is nearest to a goal: short descents from the closest poses of the library,
+ * long ones from the best few and from `more` commands given. Solution 0 is the answer; its excess is the error (m). */
+API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int kept, int more, const double *from, Found *found) {
+    float far[2048];
+    int close[RANKED], order[MOST_STARTS], went = 0;
+    double q[MOST_STARTS][MAX_JOINTS], s[MOST_STARTS][MAX_SLOTS], f[MOST_STARTS], best = INFINITY;
+    found->count = found->steps = 0;
+    library_distances(a, goal, rows, far);
+    const int held = least(far, a->poses, starts < MOST_STARTS ? starts : MOST_STARTS, close);
+    for (int k = 0; k < held; k++) {
+        int i = k;
+        COPY(q[k], a->library_q + close[k] * a->joints, a->joints), COPY(s[k], a->library_slots + close[k] * a->slots, a->slots);
+        f[k] = descend(a, goal, rows, q[k], s[k], 6, found);
+        for (; i > 0 && f[order[i - 1]] > f[k]; i--) order[i] = order[i - 1];
+        order[i] = k;
+    }
+    for (int k = -more; k < held && (k < 0 || went < kept); k++) {
+        double command_[MAX_JOINTS], slots[MAX_SLOTS];
+        int new = 1;
+        if (k < 0) {
+            COPY(slots, a->start, a->slots);
+            for (int j = 0; j < a->joints; j++) {
+                command_[j] = fmin(fmax(from[(more + k) * a->joints + j], a->lower[j]), a->upper[j]);
+                slots[a->joint[j]] = a->zero[a->joint[j]] + command_[j];
+            }
+        } else {
+            COPY(command_, q[order[k]], a->joints), COPY(slots, s[order[k]], a->slots);
+            for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
+            if (!new || !(f[order[k]] < INFINITY)) continue;
+            went++;
+        }
+        const double error = descend(a, goal, rows, command_, slots, 100, found);
+        if (!(error < best)) continue;
+        best = error, found->count = 1;
+        COPY(found->at[0].q, command_, a->joints), COPY(found->at[0].slots, slots, a->slots);
+        found->at[0].excess = sqrt(best);
+    }
+    return found->count;
+}
+
+/* ---------------------------------------------------------------- 12 Batches ------------------------------------ */
+
+API unsigned ik_source(void) { return SOURCE_CRC; }
+API size_t ik_size(int which) { return which ? sizeof(Found) : sizeof(Arm); }
+
+/* Tool frames (K,12), loads (K,slots) and, unless NULL, Jacobians (K,6,slots; not weighed) at slot amounts (K,slots). */
+API void ik_forward(const Arm *a, int count, const double *s, double *tcp, double *tau, double *J) {
+    State w;
+    for (int k = 0; k < count; k++) {
+        forward(a, s + k * a->slots, &w);
+        COPY(tcp + 12 * k, w.tcp, 12), COPY(tau + k * a->slots, w.tau, a->slots);
+        if (!J) continue;
+        jacobian(a, &w);
+        for (int r = 0; r < 6; r++)
+            for (int v = 0; v < a->slots; v++) J[(6 * k + r) * a->slots + v] = w.J[r][v] / (r < 3 ? 1 : LEVER);
+    }
+}
+/* Derivatives of the loads, (slots, slots), at slot amounts. */
+API void ik_load_derivatives(const Arm *a, const double *s, double *out) {
+    State w;
+    forward(a, s, &w), sweep(a, &w);
+    for (int u = 0; u < a->slots; u++) for (int v = 0; v < a->slots; v++) out[u * a->slots + v] = load_derivative(a, &w, u, v);
+}
+
+/* Equilibria of commands q (K,n) with sides (K,n): slot amounts (K,slots), from those given; tool frames (K,12); iterations
+ * (K,), -1 where there is none. */
+API void ik_settle(const Arm *a, int count, const double *q, const int *side, double tolerance, double *s, double *tcp, int *iterations) {
+    State w;
+    for (int k = 0; k < count; k++) {
+        const int n = a->joints;
+        iterations[k] = settle(a, q + k * n, side + k * n, tolerance, s + k * a->slots, &w);
+        if (iterations[k] > 0 && too_soft(a, q + k * n, side + k * n, s + k * a->slots)) iterations[k] = -1;
+        forward(a, s + k * a->slots, &w);
+        COPY(tcp + 12 * k, w.tcp, 12);
+    }
+}
+/* Errors of the joints (K,n) by the laws for commands (K,n), sides (K,n) and loads (K,slots). */
+API void ik_joint_errors(const Arm *a, int count, const double *q, const int *side, const double *tau, double *out) {
+    for (int k = 0; k < count; k++) joint_errors(a, tau + k * a->slots, q + k * a->joints, side + k * a->joints, out + k * a->joints);
+}
+/* Commands (K,n) that hold slots (K,slots) under loads (K,slots), arriving from sides (K,n); how many do not settle. */
+API int ik_commands(const Arm *a, int count, const double *s, const double *tau, const int *side, double *q) {
+    int failed = 0;
+    for (int k = 0; k < count; k++) failed += !command(a, tau + k * a->slots, s + k * a->slots, side + k * a->joints, q + k * a->joints);
+    return failed;
+}
+/* Newton's method from slot amounts s, in place, without limits: 1 if it reaches the goal; the loads there in tau. */
+API int ik_newton(const Arm *a, const double *goal, int rows, double *s, double *tau, Found *found) {
+    State w;
+    found->count = found->steps = 0;
+    const Ending end = newton(a, goal, rows, s, &w, found, 0);
+    COPY(tau, w.tau, a->slots);
+    return end == REACHED;
+}
+/* Slides from `count` slot amounts (K,slots) to the commands nearest to `towards`, by the same rules as `ik_free`. */
+API int ik_slide(const Arm *a, const double *goal, int rows, const double *towards, int count, const double *from, Found *found) {
+    found->count = found->steps = 0;
+    for (int k = 0; k < count; k++) {
+        State w;
+        double s[MAX_SLOTS];
+        COPY(s, from + k * a->slots, a->slots);
+        if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, NULL, SAME, found);
+    }
+    return solved(found);
+}
+
+/* One pose of an arm that nothing deflects: its branches q (8,6) and kind (8,): -1 none, 0 alone, else the joint from 1
+ * that is free along the branch's family. Beyond the limits too unless `limited`. Where a root is nearly double or a
+ * lever nearly lost, Newton's method follows, and a family is represented by its member nearest to `towards`. */
+static void nominal_pose(const Arm *a, const double *goal, const double *towards, int limited, double *q, int *kind) {
+    const Window open = {{towards[0], towards[1], towards[2], towards[3], towards[4], towards[5]},
+                         {-INFINITY, -INFINITY, -INFINITY, -INFINITY, -INFINITY, -INFINITY},
+                         {INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY}};
+    const Window within = limits(a, towards);
+    Branches b;
+    closed_form(&a->form, goal, limited ? &within : &open, 0, 255, &b);
+    if (b.degenerate && limited) closed_form(&a->form, goal, &open, 0, 255, &b);
+    for (int k = 0; k < BRANCHES; k++) {
+        kind[k] = b.exists >> k & 1 ? 0 : -1;
+        if (kind[k] == 0) COPY(q + 6 * k, b.q[k], 6);
+        if (kind[k] < 0 || !b.degenerate) continue;
+        Found scratch;
+        State w;
+        double s[MAX_SLOTS], member[MAX_SLOTS], along[MAX_JOINTS], direction[6];
+        scratch.count = scratch.steps = 0;
+        for (int j = 0; j < 6; j++) s[a->joint[j]] = a->zero[a->joint[j]] + b.q[k][j];
+        forward(a, s, &w);
+        if (sqrt(goal_error(goal, 6, &w)) > 1e-12 && newton(a, goal, 6, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
+        forward(a, s, &w);
+        if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
+            kind[k] = b.lost[k] >= 0 ? b.lost[k] + 1 : family_joint(a, goal, s, along, &scratch);
+            COPY(member, s, a->slots);
+            if (kind[k] && slide(a, goal, 6, towards, member, &w, &scratch) == REACHED) COPY(s, member, a->slots);
+        }
+        for (int j = 0; j < 6 && kind[k] >= 0; j++) {
+            const double angle = into_window(limited ? &within : &open, j, s[a->joint[j]] - a->zero[a->joint[j]]);
+            if (isnan(angle)) kind[k] = -1;
+            q[6 * k + j] = isnan(angle) ? 0 : angle;
+        }
+        for (int m = 0; m < k; m++) if (kind[k] >= 0 && kind[m] >= 0 && apart(q + 6 * k, q + 6 * m, 6) <= SAME) kind[k] = -1;
+    }
+}
+API void ik_nominal(const Arm *a, int count, const double *goals, const double *towards, int limited, double *q, int *kind) {
+    for (int k = 0; k < count; k++) nominal_pose(a, goals + 12 * k, towards, limited, q + 48 * k, kind + 8 * k);
+}
+
+/* For each of `count` positions with one orientation, the nominal branch (K,6) nearest to `near` within the limits widened
+ * by slack (rad), and whether there is one. The number of the last nearest branch is tried first. */
+API void ik_nearest_branches(const Arm *a, int count, const double *goals, const double *near, double slack, double *q, int *found) {
+    Window win = limits(a, near);
+    int likely = 255;
+    for (int j = 0; j < 6; j++) win.lower[j] -= slack, win.upper[j] += slack;
+    for (int i = 0; i < count; i++) {
+        double away = INFINITY;
+        int number = -1;
+        for (int mask = likely;; mask = 255) {
+            Branches b;
+            closed_form(&a->form, goals + 12 * i, &win, 0, mask, &b);
+            for (int k = 0; k < BRANCHES; k++)
+                if (b.exists >> k & 1 && apart(b.q[k], near, 6) < away) {
+                    away = apart(b.q[k], near, 6), number = k;
+                    COPY(q + 6 * i, b.q[k], 6);
+                }
+            if (mask == 255 || away < 0.2) break;
+        }
+        found[i] = number >= 0;
+        if (number >= 0) likely = 1 << number;
+    }
+}

@@ -1,0 +1,92 @@
+"""The moving slots of a chain, everything that never moves welded together, as the kernel takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import Chain, Slot
+from lrm_math.kinematics.statics import Weight
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Linkage:
+    """The moving slots of a chain and the rigid transforms between them.
+
+    Attributes:
+        slots: (V,), numbers of the moving slots in the chain, ascending.
+        joints, others: (n,), (W,), positions among them of joints and of other slots.
+        axes: (V,), 0 to 2 for a turn about x, y, z, 3 to 5 for a translation.
+        welds: (V + 1, 4, 4), the transform to each slot, and from the last one to the TCP (m).
+        inboard: (B,), number of moving slots inboard of each body; `body_frames`: (B, 4, 4), its frame there.
+        counted, moved: (V,), the first body that a slot's load counts, and that the slot moves.
+        gravity: (3,), m/s².
+    """
+
+    slots: Indices
+    joints: Indices
+    others: Indices
+    axes: Indices
+    welds: Array
+    inboard: Indices
+    body_frames: Array
+    counted: Indices
+    moved: Indices
+    gravity: Array
+
+    def moments(self, weights: Sequence[Weight]) -> Array:
+        """(B, 4), first mass moment (kg m) and mass (kg) of every body, in the frame of its moving slot.
+
+        `weights`: of the bodies in chain order.
+        """
+        com = np.array([[*w.com, 1.0] for w in weights], dtype=np.float64).reshape(-1, 4, 1)
+        mass = np.array([float(w.mass) for w in weights])
+        return np.asarray(mass[:, None] * (self.body_frames @ com)[:, :, 0])
+
+
+def linkage_of(chain: Chain, constants: Sequence[float], also: Sequence[int]) -> Linkage:
+    """A chain whose slots keep the amounts `constants` (rad, m), except the joints and those in `also`."""
+    slots = sorted({*chain.joint_slots, *also})
+    edges = [-1, *slots, len(chain.slots)]
+    inboard = [sum(k < body.before for k in slots) for body in chain.bodies]
+    body_frames = [_weld(chain, constants, edges[n] + 1, b.before) for n, b in zip(inboard, chain.bodies, strict=True)]
+    return Linkage(
+        slots=np.array(slots),
+        joints=np.array([slots.index(k) for k in chain.joint_slots]),
+        others=np.array([v for v, k in enumerate(slots) if chain.slots[k].joint is None], dtype=np.int64),
+        axes=np.array([chain.slots[k].axis + (0 if chain.slots[k].rotates else 3) for k in slots]),
+        welds=np.array([_weld(chain, constants, a + 1, b) for a, b in pairwise(edges)]),
+        inboard=np.array(inboard, dtype=np.int64),
+        body_frames=np.array(body_frames).reshape(-1, 4, 4),
+        counted=np.array([chain.counted[k] for k in slots]),
+        moved=np.array([chain.moved[k] for k in slots]),
+        gravity=np.array(chain.gravity),
+    )
+
+
+def _weld(chain: Chain, constants: Sequence[float], start: int, stop: int) -> Array:
+    """(4, 4), product of the slots start … stop − 1 at their constant amounts."""
+    out = np.eye(4)
+    for k in range(start, stop):
+        out = out @ _motion(chain.slots[k], constants[k])
+    return out
+
+
+def _motion(slot: Slot, amount: float) -> Array:
+    """(4, 4), the motion of one slot by an amount (rad, m)."""
+    out = np.eye(4)
+    if not slot.rotates:
+        out[slot.axis, 3] = amount
+        return out
+    i, j = (slot.axis + 1) % 3, (slot.axis + 2) % 3
+    out[i, i] = out[j, j] = np.cos(amount)
+    out[j, i] = np.sin(amount)
+    out[i, j] = -out[j, i]
+    return out

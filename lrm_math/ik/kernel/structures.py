@@ -1,0 +1,55 @@
+"""The structures of `ik_kernel.c`, field by field, and its fixed maxima."""
+
+from __future__ import annotations
+
+import ctypes
+
+MAX_SLOTS, MAX_JOINTS, MAX_BODIES, MAX_LAWS, MAX_SPRINGS, MAX_FOUND = 48, 10, 16, 96, 256, 48
+MAX_POSES = 2048
+BRANCHES = 8
+Real, Integer, Pointer = ctypes.c_double, ctypes.c_int, ctypes.c_void_p
+
+
+class KernelForm(ctypes.Structure):
+    """`Form`: constants of the closed form, see `pieper.PieperForm`."""
+
+    _fields_ = [
+        ("frame", Real * 9), ("foot", Real * 3), ("centre", Real * 3), ("tip_x", Real * 3), ("tip_z", Real * 3),
+        ("a", Real), ("links", Real * 10), ("offsets", Real * 4), ("v0", Real * 3), ("vc", Real * 3),
+        ("vs", Real * 3), ("elbow", Real * 3), ("length", Real), ("shape", Integer), ("backwards", Integer),
+    ]  # fmt: skip
+
+
+class KernelArm(ctypes.Structure):
+    """`Arm`: one model with one payload."""
+
+    _fields_ = [
+        *((name, Integer) for name in ("slots", "joints", "others", "bodies", "laws", "poses", "has_form")),
+        ("laws_known", Integer), ("gravity", Real * 3), ("reach", Real), ("nonlinear_bound", Real),
+        ("weld", Real * (12 * (MAX_SLOTS + 1))), ("moment", Real * (4 * MAX_BODIES)),
+        ("welded_turn", Integer * (MAX_SLOTS + 1)), ("axis", Integer * MAX_SLOTS),
+        ("joint", Integer * MAX_JOINTS), ("other", Integer * MAX_SLOTS), ("inboard", Integer * MAX_BODIES),
+        ("counted", Integer * MAX_SLOTS), ("moved", Integer * MAX_SLOTS),
+        ("zero", Real * MAX_SLOTS), ("start", Real * MAX_SLOTS),
+        ("lower", Real * MAX_JOINTS), ("upper", Real * MAX_JOINTS),
+        ("spring_from", Integer * (MAX_SLOTS + 1)), ("spring_load", Integer * MAX_SPRINGS),
+        ("spring", Real * MAX_SPRINGS),
+        ("law", Integer * MAX_LAWS), ("law_joint", Integer * MAX_LAWS), ("law_p", Real * (4 * MAX_LAWS)),
+        ("form", KernelForm),
+        *((f"library_{name}", Pointer) for name in ("tcp", "inverse", "q", "slots", "columns")),
+    ]  # fmt: skip
+
+
+class KernelSolution(ctypes.Structure):
+    """`Solution`: a command, the state that it leads to, and how the joints arrive."""
+
+    _fields_ = [
+        ("q", Real * MAX_JOINTS), ("slots", Real * MAX_SLOTS), ("tau", Real * MAX_SLOTS), ("excess", Real),
+        ("slope", Real), ("side", Integer * MAX_JOINTS), ("detour", Integer * MAX_JOINTS), ("free", Integer),
+    ]  # fmt: skip
+
+
+class KernelFound(ctypes.Structure):
+    """`Found`: solutions of one goal."""
+
+    _fields_ = [("count", Integer), ("steps", Integer), ("at", KernelSolution * MAX_FOUND)]

@@ -1,0 +1,258 @@
+"""Inverse of the nominal arm: a closed form where three axes intersect, Newton's method from many starts elsewhere."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array, Vector3
+from lrm_math.errors import LrmError
+from lrm_math.ik.answer import Branch, IkVerdict, JointLimits, Nearest, NominalAnswer
+from lrm_math.ik.goal import Goal
+from lrm_math.ik.joint_laws import JointLaws
+from lrm_math.ik.kernel.flat_arm import FlatArm, frames_as_numbers, goal_numbers, packed, with_form
+from lrm_math.ik.kernel.shared_library import kernel
+from lrm_math.ik.kernel.structures import BRANCHES, KernelFound
+from lrm_math.ik.library import PoseLibrary
+from lrm_math.ik.nominal.pieper import PieperForm, pieper_form
+from lrm_math.ik.nominal.screw_axes import screw_axes_of
+from lrm_math.model.model import Model, model_of
+
+Mask = NDArray[np.bool_]
+STARTS = (24, 200)
+"""Starts for goals that leave motion free, at first and before they are given up."""
+REPRESENTATIVES, ELSEWHERE = 4, 0.1
+"""Most representatives of the families of such a goal, and their least distance (rad)."""
+MOST_BEYOND = 8
+"""Number of branches beyond the limits in an answer."""
+MARGIN = attrgetter("margin")
+
+
+@dataclass(frozen=True, eq=False)
+class BatchAnswer:
+    """The branches of N poses. No NaN anywhere.
+
+    Attributes:
+        q: (N, 8, n), rad; meaningless where not valid.
+        valid: (N, 8), whether the branch exists and keeps the limits.
+        singular: (N, 8), whether it is one of a family.
+    """
+
+    q: Array
+    valid: Mask
+    singular: Mask
+
+    @property
+    def solved(self) -> Mask:
+        """(N,), whether there is a branch within the limits."""
+        return np.asarray(self.valid.any(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class NominalSolver:
+    """Joint angles of one arm for goals of any kind.
+
+    Without a closed form branches may be missed; those given are exact.
+    """
+
+    arm: Arm
+    limits: JointLimits
+    form: PieperForm | None
+
+    @classmethod
+    def of(cls, arm: Arm) -> NominalSolver:
+        """For any arm that the kernel has room for. Raises `LrmError`."""
+        return cls(arm, JointLimits.of(arm), pieper_form(screw_axes_of(arm)))
+
+    def solve(self, goal: Goal, near: Sequence[float] | None = None) -> NominalAnswer:
+        """All branches of a pose, or representatives of each family where the goal leaves motion free.
+
+        `near`: (n,), joint angles (rad): branches come nearest first, free motion stays near; without it, both keep
+        away from the limits. Raises `LrmError` if they are not n finite angles.
+        """
+        here = None if near is None else angles_near(near, self.arm.dof)
+        branches = self._branches(goal, here)
+        if not branches:
+            return self._unsolved(goal, here)
+        singularity = self._singularity(branches)
+        verdict = IkVerdict.SINGULAR if singularity else IkVerdict.SOLVED
+        return NominalAnswer(verdict, branches, singularity=singularity)
+
+    def branches(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
+        """The branches of `solve`, without a diagnosis where there are none."""
+        return self._branches(goal, None if near is None else angles_near(near, self.arm.dof))
+
+    def _branches(self, goal: Goal, near: tuple[float, ...] | None) -> tuple[Branch, ...]:
+        if goal.rotation is None or self.form is None:
+            found = self._searched(goal, near, self._ready)
+        else:
+            found = self._closed(goal, near or self.limits.middle, True)
+        if len(found) < 2:
+            return found
+        if near is None:
+            return tuple(sorted(found, key=MARGIN, reverse=True))
+        return tuple(sorted(found, key=lambda branch: branch.distance(near)))
+
+    @cached_property
+    def second_axis(self) -> Vector3:
+        """A point on the second joint's axis (m), about the middle of the workspace."""
+        x, y, z = screw_axes_of(self.arm).point[min(1, self.arm.dof - 1)].tolist()
+        return x, y, z
+
+    def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
+        """All branches of N poses: positions (N, 3) in m, rotations (N, 3, 3).
+
+        Raises `LrmError`: wrong shapes, numbers that are not finite, or matrices that are no rotations.
+        """
+        p, R = poses_checked(positions, rotations)
+        n, count = self.arm.dof, len(p)
+        q, kind = np.zeros((count, BRANCHES, n)), np.full((count, BRANCHES), -1, dtype=np.int32)
+        goals = frames_as_numbers(p, R)
+        if self.form is not None:
+            middle = (ctypes.c_double * n)(*self.limits.middle)
+            args = (goals.ctypes.data, middle, 1, q.ctypes.data, kind.ctypes.data)
+            kernel().ik_nominal(self._flat.address, count, *args)
+            return BatchAnswer(q, kind >= 0, kind > 0)
+        for i, row in enumerate(goals):
+            found = KernelFound()
+            kernel().ik_pose(self._ready.address, row.ctypes.data, None, ctypes.addressof(found))
+            rows = [found.at[k] for k in range(found.count) if found.at[k].excess <= 0.0][:BRANCHES]
+            for k, at in enumerate(rows):
+                q[i, k], kind[i, k] = at.q[:n], 0
+        return BatchAnswer(q, kind >= 0, kind > 0)
+
+    def nearest_branches(self, positions: Array, rotation: Array, near: Array, slack: float) -> tuple[Array, Mask]:
+        """Solutions (N, n) for positions (N, 3) with one orientation, nearest to `near` (rad); and which exist (N,).
+
+        They keep the limits with a tolerance `slack` (rad).
+        """
+        goals = frames_as_numbers(positions, np.broadcast_to(rotation, (len(positions), 3, 3)))
+        q, found = np.zeros((len(goals), self.arm.dof)), np.zeros(len(goals), dtype=np.int32)
+        here = np.ascontiguousarray(near, dtype=np.float64)
+        args = (goals.ctypes.data, here.ctypes.data, slack, q.ctypes.data, found.ctypes.data)
+        kernel().ik_nearest_branches(self._flat.address, len(goals), *args)
+        return q, found > 0
+
+    @cached_property
+    def _model(self) -> Model:
+        return model_of(self.arm, ())
+
+    @cached_property
+    def _flat(self) -> FlatArm:
+        laws = JointLaws(self._model)
+        moments = laws.linkage.moments(self._model.weights(0.0))
+        arm = packed(laws.linkage, moments, self._model.binding.reach, self.limits.lower, self.limits.upper)
+        return with_form(arm.with_springs(laws.constants, laws.compliances), self.form)
+
+    @cached_property
+    def _ready(self) -> FlatArm:
+        """With seeds."""
+        library = PoseLibrary.of(JointLaws(self._model), self._flat)
+        return self._flat.with_library(library.seeds, library.slots.mean(axis=0))
+
+    @cached_property
+    def _all_round(self) -> NominalSolver:
+        """The same arm with joints that turn half a turn either way."""
+        turns = ((0.5 * (j.lower + j.upper) - np.pi, 0.5 * (j.lower + j.upper) + np.pi) for j in self.arm.joints)
+        joints = (replace(j, lower=a, upper=b) for j, (a, b) in zip(self.arm.joints, turns, strict=True))
+        return NominalSolver.of(replace(self.arm, joints=tuple(joints)))
+
+    def _closed(self, goal: Goal, towards: Sequence[float], limited: bool) -> tuple[Branch, ...]:
+        """The branches by the closed form."""
+        q, kind = (ctypes.c_double * (6 * BRANCHES))(), (ctypes.c_int * BRANCHES)()
+        at = (ctypes.c_double * 6)(*towards)
+        kernel().ik_nominal(self._flat.address, 1, goal_numbers(goal), at, int(limited), q, kind)
+        limits = self.limits
+        return tuple(
+            [Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in enumerate(kind) if free >= 0]
+        )
+
+    def _searched(self, goal: Goal, near: tuple[float, ...] | None, flat: FlatArm) -> tuple[Branch, ...]:
+        """Branches by search, within the limits of the packed arm."""
+        found, n, numbers = KernelFound(), self.arm.dof, goal_numbers(goal)
+        determined = goal.constraints >= n
+        here = None if near is None else (ctypes.c_double * n)(*near)
+        towards = near or self.limits.middle
+        for starts in STARTS:
+            if goal.constraints == 6 and determined:
+                kernel().ik_pose(flat.address, numbers, here, ctypes.addressof(found))
+            else:
+                args = (goal.constraints, (ctypes.c_double * n)(*towards), here, starts, ctypes.addressof(found))
+                kernel().ik_free(flat.address, numbers, *args)
+            if found.count:
+                break
+        lower, upper = flat.memory.lower[:n], flat.memory.upper[:n]
+        rows = [found.at[k].q[:n] for k in range(found.count) if found.at[k].excess <= 0.0]
+        inside = [tuple(max(a, min(x, b)) for x, a, b in zip(q, lower, upper, strict=True)) for q in rows]
+        branches = [Branch(q, -1, self.limits) for q in inside]
+        if determined:
+            return tuple(branches)
+        branches.sort(key=lambda branch: branch.distance(tuple(towards)))
+        kept: list[Branch] = []
+        for branch in branches:
+            if all(max(abs(a - b) for a, b in zip(branch.q, o.q, strict=True)) > ELSEWHERE for o in kept):
+                kept.append(branch)
+        return tuple(kept[:REPRESENTATIVES])
+
+    def _unsolved(self, goal: Goal, near: tuple[float, ...] | None) -> NominalAnswer:
+        """Why a goal has no solution within the limits: solved beyond them, or not at all; and the nearest goal."""
+        towards = near or self.limits.middle
+        if goal.rotation is not None and self.form is not None:
+            branches = self._closed(goal, towards, False)
+        else:
+            every = self._all_round
+            branches = tuple(Branch(b.q, -1, self.limits) for b in every._searched(goal, near, every._ready))
+        ordered = tuple(sorted(branches, key=MARGIN, reverse=True))[:MOST_BEYOND]
+        nearest = self._nearest(goal, [towards, *(branch.q for branch in ordered)])
+        if not ordered:
+            return NominalAnswer(IkVerdict.OUT_OF_REACH, (), nearest=nearest)
+        violation = self.limits.violation(ordered[0].q)
+        return NominalAnswer(IkVerdict.OUTSIDE_LIMITS, (), ordered, nearest=nearest, violation=violation)
+
+    def _nearest(self, goal: Goal, starts: Sequence[Sequence[float]]) -> Nearest | None:
+        found = self._ready.nearest(goal, starts)
+        return None if found is None else Nearest.at(found[0], goal, found[1])
+
+    def _singularity(self, branches: Sequence[Branch]) -> str:
+        """Which axes are aligned, where a branch is one of a family."""
+        free = {branch.free for branch in branches if branch.free is not None}
+        if not free or self.form is None:
+            return ""
+        inner, outer, alone = ("1", "3", {6, 5}) if self.form.backwards else ("4", "6", {1, 2})
+        three = "1, 2 and 3" if self.form.backwards else "4, 5 and 6"
+        aligned = [f"the point where axes {three} meet lies on axis {joint}" for joint in sorted(free & alone)]
+        if free - alone:
+            aligned.append(f"axes {inner} and {outer} are in line")
+        return "; ".join(aligned)
+
+
+def angles_near(near: Sequence[float], dof: int) -> tuple[float, ...]:
+    """(n,), checked reference angles. Raises `LrmError`."""
+    q = np.asarray(near, dtype=np.float64)
+    if q.shape != (dof,) or not np.isfinite(q).all():
+        raise LrmError(f"near = {near}; should be {dof} finite joint angles in rad")
+    return tuple(q.tolist())
+
+
+def poses_checked(positions: ArrayLike, rotations: ArrayLike) -> tuple[Array, Array]:
+    """Checked positions (N, 3) and rotations (N, 3, 3). Raises `LrmError`."""
+    p, R = np.asarray(positions, dtype=np.float64), np.asarray(rotations, dtype=np.float64)
+    if p.ndim != 2 or p.shape[1] != 3 or R.shape != (len(p), 3, 3):
+        raise LrmError(f"positions have shape {p.shape} and rotations {R.shape}; should be (N, 3) and (N, 3, 3)")
+    finite = np.isfinite(p).all(axis=1) & np.isfinite(R).all(axis=(1, 2))
+    if not finite.all():
+        raise LrmError(f"goal {int(np.argmin(finite)) + 1}: position or rotation is not finite")
+    return p, R
+
+
+@lru_cache(maxsize=64)
+def solver_of(arm: Arm) -> NominalSolver:
+    """The solver of an arm."""
+    return NominalSolver.of(arm)

@@ -1,0 +1,214 @@
+"""The compiled kernel against the Python code that knows nothing of it: kinematics, loads, laws, equilibria."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.errors import LrmError
+from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.goal import point
+from lrm_math.ik.joint_laws import JointLaws
+from lrm_math.ik.kernel import shared_library
+from lrm_math.ik.kernel.flat_arm import FlatArm, packed, with_laws
+from lrm_math.ik.kernel.laws import KERNEL_LAWS
+from lrm_math.ik.solver_context import IkQuery, SolverContext
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+from tests.support.random_arms import arms, random_arm
+
+FLEXIBLE = ("offsets", "compliance", "base_compliance", "lateral_compliance")
+NONLINEAR = ("servo_gain", "eccentricity", "backlash", "nonlinear_stiffness", "hysteresis", "cable_spring", "coupling")
+ON_JOINTS = ("compliance", *NONLINEAR)
+
+
+def random_model(arm: Arm, names: tuple[str, ...], seed: int, size: float = 0.3) -> Model:
+    """An arm with some effects of random size."""
+    model = model_of(arm, [effect for name in names for effect in effects_at(arm, name)])
+    share = np.random.default_rng(seed).uniform(-1.0, 1.0, len(model.keys))
+    free = np.array([p.fixed is None for p in model.parameters])
+    amounts = size * np.where([p.lower == 0.0 for p in model.parameters], np.abs(share), share)
+    return model.with_values(np.where(free, amounts * [p.typical for p in model.parameters], model.values))
+
+
+def flat(model: Model, payload: float) -> FlatArm:
+    """The packed model, without closed form and library."""
+    laws, joints = JointLaws(model), model.arm.joints
+    moments = laws.linkage.moments(model.weights(payload))
+    arm = packed(laws.linkage, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
+    return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.known, 0.0)
+
+
+def moving(model: Model, slots: tuple[float | Array, ...], count: int) -> Array:
+    """(K, V), amounts of the moving slots."""
+    return np.stack([np.broadcast_to(slots[k], count) for k in JointLaws(model).linkage.slots], axis=1)
+
+
+@settings(max_examples=25)
+@given(arms, st.integers(0, 100), st.floats(0.0, 0.1))
+def test_kinematics_loads_and_jacobian_equal_those_of_the_chain(arm: Arm, seed: int, payload: float) -> None:
+    model = random_model(arm, FLEXIBLE, seed, 0.03)
+    poses = poses_of(np.random.default_rng(seed).uniform(-1.7, 1.7, (3, arm.dof)), payload)
+    rest = equilibrium(model, poses, tolerance=1e-14)
+    slots, kernel = moving(model, rest.slots, 3), flat(model, payload)
+    tcp, tau, J = kernel.forward(slots)
+    np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
+    np.testing.assert_allclose(tau, rest.loads_on(JointLaws(model).linkage.slots.tolist()), atol=1e-11)
+    h = 1e-6
+    for v in range(slots.shape[1]):
+        step = h * (np.arange(slots.shape[1]) == v)
+        up, down = (kernel.forward(slots + way * step)[0] for way in (1, -1))
+        np.testing.assert_allclose(J[:, :3, v], (up - down)[:, :3, 3] / (2 * h), atol=1e-8)
+        spin = ((up - down)[:, :3, :3] / (2 * h)) @ tcp[:, :3, :3].transpose(0, 2, 1)
+        turn = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+        np.testing.assert_allclose(J[:, 3:, v], turn, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["lrm-rover", "lrm-lab"])
+def test_load_derivatives_match_finite_differences(name: str) -> None:
+    """On arms some of whose joints count bodies that they do not move."""
+    model = random_model(load_arm(name), FLEXIBLE, 1)
+    assert chain_of(model.arm).counted != chain_of(model.arm).moved
+    kernel = flat(model, 0.08)
+    here, h = np.random.default_rng(2).uniform(-1.5, 1.5, kernel.slots), 1e-5
+    derivatives = kernel.load_derivatives(here)
+    for v in range(kernel.slots):
+        step = h * (np.arange(kernel.slots) == v)
+        up, down = (kernel.forward((here + way * step)[None])[1][0] for way in (1, -1))
+        np.testing.assert_allclose(derivatives[:, v], (up - down) / (2 * h), atol=2e-8)
+
+
+def test_a_slot_that_slides_is_as_in_the_chain() -> None:
+    """No effect of the catalogue moves one; a user's may."""
+
+    class Slide(Effect):
+        id, cause, formula, source = "slide", "a loose screw", "δd = a sin q", "test"
+        parameters = ()
+        moves = ("joint3.d",)
+
+        @classmethod
+        def places(cls, arm: Arm) -> tuple[str, ...]:
+            return ("joint3",)
+
+        def motion(self, poses: Poses, tau: object, p: object) -> tuple[object, ...]:  # type: ignore[override]
+            return (0.01 * np.sin(poses.q[:, 1]),)
+
+    arm = load_arm("lrm-lab")
+    model = model_of(arm, (*effects_at(arm, "compliance"), Slide(arm, "joint3")), {})
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (4, 6))
+    rest = equilibrium(model, poses_of(q, 0.05), tolerance=1e-14)
+    kernel = flat(model, 0.05)
+    assert (np.array(JointLaws(model).linkage.axes) >= 3).sum() == 1
+    slots = moving(model, rest.slots, 4)
+    tcp, tau, J = kernel.forward(slots)
+    np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 4)[:, -1], atol=1e-12)
+    v = int(np.flatnonzero(JointLaws(model).linkage.axes >= 3)[0])
+    moved = slots.copy()
+    moved[:, v] += 1e-3
+    np.testing.assert_allclose(kernel.forward(moved)[0][:, :3, 3] - tcp[:, :3, 3], 1e-3 * J[:, :3, v], atol=1e-12)
+    h = 1e-5
+    for k, row in enumerate(slots):
+        step = h * (np.arange(kernel.slots) == v)
+        up, down = (kernel.forward((row + way * step)[None])[1][0] for way in (1, -1))
+        np.testing.assert_allclose(kernel.load_derivatives(row)[:, v], (up - down) / (2 * h), atol=2e-8)
+        assert tau[k, v] == 0.0
+
+
+def test_every_law_of_the_kernel_is_one_of_the_catalogue() -> None:
+    """And every effect of the catalogue that only changes joint angles as the robot moves has a law there."""
+    arm = load_arm("lrm-rover")
+    theta = {f"{joint}.theta" for joint in arm.joint_names}
+    needs = set()
+    for kind in CATALOGUE:
+        effect = effects_at(arm, kind.id)[0]
+        on_joints = {*effect.moves, *effect.pushes}
+        if kind.online and kind.id != "quantisation" and on_joints and on_joints <= theta:
+            needs |= set() if effect.constant or effect.linear or effect.geared else {kind}
+    assert set(KERNEL_LAWS) == needs
+    assert sorted(KERNEL_LAWS.values()) == list(range(len(KERNEL_LAWS)))
+
+
+@pytest.mark.parametrize("name", NONLINEAR)
+@settings(max_examples=20)
+@given(seed=st.integers(0, 10_000))
+def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
+    """Joint errors under any loads, commands and sides of arrival."""
+    arm = load_arm("lrm-rover")
+    model = random_model(arm, ("compliance", name), seed, 1.5)
+    laws, kernel, rng = JointLaws(model), flat(model, 0.0), np.random.default_rng(seed)
+    assert laws.complete
+    q, tau = rng.uniform(-1.7, 1.7, (5, 6)), rng.uniform(-1.0, 1.0, (5, kernel.slots))
+    side = rng.integers(-1, 2, (5, 6))
+    expected = laws.slots_at(Poses(q, np.zeros(5), side.astype(float)), tau)[:, laws.linkage.joints] - q
+    np.testing.assert_allclose(kernel.joint_errors(q, side, tau), expected, atol=1e-12)
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10_000), payload=st.floats(0.0, 0.1))
+def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: float) -> None:
+    """With every law at once, links that bend, and sides of arrival."""
+    model = random_model(load_arm("lrm-rover"), (*ON_JOINTS, *FLEXIBLE[2:]), seed, 0.15)
+    laws, kernel, rng = JointLaws(model), flat(model, payload), np.random.default_rng(seed)
+    q, side = rng.uniform(-1.5, 1.5, (6, 6)), rng.choice([-1.0, 0.0, 1.0], (6, 6))
+    rest = equilibrium(model, Poses(q, np.full(6, payload), side), tolerance=1e-13)
+    start = np.tile(laws.constants, (6, 1))
+    start[:, laws.linkage.joints] += q
+    slots, tcp, iterations = kernel.settle(q, side, start, 1e-13)
+    assert (iterations > 0).all()
+    np.testing.assert_allclose(slots, moving(model, rest.slots, 6), atol=1e-11)
+    np.testing.assert_allclose(tcp[:, 9:], rest.true_tcp, atol=1e-11)
+    _, tau, _ = kernel.forward(slots)
+    np.testing.assert_allclose(kernel.commands(slots, tau, side), q, atol=1e-10)
+    np.testing.assert_allclose(
+        laws.command(Poses(np.zeros_like(q), np.full(6, payload), side), tau, slots), q, atol=1e-10
+    )
+
+
+def test_an_arm_beyond_the_fixed_maxima_is_one_clear_error() -> None:
+    with pytest.raises(LrmError, match=r"11 joints; the kernel .* has room for 10"):
+        flat(model_of(random_arm(0, 11), ()), 0.0)
+
+
+@pytest.mark.filterwarnings("ignore:invalid value")
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
+    arm = load_arm("lrm-lab")
+    broken = replace(arm, joints=(replace(arm.joints[0], a=value), *arm.joints[1:]))
+    with pytest.raises(LrmError):
+        SolverContext(model_of(broken, ())).arm(0.0)
+
+
+def test_a_missing_stale_or_foreign_library_is_one_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(LrmError, match=r"is missing; run `make setup`"):
+        shared_library.kernel(tmp_path / "none.so")
+    (tmp_path / "text.so").write_text("no library")
+    with pytest.raises(LrmError, match="no kernel for this machine"):
+        shared_library.kernel(tmp_path / "text.so")
+    edited = tmp_path / "ik_kernel.c"
+    edited.write_bytes(shared_library.SOURCE.read_bytes() + b"/* edited */\n")
+    copied = shutil.copy(shared_library.BUILT, tmp_path / "copy.so")
+    monkeypatch.setattr(shared_library, "SOURCE", edited)
+    with pytest.raises(LrmError, match="built from another version"):
+        shared_library.kernel(Path(copied))
+
+
+def test_a_settled_command_too_soft_is_not_at_rest() -> None:
+    """As in `equilibrium`: deflections above 0.5 rad are refused."""
+    arm = load_arm("lrm-rover")
+    model = model_of(arm, effects_at(arm, "compliance"), {"compliance.joint2.k_rad_per_Nm": 3.0})
+    context = CalibratedSolver.of(model).context
+    rest = context.at_rest(IkQuery(point((0.2, 0.0, 0.2)), 0.5), np.array([[0.0, 1.5, 0.0, 0.0, 0.0, 0.0]]))
+    assert len(rest.rows) == 0
