@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from operator import sub
 
-import numpy as np
-
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.ik.goal import Goal
+from lrm_math.ik.goal import Goal, rotation_rows
 
 
 class IkVerdict(StrEnum):
@@ -114,14 +112,8 @@ class Nearest:
     @classmethod
     def at(cls, q: tuple[float, ...], goal: Goal, tcp: Array) -> Nearest:
         """Of joint angles q (rad) that take the tool to a frame (4, 4)."""
-        cosine, sine = 1.0, 0.0
-        if goal.rotation is not None:
-            turn = np.array(goal.rotation) @ tcp[:3, :3].T
-            cosine = 0.5 * (float(np.trace(turn)) - 1.0)
-            sine = 0.5 * math.hypot(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])
-        elif goal.approach is not None:
-            cosine, sine = float(tcp[:3, 2] @ goal.approach), float(np.linalg.norm(np.cross(tcp[:3, 2], goal.approach)))
-        return cls(q, goal.same_kind_at(tcp), math.dist(goal.position, tcp[:3, 3]), math.atan2(sine, cosine))
+        reached, angle = goal.same_kind_at(tcp), goal.angle_from(rotation_rows(tcp[:3, :3]))
+        return cls(q, reached, math.dist(goal.position, reached.position), angle)
 
 
 @dataclass(frozen=True, slots=True)

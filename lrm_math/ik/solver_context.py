@@ -15,7 +15,7 @@ from lrm_math.ik.answer import JointLimits
 from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.joint_laws import JointLaws
-from lrm_math.ik.kernel.flat_arm import FlatArm, goal_numbers, packed, with_form, with_laws
+from lrm_math.ik.kernel.flat_arm import FlatArm, Twelve, goal_numbers, packed, with_form, with_laws
 from lrm_math.ik.kernel.linkage import Indices
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import KernelFound
@@ -282,6 +282,17 @@ class SolverContext:
         slots = np.array([np.broadcast_to(rest.slots[k], len(rest.poses)) for k in laws.linkage.slots]).T
         frames = arm.forward(slots)[0]
         return ArmAtRest(rows, slots, frames[:, :3].transpose(0, 2, 1).reshape(-1, 12))
+
+    def tool_at(self, query: IkQuery, q: tuple[float, ...], command: Command) -> list[float] | None:
+        """Tool frame by columns, twelve numbers, at rest at a command near one that was found; None: it has none."""
+        if not self.joint_laws.complete:
+            rest = self.at_rest(query, np.array([q]), np.array([command.direction]), np.array([command.slots]))
+            return rest.tcp[0].tolist() if len(rest.rows) else None
+        n, arm, iterations = len(q), self.arm(query.payload), ctypes.c_int()
+        slots, tcp = (ctypes.c_double * arm.slots)(*command.slots), Twelve()
+        angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*command.direction)
+        kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
+        return tcp[:] if iterations.value > 0 else None
 
     def stiff(self, q: Array) -> Array:
         """(K, V), slot amounts of the arm without loads at commands (K, n)."""
