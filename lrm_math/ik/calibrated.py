@@ -11,24 +11,24 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, round_to_counts
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import Branch, IkVerdict
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
-from lrm_math.ik.joint_laws import deployed
 from lrm_math.ik.nearest import nearest
-from lrm_math.ik.pulse_rounding import RoundedCommand, Rounding, ServoCounts, round_to_counts
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, PositionUncertainty, Solved, Unsolved
 from lrm_math.ik.solver_context import Command, CommandBatch, IkQuery, Method, SolverContext, Stalled
-from lrm_math.ik.uncertainty import position_covariance
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
+from lrm_math.model.deployed_model import deployed_part
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.uncertainty import position_covariance
 
 SAME = 1e-6
 """rad: commands no further apart are one branch."""
@@ -84,7 +84,7 @@ class CalibratedSolver:
 
         Raises `LrmError`: an effect that cannot be compensated and is not left out; wrong names or shapes.
         """
-        smooth = deployed(model, left_out)
+        smooth = deployed_part(model, left_out)
         if joint_sd is not None and (len(joint_sd) != model.arm.dof or not all(sd >= 0.0 for sd in joint_sd)):
             raise LrmError(f"joint_sd = {list(joint_sd)}; should be {model.arm.dof} standard deviations in rad")
         clock = clock or _clock_of(model)
