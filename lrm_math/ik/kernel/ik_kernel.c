@@ -93,6 +93,9 @@ static double apart(const double *a, const double *b, int n) {
     for (int i = 0; i < n; i++) out = larger(out, fabs(a[i] - b[i]));
     return out;
 }
+static void add(double by, const double *x, int n, double *out) {
+    for (int i = 0; i < n; i++) out[i] += by * x[i];
+}
 static double excess_of(const Arm *a, const double *q) {
     double out = -INFINITY;
     for (int j = 0; j < a->joints; j++) out = larger(out, larger(a->lower[j] - q[j], q[j] - a->upper[j]));
@@ -365,28 +368,29 @@ static double lacking(const Arm *a, const double *s, State *w) {
 /* w->total: Jacobian (rows, joints), the other slots following their loads (w->follow; last column: what they lack).
  * (1 - M)^-1 of their mutual response M is cut after M: the deflection that a deflection causes. */
 static void total_jacobian(const Arm *a, int rows, State *w) {
-    const int n = a->joints;
-    double M[MAX_SLOTS][MAX_SLOTS], sum[6][MAX_JOINTS + 1];
+    const int n = a->joints, others = a->others;
+    double M[MAX_SLOTS][MAX_SLOTS], first[MAX_SLOTS][MAX_JOINTS + 1], sum[6][MAX_JOINTS + 1];
     jacobian(a, w);
-    if (a->others) sweep(a, w);
-    for (int i = 0; i < a->others; i++) deflection_derivative(a, w, a->other[i], M[i]);
-    for (int i = 0; i < a->others; i++)
-        for (int j = 0; j <= n; j++) {
-            double x = j < n ? M[i][a->joint[j]] : w->lack[i];
-            for (int k = 0; k < a->others; k++) x += M[i][a->other[k]] * (j < n ? M[k][a->joint[j]] : w->lack[k]);
-            w->follow[i][j] = x;
-        }
-    for (int r = 0; r < 6; r++)
-        for (int j = 0; j <= n; j++) {
-            double x = j < n ? w->J[r][a->joint[j]] : 0;
-            for (int i = 0; i < a->others; i++) x += w->J[r][a->other[i]] * w->follow[i][j];
-            sum[r][j] = x;
-        }
-    if (rows == 5)
-        for (int j = 0; j <= n; j++) {
-            const double turn[3] = {sum[3][j], sum[4][j], sum[5][j]};
-            sum[3][j] = dot(w->tcp, turn), sum[4][j] = dot(w->tcp + 3, turn);
-        }
+    if (others) sweep(a, w);
+    for (int i = 0; i < others; i++) {
+        deflection_derivative(a, w, a->other[i], M[i]);
+        for (int j = 0; j < n; j++) first[i][j] = M[i][a->joint[j]];
+        first[i][n] = w->lack[i];
+    }
+    for (int i = 0; i < others; i++) {
+        double *follow = w->follow[i];
+        COPY(follow, first[i], n + 1);
+        for (int k = 0; k < others; k++) add(M[i][a->other[k]], first[k], n + 1, follow);
+    }
+    for (int r = 0; r < 6; r++) {
+        for (int j = 0; j < n; j++) sum[r][j] = w->J[r][a->joint[j]];
+        sum[r][n] = 0;
+        for (int i = 0; i < others; i++) add(w->J[r][a->other[i]], w->follow[i], n + 1, sum[r]);
+    }
+    for (int j = 0; j <= n && rows == 5; j++) {
+        const double turn[3] = {sum[3][j], sum[4][j], sum[5][j]};
+        sum[3][j] = dot(w->tcp, turn), sum[4][j] = dot(w->tcp + 3, turn);
+    }
     for (int r = 0; r < rows; r++) {
         COPY(w->total[r], sum[r], n);
         w->e[r] -= sum[r][n];
@@ -652,14 +656,13 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
     }
 }
 
-static Window anywhere(const Arm *a) {
+/* Angles within the limits, or any. */
+static Window window_of(const Arm *a, const double *towards, int limited) {
     Window out;
-    for (int j = 0; j < 6; j++) out.towards[j] = 0.5 * (a->lower[j] + a->upper[j]), out.lower[j] = -INFINITY, out.upper[j] = INFINITY;
-    return out;
-}
-static Window limits(const Arm *a, const double *towards) {
-    Window out;
-    for (int j = 0; j < 6; j++) out.towards[j] = towards[j], out.lower[j] = a->lower[j], out.upper[j] = a->upper[j];
+    for (int j = 0; j < 6; j++) {
+        out.towards[j] = towards ? towards[j] : 0.5 * (a->lower[j] + a->upper[j]);
+        out.lower[j] = limited ? a->lower[j] : -INFINITY, out.upper[j] = limited ? a->upper[j] : INFINITY;
+    }
     return out;
 }
 
@@ -694,31 +697,23 @@ static double slowest(const Arm *a, State *w, double *along, double *direction) 
     return size;
 }
 
+/* The joint, from 1, that turns most. */
 static int most_moving(const Arm *a, const double *along) {
     int most = 0;
     for (int j = 1; j < a->joints; j++) if (fabs(along[j]) > 1.000001 * fabs(along[most])) most = j;
     return most + 1;
 }
 
-/* The joint, from 1, that turns most along a family of solutions through s; 0 where the solution is alone. */
-static int family_joint(const Arm *a, const double *goal, const double *s, const double *along, Found *scratch) {
-    State w;
-    for (int way = -1; way <= 1; way += 2) {
-        double t[MAX_SLOTS], off = 0;
-        COPY(t, s, a->slots);
-        for (int j = 0; j < a->joints; j++) t[a->joint[j]] += 0.02 * way * along[j];
-        scratch->count = 0;
-        if (newton(a, goal, 6, t, &w, scratch, 0) != REACHED) continue;
-        for (int j = 0; j < a->joints; j++) off = larger(off, fabs(t[a->joint[j]] - s[a->joint[j]]));
-        if (off > 0.01) return most_moving(a, along);
-    }
-    return 0;
-}
-
 /* ---------------------------------------------------------------- 8 Library of poses ---------------------------- */
 
 static void move_joints(const Arm *a, const double *by, double much, double *s) {
     for (int j = 0; j < a->joints; j++) s[a->joint[j]] += much * by[j];
+}
+
+/* Slot amounts of an arm at true joint angles (or commands) q, the other slots where searches begin. */
+static void start_at(const Arm *a, const double *q, double *s) {
+    COPY(s, a->start, a->slots);
+    for (int j = 0; j < a->joints; j++) s[a->joint[j]] = a->zero[a->joint[j]] + q[j];
 }
 
 /* Squared distances of all poses of the library from a goal (m^2), turns by their chords. */
@@ -878,8 +873,7 @@ static int fold_partners(const Arm *a, const double *goal, const double *near, i
 static void null_space_seeds(const Arm *a, const double *goal, const double *near, const double *q, Found *found) {
     State w;
     double at[MAX_SLOTS], along[MAX_JOINTS], direction[6], first = -INFINITY, last = INFINITY;
-    COPY(at, a->start, a->slots);
-    for (int j = 0; j < a->joints; j++) at[a->joint[j]] = a->zero[a->joint[j]] + q[j];
+    start_at(a, q, at);
     forward(a, at, &w);
     if (slowest(a, &w, along, direction) > 0.01) return;
     for (int j = 0; j < a->joints; j++) {
@@ -907,25 +901,22 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
     Branches b;
     double s[MAX_SLOTS];
     int order[KEPT], outside = 0, done = 0;
-    const Window all = anywhere(a);
     found->count = found->steps = 0;
     b.exists = 0;
-    if (a->has_form) closed_form(&a->form, goal, &all, INFINITY, 255, &b);
+    if (a->has_form) {
+        const Window all = window_of(a, NULL, 0);
+        closed_form(&a->form, goal, &all, INFINITY, 255, &b);
+    }
     for (int k = 0; k < BRANCHES; k++) {
         if (!(b.exists >> k & 1)) continue;
         if (excess_of(a, b.q[k]) > SLACK) { outside |= 1 << k; continue; }
-        COPY(s, a->start, a->slots);
-        for (int j = 0; j < 6; j++) s[a->joint[j]] = a->zero[a->joint[j]] + b.q[k][j];
+        start_at(a, b.q[k], s);
         attempt(a, goal, near, s, 1, found);
     }
-    if (near) {
-        COPY(s, a->start, a->slots);
-        for (int j = 0; j < a->joints; j++) s[a->joint[j]] = a->zero[a->joint[j]] + near[j];
-        attempt(a, goal, near, s, 1, found);
-    }
+    if (near) start_at(a, near, s), attempt(a, goal, near, s, 1, found);
     for (int k = 0; k < BRANCHES; k++) if (outside >> k & 1) null_space_seeds(a, goal, near, b.q[k], found);
     done = fold_partners(a, goal, near, done, found);
-    const int more = a->has_form ? 8 : 48, seeds = library_seeds(a, goal, a->has_form ? 48 : 256, more, &w, far, order);
+    const int more = a->has_form ? 6 : 48, seeds = library_seeds(a, goal, a->has_form ? 48 : 256, more, &w, far, order);
     for (int k = 0; k < seeds; k++) library_start(a, goal, order[k], &w, s), attempt(a, goal, near, s, 1, found);
     done = fold_partners(a, goal, near, done, found);
     if (!solved(found)) {
@@ -1013,11 +1004,8 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
         double s[MAX_SLOTS];
         const double *from = k == -2 ? near : towards;
         if (k >= 0) COPY(s, a->library_slots + close[k] * a->slots, a->slots);
-        else if (!from) continue;
-        else {
-            COPY(s, a->start, a->slots);
-            for (int j = 0; j < n; j++) s[a->joint[j]] = a->zero[a->joint[j]] + from[j];
-        }
+        else if (from) start_at(a, from, s);
+        else continue;
         if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, near, 0.02, found);
     }
     return solved(found);
@@ -1155,11 +1143,9 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
         double command_[MAX_JOINTS], slots[MAX_SLOTS];
         int new = 1;
         if (k < 0) {
-            COPY(slots, a->start, a->slots);
-            for (int j = 0; j < a->joints; j++) {
-                command_[j] = lesser(larger(from[(more + k) * a->joints + j], a->lower[j]), a->upper[j]);
-                slots[a->joint[j]] = a->zero[a->joint[j]] + command_[j];
-            }
+            COPY(command_, from + (more + k) * a->joints, a->joints);
+            for (int j = 0; j < a->joints; j++) command_[j] = lesser(larger(command_[j], a->lower[j]), a->upper[j]);
+            start_at(a, command_, slots);
         } else {
             COPY(command_, q[order[k]], a->joints), COPY(slots, s[order[k]], a->slots);
             for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
@@ -1234,12 +1220,9 @@ API int ik_newton(const Arm *a, const double *goal, int rows, double *s, double 
  * that is free along the branch's family. Beyond the limits too unless `limited`. Where a root is nearly double or a
  * lever nearly lost, Newton's method follows, and a family is represented by its member nearest to `towards`. */
 static void nominal_pose(const Arm *a, const double *goal, const double *towards, int limited, double *q, int *kind) {
-    const Window open = {{towards[0], towards[1], towards[2], towards[3], towards[4], towards[5]},
-                         {-INFINITY, -INFINITY, -INFINITY, -INFINITY, -INFINITY, -INFINITY},
-                         {INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY}};
-    const Window within = limits(a, towards);
+    const Window open = window_of(a, towards, 0), within = window_of(a, towards, limited);
     Branches b;
-    closed_form(&a->form, goal, limited ? &within : &open, 0, 255, &b);
+    closed_form(&a->form, goal, &within, 0, 255, &b);
     if (b.degenerate && limited) closed_form(&a->form, goal, &open, 0, 255, &b);
     for (int k = 0; k < BRANCHES; k++) {
         kind[k] = b.exists >> k & 1 ? 0 : -1;
@@ -1249,17 +1232,17 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
         State w;
         double s[MAX_SLOTS], member[MAX_SLOTS], along[MAX_JOINTS], direction[6];
         scratch.count = scratch.steps = 0;
-        for (int j = 0; j < 6; j++) s[a->joint[j]] = a->zero[a->joint[j]] + b.q[k][j];
+        start_at(a, b.q[k], s);
         forward(a, s, &w);
         if (sqrt(goal_error(goal, 6, &w)) > 1e-12 && newton(a, goal, 6, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
         forward(a, s, &w);
         if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
-            kind[k] = b.lost[k] >= 0 ? b.lost[k] + 1 : family_joint(a, goal, s, along, &scratch);
+            kind[k] = b.lost[k] + 1;
             COPY(member, s, a->slots);
             if (kind[k] && slide(a, goal, 6, towards, member, &w, &scratch) == REACHED) COPY(s, member, a->slots);
         }
         for (int j = 0; j < 6 && kind[k] >= 0; j++) {
-            const double angle = into_window(limited ? &within : &open, j, s[a->joint[j]] - a->zero[a->joint[j]]);
+            const double angle = into_window(&within, j, s[a->joint[j]] - a->zero[a->joint[j]]);
             if (isnan(angle)) kind[k] = -1;
             q[6 * k + j] = isnan(angle) ? 0 : angle;
         }
@@ -1273,7 +1256,7 @@ API void ik_nominal(const Arm *a, int count, const double *goals, const double *
 /* For each of `count` positions with one orientation, the nominal branch (K,6) nearest to `near` within the limits widened
  * by slack (rad), and whether there is one. The number of the last nearest branch is tried first. */
 API void ik_nearest_branches(const Arm *a, int count, const double *goals, const double *near, double slack, double *q, int *found) {
-    Window win = limits(a, near);
+    Window win = window_of(a, near, 1);
     int likely = 255;
     for (int j = 0; j < 6; j++) win.lower[j] -= slack, win.upper[j] += slack;
     for (int i = 0; i < count; i++) {
