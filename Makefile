@@ -7,12 +7,13 @@ BIN := $(VENV)/bin
 OUT ?= out
 MINUTES ?= 10
 HOURS ?= 24
+TARGETS ?= manylinux_2_17_x86_64 manylinux_2_17_aarch64 macosx_11_0_x86_64 macosx_11_0_arm64 win_amd64 win_arm64
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak coverage confusion unfamiliar misreadings tutorial install uninstall clean
+.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage confusion unfamiliar misreadings tutorial install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -66,13 +67,16 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)
 
-soak: setup ## all laws with ten times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, attacks for MINUTES=10
+soak: setup ## all laws with ten times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, a million IK queries under sanitizers, attacks for MINUTES=10
 	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
-	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_ik
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.sanitised 1000000
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile --minutes $(MINUTES)
+
+wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist/ (minutes)
+	for target in $(TARGETS); do LRM_WHEEL_TARGET=$$target $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist . || exit 1; done
 
 coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250

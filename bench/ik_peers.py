@@ -9,10 +9,10 @@ import numpy as np
 
 from bench.peers import Pinocchio
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
-from lrm_math.ik.answer import JointLimits
-from lrm_math.ik.nominal.screw_axes import screw_axes_of
 from lrm_math.kinematics.chain import X, chain_of
+from lrm_math.kinematics.screw_axes import screw_axes_of
 
 
 class PeerSolver(ABC):

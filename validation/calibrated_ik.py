@@ -21,21 +21,21 @@ from lrm_ident.data.measurements import load_measurements
 from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
-from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import pose
 from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.library import CHAR_LENGTH
-from lrm_math.ik.pulse_rounding import Rounding
 from lrm_math.ik.reply import CalibratedReply, NotConverged, Solved
 from lrm_math.ik.solver_context import AT_LIMIT, IkQuery, Method
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from operator import sub
 
-import numpy as np
-
-from lrm_math.arm.arm import Arm
+from lrm_math.arm.joint_limits import JointLimits, Violation
 from lrm_math.arrays import Array
-from lrm_math.ik.goal import Goal
+from lrm_math.ik.goal import Goal, rotation_rows
 
 
 class IkVerdict(StrEnum):
@@ -25,38 +23,6 @@ class IkVerdict(StrEnum):
     """Solvable only outside the joint limits."""
     OUT_OF_REACH = "out_of_reach"
     """No joint angles solve the goal, limits or not."""
-
-
-@dataclass(frozen=True, slots=True)
-class JointLimits:
-    """Joint limits (rad), one number per joint."""
-
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
-
-    @classmethod
-    def of(cls, arm: Arm) -> JointLimits:
-        """Those of an arm."""
-        return cls(tuple(j.lower for j in arm.joints), tuple(j.upper for j in arm.joints))
-
-    @property
-    def middle(self) -> tuple[float, ...]:
-        """Middle of every joint's range (rad)."""
-        return tuple(0.5 * (a + b) for a, b in zip(self.lower, self.upper, strict=True))
-
-    def margins(self, q: Sequence[float]) -> tuple[float, ...]:
-        """Distance of every joint to its nearer limit (rad); negative beyond it."""
-        return tuple(min(x - a, b - x) for x, a, b in zip(q, self.lower, self.upper, strict=True))
-
-    def clipped(self, q: Sequence[float]) -> tuple[float, ...]:
-        """Angles moved to the limits that they are beyond."""
-        return tuple([min(max(x, a), b) for x, a, b in zip(q, self.lower, self.upper, strict=True)])
-
-    def violation(self, q: Sequence[float]) -> Violation:
-        """The limit with the largest excess."""
-        margins = self.margins(q)
-        worst = min(range(len(margins)), key=margins.__getitem__)
-        return Violation(worst + 1, -margins[worst])
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,26 +80,8 @@ class Nearest:
     @classmethod
     def at(cls, q: tuple[float, ...], goal: Goal, tcp: Array) -> Nearest:
         """Of joint angles q (rad) that take the tool to a frame (4, 4)."""
-        cosine, sine = 1.0, 0.0
-        if goal.rotation is not None:
-            turn = np.array(goal.rotation) @ tcp[:3, :3].T
-            cosine = 0.5 * (float(np.trace(turn)) - 1.0)
-            sine = 0.5 * math.hypot(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])
-        elif goal.approach is not None:
-            cosine, sine = float(tcp[:3, 2] @ goal.approach), float(np.linalg.norm(np.cross(tcp[:3, 2], goal.approach)))
-        return cls(q, goal.same_kind_at(tcp), math.dist(goal.position, tcp[:3, 3]), math.atan2(sine, cosine))
-
-
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """The violated joint limit of the branch with the least excess: joint from 1, excess in rad."""
-
-    joint: int
-    excess: float
-
-    def __str__(self) -> str:
-        over = math.degrees(self.excess)
-        return f"outside limits: joint {self.joint} would have to go {over:.2f} deg beyond its limit"
+        reached, angle = goal.same_kind_at(tcp), goal.angle_from(rotation_rows(tcp[:3, :3]))
+        return cls(q, reached, math.dist(goal.position, reached.position), angle)
 
 
 @dataclass(frozen=True, slots=True)

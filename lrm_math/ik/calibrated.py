@@ -11,25 +11,24 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, round_to_counts
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import Branch, IkVerdict, Nearest
+from lrm_math.ik.answer import Branch, IkVerdict
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
-from lrm_math.ik.joint_laws import deployed
-from lrm_math.ik.kernel.flat_arm import matrices
 from lrm_math.ik.nearest import nearest
-from lrm_math.ik.pulse_rounding import RoundedCommand, Rounding, ServoCounts, round_to_counts
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, PositionUncertainty, Solved, Unsolved
 from lrm_math.ik.solver_context import Command, CommandBatch, IkQuery, Method, SolverContext, Stalled
-from lrm_math.ik.uncertainty import position_covariance
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
+from lrm_math.model.deployed_model import deployed_part
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.uncertainty import position_covariance
 
 SAME = 1e-6
 """rad: commands no further apart are one branch."""
@@ -85,7 +84,7 @@ class CalibratedSolver:
 
         Raises `LrmError`: an effect that cannot be compensated and is not left out; wrong names or shapes.
         """
-        smooth = deployed(model, left_out)
+        smooth = deployed_part(model, left_out)
         if joint_sd is not None and (len(joint_sd) != model.arm.dof or not all(sd >= 0.0 for sd in joint_sd)):
             raise LrmError(f"joint_sd = {list(joint_sd)}; should be {model.arm.dof} standard deviations in rad")
         clock = clock or _clock_of(model)
@@ -177,24 +176,23 @@ class CalibratedSolver:
     ) -> Solved | None:
         """The reply, the first branch checked by its equilibrium; None if the arm does not settle there."""
         first, branches = order[0], self._branches(order)
-        q, side = np.array([branches[0].q]), np.array([first.direction])
-        rest = self.context.at_rest(query, q, side, np.array([first.slots]))
-        if not len(rest.rows):
+        tool = self.context.tool_at(query, branches[0].q, first)
+        if tool is None:
             return None
-        tcp = matrices(rest.tcp)[0]
-        there = Nearest.at(branches[0].q, query.goal, tcp)
+        ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z = tool
+        rotation = (ax, bx, cx), (ay, by, cy), (az, bz, cz)
         return Solved(
             goal=query.goal,
             q=branches[0].q,
             branches=branches,
-            tcp=_triple(tcp[:3, 3]),
-            rotation=rotation_rows(tcp[:3, :3]),
-            predicted_error=there.distance,
-            predicted_turn=there.angle,
-            uncertainty=self._uncertainty_of(query, q, side, rest.slots),
+            tcp=(x, y, z),
+            rotation=rotation,
+            predicted_error=math.dist((x, y, z), query.goal.position),
+            predicted_turn=query.goal.angle_from(rotation),
+            uncertainty=self._uncertainty_of(query, branches[0].q, first),
             direction=first.direction,
             detours=first.detour,
-            rounded=self._rounded(query, q, side, rest.slots, rounding),
+            rounded=self._rounded(query, branches[0].q, first, rounding),
             method=method,
             steps=found.steps,
             cube_error=found.error,
@@ -223,14 +221,14 @@ class CalibratedSolver:
         poses = self.context.poses(query, q, np.array([command.direction for command in commands], dtype=np.float64))
         return poses, self.context.chain_amounts(np.array([command.slots for command in commands]))
 
-    def _equilibrium(self, query: IkQuery, q: Array, side: Array, slots: Array) -> Equilibrium:
-        poses = self.context.poses(query, q, side.astype(np.float64))
-        return solve_equilibrium(self.context.model, poses, self.context.chain_amounts(slots))
+    def _equilibrium(self, query: IkQuery, q: tuple[float, ...], command: Command) -> Equilibrium:
+        poses = self.context.poses(query, np.array([q]), np.array([command.direction], dtype=np.float64))
+        return solve_equilibrium(self.context.model, poses, self.context.chain_amounts(np.array([command.slots])))
 
-    def _uncertainty_of(self, query: IkQuery, q: Array, side: Array, slots: Array) -> PositionUncertainty | None:
+    def _uncertainty_of(self, query: IkQuery, q: tuple[float, ...], command: Command) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
             return None
-        return self._uncertainty(self._equilibrium(query, q, side, slots))
+        return self._uncertainty(self._equilibrium(query, q, command))
 
     def _uncertainty(self, rest: Equilibrium) -> PositionUncertainty | None:
         covariance = position_covariance(rest, self.covariance, self.joint_sd)
@@ -239,24 +237,22 @@ class CalibratedSolver:
         return PositionUncertainty(rotation_rows(covariance[0]), math.sqrt(float(np.trace(covariance[0]))))
 
     def _rounded(
-        self, query: IkQuery, q: Array, side: Array, slots: Array, rounding: Rounding
+        self, query: IkQuery, q: tuple[float, ...], command: Command, rounding: Rounding
     ) -> RoundedCommand | None:
         if self.servos is None:
             return None
         context = self.context
 
         def position_error(angles: tuple[float, ...]) -> float:
-            there = np.array([angles])
-            start = slots + context.stiff(there) - context.stiff(q)
-            rest = context.at_rest(query, there, side, start)
-            if not len(rest.rows):
+            tool = context.tool_at(query, angles, command)
+            if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
-            return math.dist(rest.tcp[0, 9:], query.goal.position)
+            return math.dist(tool[9:], query.goal.position)
 
         def jacobian() -> Array:
-            return np.asarray(joint_jacobian(self._equilibrium(query, q, side, slots))[0])
+            return np.asarray(joint_jacobian(self._equilibrium(query, q, command))[0])
 
-        return round_to_counts(self.servos, q[0].tolist(), rounding, position_error, jacobian)
+        return round_to_counts(self.servos, q, rounding, position_error, jacobian)
 
     def _checked_angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
         if q is None:

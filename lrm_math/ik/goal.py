@@ -63,6 +63,22 @@ class Goal:
             self.constraints
         ]
 
+    def angle_from(self, rotation: Rotation) -> float:
+        """Angle (rad) from a tool frame's orientation to this one, or to the approach; 0 for a position alone."""
+        (ax, bx, cx), (ay, by, cy), (az, bz, cz) = rotation
+        if self.rotation is not None:
+            (px, qx, rx), (py, qy, ry), (pz, qz, rz) = self.rotation
+            trace = ax * px + ay * py + az * pz + bx * qx + by * qy + bz * qz + cx * rx + cy * ry + cz * rz
+            x = ay * pz - az * py + by * qz - bz * qy + cy * rz - cz * ry
+            y = az * px - ax * pz + bz * qx - bx * qz + cz * rx - cx * rz
+            z = ax * py - ay * px + bx * qy - by * qx + cx * ry - cy * rx
+            return math.atan2(0.5 * math.hypot(x, y, z), 0.5 * (trace - 1.0))
+        if self.approach is None:
+            return 0.0
+        x, y, z = self.approach
+        sine = math.hypot(cy * z - cz * y, cz * x - cx * z, cx * y - cy * x)
+        return math.atan2(sine, cx * x + cy * y + cz * z)
+
     def same_kind_at(self, tcp: Array) -> Goal:
         """A goal of the same kind that a tool frame (4, 4) takes."""
         x, y, z = tcp[:3, 3].tolist()

@@ -15,7 +15,6 @@ from functools import cached_property
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.errors import LrmError
 from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws
 from lrm_math.ik.kernel.linkage import Linkage, linkage_of
 from lrm_math.kinematics.chain import Number
@@ -32,7 +31,7 @@ SETTLED, MOST_STEPS = 1e-11, 60
 class JointLaws:
     """The relation between commands, loads and slots of a model.
 
-    `model`: only effects that can be compensated, and no rounding (see `deployed`).
+    `model`: only effects that can be compensated, and no rounding (see `deployed_model`).
     """
 
     model: Model
@@ -78,10 +77,15 @@ class JointLaws:
         pushed = [self._row[k] for bound in binding.pushing for k in bound.pushes if k in self._row]
         return moved <= joints and not self.compliances[self.linkage.others][:, pushed].any()
 
+    @cached_property
+    def kernel_laws(self) -> tuple[KernelLaw, ...] | None:
+        """The laws that the kernel computes; None if it has not all of them, or other slots do not follow linearly."""
+        return self.known if self.others_are_linear else None
+
     @property
     def complete(self) -> bool:
         """Whether the kernel alone computes the model."""
-        return self.known is not None and self.others_are_linear
+        return self.kernel_laws is not None
 
     def slots_at(self, poses: Poses, tau: Array) -> Array:
         """(K, V), amounts that the moving slots are due for commands under gravity loads (K, V): rad, m."""
@@ -143,27 +147,3 @@ class JointLaws:
                 for k, response in zip(bound.moves, responses, strict=True):
                     out[self._row[k], self._load_rows[i]] += response
         return out
-
-
-def deployed(model: Model, left_out: Sequence[str] = ()) -> Model:
-    """The effects of a model that can be compensated: not rounding, and none of those `left_out`.
-
-    Raises `LrmError`: an effect that only explains a measurement session (drift, session, measurement_frame) is neither
-    compensable nor named in `left_out`; or a name there that the model does not have.
-    """
-    names = {effect.id for effect in model.effects}
-    for name in left_out:
-        if name not in names:
-            raise LrmError(f"left out: '{name}' is no effect of this model; it has {', '.join(sorted(names))}")
-    kept = [e.online and e.id not in left_out for e in model.effects]
-    for effect, keep in zip(model.effects, kept, strict=True):
-        if not keep and effect.id not in left_out:
-            raise LrmError(
-                f"effect {effect.id}@{effect.place} explains a measurement session and cannot be compensated on the "
-                f"rover; name it as left out (left_out = ['{effect.id}']) to deploy the others"
-            )
-    effects = tuple(e for e, keep in zip(model.effects, kept, strict=True) if keep and e.id != "quantisation")
-    spans = [s for e, s, keep in zip(model.effects, model.spans, kept, strict=True) if keep and e.id != "quantisation"]
-    values = np.concatenate([np.empty(0), *(model.values[span] for span in spans)])
-    smooth = Model(model.arm, effects, values)
-    return replace(smooth, free=tuple(key for key in model.free if key in smooth.keys))

@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from lrm_math.arm.joint_limits import Violation
+from lrm_math.arm.pulse_rounding import RoundedCommand
 from lrm_math.arrays import Vector3
-from lrm_math.ik.answer import Branch, IkVerdict, Nearest, Violation
+from lrm_math.ik.answer import Branch, IkVerdict, Nearest
 from lrm_math.ik.goal import Goal, Rotation
-from lrm_math.ik.pulse_rounding import RoundedCommand
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
 
+from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
-from lrm_math.ik.answer import JointLimits
-from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.joint_laws import JointLaws
-from lrm_math.ik.kernel.flat_arm import FlatArm, goal_numbers, packed, with_form, with_laws
+from lrm_math.ik.kernel.flat_arm import FlatArm, Twelve, goal_numbers, packed, with_form, with_laws
 from lrm_math.ik.kernel.linkage import Indices
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import KernelFound
 from lrm_math.ik.library import PoseLibrary
 from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
 from lrm_math.ik.nominal.pieper import pieper_form
-from lrm_math.ik.nominal.screw_axes import screw_axes_of
 from lrm_math.ik.nominal.solver import NominalSolver, solver_of
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.kinematics.screw_axes import screw_axes_of
+from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.model import CACHED_PAYLOADS, Model
 
 AT_LIMIT = 1e-9
@@ -123,7 +123,7 @@ class ArmAtRest:
 
 @dataclass(frozen=True, eq=False)
 class SolverContext:
-    """A deployed model (see `joint_laws.deployed`) and what follows from it alone."""
+    """A deployed model (see `deployed_model`) and what follows from it alone."""
 
     model: Model
 
@@ -149,11 +149,7 @@ class SolverContext:
         moments = laws.linkage.moments(self.model.weights(0.0))
         arm = packed(laws.linkage, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = with_form(arm, pieper_form(screw_axes_of(equivalent_arm(self.model))))
-        return with_laws(arm.with_springs(laws.constants, laws.compliances), self._kernel_laws, 0.0)
-
-    @property
-    def _kernel_laws(self) -> tuple[tuple[int, int, tuple[float, ...]], ...] | None:
-        return self.joint_laws.known if self.joint_laws.complete else None
+        return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.kernel_laws, 0.0)
 
     @cached_property
     def library(self) -> PoseLibrary:
@@ -164,7 +160,7 @@ class SolverContext:
     def _ready(self) -> FlatArm:
         """The arm without load, with seeds; effects that are not linear about the library's mean loads."""
         laws, library = self.joint_laws, self.library
-        arm = with_laws(self._bare, self._kernel_laws, library.nonlinear_bound(laws))
+        arm = with_laws(self._bare, laws.kernel_laws, library.nonlinear_bound(laws))
         if not laws.others_are_linear:
             arm = arm.with_springs(*laws.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
         return arm.with_library(library.seeds, library.slots.mean(axis=0))
@@ -283,6 +279,17 @@ class SolverContext:
         frames = arm.forward(slots)[0]
         return ArmAtRest(rows, slots, frames[:, :3].transpose(0, 2, 1).reshape(-1, 12))
 
+    def tool_at(self, query: IkQuery, q: tuple[float, ...], command: Command) -> list[float] | None:
+        """Tool frame by columns, twelve numbers, at rest at a command near one that was found; None: it has none."""
+        if not self.joint_laws.complete:
+            rest = self.at_rest(query, np.array([q]), np.array([command.direction]), np.array([command.slots]))
+            return rest.tcp[0].tolist() if len(rest.rows) else None
+        n, arm, iterations = len(q), self.arm(query.payload), ctypes.c_int()
+        slots, tcp = (ctypes.c_double * arm.slots)(*command.slots), Twelve()
+        angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*command.direction)
+        kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
+        return tcp[:] if iterations.value > 0 else None
+
     def stiff(self, q: Array) -> Array:
         """(K, V), slot amounts of the arm without loads at commands (K, n)."""
         out = np.tile(self.joint_laws.constants, (len(q), 1))
@@ -295,7 +302,3 @@ class SolverContext:
         for k, amount in zip(self.joint_laws.linkage.slots.tolist(), slots.T, strict=True):
             out[k] = float(amount[0]) if len(slots) == 1 else amount
         return out
-
-    def within_limits(self, q: Sequence[float]) -> bool:
-        """Whether a command keeps the limits."""
-        return min(self.limits.margins(q)) >= -AT_LIMIT

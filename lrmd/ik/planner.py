@@ -13,9 +13,9 @@ from lrm_math.collision.rrt_connect import Check, NoPath, plan
 from lrm_math.collision.scene import Scene, clearance_of
 from lrm_math.collision.straight_move import MotionClearance, check_move
 from lrm_math.errors import NoEquilibrium
-from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 from lrmd.config import Config
 from lrmd.safety.collision_guard import ClearanceViolation, CollisionGuard, sample_move

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
@@ -19,7 +20,6 @@ from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.pulse_rounding import Rounding
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, Solved, Unsolved
 from lrm_math.ik.solver_context import IkQuery, Method, SolverContext
 from lrm_math.kinematics.chain import Number

@@ -13,22 +13,22 @@ from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import IkVerdict
-from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.pulse_rounding import Rounding
 from lrm_math.ik.reply import NotConverged, Solved, Unsolved
 from lrm_math.ik.solver_context import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of

@@ -18,18 +18,19 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.ik.answer import IkVerdict, Nearest
-from lrm_math.ik.batch_equilibrium import batch_equilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose
-from lrm_math.ik.library import CHAR_LENGTH, reach_ball
+from lrm_math.ik.library import CHAR_LENGTH
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.reply import Solved, Unsolved
 from lrm_math.ik.solver_context import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from lrm_math.model.reach_ball import reach_ball
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 

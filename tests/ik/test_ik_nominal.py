@@ -17,10 +17,10 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.answer import IkVerdict, NominalAnswer
 from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
 from lrm_math.ik.library import CHAR_LENGTH
-from lrm_math.ik.nominal.screw_axes import screw_axes_of
 from lrm_math.ik.nominal.solver import solver_of
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.screw_axes import screw_axes_of
 from tests.support.random_arms import random_arm
 
 SHIPPED = ("lrm-lab", "lrm-rover")

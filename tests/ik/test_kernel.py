@@ -193,16 +193,16 @@ def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
 
 def test_a_missing_stale_or_foreign_library_is_one_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(LrmError, match=r"is missing; run `make setup`"):
-        shared_library.kernel(tmp_path / "none.so")
+        shared_library.loaded(tmp_path / "none.so")
     (tmp_path / "text.so").write_text("no library")
     with pytest.raises(LrmError, match="no kernel for this machine"):
-        shared_library.kernel(tmp_path / "text.so")
+        shared_library.loaded(tmp_path / "text.so")
     edited = tmp_path / "ik_kernel.c"
     edited.write_bytes(shared_library.SOURCE.read_bytes() + b"/* edited */\n")
     copied = shutil.copy(shared_library.BUILT, tmp_path / "copy.so")
     monkeypatch.setattr(shared_library, "SOURCE", edited)
     with pytest.raises(LrmError, match="built from another version"):
-        shared_library.kernel(Path(copied))
+        shared_library.loaded(Path(copied))
 
 
 def test_a_settled_command_too_soft_is_not_at_rest() -> None:

@@ -77,23 +77,28 @@ static const double SAME = 1e-6;     /* rad: commands no further apart are one s
 static const double FLAT_TURN = 1e-3; /* 1 + trace of a rotation below which it is taken for half a turn */
 static const double TURN = 6.283185307179586;
 
+static double larger(double a, double b) { return a > b ? a : b; } /* inline, as fmax is not */
+static double lesser(double a, double b) { return a < b ? a : b; }
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static void cross(const double *a, const double *b, double *out) {
     out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
 }
 static double largest(const double *x, int n) {
     double out = 0;
-    for (int i = 0; i < n; i++) out = fmax(out, fabs(x[i]));
+    for (int i = 0; i < n; i++) out = larger(out, fabs(x[i]));
     return out;
 }
 static double apart(const double *a, const double *b, int n) {
     double out = 0;
-    for (int i = 0; i < n; i++) out = fmax(out, fabs(a[i] - b[i]));
+    for (int i = 0; i < n; i++) out = larger(out, fabs(a[i] - b[i]));
     return out;
+}
+static void add(double by, const double *x, int n, double *out) {
+    for (int i = 0; i < n; i++) out[i] += by * x[i];
 }
 static double excess_of(const Arm *a, const double *q) {
     double out = -INFINITY;
-    for (int j = 0; j < a->joints; j++) out = fmax(out, fmax(a->lower[j] - q[j], q[j] - a->upper[j]));
+    for (int j = 0; j < a->joints; j++) out = larger(out, larger(a->lower[j] - q[j], q[j] - a->upper[j]));
     return out;
 }
 
@@ -101,13 +106,13 @@ static double excess_of(const Arm *a, const double *q) {
 
 /* Product of exponentials outwards (Brockett 1984), then gravity's load on each slot by its screw and the first mass
  * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin). */
-static void forward(const Arm *a, const double *s, State *w) {
-    double f[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p[3] = {0, 0, 0}, centre[MAX_BODIES][3];
+static void place(const Arm *a, const double *s, State *w) {
+    double f[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p[3] = {0, 0, 0};
     int body = 0;
     for (int v = 0; v <= a->slots; v++) {
         for (; body < a->bodies && a->inboard[body] == v; body++) {
             const double *m = a->moment[body];
-            for (int i = 0; i < 3; i++) centre[body][i] = f[0][i] * m[0] + f[1][i] * m[1] + f[2][i] * m[2] + p[i] * m[3];
+            for (int i = 0; i < 3; i++) w->first[body][i] = f[0][i] * m[0] + f[1][i] * m[1] + f[2][i] * m[2] + p[i] * m[3];
         }
         const double *T = a->weld[v];
         for (int i = 0; i < 3; i++) p[i] += f[0][i] * T[3] + f[1][i] * T[7] + f[2][i] * T[11];
@@ -133,10 +138,13 @@ static void forward(const Arm *a, const double *s, State *w) {
         }
     }
     for (int i = 0; i < 3; i++) w->tcp[i] = f[0][i], w->tcp[3 + i] = f[1][i], w->tcp[6 + i] = f[2][i], w->tcp[9 + i] = p[i];
+}
+static void forward(const Arm *a, const double *s, State *w) {
+    place(a, s, w);
     w->mass[a->bodies] = w->first[a->bodies][0] = w->first[a->bodies][1] = w->first[a->bodies][2] = 0;
     for (int b = a->bodies - 1; b >= 0; b--) {
         w->mass[b] = w->mass[b + 1] + a->moment[b][3];
-        for (int i = 0; i < 3; i++) w->first[b][i] = w->first[b + 1][i] + centre[b][i];
+        for (int i = 0; i < 3; i++) w->first[b][i] += w->first[b + 1][i];
     }
     for (int v = 0; v < a->slots; v++) {
         const double *first = w->first[a->counted[v]], m = w->mass[a->counted[v]];
@@ -173,24 +181,24 @@ static void sweep(const Arm *a, State *w) {
     for (int v = 0; v < a->slots; v++) swept(a, w, v, a->moved[v], w->by_moved[v]), swept(a, w, v, a->counted[v], w->by_counted[v]);
 }
 
-/* d tau_u / d s_v: the Hessian of gravity's potential; less what u counts although v, inboard, does not move it. */
-static double load_derivative(const Arm *a, const State *w, int u, int v) {
-    if (v >= u) return dot(w->lever[u], w->by_moved[v]);
-    double out = dot(w->lever[v], w->by_counted[u]);
-    if (a->counted[u] < a->moved[v]) {
+/* d tau_u / d s_v, (slots,) added `by` times to out: the Hessian of gravity's potential; less what u counts although v,
+ * inboard of it, does not move it. */
+static void add_load_derivatives(const Arm *a, const State *w, int u, double by, double *out) {
+    for (int v = 0; v < u; v++) out[v] += by * dot(w->lever[v], w->by_counted[u]);
+    for (int v = u; v < a->slots; v++) out[v] += by * dot(w->lever[u], w->by_moved[v]);
+    for (int v = u - 1; v >= 0 && a->counted[u] < a->moved[u]; v--) {
         double all[3];
+        if (a->counted[u] >= a->moved[v]) continue;
         swept(a, w, v, a->counted[u], all);
-        for (int i = 0; i < 3; i++) all[i] -= w->by_moved[v][i];
-        out -= dot(w->lever[u], all);
+        out[v] -= by * (dot(w->lever[u], all) - dot(w->lever[u], w->by_moved[v]));
     }
-    return out;
 }
 
 /* Response of the deflection of slot `row` to every slot's motion, (slots,). */
 static void deflection_derivative(const Arm *a, const State *w, int row, double *out) {
     for (int v = 0; v < a->slots; v++) out[v] = 0;
     for (int k = a->spring_from[row]; k < a->spring_from[row + 1]; k++)
-        for (int v = 0; v < a->slots; v++) out[v] += a->spring[k] * load_derivative(a, w, a->spring_load[k], v);
+        add_load_derivatives(a, w, a->spring_load[k], a->spring[k], out);
 }
 
 /* Cholesky factorisation in place of the lower triangle, reciprocal pivots; a pivot that is not positive becomes 0. */
@@ -313,9 +321,10 @@ static int settle(const Arm *a, const double *q, const int *side, double toleran
 }
 /* Whether a slot deflects by more than the effects' formulas hold for (0.5 rad, equilibrium.py). */
 static int too_soft(const Arm *a, const double *q, const int *side, const double *s) {
-    double nothing[MAX_SLOTS] = {0}, error[MAX_JOINTS];
-    joint_errors(a, nothing, q, side, error);
-    for (int j = 0; j < a->joints; j++) if (fabs(s[a->joint[j]] - q[j] - error[j]) > 0.5) return 1;
+    double nothing[MAX_SLOTS] = {0}, error[MAX_JOINTS], most = 0;
+    for (int j = 0; j < a->joints; j++) most = larger(most, fabs(s[a->joint[j]] - q[j] - a->zero[a->joint[j]]));
+    if (most > 0.1) joint_errors(a, nothing, q, side, error);
+    for (int j = 0; j < a->joints && most > 0.1; j++) if (fabs(s[a->joint[j]] - q[j] - error[j]) > 0.5) return 1;
     for (int i = 0; i < a->others; i++)
         if (a->axis[a->other[i]] < 3 && fabs(s[a->other[i]] - a->zero[a->other[i]]) > 0.5) return 1;
     return 0;
@@ -332,14 +341,14 @@ static double goal_error(const double *g, int rows, State *w) {
     if (rows == 6) {
         double trace = 0;
         for (int k = 0; k < 9; k++) trace += t[k] * g[k];
-        const double scale = 2 * LEVER / fmax(1 + trace, FLAT_TURN);
+        const double scale = 2 * LEVER / larger(1 + trace, FLAT_TURN);
         for (int k = 0; k < 9; k += 3) {
             cross(t + k, g + k, part);
             for (int i = 0; i < 3; i++) e[3 + i] += scale * part[i];
         }
     } else if (rows == 5) {
         cross(t + 6, g + 6, turn);
-        const double sine = sqrt(dot(turn, turn)), scale = LEVER * atan2(sine, dot(t + 6, g + 6)) / fmax(sine, 1e-300);
+        const double sine = sqrt(dot(turn, turn)), scale = LEVER * atan2(sine, dot(t + 6, g + 6)) / larger(sine, 1e-300);
         e[3] = scale * dot(turn, t), e[4] = scale * dot(turn, t + 3);
     }
     return dot(e, e) + dot(e + 3, e + 3);
@@ -359,28 +368,29 @@ static double lacking(const Arm *a, const double *s, State *w) {
 /* w->total: Jacobian (rows, joints), the other slots following their loads (w->follow; last column: what they lack).
  * (1 - M)^-1 of their mutual response M is cut after M: the deflection that a deflection causes. */
 static void total_jacobian(const Arm *a, int rows, State *w) {
-    const int n = a->joints;
-    double M[MAX_SLOTS][MAX_SLOTS], sum[6][MAX_JOINTS + 1];
+    const int n = a->joints, others = a->others;
+    double M[MAX_SLOTS][MAX_SLOTS], first[MAX_SLOTS][MAX_JOINTS + 1], sum[6][MAX_JOINTS + 1];
     jacobian(a, w);
-    if (a->others) sweep(a, w);
-    for (int i = 0; i < a->others; i++) deflection_derivative(a, w, a->other[i], M[i]);
-    for (int i = 0; i < a->others; i++)
-        for (int j = 0; j <= n; j++) {
-            double x = j < n ? M[i][a->joint[j]] : w->lack[i];
-            for (int k = 0; k < a->others; k++) x += M[i][a->other[k]] * (j < n ? M[k][a->joint[j]] : w->lack[k]);
-            w->follow[i][j] = x;
-        }
-    for (int r = 0; r < 6; r++)
-        for (int j = 0; j <= n; j++) {
-            double x = j < n ? w->J[r][a->joint[j]] : 0;
-            for (int i = 0; i < a->others; i++) x += w->J[r][a->other[i]] * w->follow[i][j];
-            sum[r][j] = x;
-        }
-    if (rows == 5)
-        for (int j = 0; j <= n; j++) {
-            const double turn[3] = {sum[3][j], sum[4][j], sum[5][j]};
-            sum[3][j] = dot(w->tcp, turn), sum[4][j] = dot(w->tcp + 3, turn);
-        }
+    if (others) sweep(a, w);
+    for (int i = 0; i < others; i++) {
+        deflection_derivative(a, w, a->other[i], M[i]);
+        for (int j = 0; j < n; j++) first[i][j] = M[i][a->joint[j]];
+        first[i][n] = w->lack[i];
+    }
+    for (int i = 0; i < others; i++) {
+        double *follow = w->follow[i];
+        COPY(follow, first[i], n + 1);
+        for (int k = 0; k < others; k++) add(M[i][a->other[k]], first[k], n + 1, follow);
+    }
+    for (int r = 0; r < 6; r++) {
+        for (int j = 0; j < n; j++) sum[r][j] = w->J[r][a->joint[j]];
+        sum[r][n] = 0;
+        for (int i = 0; i < others; i++) add(w->J[r][a->other[i]], w->follow[i], n + 1, sum[r]);
+    }
+    for (int j = 0; j <= n && rows == 5; j++) {
+        const double turn[3] = {sum[3][j], sum[4][j], sum[5][j]};
+        sum[3][j] = dot(w->tcp, turn), sum[4][j] = dot(w->tcp + 3, turn);
+    }
     for (int r = 0; r < rows; r++) {
         COPY(w->total[r], sum[r], n);
         w->e[r] -= sum[r][n];
@@ -439,10 +449,10 @@ static Ending newton(const Arm *a, const double *goal, int rows, double *s, Stat
         if (rows == 6 && miss < 1e-4)
             for (int k = 0; k < found->count; k++) {
                 double off = 0;
-                for (int j = 0; j < a->joints; j++) off = fmax(off, fabs(s[a->joint[j]] - found->at[k].slots[a->joint[j]]));
+                for (int j = 0; j < a->joints; j++) off = larger(off, fabs(s[a->joint[j]] - found->at[k].slots[a->joint[j]]));
                 if (off < 3e-4) return KNOWN;
             }
-        damping = miss > before ? 30 * damping : fmax(0.3 * damping, least_damping);
+        damping = miss > before ? 30 * damping : larger(0.3 * damping, least_damping);
         before = miss;
         total_jacobian(a, rows, w);
         damped_step(a, w, rows, damping * square + tiny, turns);
@@ -451,7 +461,7 @@ static Ending newton(const Arm *a, const double *goal, int rows, double *s, Stat
         move(a, w, turns, s);
         if (limited && miss > nearly) {
             linear_command(a, w, s, q);
-            if (excess_of(a, q) > fmin(0.2, a->nonlinear_bound + size * cut)) return BEYOND;
+            if (excess_of(a, q) > lesser(0.2, a->nonlinear_bound + size * cut)) return BEYOND;
         }
     }
 }
@@ -472,10 +482,10 @@ typedef struct {
 } Branches;
 
 static double into_window(const Window *win, int j, double q) {
-    q += TURN * rint((win->towards[j] - q) / TURN);
+    if (fabs(q - win->towards[j]) > 0.5 * TURN) q += TURN * rint((win->towards[j] - q) / TURN);
     if (q < win->lower[j] - ROUND_OFF) q += TURN * ceil((win->lower[j] - ROUND_OFF - q) / TURN);
     if (q > win->upper[j] + ROUND_OFF) q -= TURN * ceil((q - win->upper[j] - ROUND_OFF) / TURN);
-    return q < win->lower[j] - ROUND_OFF ? NAN : fmin(fmax(q, win->lower[j]), win->upper[j]);
+    return !(q >= win->lower[j] - ROUND_OFF) ? NAN : lesser(larger(q, win->lower[j]), win->upper[j]);
 }
 
 /* mean + c cos t + s sin t + cc cos 2t + ss sin 2t */
@@ -512,9 +522,9 @@ static int zeros(Wave f, double scale, double *t) {
                 const double x = z[k][0] - z[i][0], y = z[k][1] - z[i][1], old = d[0];
                 d[0] = old * x - d[1] * y, d[1] = old * y + d[1] * x;
             }
-            const double size = fmax(d[0] * d[0] + d[1] * d[1], 1e-300);
+            const double size = larger(d[0] * d[0] + d[1] * d[1], 1e-300);
             const double x = (v[0] * d[0] + v[1] * d[1]) / size, y = (v[1] * d[0] - v[0] * d[1]) / size;
-            z[k][0] -= x, z[k][1] -= y, moved = fmax(moved, fabs(x) + fabs(y));
+            z[k][0] -= x, z[k][1] -= y, moved = larger(moved, fabs(x) + fabs(y));
         }
         if (moved < 1e-15) break;
     }
@@ -524,7 +534,7 @@ static int zeros(Wave f, double scale, double *t) {
         double x = atan2(z[k][1], z[k][0]);
         for (int it = 0; it < 6; it++) {
             const double slope = -f.c * sin(x) + f.s * cos(x) - 2 * f.cc * sin(2 * x) + 2 * f.ss * cos(2 * x);
-            const double step = slope != 0 ? fmin(fmax(-wave_at(f, x) / slope, -1e-3), 1e-3) : 0;
+            const double step = slope != 0 ? lesser(larger(-wave_at(f, x) / slope, -1e-3), 1e-3) : 0;
             if (fabs(wave_at(f, x + step)) < fabs(wave_at(f, x))) x += step;
         }
         if (fabs(wave_at(f, x)) < 1e-12 * scale) t[count++] = x;
@@ -578,7 +588,7 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
     else {
         double cos3 = ((f->shape == MEETING ? square : C[2]) - f->elbow[0]) / f->elbow[1];
         out->degenerate |= fabs(1 - cos3 * cos3) < BARELY;
-        if (fabs(cos3) > 1 + fmax(EDGE, missed)) return;
+        if (fabs(cos3) > 1 + larger(EDGE, missed)) return;
         if (fabs(cos3) > 1) cos3 = fabs(cos3) <= 1 + EDGE ? copysign(1, cos3) : copysign(0.98, cos3);
         elbows[0] = f->elbow[2] + acos(cos3), elbows[1] = f->elbow[2] - acos(cos3);
     }
@@ -590,7 +600,7 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
         const double cos3 = cos(t3), sin3 = sin(t3);
         double v[3];
         for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos3 + f->vs[i] * sin3;
-        const double round2 = v[0] * v[0] + v[1] * v[1], least = fmin(flat, round2);
+        const double round2 = v[0] * v[0] + v[1] * v[1], least = lesser(flat, round2);
         const int lost1 = flat < 1e-18 * L2, lost2 = round2 < 1e-14 * L2;
         double uy = (C[2] - link[0] * v[2]) / link[1], ux = (square - f->a * f->a - round2 - v[2] * v[2]) / (2 * f->a), root = 1;
         if (f->shape != SKEW) {
@@ -619,9 +629,9 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
             const double lever = m[0] * m[0] + m[1] * m[1];
             const int lost4 = lever < 1e-18;
             out->degenerate |= fabs(1 - cos5 * cos5) < BARELY || lever < BARELY;
-            if (fabs(cos5) > 1 + fmax(EDGE, missed)) continue;
+            if (fabs(cos5) > 1 + larger(EDGE, missed)) continue;
             if (fabs(cos5) > 1) cos5 = fabs(cos5) <= 1 + EDGE ? copysign(1, cos5) : copysign(0.98, cos5);
-            double sin5 = l5[1] * sqrt(fmax(1 - cos5 * cos5, EDGE * EDGE));
+            double sin5 = l5[1] * sqrt(larger(1 - cos5 * cos5, EDGE * EDGE));
             const double side = -l4[0] * cos5 * l5[1] - l4[1] * l5[0];
             for (int k = 0; k < 3; k++) across(turn[k][0], turn[k][1], f->links[k], n);
             for (int wrist = 0; wrist < (lost4 ? 1 : 2); wrist++, sin5 = -sin5) {
@@ -646,14 +656,13 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
     }
 }
 
-static Window anywhere(const Arm *a) {
+/* Angles within the limits, or any. */
+static Window window_of(const Arm *a, const double *towards, int limited) {
     Window out;
-    for (int j = 0; j < 6; j++) out.towards[j] = 0.5 * (a->lower[j] + a->upper[j]), out.lower[j] = -INFINITY, out.upper[j] = INFINITY;
-    return out;
-}
-static Window limits(const Arm *a, const double *towards) {
-    Window out;
-    for (int j = 0; j < 6; j++) out.towards[j] = towards[j], out.lower[j] = a->lower[j], out.upper[j] = a->upper[j];
+    for (int j = 0; j < 6; j++) {
+        out.towards[j] = towards ? towards[j] : 0.5 * (a->lower[j] + a->upper[j]);
+        out.lower[j] = limited ? a->lower[j] : -INFINITY, out.upper[j] = limited ? a->upper[j] : INFINITY;
+    }
     return out;
 }
 
@@ -675,7 +684,7 @@ static double slowest(const Arm *a, State *w, double *along, double *direction) 
     factorise(N, n);
     for (int it = 0; it < 4; it++) {
         substitute(N, along, n);
-        const double scale = 1 / fmax(largest(along, n), 1e-300);
+        const double scale = 1 / larger(largest(along, n), 1e-300);
         for (int i = 0; i < n; i++) along[i] *= scale;
     }
     for (int r = 0; r < 6; r++) {
@@ -684,35 +693,27 @@ static double slowest(const Arm *a, State *w, double *along, double *direction) 
         size += direction[r] * direction[r];
     }
     size = sqrt(size);
-    for (int r = 0; r < 6; r++) direction[r] /= fmax(size, 1e-300);
+    for (int r = 0; r < 6; r++) direction[r] /= larger(size, 1e-300);
     return size;
 }
 
+/* The joint, from 1, that turns most. */
 static int most_moving(const Arm *a, const double *along) {
     int most = 0;
     for (int j = 1; j < a->joints; j++) if (fabs(along[j]) > 1.000001 * fabs(along[most])) most = j;
     return most + 1;
 }
 
-/* The joint, from 1, that turns most along a family of solutions through s; 0 where the solution is alone. */
-static int family_joint(const Arm *a, const double *goal, const double *s, const double *along, Found *scratch) {
-    State w;
-    for (int way = -1; way <= 1; way += 2) {
-        double t[MAX_SLOTS], off = 0;
-        COPY(t, s, a->slots);
-        for (int j = 0; j < a->joints; j++) t[a->joint[j]] += 0.02 * way * along[j];
-        scratch->count = 0;
-        if (newton(a, goal, 6, t, &w, scratch, 0) != REACHED) continue;
-        for (int j = 0; j < a->joints; j++) off = fmax(off, fabs(t[a->joint[j]] - s[a->joint[j]]));
-        if (off > 0.01) return most_moving(a, along);
-    }
-    return 0;
-}
-
 /* ---------------------------------------------------------------- 8 Library of poses ---------------------------- */
 
 static void move_joints(const Arm *a, const double *by, double much, double *s) {
     for (int j = 0; j < a->joints; j++) s[a->joint[j]] += much * by[j];
+}
+
+/* Slot amounts of an arm at true joint angles (or commands) q, the other slots where searches begin. */
+static void start_at(const Arm *a, const double *q, double *s) {
+    COPY(s, a->start, a->slots);
+    for (int j = 0; j < a->joints; j++) s[a->joint[j]] = a->zero[a->joint[j]] + q[j];
 }
 
 /* Squared distances of all poses of the library from a goal (m^2), turns by their chords. */
@@ -768,7 +769,7 @@ static int library_seeds(const Arm *a, const double *goal, int judged, int count
         double q[MAX_JOINTS];
         const double length = first_step(a, goal, close[i], w, q);
         for (int j = 0; j < a->joints; j++) q[j] += a->library_q[close[i] * a->joints + j];
-        const double s = length + fmax(excess_of(a, q), 0);
+        const double s = length + larger(excess_of(a, q), 0);
         if (kept == count && s >= score[kept - 1]) continue;
         int k = kept < count ? kept++ : count - 1;
         for (; k > 0 && score[k - 1] > s; k--) score[k] = score[k - 1], out[k] = out[k - 1];
@@ -854,7 +855,7 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
         const double x = ways[i];
         double there[MAX_JOINTS], nearest = INFINITY;
         for (int j = 0; j < a->joints; j++) there[j] = q[j] + x * along[j];
-        for (int m = 0; m < found->count; m++) nearest = fmin(nearest, apart(there, found->at[m].q, a->joints));
+        for (int m = 0; m < found->count; m++) nearest = lesser(nearest, apart(there, found->at[m].q, a->joints));
         if (fabs(x) > 1.5 || nearest <= 0.35 * fabs(x) || excess_of(a, there) > 0.2) continue;
         COPY(s, old, a->slots);
         move_joints(a, along, x, s);
@@ -872,8 +873,7 @@ static int fold_partners(const Arm *a, const double *goal, const double *near, i
 static void null_space_seeds(const Arm *a, const double *goal, const double *near, const double *q, Found *found) {
     State w;
     double at[MAX_SLOTS], along[MAX_JOINTS], direction[6], first = -INFINITY, last = INFINITY;
-    COPY(at, a->start, a->slots);
-    for (int j = 0; j < a->joints; j++) at[a->joint[j]] = a->zero[a->joint[j]] + q[j];
+    start_at(a, q, at);
     forward(a, at, &w);
     if (slowest(a, &w, along, direction) > 0.01) return;
     for (int j = 0; j < a->joints; j++) {
@@ -882,7 +882,7 @@ static void null_space_seeds(const Arm *a, const double *goal, const double *nea
             continue;
         }
         const double one = (a->lower[j] - 0.1 - q[j]) / along[j], two = (a->upper[j] + 0.1 - q[j]) / along[j];
-        first = fmax(first, fmin(one, two)), last = fmin(last, fmax(one, two));
+        first = larger(first, lesser(one, two)), last = lesser(last, larger(one, two));
     }
     for (int i = 0; i < 3 && first < last; i++) {
         double s[MAX_SLOTS];
@@ -901,25 +901,22 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
     Branches b;
     double s[MAX_SLOTS];
     int order[KEPT], outside = 0, done = 0;
-    const Window all = anywhere(a);
     found->count = found->steps = 0;
     b.exists = 0;
-    if (a->has_form) closed_form(&a->form, goal, &all, INFINITY, 255, &b);
+    if (a->has_form) {
+        const Window all = window_of(a, NULL, 0);
+        closed_form(&a->form, goal, &all, INFINITY, 255, &b);
+    }
     for (int k = 0; k < BRANCHES; k++) {
         if (!(b.exists >> k & 1)) continue;
         if (excess_of(a, b.q[k]) > SLACK) { outside |= 1 << k; continue; }
-        COPY(s, a->start, a->slots);
-        for (int j = 0; j < 6; j++) s[a->joint[j]] = a->zero[a->joint[j]] + b.q[k][j];
+        start_at(a, b.q[k], s);
         attempt(a, goal, near, s, 1, found);
     }
-    if (near) {
-        COPY(s, a->start, a->slots);
-        for (int j = 0; j < a->joints; j++) s[a->joint[j]] = a->zero[a->joint[j]] + near[j];
-        attempt(a, goal, near, s, 1, found);
-    }
+    if (near) start_at(a, near, s), attempt(a, goal, near, s, 1, found);
     for (int k = 0; k < BRANCHES; k++) if (outside >> k & 1) null_space_seeds(a, goal, near, b.q[k], found);
     done = fold_partners(a, goal, near, done, found);
-    const int more = a->has_form ? 8 : 48, seeds = library_seeds(a, goal, a->has_form ? 48 : 256, more, &w, far, order);
+    const int more = a->has_form ? 6 : 48, seeds = library_seeds(a, goal, a->has_form ? 48 : 256, more, &w, far, order);
     for (int k = 0; k < seeds; k++) library_start(a, goal, order[k], &w, s), attempt(a, goal, near, s, 1, found);
     done = fold_partners(a, goal, near, done, found);
     if (!solved(found)) {
@@ -940,7 +937,7 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
  * active set); at last Newton's method alone. */
 static Ending slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w, Found *found) {
     const int n = a->joints, unknown[MAX_JOINTS] = {0};
-    double before = INFINITY, share = 1;
+    double before = INFINITY, share = 1, by_laws[MAX_JOINTS] = {0}; /* what laws add to commands: it changes slowly */
     int settled = 0;
     for (int step = 0; step < 120; step++, found->steps++) {
         double q[MAX_JOINTS], wish[MAX_JOINTS], turn[MAX_JOINTS], N[MAX_JOINTS][MAX_JOINTS], y[MAX_JOINTS];
@@ -948,12 +945,17 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         forward(a, s, w);
         const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, w);
         if (!(miss < 1e6)) return STUCK;
-        if (!command(a, w->tau, s, unknown, q)) linear_command(a, w, s, q);
+        linear_command(a, w, s, q);
         if (miss <= CLOSE && settled) return REACHED;
+        if (a->laws && (step % 8 == 0 || settled)) {
+            if (!command(a, w->tau, s, unknown, by_laws)) COPY(by_laws, q, n);
+            for (int j = 0; j < n; j++) by_laws[j] -= q[j];
+        }
+        for (int j = 0; j < n; j++) q[j] += by_laws[j];
         total_jacobian(a, rows, w);
         double cost = 0;
         for (int j = 0; j < n; j++) cost += (towards[j] - q[j]) * (towards[j] - q[j]);
-        share = cost + 100 * miss > before ? 0.5 * share : fmin(1, 1.5 * share);
+        share = cost + 100 * miss > before ? 0.5 * share : lesser(1, 1.5 * share);
         before = cost + 100 * miss;
         for (int j = 0; j < n; j++) wish[j] = settled ? 0 : share * (towards[j] - q[j]);
         for (int round = 0; round < n && changed; round++) {
@@ -971,7 +973,7 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
                 if (stuck[j]) continue;
                 turn[j] = wish[j];
                 for (int r = 0; r < rows; r++) turn[j] += w->total[r][j] * y[r];
-                const double within = fmin(fmax(turn[j], a->lower[j] - q[j]), a->upper[j] - q[j]);
+                const double within = lesser(larger(turn[j], a->lower[j] - q[j]), a->upper[j] - q[j]);
                 if (within != turn[j]) turn[j] = within, stuck[j] = changed = 1;
             }
         }
@@ -1002,11 +1004,8 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
         double s[MAX_SLOTS];
         const double *from = k == -2 ? near : towards;
         if (k >= 0) COPY(s, a->library_slots + close[k] * a->slots, a->slots);
-        else if (!from) continue;
-        else {
-            COPY(s, a->start, a->slots);
-            for (int j = 0; j < n; j++) s[a->joint[j]] = a->zero[a->joint[j]] + from[j];
-        }
+        else if (from) start_at(a, from, s);
+        else continue;
         if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, near, 0.02, found);
     }
     return solved(found);
@@ -1027,7 +1026,7 @@ static double rotation_error(const double *g, int rows, State *w) {
         cosine += share * dot(t + k, g + k);
     }
     const double sine = sqrt(dot(turn, turn)), angle = atan2(sine, cosine);
-    for (int i = 0; i < 3; i++) w->e[3 + i] = LEVER * angle * turn[i] / fmax(sine, 1e-12);
+    for (int i = 0; i < 3; i++) w->e[3 + i] = LEVER * angle * turn[i] / larger(sine, 1e-12);
     return dot(w->e, w->e) + LEVER * LEVER * angle * angle;
 }
 
@@ -1051,7 +1050,7 @@ static void command_jacobian(const Arm *a, const double *q, State *w, double J[6
         for (int j = 0; j < n; j++) {
             const int u = a->joint[j];
             const double slope = (up[j] - down[j] - spring_rest(a, more, u) + spring_rest(a, less, u)) / (2 * h);
-            for (int v = 0; v < a->slots; v++) M[u][v] += slope * load_derivative(a, w, u, v);
+            add_load_derivatives(a, w, u, slope, M[u]);
         }
     }
     for (int j = 0; j < n; j++) {
@@ -1090,7 +1089,7 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
                 const double *u = w.axis[a->joint[i]], v[3] = {J[0][j], J[1][j], J[2][j]};
                 double turned[3], x = 0;
                 for (int r = 0; r < (rows == 3 ? 3 : 6); r++) x += J[r][i] * J[r][j];
-                if (i == j) top = fmax(top, x);
+                if (i == j) top = larger(top, x);
                 cross(u, v, turned);
                 curvature[j][i] = x - dot(e, turned);
             }
@@ -1104,15 +1103,15 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
                 H[i][i] = stuck ? 1e30 : curvature[i][i] + damping * top;
                 p[i] = stuck ? 0 : gradient[i];
             }
-            if (!factorise(H, n)) { damping = fmax(5 * damping, 1e-2); continue; }
+            if (!factorise(H, n)) { damping = larger(5 * damping, 1e-2); continue; }
             substitute(H, p, n);
             const double size = largest(p, n), cut = size > 0.7 ? 0.7 / size : 1;
-            for (int j = 0; j < n; j++) moved[j] = fmin(fmax(q[j] + cut * p[j], a->lower[j]), a->upper[j]);
+            for (int j = 0; j < n; j++) moved[j] = lesser(larger(q[j] + cut * p[j], a->lower[j]), a->upper[j]);
             if (apart(moved, q, n) < 1e-9) return f;
             COPY(there, s, a->slots);
             for (int j = 0; j < n; j++) there[a->joint[j]] += moved[j] - q[j];
             new = settled_error(a, goal, rows, moved, there, &w), found->steps++;
-            damping = new < f ? 0.1 * damping : fmax(6 * damping, 1e-3);
+            damping = new < f ? 0.1 * damping : larger(6 * damping, 1e-3);
         }
         if (!(new < f)) return f;
         const double gain = f - new;
@@ -1144,11 +1143,9 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
         double command_[MAX_JOINTS], slots[MAX_SLOTS];
         int new = 1;
         if (k < 0) {
-            COPY(slots, a->start, a->slots);
-            for (int j = 0; j < a->joints; j++) {
-                command_[j] = fmin(fmax(from[(more + k) * a->joints + j], a->lower[j]), a->upper[j]);
-                slots[a->joint[j]] = a->zero[a->joint[j]] + command_[j];
-            }
+            COPY(command_, from + (more + k) * a->joints, a->joints);
+            for (int j = 0; j < a->joints; j++) command_[j] = lesser(larger(command_[j], a->lower[j]), a->upper[j]);
+            start_at(a, command_, slots);
         } else {
             COPY(command_, q[order[k]], a->joints), COPY(slots, s[order[k]], a->slots);
             for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
@@ -1185,7 +1182,8 @@ API void ik_forward(const Arm *a, int count, const double *s, double *tcp, doubl
 API void ik_load_derivatives(const Arm *a, const double *s, double *out) {
     State w;
     forward(a, s, &w), sweep(a, &w);
-    for (int u = 0; u < a->slots; u++) for (int v = 0; v < a->slots; v++) out[u * a->slots + v] = load_derivative(a, &w, u, v);
+    memset(out, 0, (size_t)(a->slots * a->slots) * sizeof *out);
+    for (int u = 0; u < a->slots; u++) add_load_derivatives(a, &w, u, 1, out + u * a->slots);
 }
 
 /* Equilibria of commands q (K,n) with sides (K,n): slot amounts (K,slots), from those given; tool frames (K,12); iterations
@@ -1196,7 +1194,7 @@ API void ik_settle(const Arm *a, int count, const double *q, const int *side, do
         const int n = a->joints;
         iterations[k] = settle(a, q + k * n, side + k * n, tolerance, s + k * a->slots, &w);
         if (iterations[k] > 0 && too_soft(a, q + k * n, side + k * n, s + k * a->slots)) iterations[k] = -1;
-        forward(a, s + k * a->slots, &w);
+        place(a, s + k * a->slots, &w);
         COPY(tcp + 12 * k, w.tcp, 12);
     }
 }
@@ -1218,28 +1216,13 @@ API int ik_newton(const Arm *a, const double *goal, int rows, double *s, double 
     COPY(tau, w.tau, a->slots);
     return end == REACHED;
 }
-/* Slides from `count` slot amounts (K,slots) to the commands nearest to `towards`, by the same rules as `ik_free`. */
-API int ik_slide(const Arm *a, const double *goal, int rows, const double *towards, int count, const double *from, Found *found) {
-    found->count = found->steps = 0;
-    for (int k = 0; k < count; k++) {
-        State w;
-        double s[MAX_SLOTS];
-        COPY(s, from + k * a->slots, a->slots);
-        if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, NULL, SAME, found);
-    }
-    return solved(found);
-}
-
 /* One pose of an arm that nothing deflects: its branches q (8,6) and kind (8,): -1 none, 0 alone, else the joint from 1
  * that is free along the branch's family. Beyond the limits too unless `limited`. Where a root is nearly double or a
  * lever nearly lost, Newton's method follows, and a family is represented by its member nearest to `towards`. */
 static void nominal_pose(const Arm *a, const double *goal, const double *towards, int limited, double *q, int *kind) {
-    const Window open = {{towards[0], towards[1], towards[2], towards[3], towards[4], towards[5]},
-                         {-INFINITY, -INFINITY, -INFINITY, -INFINITY, -INFINITY, -INFINITY},
-                         {INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY}};
-    const Window within = limits(a, towards);
+    const Window open = window_of(a, towards, 0), within = window_of(a, towards, limited);
     Branches b;
-    closed_form(&a->form, goal, limited ? &within : &open, 0, 255, &b);
+    closed_form(&a->form, goal, &within, 0, 255, &b);
     if (b.degenerate && limited) closed_form(&a->form, goal, &open, 0, 255, &b);
     for (int k = 0; k < BRANCHES; k++) {
         kind[k] = b.exists >> k & 1 ? 0 : -1;
@@ -1249,17 +1232,17 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
         State w;
         double s[MAX_SLOTS], member[MAX_SLOTS], along[MAX_JOINTS], direction[6];
         scratch.count = scratch.steps = 0;
-        for (int j = 0; j < 6; j++) s[a->joint[j]] = a->zero[a->joint[j]] + b.q[k][j];
+        start_at(a, b.q[k], s);
         forward(a, s, &w);
         if (sqrt(goal_error(goal, 6, &w)) > 1e-12 && newton(a, goal, 6, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
         forward(a, s, &w);
         if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
-            kind[k] = b.lost[k] >= 0 ? b.lost[k] + 1 : family_joint(a, goal, s, along, &scratch);
+            kind[k] = b.lost[k] + 1;
             COPY(member, s, a->slots);
             if (kind[k] && slide(a, goal, 6, towards, member, &w, &scratch) == REACHED) COPY(s, member, a->slots);
         }
         for (int j = 0; j < 6 && kind[k] >= 0; j++) {
-            const double angle = into_window(limited ? &within : &open, j, s[a->joint[j]] - a->zero[a->joint[j]]);
+            const double angle = into_window(&within, j, s[a->joint[j]] - a->zero[a->joint[j]]);
             if (isnan(angle)) kind[k] = -1;
             q[6 * k + j] = isnan(angle) ? 0 : angle;
         }
@@ -1273,7 +1256,7 @@ API void ik_nominal(const Arm *a, int count, const double *goals, const double *
 /* For each of `count` positions with one orientation, the nominal branch (K,6) nearest to `near` within the limits widened
  * by slack (rad), and whether there is one. The number of the last nearest branch is tried first. */
 API void ik_nearest_branches(const Arm *a, int count, const double *goals, const double *near, double slack, double *q, int *found) {
-    Window win = limits(a, near);
+    Window win = window_of(a, near, 1);
     int likely = 255;
     for (int j = 0; j < 6; j++) win.lower[j] -= slack, win.upper[j] += slack;
     for (int i = 0; i < count; i++) {

@@ -27,15 +27,19 @@ ARGUMENTS: dict[str, list[type]] = {
     "ik_joint_errors": [Pointer, Integer, Pointer, Pointer, Pointer, Pointer],
     "ik_commands": [Pointer, Integer, Pointer, Pointer, Pointer, Pointer],
     "ik_newton": [Pointer, Pointer, Integer, Pointer, Pointer, Pointer],
-    "ik_slide": [Pointer, Pointer, Integer, Pointer, Integer, Pointer, Pointer],
     "ik_nominal": [Pointer, Integer, Pointer, Pointer, Integer, Pointer, Pointer],
     "ik_nearest_branches": [Pointer, Integer, Pointer, Pointer, Real, Pointer, Pointer],
 }
 
 
 @cache
-def kernel(path: Path = BUILT) -> ctypes.CDLL:
-    """The kernel's functions.
+def kernel() -> ctypes.CDLL:
+    """The kernel's functions. Raises `LrmError` as `loaded`."""
+    return loaded(BUILT)
+
+
+def loaded(path: Path) -> ctypes.CDLL:
+    """The functions of a compiled kernel.
 
     Raises `LrmError`: it was not built, not for this machine, or from another source than the one beside it.
     """

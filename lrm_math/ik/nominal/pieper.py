@@ -21,7 +21,7 @@ from typing import TypeAlias
 import numpy as np
 
 from lrm_math.arrays import Array, Vector3
-from lrm_math.ik.nominal.screw_axes import ScrewAxes, angle_about, common_normals
+from lrm_math.kinematics.screw_axes import ScrewAxes, angle_about, common_normals
 
 CosSin: TypeAlias = tuple[float, float]
 

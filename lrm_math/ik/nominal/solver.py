@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Branch, IkVerdict, JointLimits, Nearest, NominalAnswer
+from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.kernel.flat_arm import FlatArm, frames_as_numbers, goal_numbers, packed, with_form
@@ -22,7 +23,7 @@ from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import BRANCHES, KernelFound
 from lrm_math.ik.library import PoseLibrary
 from lrm_math.ik.nominal.pieper import PieperForm, pieper_form
-from lrm_math.ik.nominal.screw_axes import screw_axes_of
+from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.model import Model, model_of
 
 Mask = NDArray[np.bool_]

@@ -15,10 +15,10 @@ from enum import StrEnum
 import numpy as np
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arm.servo_table import PwmClock, ServoTable
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import JointLimits
 
 CHECKED = 4
 """Number of the linearly best combinations that are evaluated exactly, at most."""

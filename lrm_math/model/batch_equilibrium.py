@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.errors import NoEquilibrium
-from lrm_math.ik.kernel.linkage import Indices
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import TOLERANCE, Equilibrium, solve_equilibrium
@@ -16,7 +16,7 @@ from lrm_math.model.model import Model
 
 def batch_equilibrium(
     model: Model, poses: Poses, start: Sequence[Number] | None = None, tolerance: float = TOLERANCE
-) -> tuple[Equilibrium, Indices]:
+) -> tuple[Equilibrium, NDArray[np.int64]]:
     """Equilibria of the poses that settle, and their rows; arguments as of `solve_equilibrium`."""
     rows = np.arange(len(poses))
     while True:
@@ -29,7 +29,7 @@ def batch_equilibrium(
             rows = rows[~np.isin(names, error.poses)]
 
 
-def _of(amount: Number, rows: Indices) -> Number:
+def _of(amount: Number, rows: NDArray[np.int64]) -> Number:
     """An amount in some poses; a float for a single pose, as `solve_equilibrium` expects."""
     if isinstance(amount, float):
         return amount
