@@ -13,7 +13,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage confusion unfamiliar misreadings tutorial install uninstall clean
+.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage confusion unfamiliar misreadings tutorial closed-loop install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -67,13 +67,14 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)
 
-soak: setup ## all laws with ten times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, a million IK queries under sanitizers, attacks for MINUTES=10
+soak: setup ## all laws with ten times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, a million IK queries under sanitizers, attacks for MINUTES=10, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.sanitised 1000000
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile --minutes $(MINUTES)
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.killed_campaign --kills 50
 
 wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist/ (minutes)
 	for target in $(TARGETS); do LRM_WHEEL_TARGET=$$target $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist . || exit 1; done
@@ -87,6 +88,10 @@ misreadings: setup ## are misread measurements understood and healthy ones accep
 tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workbench, in a headless Chromium
 	$(BIN)/python -m validation.tutorial_pictures
 	$(BIN)/python -m validation.workbench_speed
+
+closed-loop: setup ## the demo over 30 seeds, and adaptive measuring against random poses over 20 (two hours)
+	$(ONE_THREAD) $(BIN)/python -m validation.closed_loop --seeds 30
+	$(ONE_THREAD) $(BIN)/python -m validation.adaptive_measuring --seeds 20
 
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md

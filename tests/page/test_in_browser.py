@@ -24,7 +24,8 @@ from tests.support.browser import (
 )
 from tests.support.commands import part_of_example, stdout_of
 
-SIZE = {"width": 1366, "height": 768}
+SIZE, SMALL_SIZE = {"width": 1366, "height": 768}, {"width": 800, "height": 600}
+"""Of the screen; the scene is drawn without a graphics card, and a small one costs less."""
 ONE_STEP, TWO_STEPS = "lrm.state.values.steps.length === 1", "lrm.state.values.steps.length === 2"
 RANKED = "lrm.state.values.ranking.length > 0"
 ARROWS = "Math.max(...lrm.state.values.steps[lrm.state.step].residual.map((r) => Math.hypot(...r)))"
@@ -46,9 +47,20 @@ def running(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield found
 
 
-def opened(browser: Any, running: RunningWorkbench, seen: BrowserLog | None = None, **options: Any) -> Any:
-    """A new tab."""
-    context = browser.new_context(viewport=SIZE, **options)
+@pytest.fixture(scope="module")
+def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
+    """A workbench on a third of the shipped data set, for what does not depend on the number of poses."""
+    assert browser
+    folder = tmp_path_factory.mktemp("small")
+    with workbench(part_of_example(folder, 100), cwd=folder) as found:
+        yield found
+
+
+def opened(
+    browser: Any, running: RunningWorkbench, size: dict[str, int], seen: BrowserLog | None = None, scheme: str = "light"
+) -> Any:
+    """A new tab. `scheme`: of colours, that the browser asks for."""
+    context = browser.new_context(viewport=size, color_scheme=scheme)
     context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     if seen:
@@ -61,7 +73,7 @@ def opened(browser: Any, running: RunningWorkbench, seen: BrowserLog | None = No
 @pytest.mark.slow
 def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: RunningWorkbench) -> None:
     seen = BrowserLog()
-    page = opened(browser, running, seen)
+    page = opened(browser, running, SIZE, seen)
     assert "1 of 6" in page.inner_text(".lrm-tour")
     for _ in range(6):
         page.click("[data-name=next]")
@@ -86,17 +98,6 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     page.keyboard.press("u")
     wait_for(page, ONE_STEP)
     assert page.evaluate(ARROWS) == pytest.approx(arrows)
-    page.click("[data-name=auto]")
-    says(page, "#lrm-work", "auto")
-    page.click("[data-name=cancel]")
-    says(page, "#lrm-failure", "cancelled")
-    assert page.evaluate(ONE_STEP)
-    page.click('[data-name="propose a law"]')
-    says(page, "#lrm-work", "law")
-    page.wait_for_selector("#lrm-law")
-    assert "laws were tried" in page.inner_text("#lrm-law")
-    page.screenshot(path=SHOTS / "law.png")
-    page.click("[data-name=close-law]")
     with page.context.expect_page() as other:
         page.click("[data-name=report]")
     report = other.value
@@ -111,7 +112,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
 @pytest.mark.slow
 def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     """Dark, with the keyboard alone; poses that are marked in one view are marked in all; on a tablet."""
-    dark = opened(browser, running, color_scheme="dark")
+    dark = opened(browser, running, SIZE, scheme="dark")
     wait_for(dark, RANKED)
     dark.wait_for_timeout(1500)
     dark.screenshot(path=SHOTS / "dark.png")
@@ -132,8 +133,7 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     symbols = dark.evaluate("document.getElementById('lrm-field').data[1].marker.symbol")
     assert [row for row, symbol in enumerate(symbols) if symbol == "diamond"] == rows
     dark.context.close()
-    tablet = opened(browser, running)
-    tablet.set_viewport_size({"width": 820, "height": 1180})
+    tablet = opened(browser, running, {"width": 820, "height": 1180})
     tablet.wait_for_timeout(1500)
     assert "another tab" not in tablet.inner_text("#lrm-failure")
     assert tablet.evaluate("document.documentElement.scrollWidth <= innerWidth")
@@ -142,19 +142,19 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
 
 
 @pytest.mark.slow
-def test_same_numbers_everywhere(browser: Any, running: RunningWorkbench, tmp_path: Path) -> None:
+def test_same_numbers_everywhere(browser: Any, small: RunningWorkbench, tmp_path: Path) -> None:
     """Of the first fit: the page, the report, the JSON files and the printed tables."""
-    model = running.folder / "step-0.toml"
-    page = opened(browser, running)
+    model, data = small.folder / "step-0.toml", part_of_example(tmp_path, 100)
+    page = opened(browser, small, SMALL_SIZE)
     wait_for(page, RANKED)
     says(page, ".lrm-numbers", "Not testable")
     on_page = page.inner_text(".lrm-numbers")
     ranked = dict(page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.heldOut])"))
     page.context.close()
     files = {name: tmp_path / f"{name}.json" for name in ("compare", "diagnose", "report")}
-    printed = stdout_of("compare", model, EXAMPLE, "--json", files["compare"], "--all")
-    printed += stdout_of("diagnose", model, EXAMPLE, "--json", files["diagnose"], "--all")
-    stdout_of("report", model, EXAMPLE, "-o", tmp_path / "r.html", "--json", files["report"])
+    printed = stdout_of("compare", model, data, "--json", files["compare"], "--all")
+    printed += stdout_of("diagnose", model, data, "--json", files["diagnose"], "--all")
+    stdout_of("report", model, data, "-o", tmp_path / "r.html", "--json", files["report"])
     read = {name: json.loads(path.read_text()) for name, path in files.items()}
     html = (tmp_path / "r.html").read_text()
     inside = re.search(r'id="lrm-result">(.*?)</script>', html, re.S)
@@ -177,49 +177,86 @@ def test_same_numbers_everywhere(browser: Any, running: RunningWorkbench, tmp_pa
 
 
 @pytest.mark.slow
-def test_second_tab_bad_files_and_a_stopped_server(browser: Any, tmp_path: Path) -> None:
-    (tmp_path / "bad.csv").write_text("pose,q1_deg\n1,nonsense\n")
-    other = tmp_path / "other.toml"
-    other.write_text('schema = "lrm/model/1"\narm = "two-joint"\neffects = ["offsets"]\n[parameters]\n')
-    with workbench(part_of_example(tmp_path, 100), cwd=tmp_path) as running:
-        page = opened(browser, running)
-        second = page.context.new_page()
-        second.goto(running.address)
-        says(second, "body", "open in another tab")
-        for path in (tmp_path / "bad.csv", other):
-            page.evaluate(
-                "([name, text]) => lrmOpen([new File([text], name)])", [path.name, path.read_text(encoding="utf-8")]
-            )
-            says(page, "#lrm-failure", path.stem)
-        assert page.evaluate("lrm.state.values.steps.length") == 1
-        page.screenshot(path=SHOTS / "bad-file.png")
-        second.close()
-        idle(page, RANKED)
-        page.click("[data-name=add]")
-        page.wait_for_timeout(300)
-        page.close()  # in the middle of a fit
-        again = opened(browser, running)
-        wait_for(again, TWO_STEPS)
-        running.stop()
-        wait_for(again, "!document.getElementById('lrm-banner').hidden")
-        assert str(running.folder) in again.inner_text("#lrm-banner")
-        again.screenshot(path=SHOTS / "stopped.png")
-        assert len(list(running.folder.glob("step-*.toml"))) == 2, "the fit and the effect added"
+def test_auto_is_cancelled_and_a_law_is_proposed(browser: Any, small: RunningWorkbench) -> None:
+    page = opened(browser, small, SMALL_SIZE)
+    idle(page, RANKED)
+    page.click("[data-name=auto]")
+    says(page, "#lrm-work", "auto")
+    page.click("[data-name=cancel]")
+    says(page, "#lrm-failure", "cancelled")
+    assert page.evaluate(ONE_STEP)
+    page.click('[data-name="propose a law"]')
+    says(page, "#lrm-work", "law")
+    page.wait_for_selector("#lrm-law")
+    assert "laws were tried" in page.inner_text("#lrm-law")
+    page.screenshot(path=SHOTS / "law.png")
+    page.click("[data-name=close-law]")
+    page.context.close()
 
 
 @pytest.mark.slow
-def test_a_growing_file_is_followed(browser: Any, tmp_path: Path) -> None:
+def test_second_tab_bad_files_and_a_tab_closed_in_the_middle(
+    browser: Any, small: RunningWorkbench, tmp_path: Path
+) -> None:
+    (tmp_path / "bad.csv").write_text("pose,q1_deg\n1,nonsense\n")
+    other = tmp_path / "other.toml"
+    other.write_text('schema = "lrm/model/1"\narm = "two-joint"\neffects = ["offsets"]\n[parameters]\n')
+    page = opened(browser, small, SMALL_SIZE)
+    second = page.context.new_page()
+    second.goto(small.address)
+    says(second, "body", "open in another tab")
+    for path in (tmp_path / "bad.csv", other):
+        page.evaluate(
+            "([name, text]) => lrmOpen([new File([text], name)])", [path.name, path.read_text(encoding="utf-8")]
+        )
+        says(page, "#lrm-failure", path.stem)
+    assert page.evaluate("lrm.state.values.steps.length") == 1
+    page.screenshot(path=SHOTS / "bad-file.png")
+    second.close()
+    idle(page, RANKED)
+    page.click("[data-name=add]")
+    says(page, "#lrm-work", "adding")
+    page.close()  # in the middle of a fit
+    again = opened(browser, small, SMALL_SIZE)
+    wait_for(again, TWO_STEPS)
+    again.context.close()
+    assert len(list(small.folder.glob("step-*.toml"))) == 2, "the fit and the effect added"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("query", "origin", "says"),
+    [("?token=wrong", None, "token"), ("", None, "token"), (None, "http://evil.example", "other pages")],
+)
+def test_a_wrong_token_and_a_foreign_page_are_refused(
+    browser: Any, small: RunningWorkbench, query: str | None, origin: str | None, says: str
+) -> None:
+    context = browser.new_context(extra_http_headers={} if origin is None else {"Origin": origin})
+    page = context.new_page()
+    answer = page.goto(small.address if query is None else f"{small.origin}/{query}")
+    assert answer.status == 403
+    assert says in page.inner_text("body")
+    context.close()
+
+
+@pytest.mark.slow
+def test_a_growing_file_is_followed_and_a_stopped_server_is_told(
+    browser: Any, small: RunningWorkbench, tmp_path: Path
+) -> None:
     lines = EXAMPLE.read_text().splitlines(keepends=True)
     growing = tmp_path / "growing.csv"
     growing.write_text("".join(lines[:41]))
     growing.with_suffix(".toml").write_text(EXAMPLE.with_suffix(".toml").read_text())
-    with workbench(part_of_example(tmp_path, 100), cwd=tmp_path) as running:
-        page = opened(browser, running)
-        page.click("[data-name='live…']")
-        page.get_by_label("Follow the file").fill(str(growing))
-        page.get_by_role("button", name="Follow the file").click()
-        wait_for(page, "lrm.state.values.poses === 40")
-        with growing.open("a") as file:
-            file.write("".join(lines[41:61]) + lines[61][:20])
-        wait_for(page, "lrm.state.values.poses === 60")
-        page.context.close()
+    page = opened(browser, small, SMALL_SIZE)
+    page.click("[data-name='live…']")
+    page.get_by_label("Follow the file").fill(str(growing))
+    page.get_by_role("button", name="Follow the file").click()
+    wait_for(page, "lrm.state.values.poses === 40")
+    with growing.open("a") as file:
+        file.write("".join(lines[41:61]) + lines[61][:20])
+    wait_for(page, "lrm.state.values.poses === 60")
+    small.stop()
+    wait_for(page, "!document.getElementById('lrm-banner').hidden")
+    assert str(small.folder) in page.inner_text("#lrm-banner")
+    page.screenshot(path=SHOTS / "stopped.png")
+    page.context.close()

@@ -21,7 +21,7 @@ from tests.conftest import ROOT
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-PATIENCE_MS, POLLING_MS = 180_000, 100
+PATIENCE_MS, POLLING_MS = 120_000, 100
 """How long a test waits, and how often it looks; a tab in the background draws no frames to look at."""
 SHOTS = ROOT / "out" / "workbench"
 

@@ -2,52 +2,20 @@
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from lrm_ident.data.measurements import load_measurements
-from lrm_ident.tracker.dtrack import dtrack_text
-from lrm_ident.tracker.frames import TargetPose, TrackerFrame
 from lrm_ident.tracker.udp import UdpTracker
 from lrm_math.arm.arm_file import load_arm
-from tests.support.daemon_process import BoardProcess, DaemonSetup, running_daemon, wait_for
+from tests.support.daemon_process import DaemonSetup, running_daemon, wait_for
+from tests.support.tracker_of_board import tracker_of
 
 POSES = 5
-FRAME_S = 0.02
 HEAD = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
-
-
-@contextmanager
-def tracker_of(board: BoardProcess, port: int) -> Iterator[None]:
-    """Sends where the board says that the tip is, with noise, and garbage between the frames."""
-    ended, rng = threading.Event(), np.random.default_rng(0)
-
-    def send() -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            number = 0
-            while not ended.wait(FRAME_S):
-                found, number = board.ask("tcp"), number + 1
-                tip = np.array([float(str(found[axis])) for axis in ("x_mm", "y_mm", "z_mm")]) * 1e-3
-                targets = {0: TargetPose(np.zeros(3), np.eye(3))}
-                targets[1] = TargetPose(tip + rng.normal(scale=1e-4, size=3), np.eye(3))
-                sender.sendto(rng.bytes(50), ("127.0.0.1", port))
-                sender.sendto(dtrack_text(TrackerFrame(number, time.monotonic(), targets)), ("127.0.0.1", port))
-
-    thread = threading.Thread(target=send, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
 
 
 def test_killed_the_arm_holds_and_resumed_no_pose_is_lost_or_doubled(tmp_path: Path) -> None:

@@ -95,7 +95,7 @@ const lrm = (() => {
       { type: "scatter3d", mode: "lines", x: arrows[0], y: arrows[1], z: arrows[2], hoverinfo: "skip", showlegend: false,
         line: { width: 4, color: lengths, colorscale: discrete(v.scale.colours), cmin: 0, cmax: v.scale.largest,
           showscale: id === "field" && state.beside === null,
-          colorbar: { title: { text: "mm", side: "top" }, thickness: 10, len: 0.7, x: 1, xanchor: "right" } } },
+          colorbar: { title: { text: "mm", side: "top" }, thickness: 10, len: 0.55, y: 0.68, x: 1, xanchor: "right" } } },
       { type: "scatter3d", mode: "markers", name: "measured TCP", x: v.tcp.map((p) => p[0]), y: v.tcp.map((p) => p[1]),
         z: v.tcp.map((p) => p[2]), customdata: v.pose.map((_, row) => row), showlegend: false,
         hovertext: v.pose.map((pose, row) => `pose ${pose}: ${words(sizes[row])} mm`), hoverinfo: "text",
@@ -110,7 +110,7 @@ const lrm = (() => {
     draw(id, traces, {
       margin: { l: 0, r: 0, t: 24, b: 0 }, dragmode: "orbit", title: { text: summary, font: { size: 12 }, x: 0.02, y: 0.98 },
       scene: { xaxis: scene("x mm"), yaxis: scene("y mm"), zaxis: scene("z mm"), aspectmode: "data",
-        camera: { eye: { x: 1.2, y: -1.2, z: 0.7 } }, uirevision: "kept" },
+        camera: { eye: { x: 1.2, y: -1.2, z: 0.7 }, center: { x: 0, y: 0, z: -0.18 } }, uirevision: "kept" },
       showlegend: false,
     }, (figure) => {
       figure.on("plotly_hover", (event) => hover(event.points[0].customdata));

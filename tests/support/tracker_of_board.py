@@ -1,0 +1,42 @@
+"""A tracker's datagrams of where a simulated board says that the tip is, with noise, and garbage between the frames."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from lrm_ident.tracker.dtrack import dtrack_text
+from lrm_ident.tracker.frames import TargetPose, TrackerFrame
+from tests.support.daemon_process import BoardProcess
+
+FRAME_S = 0.02
+
+
+@contextmanager
+def tracker_of(board: BoardProcess, port: int) -> Iterator[None]:
+    """Sends to a UDP port of this machine until the block ends."""
+    ended, rng = threading.Event(), np.random.default_rng(0)
+
+    def send() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            number = 0
+            while not ended.wait(FRAME_S):
+                found, number = board.ask("tcp"), number + 1
+                tip = np.array([float(str(found[axis])) for axis in ("x_mm", "y_mm", "z_mm")]) * 1e-3
+                targets = {0: TargetPose(np.zeros(3), np.eye(3))}
+                targets[1] = TargetPose(tip + rng.normal(scale=1e-4, size=3), np.eye(3))
+                sender.sendto(rng.bytes(50), ("127.0.0.1", port))
+                sender.sendto(dtrack_text(TrackerFrame(number, time.monotonic(), targets)), ("127.0.0.1", port))
+
+    thread = threading.Thread(target=send, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
