@@ -13,7 +13,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage confusion unfamiliar misreadings tutorial closed-loop install uninstall clean
+.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -23,7 +23,7 @@ setup: $(VENV)/.ready ## a virtual environment with everything but the peers of 
 $(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel/ik_kernel.c
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "needs Python 3.11 or later; set PYTHON=")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,camera,lerobot,xacro,dev]'
 	@touch $@
 
 demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; or on your own DATA= (ARM=)
@@ -98,6 +98,10 @@ confusion: setup ## confusion matrix: hidden effects against named ones, both ta
 	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.other_seeds
 	$(BIN)/python -m validation.hidden_effects.unfamiliar --half report --seeds 2 --jobs 2 --out docs/confusion.md
 	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws
+
+camera: setup ## 60 rendered photos of a board on an SO-101 with a hidden effect: is it named, how well is the tip known
+	$(ONE_THREAD) $(BIN)/python -m validation.camera
+	$(ONE_THREAD) $(BIN)/python -m validation.pose_coverage
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects.unfamiliar --half tune --jobs 2

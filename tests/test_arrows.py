@@ -20,8 +20,8 @@ STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
     "lrm_math": "errors arrays toml_file arm kinematics collision effects model ik",
     "lrm_ident": "synthetic progress digits description weights tracker data recordings registration effect_plugins "
-    "nonparametric "
-    "estimation diagnosis laws design thesis workspace views report workflow plots api page campaign cli demo",
+    "nonparametric estimation camera diagnosis laws design thesis workspace views report workflow plots api page "
+    "campaign cli demo",
     "lrmd": "errors log config persistence link messages ramp safety control sim ik api client cli main demo",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""

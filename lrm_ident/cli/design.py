@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 from typer import Option
 
+from lrm_ident.camera.session import CameraSession, read_session, visible
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
@@ -38,7 +39,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.reading import Reading
 
 MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
@@ -107,6 +108,10 @@ def design(
     ] = "identifiable",
     index: arg.IndexName = "O1",
     have: Annotated[Path | None, Option(metavar="CSV", help="Poses measured already, in the order measured.")] = None,
+    camera: Annotated[
+        Path | None,
+        Option(metavar="SESSION", help="Only poses that show the board to this camera (DATA.camera.toml)."),
+    ] = None,
     levels: Annotated[
         str, Option(help="Levels of the joints: a count, or deg, for instance '5; joint2=-50,0,50; joint6=3'.")
     ] = str(DEFAULT_LEVELS),
@@ -134,7 +139,7 @@ def design(
     catalogue = catalogue_with(effects_file)
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, None if floor_mm is None else floor_mm * MM)
-    offer = _offer(the_arm, poses, levels, loads_g, rules, seed)
+    offer = _offer(the_arm, poses, levels, loads_g, rules, seed, None if camera is None else read_session(camera))
     kind = one_of("index", index.upper(), INDICES)
     if names and kind != "O1":
         raise LrmError("--separate raises determinants: it goes with --index O1 only")
@@ -160,18 +165,35 @@ def design(
         show("Not saved; give -o POSES.csv to keep it.")
 
 
-def _offer(arm: Arm, poses: Path | None, levels: str, loads: str, rules: ClearanceRules, seed: int) -> CandidateSet:
+def _offer(
+    arm: Arm,
+    poses: Path | None,
+    levels: str,
+    loads: str,
+    rules: ClearanceRules,
+    seed: int,
+    camera: CameraSession | None,
+) -> CandidateSet:
     """The candidates: of a file, or all combinations that keep the rules, under every load."""
     payloads = [load * GRAM for load in parse_numbers("--loads-g", loads, "a list of loads in g such as 0,66.3")]
     if min(payloads) < 0:
         raise LrmError(f"--loads-g {loads}: a negative load")
     if poses is not None:
         given = replace(load_poses(poses, arm), direction=None, number=None)
-        return CandidateSet(Poses(given.q, given.payload), f"{len(given)} poses of {poses.name}", {})
+        words = f"{len(given)} poses of {poses.name}"
+        if camera is not None:
+            given = given.take(visible(camera, arm, given))
+            words += f", {len(given)} of which show the board to the camera"
+        return CandidateSet(Poses(given.q, given.payload), words, {})
     clear = candidate_grid(arm, parse_levels(arm, levels), rules)
     q = clear.q
     most = MOST_CANDIDATES // len(payloads)
     words = f"{len(q)} of {clear.tried} combinations of levels keep clear"
+    if camera is not None:
+        q = q[visible(camera, arm, poses_of(q))]
+        words += f", {len(q)} of these show the board to the camera"
+        if not len(q):
+            raise LrmError(f"{words}; move the camera, or turn the board on the tool")
     if len(q) > most:
         q = q[np.sort(np.random.default_rng(seed).choice(len(q), most, replace=False))]
         words += f"; {most} of them, drawn at random, are looked at"

@@ -10,6 +10,11 @@ from lrm_math.errors import FileError
 
 
 def write_text(path: Path, text: str) -> None:
+    """As `write_bytes`, text in UTF-8."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
     """Writes to a temporary file beside the file that `path` leads to, and renames it.
 
     Raises `FileError` if that cannot be done.
@@ -20,8 +25,8 @@ def write_text(path: Path, text: str) -> None:
     except OSError as error:
         raise FileError(path, "", f"cannot be written ({error.strerror})") from None
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.chmod(temporary, 0o644)

@@ -1,0 +1,1 @@
+"""A webcam and a printed board as the tracker (extra `camera`)."""

@@ -1,0 +1,166 @@
+"""`lrm-ident camera`: a webcam and a printed board as the tracker."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tomli_w
+from typer import Argument, Option, Typer
+
+from lrm_ident.camera.board import Board, BoardTable, board_pdf, board_text, read_picture
+from lrm_ident.camera.capture import photos_in, take_photos
+from lrm_ident.camera.detection import Refused, find_corners
+from lrm_ident.camera.lens import Lens, LensFile, calibrate_lens
+from lrm_ident.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
+from lrm_ident.cli.command import command_of
+from lrm_ident.cli.common import app, notice, progress, show
+from lrm_ident.data.atomic_write import write_bytes, write_text
+from lrm_ident.data.measurements import load_poses, measurements_csv
+from lrm_ident.data.output_files import check_outputs
+from lrm_ident.estimation.model_history import arm_name_for
+from lrm_ident.report.document import ListSection
+from lrm_math.arm.arm_file import MM, load_arm
+from lrm_math.errors import FileError, LrmError
+from lrm_math.toml_file import StrictSchema, read_toml
+
+group = Typer(no_args_is_help=True, help="Measure with a webcam and a printed board (extra: camera).")
+app.add_typer(group, name="camera")
+camera_command = command_of(group)
+
+Columns = Annotated[int, Option(help="Squares along the board.")]
+Rows = Annotated[int, Option(help="Squares down the board.")]
+SquareMm = Annotated[float, Option("--square-mm", help="Edge of a square, as printed: measure the line of 100 mm.")]
+PhotosFolder = Annotated[str, Argument(metavar="PHOTOS", help="A folder of photos, taken in order of their names.")]
+SHOWN = 15  # refused photos
+
+
+@camera_command
+def board(
+    output: Annotated[Path, Option("-o", "--output", metavar="PDF", help="Where to write the page.")],
+    columns: Columns = 6,
+    rows: Rows = 5,
+    square_mm: SquareMm = 15.0,
+    paper: Annotated[str, Option(help="a4 or letter.")] = "a4",
+) -> None:
+    """Write a ChArUco board as a PDF at true scale, with a ruler to check the print."""
+    table = _board(columns, rows, square_mm)
+    write_bytes(output, board_pdf(Board(table), paper))
+    show(
+        f"Board of {board_text(table)} written to {output}.",
+        "Print it at 100 % ('actual size'), lay a ruler on the line of 100 mm, glue it on something flat and stiff.",
+    )
+
+
+@camera_command
+def calibrate(
+    photos: PhotosFolder,
+    output: Annotated[Path, Option("-o", "--output", metavar="LENS", help="Where to write the lens (.toml).")],
+    columns: Columns = 6,
+    rows: Rows = 5,
+    square_mm: SquareMm = 15.0,
+) -> None:
+    """Calibrate a camera's lens from photos of the board: 15 or more, near and far, leaning, out to the edges."""
+    the_board, files = Board(_board(columns, rows, square_mm)), photos_in(Path(photos))
+    found, refused, sizes = [], [], set()
+    with progress("looking for the board") as tick:
+        for number, file in enumerate(files, start=1):
+            picture = read_picture(file)
+            corners = find_corners(picture, the_board)
+            if isinstance(corners, Refused):
+                refused.append(f"{file.name}: {corners.reason}")
+            else:
+                found.append(corners)
+                sizes.add((picture.shape[1], picture.shape[0]))
+            tick(number, len(files))
+    if len(sizes) > 1:
+        raise LrmError(f"{photos}: photos of {len(sizes)} sizes; a lens is calibrated for one")
+    _show_refused(refused)
+    if not found:
+        raise LrmError(f"{photos}: the board is in none of the {len(files)} photos; {_why(refused)}")
+    lens = calibrate_lens(found, the_board, next(iter(sizes)))
+    write_text(output, _toml(lens))
+    show(
+        f"{len(found)} of {len(files)} photos used; corners are off by {lens.noise_px:.2f} px.",
+        f"Focal length {lens.focal_x_px:.0f} px of {lens.width_px}, "
+        f"centre {lens.centre_x_px:.0f}, {lens.centre_y_px:.0f} px.",
+        f"Lens written to {output}",
+    )
+
+
+@camera_command
+def read(
+    photos: Annotated[
+        str, Argument(metavar="PHOTOS|DEVICE", help="A folder of photos, or the number of a camera, such as 0.")
+    ],
+    poses: Annotated[Path, Option(metavar="POSES", help="CSV of the commanded poses, one per photo, in their order.")],
+    lens: Annotated[Path, Option(metavar="LENS", help="The lens, written by camera calibrate.")],
+    arm: Annotated[str, Option(help="A shipped arm or the path of an arm file.")],
+    output: Annotated[Path, Option("-o", "--output", metavar="DATA", help="Where to write the measurements (.csv).")],
+) -> None:
+    """Turn photos of the board on the arm into measurements: its pose, with its covariance, for every commanded pose.
+
+    Where the camera stands and how the board is mounted is found together with it. Written are DATA.csv, DATA.toml
+    beside it, and DATA.camera.toml, with which `design --camera` offers only poses that the camera can see.
+    """
+    session_file = output.with_suffix(".camera.toml")
+    check_outputs({"-o": output, "session": session_file, "metadata": output.with_suffix(".toml")}, [poses, lens])
+    the_arm, file = load_arm(arm), read_toml(lens, LensFile)
+    commanded = load_poses(poses, the_arm)
+    folder = output.with_suffix(".photos")
+    files = take_photos(int(photos), folder, commanded) if photos.isdigit() else photos_in(Path(photos))
+    if len(files) != len(commanded):
+        raise FileError(photos, "", f"{len(files)} photos for {len(commanded)} poses of {poses.name}", "one for each")
+    seen = read_photos(files, Lens.of(file), Board(file.board))
+    _show_refused([f"{name}: {reason}" for name, reason in seen.refused])
+    name = arm_name_for(arm, output.parent)
+    found = measure(the_arm, name, commanded, seen, file, output)
+    write_text(output, measurements_csv(found.data))
+    write_text(output.with_suffix(".toml"), _metadata(name, photos))
+    write_text(session_file, _toml(found.session))
+    _show(found, len(files), output)
+
+
+def _show(found: CameraMeasurements, photos: int, output: Path) -> None:
+    sd = np.sqrt(np.einsum("nii->ni", found.data.covariance[:, :3, :3])) / MM  # type: ignore[index]
+    x, y, z = (getattr(found.session.camera, f"{axis}_mm") for axis in "xyz")
+    if len(found.data) < ENOUGH_TO_LEVEL:
+        notice(
+            f"{len(found.data)} photos: the camera was placed by the arm as drawn; from {ENOUGH_TO_LEVEL} on the "
+            "arm's own errors are taken into account"
+        )
+    show(
+        f"{len(found.data)} of {photos} photos used; the tool's position is known to "
+        f"{np.median(sd.min(axis=1)):.2f} to {np.median(sd.max(axis=1)):.2f} mm per axis.",
+        f"The camera stands at {x:.0f}, {y:.0f}, {z:.0f} mm in the arm's frame.",
+        f"Measurements written to {output}; next: lrm-ident fit {output} -o model.toml",
+    )
+
+
+def _board(columns: int, rows: int, square_mm: float) -> BoardTable:
+    for name, value, low, high in (
+        ("columns", columns, 3, 20),
+        ("rows", rows, 3, 20),
+        ("square-mm", square_mm, 2, 200),
+    ):
+        if not low <= value <= high:
+            raise LrmError(f"--{name} {value:g}: should be {low} to {high}")
+    return BoardTable(columns=columns, rows=rows, square_mm=float(square_mm))
+
+
+def _show_refused(lines: list[str]) -> None:
+    if lines:
+        show(ListSection(f"{len(lines)} photos are of no use:", tuple(lines[:SHOWN])))
+
+
+def _why(refused: list[str]) -> str:
+    return refused[0].partition(": ")[2]
+
+
+def _metadata(arm: str, photos: str) -> str:
+    return tomli_w.dumps({"schema": "lrm/measurements/1", "arm": arm, "source": f"camera, {photos}"})
+
+
+def _toml(file: StrictSchema) -> str:
+    return tomli_w.dumps(file.model_dump(by_alias=True))
