@@ -1,6 +1,7 @@
 """How fast the workbench is in a headless Chromium: `python -m validation.workbench_speed [MODEL] [DATA]`.
 
-Prints one line per figure; the browser draws the spatial scene in software here, a graphics card is faster.
+Prints one line per figure, with what is wanted of 393 poses; then the same page with 10 000. The browser draws the
+spatial scene in software here, a graphics card is faster.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from lrm_ident.api import EXAMPLE
-from tests.support.browser import PATIENCE_MS, chromium, wait_for, workbench
+from tests.support.browser import PATIENCE_MS, RunningWorkbench, chromium, wait_for, workbench
 from tests.support.commands import stdout_of
 
 PROGRESS_AFTER_CLICK = """() => new Promise((done) => {
@@ -33,31 +34,64 @@ HOVER = """async () => {
 }"""
 
 
+MANY = 10_000
+
+
 def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*", type=Path, help="as lrm-ident workbench takes them")
-    words = parser.parse_args().files
-    with TemporaryDirectory() as folder, chromium() as browser:
-        started = time.monotonic()
-        with workbench(*(path.resolve() for path in words), cwd=Path(folder)) as running:
-            told = time.monotonic()
-            page = browser.new_context(viewport={"width": 1366, "height": 768}).new_page()
-            page.set_default_timeout(PATIENCE_MS)
-            page.goto(running.address)
-            wait_for(page, "window.lrm && lrm.state.values")
-            poses = page.evaluate("lrm.state.values.poses")
-            print(f"{poses} poses; address after {told - started:.1f} s, usable {time.monotonic() - told:.1f} s later")
-            wait_for(page, "lrm.state.values.ranking.length > 0 && lrm.state.candidate")
-            print(f"candidates after {time.monotonic() - started:.1f} s")
+    words = [path.resolve() for path in parser.parse_args().files]
+    data = words[-1] if words else EXAMPLE
+    with TemporaryDirectory() as name, chromium() as browser:
+        folder = Path(name)
+        with workbench(*words, cwd=folder) as running:
+            page = _usable(browser, running)
+            wait_for(page, "window.lrm && lrm.state.values?.ranking.length > 0 && lrm.state.candidate")
             page.wait_for_timeout(3000)
-            times = page.evaluate(HOVER)
-            print(f"hover: median {times[len(times) // 2]:.1f} ms, worst {times[-1]:.1f} ms")
-            print(f"progress after a click on Add: {page.evaluate(PROGRESS_AFTER_CLICK):.0f} ms")
+            _hover(page)
+            print(f"progress after a click on Add: {page.evaluate(PROGRESS_AFTER_CLICK):.0f} ms (200)")
             wait_for(page, "lrm.state.values.steps.length > 1")
-            print(f"Add took {time.monotonic() - started:.1f} s in all")
-            model = running.folder / "step-0.toml"
-            _report(browser, model, words[-1] if words else EXAMPLE, Path(folder))
+            model = folder / "model.toml"
+            model.write_bytes((running.folder / "step-0.toml").read_bytes())
+        _report(browser, model, data, folder)
+        with workbench(model, _many(data, folder), cwd=folder) as running:
+            page = _usable(browser, running)
+            print(f"said: {page.inner_text('#lrm-scale')}")
+            page.wait_for_timeout(3000)
+            _hover(page)
+
+
+def _usable(browser: Any, running: RunningWorkbench) -> Any:
+    """A tab that shows the first figures; prints how long that took from the start of the command."""
+    page = browser.new_context(viewport={"width": 1366, "height": 768}).new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(running.address)
+    wait_for(page, "window.lrm && lrm.state.values")
+    poses = page.evaluate("lrm.state.values.poses")
+    print(f"{poses} poses: usable after {time.monotonic() - running.started:.1f} s (3)")
+    return page
+
+
+def _hover(page: Any) -> None:
+    times = page.evaluate(HOVER)
+    print(f"hover: median {times[len(times) // 2]:.1f} ms, worst {times[-1]:.1f} ms (50)")
+
+
+def _many(data: Path, folder: Path) -> Path:
+    """The measurements again and again, numbered anew, until there are 10 000."""
+    head, *rows = data.read_text(encoding="utf-8").splitlines()
+    columns = head.split(",")
+    pose, kept = columns.index("pose"), [k for k, name in enumerate(columns) if name not in ("t_s", "repeat_of")]
+    lines = [",".join(columns[k] for k in kept)]
+    for number in range(1, MANY + 1):
+        cells = rows[(number - 1) % len(rows)].split(",")
+        cells[pose] = str(number)
+        lines.append(",".join(cells[k] for k in kept))
+    path = folder / "many.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path.with_suffix(".toml").write_text(data.with_suffix(".toml").read_text(encoding="utf-8"), encoding="utf-8")
+    return path
 
 
 def _report(browser: Any, model: Path, data: Path, folder: Path) -> None:
@@ -71,7 +105,8 @@ def _report(browser: Any, model: Path, data: Path, folder: Path) -> None:
     read = time.monotonic() - started
     page.wait_for_selector("#lrm-form .main-svg")
     size = path.stat().st_size / 1e6
-    print(f"report: {size:.1f} MB, text after {read:.1f} s, charts after {time.monotonic() - started:.1f} s")
+    charts = time.monotonic() - started
+    print(f"report: {size:.1f} MB (6), text after {read:.1f} s, charts after {charts:.1f} s (3)")
 
 
 if __name__ == "__main__":

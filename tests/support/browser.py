@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -61,11 +62,12 @@ def chromium() -> Iterator[Any]:
 
 @dataclass
 class RunningWorkbench:
-    """A workbench process; `address` with its token, `folder` of its steps."""
+    """A workbench process; `address` with its token, `folder` of its steps, `started`: monotonic time (s)."""
 
     process: subprocess.Popen[str]
     address: str
     folder: Path
+    started: float
 
     @property
     def origin(self) -> str:
@@ -83,6 +85,7 @@ def workbench(*words: object, cwd: Path) -> Iterator[RunningWorkbench]:
     """`lrm-ident workbench WORDS`, until the block ends."""
     command = [sys.executable, "-m", "lrm_ident", "workbench", "--no-open", *map(str, words)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    started = time.monotonic()
     environment.pop("PYTEST_CURRENT_TEST", None)  # NiceGUI would take itself to be under test
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd, env=environment
@@ -93,7 +96,7 @@ def workbench(*words: object, cwd: Path) -> Iterator[RunningWorkbench]:
             assert all(found), "".join(said) + process.stdout.read()  # type: ignore[union-attr]
             threading.Thread(target=process.stdout.read, daemon=True).start()  # type: ignore[union-attr]
             address, folder = found[0][0], found[1][1]  # type: ignore[index]
-            yield RunningWorkbench(process, address, Path(folder))
+            yield RunningWorkbench(process, address, Path(folder), started)
         finally:
             process.kill()
 
