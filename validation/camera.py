@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from lrm_ident.api import add, diagnose, fit, load
-from lrm_ident.camera.board import Board, read_picture
+from lrm_ident.camera.board import CharucoBoard, read_picture
 from lrm_ident.camera.capture import photos_in
 from lrm_ident.camera.detection import Refused, find_corners
 from lrm_ident.camera.lens import Lens, calibrate_lens
@@ -18,7 +18,7 @@ from lrm_ident.camera.session import measure, read_photos
 from lrm_ident.data.measurements import measurements_csv
 from lrm_math.model.equilibrium import equilibrium
 from validation.camera_scene import BOARD, HIDDEN, poses_in_view, rig, tip_error, write_arm_photos, write_lens_photos
-from validation.rendered_photos import Scene
+from validation.rendered_photos import PhotoScene
 
 
 def main() -> None:
@@ -28,7 +28,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=2)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder, scene = Path(name), Scene()
+        folder, scene = Path(name), PhotoScene()
         write_lens_photos(folder / "lens", scene, 20)
         corners = [find_corners(read_picture(path), BOARD) for path in photos_in(folder / "lens")]
         lens = calibrate_lens([one for one in corners if not isinstance(one, Refused)], BOARD, scene.lens.size)
@@ -37,7 +37,7 @@ def main() -> None:
             true = rig(seed, HIDDEN)
             poses = poses_in_view(true, given.photos, seed)
             write_arm_photos(folder / f"arm{seed}", scene, true.boards(equilibrium(true.model, poses)))
-            seen = read_photos(photos_in(folder / f"arm{seed}"), Lens.of(lens), Board(lens.board))
+            seen = read_photos(photos_in(folder / f"arm{seed}"), Lens.of(lens), CharucoBoard(lens.board))
             found = measure(true.model.arm, "so101", poses, seen, lens, folder / f"data{seed}.csv")
             found.data.path.write_text(measurements_csv(found.data))
             data = load(found.data.path, arm="so101")
@@ -46,9 +46,11 @@ def main() -> None:
             fresh = poses_in_view(true, 100, seed + 50)
             tips = [tip_error(true, before.model, found.session, fresh)]
             if named.first:
-                tips.append(tip_error(true, add(before.model, data, named.first.name).model, found.session, fresh))
+                tips.append(
+                    tip_error(true, add(before.model, data, named.first.scored.name).model, found.session, fresh)
+                )
             hidden = "@".join(next(iter(HIDDEN)).split(".")[:2])
-            what = named.first.name if named.first else named.verdict
+            what = named.first.scored.name if named.first else named.verdict
             print(
                 f"seed {seed}: {len(seen.rows)} of {given.photos} photos used, hidden {hidden}, "
                 f"named {what}; tip known to {' then '.join(f'{1e3 * tip:.2f}' for tip in tips)} mm"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.camera.board import Board, BoardTable
+from lrm_ident.camera.board import BoardTable, CharucoBoard
 from lrm_ident.camera.opencv import opencv
 from lrm_ident.camera.session import CameraSession
 from lrm_ident.data.apply_reading import rigid_motion
@@ -22,9 +22,9 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import FrameTable
 from lrm_math.model.sensed import tool_rotation
-from validation.rendered_photos import Scene
+from validation.rendered_photos import PhotoScene
 
-BOARD = Board(BoardTable())
+BOARD = CharucoBoard(BoardTable())
 HIDDEN = {"servo_gain.joint3.g_plus_rad_per_rad": 0.02, "servo_gain.joint3.g_minus_rad_per_rad": 0.02}
 """The servo of the elbow turns two percent too far."""
 
@@ -102,14 +102,14 @@ def poses_in_view(true: Rig, count: int, seed: int) -> Poses:
         corners = BOARD.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
         ahead = (corners[:, :, 2] > 0.12).all(axis=1) & (seen[:, 2, 3] < 0.6)
         facing = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) > 0.5 * np.linalg.norm(seen[:, :3, 3], axis=1)
-        pixels = Scene().lens.project(np.where(ahead[:, None, None], corners, [0, 0, 1.0]).reshape(-1, 3))[0]
-        inside = ((pixels > 20) & (pixels < Scene().lens.edge - 20)).all(axis=1).reshape(len(q), -1).all(axis=1)
+        pixels = PhotoScene().lens.project(np.where(ahead[:, None, None], corners, [0, 0, 1.0]).reshape(-1, 3))[0]
+        inside = ((pixels > 20) & (pixels < PhotoScene().lens.edge - 20)).all(axis=1).reshape(len(q), -1).all(axis=1)
         above = equilibrium(true.model, poses_of(q)).tcp[:, 2] > 0.02
         found += list(q[ahead & facing & inside & above])
     return poses_of(np.array(found[:count]))
 
 
-def write_lens_photos(folder: Path, scene: Scene, count: int) -> None:
+def write_lens_photos(folder: Path, scene: PhotoScene, count: int) -> None:
     """Photos of the board held by hand: near and far, leaning, all over the picture."""
     cv2, rng = opencv(), np.random.default_rng(5)
     folder.mkdir(parents=True, exist_ok=True)
@@ -120,7 +120,7 @@ def write_lens_photos(folder: Path, scene: Scene, count: int) -> None:
         cv2.imwrite(str(folder / f"lens{number}.png"), scene.photo(BOARD, held, 500 + number))
 
 
-def write_arm_photos(folder: Path, scene: Scene, boards: Array) -> None:
+def write_arm_photos(folder: Path, scene: PhotoScene, boards: Array) -> None:
     """Photos of the board at poses (N, 4, 4) in the camera's frame."""
     cv2 = opencv()
     folder.mkdir(parents=True, exist_ok=True)

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.camera.board import PIXELS, Board
+from lrm_ident.camera.board import PIXELS, CharucoBoard
 from lrm_ident.camera.lens import Lens
 from lrm_ident.camera.opencv import opencv
 from lrm_math.arrays import Array
@@ -27,7 +27,7 @@ WEBCAM = Lens(
 
 
 @dataclass(frozen=True)
-class Scene:
+class PhotoScene:
     """How photos are taken.
 
     Attributes:
@@ -42,7 +42,7 @@ class Scene:
     mirrored: bool = False
     scale: float = 1.0
 
-    def photo(self, board: Board, pose: Array, seed: int) -> NDArray[np.uint8]:
+    def photo(self, board: CharucoBoard, pose: Array, seed: int) -> NDArray[np.uint8]:
         """(H, W), the photo of a board at a pose (4, 4), board to camera (m)."""
         cv2 = opencv()
         picture = _background(self.lens.size).copy()
@@ -61,7 +61,7 @@ class Scene:
         noise = np.roll(_grain(self.lens.size), shift, axis=(0, 1)) * np.float32(self.noise)
         return np.clip(blurred + noise, 0, 255).astype(np.uint8)
 
-    def _board(self, board: Board, pose: Array, low: Array, high: Array, behind: Array) -> Array:
+    def _board(self, board: CharucoBoard, pose: Array, low: Array, high: Array, behind: Array) -> Array:
         """Grey levels of a part of the picture, from pixel `low` to `high`."""
         cv2 = opencv()
         fine = [(np.arange((b - a) * RAYS) + 0.5) / RAYS - 0.5 + a for a, b in zip(low, high, strict=True)]

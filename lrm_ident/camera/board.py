@@ -38,7 +38,7 @@ class BoardTable(StrictSchema):
 
 
 @dataclass(frozen=True)
-class Board:
+class CharucoBoard:
     """A board whose frame stands in its first corner, x along its columns, y down its rows, z into the paper (m)."""
 
     table: BoardTable
@@ -70,7 +70,7 @@ class Board:
         return np.asarray(self.charuco.generateImage(size, marginSize=0, borderBits=1), dtype=np.uint8)
 
 
-def board_pdf(board: Board, paper: str) -> bytes:
+def board_pdf(board: CharucoBoard, paper: str) -> bytes:
     """A page (PDF 1.4) with the board at true scale, its size in words, and a ruler of 100 mm.
 
     Raises `LrmError`: no such paper, or a board that does not fit on it.
@@ -104,7 +104,7 @@ def board_pdf(board: Board, paper: str) -> bytes:
     )
 
 
-def _drawing(board: Board, width: float, height: float) -> Iterator[str]:
+def _drawing(board: CharucoBoard, width: float, height: float) -> Iterator[str]:
     """Operators of the page; lengths in mm."""
     t, (board_width, board_height) = board.table, (1e3 * side for side in board.size)
     left, bottom = (width - board_width) / 2.0, height - MARGIN - 10.0 - board_height

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.camera.board import Board
+from lrm_ident.camera.board import CharucoBoard
 from lrm_ident.camera.detection import Corners, Refused
 from lrm_ident.camera.lens import Lens
 from lrm_ident.camera.opencv import opencv
@@ -45,7 +45,7 @@ class BoardPose:
         return out
 
 
-def board_pose(found: Corners, board: Board, lens: Lens) -> BoardPose | Refused:
+def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | Refused:
     """The pose of the board whose corners were found."""
     cv2, points = opencv(), board.corners[found.numbers]
     _, turns, shifts, _ = cv2.solvePnPGeneric(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.camera.board import Board
+from lrm_ident.camera.board import CharucoBoard
 from lrm_ident.camera.opencv import opencv
 from lrm_math.arrays import Array
 
@@ -32,7 +32,7 @@ class Refused:
     reason: str
 
 
-def find_corners(picture: NDArray[np.uint8], board: Board) -> Corners | Refused:
+def find_corners(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners | Refused:
     """The corners in a grey picture (H, W)."""
     found = _detect(picture, board)
     if len(found.numbers) < FEWEST:
@@ -45,7 +45,7 @@ def find_corners(picture: NDArray[np.uint8], board: Board) -> Corners | Refused:
     return _quality(picture, found) or found
 
 
-def _detect(picture: NDArray[np.uint8], board: Board) -> Corners:
+def _detect(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners:
     cv2 = opencv()
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from lrm_ident.camera.board import Board, BoardTable
+from lrm_ident.camera.board import BoardTable, CharucoBoard
 from lrm_ident.camera.detection import Corners
 from lrm_ident.camera.opencv import opencv
 from lrm_math.arrays import Array
@@ -65,7 +65,7 @@ class Lens:
         return np.array(self.size, dtype=np.float64)
 
 
-def calibrate_lens(photos: Sequence[Corners], board: Board, size: tuple[int, int]) -> LensFile:
+def calibrate_lens(photos: Sequence[Corners], board: CharucoBoard, size: tuple[int, int]) -> LensFile:
     """The lens from the corners of several photos of the board.
 
     Raises `LrmError`: too few photos, or boards that all face the camera.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from lrm_ident.camera.board import Board, read_picture
+from lrm_ident.camera.board import CharucoBoard, read_picture
 from lrm_ident.camera.board_pose import BoardPose, board_pose
 from lrm_ident.camera.consistency import PhotoRegression, board_scale, find_step, measured_covariance, photo_regression
 from lrm_ident.camera.detection import Refused, find_corners
@@ -71,7 +71,7 @@ class CameraMeasurements:
     photos: PhotoSet
 
 
-def read_photos(files: Sequence[Path], lens: Lens, board: Board) -> PhotoSet:
+def read_photos(files: Sequence[Path], lens: Lens, board: CharucoBoard) -> PhotoSet:
     """The board's pose in every photo that is of use. Raises `LrmError`: a picture of another size."""
     rows, boards, refused = [], [], []
     for row, file in enumerate(files):
@@ -185,7 +185,7 @@ def _table(T: Array) -> FrameTable:
 
 def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:
     """(N,), whether the camera sees the whole board, not too much from the side, at commanded poses."""
-    lens, board = Lens.of(session.lens), Board(session.lens.board)
+    lens, board = Lens.of(session.lens), CharucoBoard(session.lens.board)
     camera, mount = (_matrix(*rigid_motion(table)) for table in (session.camera, session.mount))
     seen = inverse(camera) @ tool_poses(arm, poses) @ mount
     corners = board.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]

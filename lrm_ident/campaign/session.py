@@ -60,9 +60,7 @@ class CampaignOrder:
     take: bool = False
 
 
-def measure(
-    order: CampaignOrder, plan: CampaignPlan, output: Path, goal: StoppingGoal | None = None
-) -> CampaignResult:
+def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: StoppingGoal | None = None) -> CampaignResult:
     """Measures what is left of a plan into a file, holding the lease; with a goal, only as much as that needs.
 
     Raises `LrmError`; the file stays resumable.

@@ -16,6 +16,7 @@ from typer import Argument, Exit, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command, stated_reading
 from lrm_ident.cli.common import notice, one_of, publish, show
+from lrm_ident.cli.groups.lerobot import LEROBOT, import_lerobot
 from lrm_ident.data.apply_reading import LENGTH_UNITS
 from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
@@ -188,7 +189,13 @@ def import_(
 
     Rests are found where the tip stands still, or taken at regular times (--every, --first). A rest in which a body is
     hidden, frozen or jumps is left out, and said.
+
+    With the word lerobot for RECORDING, POSES is a LeRobot dataset (v3; extra: lerobot), and DATA becomes poses: the
+    commanded angles of every rest and what the encoders read, for `camera read` or a tracker's recording.
     """
+    if recording == Path(LEROBOT):
+        import_lerobot(poses, output, arm, dwell)
+        return
     from lrm_ident.data.measurements import arm_for
     from lrm_ident.recordings.imported import RecordingOrder, import_recording, write_measurements
     from lrm_ident.recordings.rests import RestTimes

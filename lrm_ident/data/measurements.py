@@ -312,6 +312,17 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Po
     return poses_of_table(table, read_angles(table, arm, how), known, number, None, how)
 
 
+def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:
+    """What the encoders read at the poses of a file, (N, n) in rad, and its standard deviation as stated (deg).
+
+    Raises `FileError`.
+    """
+    metadata = metadata_of(path)
+    how = AS_NAMED.over(metadata)
+    feedback = read_feedback(in_units(read_measurement_table(path), how), arm, how)
+    return feedback, None if metadata is None else metadata.feedback_sd_deg
+
+
 def measurements_csv(data: Measurements) -> str:
     """CSV text of measurements, with the optional columns that they have."""
     columns: list[tuple[str, Array, int]] = [("pose", data.pose.astype(np.float64), 0)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ import numpy as np
 import tomli_w
 from typer import Argument, Option, Typer
 
-from lrm_ident.camera.board import Board, BoardTable, board_pdf, board_text, read_picture
+from lrm_ident.camera.board import BoardTable, CharucoBoard, board_pdf, board_text, read_picture
 from lrm_ident.camera.capture import photos_in, take_photos
 from lrm_ident.camera.detection import Refused, find_corners
 from lrm_ident.camera.lens import Lens, LensFile, calibrate_lens
@@ -17,7 +18,7 @@ from lrm_ident.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measur
 from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import app, notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
-from lrm_ident.data.measurements import load_poses, measurements_csv
+from lrm_ident.data.measurements import load_poses, measurements_csv, read_pose_feedback
 from lrm_ident.data.output_files import check_outputs
 from lrm_ident.estimation.model_history import arm_name_for
 from lrm_ident.report.document import ListSection
@@ -46,7 +47,7 @@ def board(
 ) -> None:
     """Write a ChArUco board as a PDF at true scale, with a ruler to check the print."""
     table = _board(columns, rows, square_mm)
-    write_bytes(output, board_pdf(Board(table), paper))
+    write_bytes(output, board_pdf(CharucoBoard(table), paper))
     show(
         f"Board of {board_text(table)} written to {output}.",
         "Print it at 100 % ('actual size'), lay a ruler on the line of 100 mm, glue it on something flat and stiff.",
@@ -62,7 +63,7 @@ def calibrate(
     square_mm: SquareMm = 15.0,
 ) -> None:
     """Calibrate a camera's lens from photos of the board: 15 or more, near and far, leaning, out to the edges."""
-    the_board, files = Board(_board(columns, rows, square_mm)), photos_in(Path(photos))
+    the_board, files = CharucoBoard(_board(columns, rows, square_mm)), photos_in(Path(photos))
     found, refused, sizes = [], [], set()
     with progress("looking for the board") as tick:
         for number, file in enumerate(files, start=1):
@@ -112,12 +113,14 @@ def read(
     files = take_photos(int(photos), folder, commanded) if photos.isdigit() else photos_in(Path(photos))
     if len(files) != len(commanded):
         raise FileError(photos, "", f"{len(files)} photos for {len(commanded)} poses of {poses.name}", "one for each")
-    seen = read_photos(files, Lens.of(file), Board(file.board))
+    seen = read_photos(files, Lens.of(file), CharucoBoard(file.board))
     _show_refused([f"{name}: {reason}" for name, reason in seen.refused])
     name = arm_name_for(arm, output.parent)
     found = measure(the_arm, name, commanded, seen, file, output)
-    write_text(output, measurements_csv(found.data))
-    write_text(output.with_suffix(".toml"), _metadata(name, photos))
+    feedback, feedback_sd = read_pose_feedback(poses, the_arm)
+    chosen = None if feedback is None else feedback[list(found.photos.rows)]
+    write_text(output, measurements_csv(replace(found.data, feedback=chosen)))
+    write_text(output.with_suffix(".toml"), _metadata(name, photos, feedback_sd))
     write_text(session_file, _toml(found.session))
     _show(found, len(files), output)
 
@@ -158,8 +161,9 @@ def _why(refused: list[str]) -> str:
     return refused[0].partition(": ")[2]
 
 
-def _metadata(arm: str, photos: str) -> str:
-    return tomli_w.dumps({"schema": "lrm/measurements/1", "arm": arm, "source": f"camera, {photos}"})
+def _metadata(arm: str, photos: str, feedback_sd_deg: float | None) -> str:
+    known = {} if feedback_sd_deg is None else {"feedback_sd_deg": feedback_sd_deg}
+    return tomli_w.dumps({"schema": "lrm/measurements/1", "arm": arm, "source": f"camera, {photos}", **known})
 
 
 def _toml(file: StrictSchema) -> str:

@@ -36,7 +36,7 @@ from validation.camera_scene import (
     write_lens_photos,
     write_poses,
 )
-from validation.rendered_photos import WEBCAM, Scene
+from validation.rendered_photos import WEBCAM, PhotoScene
 
 NOISE = 0.2  # px
 LENS = replace(WEBCAM, noise=NOISE)
@@ -73,7 +73,7 @@ def error_of(found: BoardPose, board: Array) -> Array:
 def test_the_detector_finds_the_rendered_board() -> None:
     pixel_errors = []
     for seed in range(3):
-        found = find_corners(Scene().photo(BOARD, held(seed), seed), BOARD)
+        found = find_corners(PhotoScene().photo(BOARD, held(seed), seed), BOARD)
         assert isinstance(found, Corners)
         points = BOARD.corners[found.numbers] @ held(seed)[:3, :3].T + held(seed)[:3, 3]
         pixel_errors.append(found.pixels - LENS.project(points)[0])
@@ -85,13 +85,13 @@ def test_the_detector_finds_the_rendered_board() -> None:
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
-        (Scene(blur=6.0), "blurred|corners seen"),
-        (Scene(blur=2.0), "blurred"),
-        (Scene(mirrored=True), "mirrored"),
-        (Scene(gain=0.02), "corners seen|contrast"),
+        (PhotoScene(blur=6.0), "blurred|corners seen"),
+        (PhotoScene(blur=2.0), "blurred"),
+        (PhotoScene(mirrored=True), "mirrored"),
+        (PhotoScene(gain=0.02), "corners seen|contrast"),
     ],
 )
-def test_poor_photos_are_refused_with_the_reason(scene: Scene, words: str) -> None:
+def test_poor_photos_are_refused_with_the_reason(scene: PhotoScene, words: str) -> None:
     found = find_corners(scene.photo(BOARD, held(1), 1), BOARD)
     assert isinstance(found, Refused)
     assert re.search(words, found.reason)
@@ -190,7 +190,7 @@ def test_the_page_is_at_true_scale() -> None:
 
 @pytest.mark.slow
 def test_commands_from_photos_to_data(tmp_path: Path) -> None:
-    scene, true = Scene(), rig(1, {})
+    scene, true = PhotoScene(), rig(1, {})
     write_lens_photos(tmp_path / "lens", scene, 9)
     poses = poses_in_view(true, 11, 1)
     write_poses(tmp_path / "poses.csv", poses)

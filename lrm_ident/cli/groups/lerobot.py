@@ -1,0 +1,40 @@
+"""`lrm-ident import lerobot`: the rests of a LeRobot dataset as poses with joint feedback."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from lrm_ident.cli.common import show
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.output_files import check_outputs
+from lrm_ident.estimation.model_history import arm_name_for
+from lrm_ident.recordings.lerobot import read_lerobot, rests_csv
+from lrm_math.arm.arm_file import load_arm
+
+LEROBOT = "lerobot"
+SO101 = "so101"
+
+
+def import_lerobot(dataset: Path, output: Path, arm: str | None, dwell: float) -> None:
+    """Writes the rests of a dataset as poses, and a .toml file beside them. Raises `LrmError`."""
+    name = arm or SO101
+    sidecar = output.with_suffix(".toml")
+    check_outputs({"-o": output, "metadata": sidecar}, [dataset / "meta" / "info.json"])
+    rests = read_lerobot(dataset, load_arm(name), dwell)
+    metadata = {
+        "schema": "lrm/measurements/1",
+        "arm": arm_name_for(name, output.parent),
+        "source": f"LeRobot dataset {dataset.name}",
+        "feedback_sd_deg": round(float(np.degrees(rests.feedback_sd)), 5),
+    }
+    write_text(output, rests_csv(rests))
+    write_text(sidecar, tomli_w.dumps(metadata))
+    off = np.degrees(rests.feedback - rests.command)
+    worst = int(np.abs(off).mean(axis=0).argmax())
+    show(
+        f"{len(rests.t)} rests of {len(np.unique(rests.episode))} episodes written to {output}.",
+        f"Joint {worst + 1}'s servo is off its command most: by {np.abs(off[:, worst]).mean():.2f} deg on average.",
+    )
