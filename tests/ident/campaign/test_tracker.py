@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -158,6 +158,23 @@ def test_garbage_on_the_port_is_passed_over() -> None:
         found = tracker.frames(0.5)
         assert [one.number for one in found] == list(range(10))
         assert tracker.garbage == 10
+
+
+@given(st.lists(st.one_of(st.binary(max_size=200), st.integers(0, 9)), min_size=1, max_size=30))
+@settings(max_examples=15)
+def test_whatever_comes_on_the_port_the_frames_among_it_arrive(sent: list[bytes | int]) -> None:
+    """Numbers stand for good frames; everything else is garbage, damaged or empty."""
+    good = rest(10)
+    with UdpTracker("127.0.0.1", 0) as tracker, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+
+        def send() -> None:
+            for one in sent:
+                sender.sendto(dtrack_text(good[one]) if isinstance(one, int) else one, ("127.0.0.1", tracker.port))
+
+        tracker._drain = send  # type: ignore[method-assign]
+        found = tracker.frames(0.05)
+    wanted = [one for one in sent if isinstance(one, int)]
+    assert [one.number for one in found if one.number in range(10)][: len(wanted)] == wanted
 
 
 def test_a_csv_is_followed_as_it_grows(tmp_path: Path) -> None:
