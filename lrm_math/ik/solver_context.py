@@ -32,7 +32,7 @@ AT_LIMIT = 1e-9
 """rad: a command this far beyond a limit is at the limit."""
 SLACK = 0.4
 """rad: the nominal solutions may break the limits by so much, since the commands then differ from them."""
-FREE_STARTS = (16, 96)
+FREE_STARTS = (10, 96)
 """Number of library poses from which goals that leave motion free are sought, at first and if that leads nowhere."""
 SIDE_CHANGES = 3
 ALIGNED = 1e-4

@@ -7,11 +7,14 @@ import signal
 import socket
 import subprocess
 import sys
+import tarfile
 import venv
+import zipfile
 from pathlib import Path
 
 import pytest
 
+from lrm_math.ik.kernel import shared_library
 from tests.conftest import EXAMPLE, ROOT
 
 PIP = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile", "-c", ROOT / "constraints.txt")
@@ -26,6 +29,38 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run([*command, "--wheel-dir", str(folder), str(ROOT)], check=True)
     (built,) = folder.glob("lrm_arm-*.whl")
     return built
+
+
+def test_the_wheel_is_for_this_platform_and_any_python_and_has_the_kernel(wheel: Path) -> None:
+    assert wheel.name.startswith("lrm_arm-")
+    assert "-py3-none-" in wheel.name
+    assert not wheel.name.endswith("-any.whl")
+    with zipfile.ZipFile(wheel) as opened:
+        names = opened.namelist()
+    assert f"lrm_math/ik/kernel/{shared_library.BUILT.name}" in names
+    assert "lrm_math/ik/kernel/ik_kernel.c" in names
+
+
+def test_the_source_distribution_builds_the_same_wheel(tmp_path: Path) -> None:
+    """It has the C source and the hook."""
+    builder = "from hatchling.build import build_sdist; import sys; print(build_sdist(sys.argv[1]))"
+    pytest.importorskip("hatchling", reason="hatchling is not installed")
+    subprocess.run([sys.executable, "-c", builder, str(tmp_path)], cwd=ROOT, check=True, capture_output=True)
+    (archive,) = tmp_path.glob("lrm_arm-*.tar.gz")
+    with tarfile.open(archive) as opened:
+        names = {name.split("/", 1)[1] for name in opened.getnames() if "/" in name}
+    assert {"lrm_math/ik/kernel/ik_kernel.c", "hatch_build.py", "pyproject.toml"} <= names
+    assert not any(name.endswith((".so", ".dylib", ".dll")) for name in names)
+
+
+def test_a_wheel_for_an_unknown_machine_is_refused() -> None:
+    pytest.importorskip("hatchling", reason="hatchling is not installed")
+    environment = os.environ | {"LRM_WHEEL_TARGET": "abacus"}
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "hatch_build.py")], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode != 0
+    assert done.stderr.startswith("LRM_WHEEL_TARGET = abacus; should be one of manylinux_2_17_x86_64")
 
 
 def installed(folder: Path, *requirements: str) -> Path:
