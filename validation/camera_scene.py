@@ -136,10 +136,17 @@ def write_poses(path: Path, poses: Poses) -> None:
 
 
 def tip_error(true: Rig, fitted: Model, session: CameraSession, poses: Poses) -> float:
-    """RMS (m) of a fitted model's tip at poses that it never saw; the tip is where the session has it on the board."""
-    camera, mount = (_matrix(table) for table in (session.camera, session.mount))
-    truth = (camera @ true.boards(equilibrium(true.model, poses)) @ inverse(mount))[:, :3, 3]
-    return float(np.sqrt(((equilibrium(fitted, poses).tcp - truth) ** 2).sum(axis=1).mean()))
+    """RMS (m) of a fitted model's tip at poses that it never saw, but for a rigid motion of all of them.
+
+    The tip is the point of the board where the session has it; where camera and arm stand in the room is a convention.
+    """
+    tip = inverse(_matrix(session.mount))[:3, 3]
+    board = true.camera @ true.boards(equilibrium(true.model, poses))
+    truth = board[:, :3, :3] @ tip + board[:, :3, 3]
+    found = equilibrium(fitted, poses).tcp
+    turn, _ = Rotation.align_vectors(truth - truth.mean(axis=0), found - found.mean(axis=0))
+    left = turn.apply(found - found.mean(axis=0)) - (truth - truth.mean(axis=0))
+    return float(np.sqrt((left**2).sum(axis=1).mean()))
 
 
 def _matrix(table: FrameTable) -> Array:

@@ -87,6 +87,12 @@ def _refined(R: Array, t: Array, points: Array, pixels: Array, lens: Lens) -> tu
     return R, t, float(((pixels - seen) ** 2).sum()), J.T @ J
 
 
+def information_of(pose: Array, corners: Array, lens: Lens) -> Array:
+    """(6, 6), JᵀJ of the corners (n, 3), m, of a board at a pose (4, 4): times 1/px², the inverse of its covariance."""
+    _, J = _linearised(pose[:3, :3], pose[:3, 3], corners, lens)
+    return np.asarray(J.T @ J)
+
+
 def _linearised(R: Array, t: Array, points: Array, lens: Lens) -> tuple[Array, Array]:
     """Pixels (n, 2) and their derivatives (2 n, 6) for a shift and a rotation vector in the camera's axes."""
     arms = points @ R.T

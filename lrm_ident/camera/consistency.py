@@ -117,12 +117,15 @@ def photo_regression(arm: Arm, poses: Poses, boards: Sequence[BoardPose], found:
 
 def measured_covariance(found: HandEye, boards: Sequence[BoardPose]) -> Array:
     """(N, 6, 6), covariance of the measured tool poses in the arm's axes: the board's, carried to the tool's origin."""
-    seen = np.array([board.matrix for board in boards])
-    tool = found.camera @ seen @ inverse(found.mount)
-    origin = (found.camera @ seen)[:, :3, 3]
+    seen, own = (np.array([getattr(board, name) for board in boards]) for name in ("matrix", "covariance"))
+    return measured_covariance_of(found.camera, found.mount, seen, own)
+
+
+def measured_covariance_of(camera: Array, mount: Array, seen: Array, own: Array) -> Array:
+    """The same from the board's poses `seen` (N, 4, 4) in the camera's frame and their covariance `own` (N, 6, 6)."""
+    tool, origin = camera @ seen @ inverse(mount), (camera @ seen)[:, :3, 3]
     lever = _lever_columns(tool[:, :3, 3] - origin, np.broadcast_to(np.eye(3), (len(tool), 3, 3)))
-    turned = lever @ np.kron(np.eye(2), found.camera[:3, :3])
-    own = np.array([board.covariance for board in boards])
+    turned = lever @ np.kron(np.eye(2), camera[:3, :3])
     return np.asarray(turned @ own @ turned.transpose(0, 2, 1))
 
 
