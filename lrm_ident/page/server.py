@@ -18,6 +18,8 @@ from lrm_ident.page.worker import work_process
 from lrm_math.errors import LrmError
 
 HOST, TICK_S = "127.0.0.1", 0.03
+RECONNECT_S = 30.0
+"""s for which a tab's connection may stall before it reloads: drawing without a graphics card can keep it busy."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,7 @@ def serve(place: WorkbenchPlace, opened: OpenTask, tour: bool, show: bool) -> No
             title="lrm-ident workbench",
             favicon="🦾",
             show_welcome_message=False,
-            reconnect_timeout=10.0,
+            reconnect_timeout=RECONNECT_S,
             tailwind=True,
         )
     finally:
