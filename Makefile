@@ -87,8 +87,8 @@ misreadings: setup ## are misread measurements understood and healthy ones accep
 	$(ONE_THREAD) $(BIN)/python -m validation.misreadings
 
 tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workbench, in a headless Chromium
-	$(BIN)/python -m validation.tutorial_pictures
-	$(BIN)/python -m validation.workbench_speed
+	$(BIN)/python -m validation.workbench.tutorial_pictures
+	$(BIN)/python -m validation.workbench.speed
 
 closed-loop: setup ## the demo over 30 seeds, and adaptive measuring against random poses over 20 (two hours)
 	$(ONE_THREAD) $(BIN)/python -m validation.closed_loop --seeds 30

@@ -1,4 +1,4 @@
-"""How fast the workbench is in a headless Chromium: `python -m validation.workbench_speed [MODEL] [DATA]`.
+"""How fast the workbench is in a headless Chromium: `python -m validation.workbench.speed [MODEL] [DATA]`.
 
 Prints one line per figure, with what is wanted of 393 poses; then the same page with 10 000. The browser draws the
 spatial scene in software here, a graphics card is faster.

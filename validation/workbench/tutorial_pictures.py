@@ -1,4 +1,4 @@
-"""The pictures of docs/tutorial.md, taken of the real pages: `python -m validation.tutorial_pictures`."""
+"""The pictures of docs/tutorial.md, taken of the real pages: `python -m validation.workbench.tutorial_pictures`."""
 
 from __future__ import annotations
 
