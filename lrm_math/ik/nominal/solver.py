@@ -101,6 +101,11 @@ class NominalSolver:
             return tuple(sorted(found, key=MARGIN, reverse=True))
         return tuple(sorted(found, key=lambda branch: branch.distance(near)))
 
+    def tool_at(self, q: Array) -> Array:
+        """(4, 4), tool frame at angles (n,)."""
+        flat = self._flat
+        return np.asarray(flat.forward((np.array(flat.memory.zero[: flat.slots]) + q)[None])[0][0])
+
     @cached_property
     def second_axis(self) -> Vector3:
         """A point on the second joint's axis (m), about the middle of the workspace."""
