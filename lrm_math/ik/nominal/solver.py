@@ -34,6 +34,7 @@ REPRESENTATIVES, ELSEWHERE = 4, 0.1
 MOST_BEYOND = 8
 """Number of branches beyond the limits in an answer."""
 MARGIN = attrgetter("margin")
+Six, Angles, Kinds = ctypes.c_double * 6, ctypes.c_double * (6 * BRANCHES), ctypes.c_int * BRANCHES
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ class NominalSolver:
         if goal.rotation is None or self.form is None:
             found = self._searched(goal, near, self._ready)
         else:
-            found = self._closed(goal, near or self.limits.middle, True)
+            found = self._closed(goal, near or self._middle, True)
         if len(found) < 2:
             return found
         if near is None:
@@ -147,6 +148,10 @@ class NominalSolver:
         return q, found > 0
 
     @cached_property
+    def _middle(self) -> tuple[float, ...]:
+        return self.limits.middle
+
+    @cached_property
     def _model(self) -> Model:
         return model_of(self.arm, ())
 
@@ -172,13 +177,10 @@ class NominalSolver:
 
     def _closed(self, goal: Goal, towards: Sequence[float], limited: bool) -> tuple[Branch, ...]:
         """The branches by the closed form."""
-        q, kind = (ctypes.c_double * (6 * BRANCHES))(), (ctypes.c_int * BRANCHES)()
-        at = (ctypes.c_double * 6)(*towards)
-        kernel().ik_nominal(self._flat.address, 1, goal_numbers(goal), at, int(limited), q, kind)
-        limits = self.limits
-        return tuple(
-            [Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in enumerate(kind) if free >= 0]
-        )
+        q, kind, limits = Angles(), Kinds(), self.limits
+        kernel().ik_nominal(self._flat.address, 1, goal_numbers(goal), Six(*towards), int(limited), q, kind)
+        rows = [(k, free) for k, free in enumerate(kind[:]) if free >= 0]
+        return tuple([Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in rows])
 
     def _searched(self, goal: Goal, near: tuple[float, ...] | None, flat: FlatArm) -> tuple[Branch, ...]:
         """Branches by search, within the limits of the packed arm."""
