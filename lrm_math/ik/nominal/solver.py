@@ -95,7 +95,7 @@ class NominalSolver:
         if goal.rotation is None or self.form is None:
             found = self._searched(goal, near, self._ready)
         else:
-            found = self._closed(goal, near or self._middle, True)
+            found = self._closed(goal, self._middle if near is None else Six(*near), True)
         if len(found) < 2:
             return found
         if near is None:
@@ -148,8 +148,12 @@ class NominalSolver:
         return q, found > 0
 
     @cached_property
-    def _middle(self) -> tuple[float, ...]:
-        return self.limits.middle
+    def _middle(self) -> ctypes.Array[ctypes.c_double]:
+        return Six(*self.limits.middle)
+
+    @cached_property
+    def _address(self) -> int:
+        return self._flat.address
 
     @cached_property
     def _model(self) -> Model:
@@ -175,10 +179,10 @@ class NominalSolver:
         joints = (replace(j, lower=a, upper=b) for j, (a, b) in zip(self.arm.joints, turns, strict=True))
         return NominalSolver.of(replace(self.arm, joints=tuple(joints)))
 
-    def _closed(self, goal: Goal, towards: Sequence[float], limited: bool) -> tuple[Branch, ...]:
+    def _closed(self, goal: Goal, towards: ctypes.Array[ctypes.c_double], limited: bool) -> tuple[Branch, ...]:
         """The branches by the closed form."""
         q, kind, limits = Angles(), Kinds(), self.limits
-        kernel().ik_nominal(self._flat.address, 1, goal_numbers(goal), Six(*towards), int(limited), q, kind)
+        kernel().ik_nominal(self._address, 1, goal_numbers(goal), towards, limited, q, kind)
         rows = [(k, free) for k, free in enumerate(kind[:]) if free >= 0]
         return tuple([Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in rows])
 
@@ -213,7 +217,7 @@ class NominalSolver:
         """Why a goal has no solution within the limits: solved beyond them, or not at all; and the nearest goal."""
         towards = near or self.limits.middle
         if goal.rotation is not None and self.form is not None:
-            branches = self._closed(goal, towards, False)
+            branches = self._closed(goal, Six(*towards), False)
         else:
             every = self._all_round
             branches = tuple(Branch(b.q, -1, self.limits) for b in every._searched(goal, near, every._ready))
