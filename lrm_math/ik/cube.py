@@ -15,8 +15,6 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.kernel.flat_arm import matrices
 from lrm_math.ik.solver_context import SLACK, CommandBatch, IkQuery, SolverContext
-from lrm_math.kinematics.chain import chain_of
-from lrm_math.kinematics.forward import frames
 
 REGION = 0.05
 """rad: rounding of known commands, so that the search starts beside them."""
@@ -39,9 +37,8 @@ class NominalPose:
     @classmethod
     def at(cls, context: SolverContext, q: Sequence[float] | Array) -> NominalPose:
         """The nominal tool frame at some angles (n,)."""
-        chain = chain_of(context.model.arm)
         angles = np.asarray(q, dtype=np.float64)
-        tcp = frames(chain, chain.values(angles.tolist()), 1)[0, -1]
+        tcp = context.nominal_solver.tool_at(angles)
         return cls(angles, tcp[:3, 3], tcp[:3, :3])
 
 

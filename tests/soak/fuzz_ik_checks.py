@@ -200,4 +200,4 @@ def check_nearest(subject: ServiceUnderTest, unsolved: list[AnsweredGoal]) -> It
 
 def loads_of(answered: list[AnsweredGoal]) -> Array:
     """(N,), kg."""
-    return np.array([s.request.payload_kg for s in answered])
+    return np.array([s.request.payload_kg or 0.0 for s in answered])

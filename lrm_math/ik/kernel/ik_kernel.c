@@ -980,7 +980,7 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         const double size = largest(turn, n), cut = size > 0.7 ? 0.7 / size : 1;
         for (int j = 0; j < n; j++) turn[j] *= cut;
         move(a, w, turn, s);
-        settled |= size < 1e-5 * share || step > 90;
+        settled |= size < 1e-4 * share || step > 90;
     }
     return STUCK;
 }

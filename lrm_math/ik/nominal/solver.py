@@ -34,6 +34,7 @@ REPRESENTATIVES, ELSEWHERE = 4, 0.1
 MOST_BEYOND = 8
 """Number of branches beyond the limits in an answer."""
 MARGIN = attrgetter("margin")
+Six, Angles, Kinds = ctypes.c_double * 6, ctypes.c_double * (6 * BRANCHES), ctypes.c_int * BRANCHES
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +95,17 @@ class NominalSolver:
         if goal.rotation is None or self.form is None:
             found = self._searched(goal, near, self._ready)
         else:
-            found = self._closed(goal, near or self.limits.middle, True)
+            found = self._closed(goal, self._middle if near is None else Six(*near), True)
         if len(found) < 2:
             return found
         if near is None:
             return tuple(sorted(found, key=MARGIN, reverse=True))
         return tuple(sorted(found, key=lambda branch: branch.distance(near)))
+
+    def tool_at(self, q: Array) -> Array:
+        """(4, 4), tool frame at angles (n,)."""
+        flat = self._flat
+        return np.asarray(flat.forward((np.array(flat.memory.zero[: flat.slots]) + q)[None])[0][0])
 
     @cached_property
     def second_axis(self) -> Vector3:
@@ -142,6 +148,14 @@ class NominalSolver:
         return q, found > 0
 
     @cached_property
+    def _middle(self) -> ctypes.Array[ctypes.c_double]:
+        return Six(*self.limits.middle)
+
+    @cached_property
+    def _address(self) -> int:
+        return self._flat.address
+
+    @cached_property
     def _model(self) -> Model:
         return model_of(self.arm, ())
 
@@ -165,15 +179,12 @@ class NominalSolver:
         joints = (replace(j, lower=a, upper=b) for j, (a, b) in zip(self.arm.joints, turns, strict=True))
         return NominalSolver.of(replace(self.arm, joints=tuple(joints)))
 
-    def _closed(self, goal: Goal, towards: Sequence[float], limited: bool) -> tuple[Branch, ...]:
+    def _closed(self, goal: Goal, towards: ctypes.Array[ctypes.c_double], limited: bool) -> tuple[Branch, ...]:
         """The branches by the closed form."""
-        q, kind = (ctypes.c_double * (6 * BRANCHES))(), (ctypes.c_int * BRANCHES)()
-        at = (ctypes.c_double * 6)(*towards)
-        kernel().ik_nominal(self._flat.address, 1, goal_numbers(goal), at, int(limited), q, kind)
-        limits = self.limits
-        return tuple(
-            [Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in enumerate(kind) if free >= 0]
-        )
+        q, kind, limits = Angles(), Kinds(), self.limits
+        kernel().ik_nominal(self._address, 1, goal_numbers(goal), towards, limited, q, kind)
+        rows = [(k, free) for k, free in enumerate(kind[:]) if free >= 0]
+        return tuple([Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in rows])
 
     def _searched(self, goal: Goal, near: tuple[float, ...] | None, flat: FlatArm) -> tuple[Branch, ...]:
         """Branches by search, within the limits of the packed arm."""
@@ -206,7 +217,7 @@ class NominalSolver:
         """Why a goal has no solution within the limits: solved beyond them, or not at all; and the nearest goal."""
         towards = near or self.limits.middle
         if goal.rotation is not None and self.form is not None:
-            branches = self._closed(goal, towards, False)
+            branches = self._closed(goal, Six(*towards), False)
         else:
             every = self._all_round
             branches = tuple(Branch(b.q, -1, self.limits) for b in every._searched(goal, near, every._ready))
