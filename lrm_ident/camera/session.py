@@ -12,8 +12,15 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from lrm_ident.camera.board import CharucoBoard, read_picture
-from lrm_ident.camera.board_pose import BoardPose, board_pose
-from lrm_ident.camera.consistency import PhotoRegression, board_scale, find_step, measured_covariance, photo_regression
+from lrm_ident.camera.board_pose import BoardPose, board_pose, information_of
+from lrm_ident.camera.consistency import (
+    PhotoRegression,
+    board_scale,
+    find_step,
+    measured_covariance,
+    measured_covariance_of,
+    photo_regression,
+)
 from lrm_ident.camera.detection import Refused, find_corners
 from lrm_ident.camera.hand_eye import HandEye, hand_eye
 from lrm_ident.camera.lens import Lens, LensFile
@@ -181,6 +188,15 @@ def _check(photos: PhotoRegression, taken: PhotoSet, lens: LensFile) -> None:
 
 def _table(T: Array) -> FrameTable:
     return frame_table(T[:3, :3], T[:3, 3])
+
+
+def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array:
+    """(N, 6, 6), covariance with which a photo at commanded poses would give the tool's pose (m, rad)."""
+    lens, corners = Lens.of(session.lens), CharucoBoard(session.lens.board).corners
+    camera, mount = (_matrix(*rigid_motion(table)) for table in (session.camera, session.mount))
+    seen = inverse(camera) @ tool_poses(arm, poses) @ mount
+    own = np.array([np.linalg.inv(information_of(board, corners, lens)) for board in seen]) * lens.noise**2
+    return measured_covariance_of(camera, mount, seen, own)
 
 
 def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from typer import Option
 
-from lrm_ident.camera.session import CameraSession, read_session, visible
+from lrm_ident.camera.session import CameraSession, expected_covariance, read_session, visible
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
@@ -37,6 +37,7 @@ from lrm_ident.plots.design import draw_choice, draw_design
 from lrm_ident.report.design import choice_document, design_document, pose_table
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
@@ -139,7 +140,8 @@ def design(
     catalogue = catalogue_with(effects_file)
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, None if floor_mm is None else floor_mm * MM)
-    offer = _offer(the_arm, poses, levels, loads_g, rules, seed, None if camera is None else read_session(camera))
+    session = None if camera is None else read_session(camera)
+    offer = _offer(the_arm, poses, levels, loads_g, rules, seed, session)
     kind = one_of("index", index.upper(), INDICES)
     if names and kind != "O1":
         raise LrmError("--separate raises determinants: it goes with --index O1 only")
@@ -154,6 +156,7 @@ def design(
         repeats=repeats,
         first_number=1 if measured is None else max(measured.names(np.arange(len(measured)))) + 1,
         seed=seed,
+        covariance=None if session is None else partial(_position_covariance, session, the_arm),
     )
     with progress("exchanging poses") as tick:
         found = run_design(task, offer.poses, tick)
@@ -163,6 +166,11 @@ def design(
         show(f"{len(found.poses)} poses written to {output}, in the order to measure them")
     else:
         show("Not saved; give -o POSES.csv to keep it.")
+
+
+def _position_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array:
+    """(N, 3, 3), m², of the tool's position from a photo."""
+    return expected_covariance(session, arm, poses)[:, :3, :3]
 
 
 def _offer(

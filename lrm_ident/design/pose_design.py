@@ -5,7 +5,7 @@ Fedorov 1972, Theory of Optimal Experiments; Atkinson & Donev 1992.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from lrm_ident.design.parameter_elimination import fittable
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD
 from lrm_ident.estimation.identifiability import select_identifiable
 from lrm_ident.progress import OnProgress, silent
+from lrm_ident.weights.whitening import PLAIN, Whitening, root_of
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
@@ -90,6 +91,7 @@ class DesignProblem:
             at the candidates with this noise.
         rivals: effects to discriminate. noise: m per axis. measured: poses measured already, or None.
         repeats: how many of the poses to measure twice. first_number: of the first new pose.
+        covariance: (N, 3, 3), m², with which positions will be measured; None: `noise`, the same for all.
     """
 
     model: Model
@@ -102,6 +104,7 @@ class DesignProblem:
     repeats: int
     first_number: int
     seed: int
+    covariance: Callable[[Poses], Array] | None = None
 
 
 Columns = list[Array]
@@ -122,18 +125,22 @@ def design(problem: DesignProblem, candidates: Poses, progress: OnProgress = sil
         sided = _sided(candidates, rng.choice([1.0, -1.0], len(candidates)))
     rest = equilibrium(problem.model, sided)
     check_testable(rest, problem.rivals)
-    keys = problem.keys or select_identifiable(rest, fittable(problem.model), problem.noise).kept
+    whitening = _whitening(problem, sided)
+    noise = problem.noise if problem.covariance is None else whitening.unit
+    keys = problem.keys or select_identifiable(rest, fittable(problem.model), noise, whitening).kept
     columns, measured = _columns(problem, rest, keys), None
     if problem.measured is not None:
-        measured = _columns(problem, equilibrium(problem.model, problem.measured), keys)
+        own = _whitening(problem, problem.measured)
+        measured = _weighted(problem, own, _columns(problem, equilibrium(problem.model, problem.measured), keys))
+    weighted = _weighted(problem, whitening, columns)
     width, already = sum(part.shape[2] for part in columns), 0 if problem.measured is None else len(problem.measured)
     check_count(problem.count, len(sided), width, already)
-    criterion = _criterion(problem, columns, measured)
+    criterion = _criterion(problem, weighted, measured)
     chosen = maximise_criterion(criterion, problem.count, STARTS, problem.seed, progress).rows
     draws = [rng.choice(len(sided), problem.count, replace=False) for _ in range(RANDOM_DRAWS)]
     order, *random_orders = (_order(sided, rows, problem.repeats, rng) for rows in (chosen, *draws))
     after, *random_after = (
-        _accuracy(problem, columns, _stack(columns, rows, measured)) for rows in (order, *random_orders)
+        _accuracy(problem, columns, _stack(weighted, rows, measured)) for rows in (order, *random_orders)
     )
     number = np.arange(problem.first_number, problem.first_number + len(order))
     first = {int(row): int(number[k]) for k, row in reversed(list(enumerate(order)))}
@@ -166,6 +173,19 @@ def _side_matters(problem: DesignProblem, candidates: Poses) -> bool:
     some = _from_both_sides(candidates.take(np.arange(min(len(candidates), SIDE_POSES))))
     moved = rival_columns(problem.model, some, problem.rivals, problem.keys or ())
     return any(not np.allclose(columns[0::2], columns[1::2]) for columns in moved)
+
+
+def _whitening(problem: DesignProblem, poses: Poses) -> Whitening:
+    """Weights of positions measured at poses."""
+    if problem.covariance is None:
+        return PLAIN
+    covariance = problem.covariance(poses)
+    return Whitening(np.sqrt(np.einsum("nii->n", covariance) / 3.0), root_of(covariance))
+
+
+def _weighted(problem: DesignProblem, whitening: Whitening, columns: Columns) -> Columns:
+    """Columns as if all positions had the problem's noise."""
+    return columns if problem.covariance is None else [problem.noise * whitening(part) for part in columns]
 
 
 def _columns(problem: DesignProblem, rest: Equilibrium, keys: Sequence[str]) -> Columns:

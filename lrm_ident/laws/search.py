@@ -65,7 +65,7 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     squares, fold_gain, gain, largest = [], [], [], np.full(NULL_DRAWS, -np.inf)
     both = np.concatenate([linear.residual[:, None], noise], axis=1)
     for number, group in enumerate(groups):
-        held_out, by_fold = np.empty((rows // 3, len(group.laws))), np.empty((folds, len(group.laws)))
+        held_out, by_fold = np.empty((rows // linear.rows, len(group.laws))), np.empty((folds, len(group.laws)))
         projected, own = linear.project(group.motions), linear.own
         whole = _products(projected.all_rows, both, group)
         for k, fold in enumerate(linear.folds):
@@ -75,7 +75,8 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
             predicted = test[:, group.first] * theta[0, :, 0]
             predicted[:, group.pairs] += test[:, group.second[group.pairs]] * theta[1, group.pairs, 0]
             left = fold.test_residual[:, None] - predicted
-            held_out[fold.test[::3] // 3] = (left**2).reshape(-1, 3, left.shape[1]).sum(axis=1)
+            poses = fold.test[:: linear.rows] // linear.rows
+            held_out[poses] = (left**2).reshape(-1, linear.rows, left.shape[1]).sum(axis=1)
             by_fold[k] = _bic_gain(explained, fold.train_residual[:, None], group)[:, 0]
         gains = _bic_gain(_solve(whole, group, linear)[1], both, group)
         squares.append(held_out)
@@ -84,9 +85,9 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
         largest = np.maximum(largest, gains[:, 1:].max(axis=0))
         progress(number + 1, len(groups))
     every, chosen = np.concatenate(squares, axis=1), np.concatenate(fold_gain, axis=1).argmax(axis=1)
-    nested = np.empty(rows // 3)
+    nested = np.empty(rows // linear.rows)
     for fold, law in zip(linear.folds, chosen.tolist(), strict=True):
-        poses = fold.test[::3] // 3
+        poses = fold.test[:: linear.rows] // linear.rows
         nested[poses] = every[poses, law]
     total = np.concatenate(gain)
     return LawSearch(

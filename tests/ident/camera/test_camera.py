@@ -12,8 +12,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurements import load_measurements
+from lrm_ident.design.pose_design import DesignProblem, design
 from lrm_ident.estimation.loss import SQUARED
 from lrm_ident.estimation.model_fit import fit_model, nominal_model
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import equilibrium
@@ -26,7 +28,7 @@ from lrm_ident.camera.board_pose import BoardPose, board_pose
 from lrm_ident.camera.detection import Corners, Refused, find_corners
 from lrm_ident.camera.lens import LensFile
 from lrm_ident.camera.opencv import opencv
-from lrm_ident.camera.session import CameraMeasurements, PhotoSet, measure, visible
+from lrm_ident.camera.session import CameraMeasurements, PhotoSet, expected_covariance, measure, visible
 from validation.camera_scene import (
     BOARD,
     HIDDEN,
@@ -173,6 +175,23 @@ def test_the_tip_is_known_and_the_residual_is_the_noise() -> None:
 def test_what_does_not_belong_together_is_said(change: dict[str, object], words: str) -> None:
     with pytest.raises(LrmError, match=words):
         simulated(1, **change)  # type: ignore[arg-type]
+
+
+def test_design_weighs_poses_as_the_camera_measures_them() -> None:
+    """Of candidates that show the board, those chosen with the camera's covariance make the tip better known."""
+    found = simulated(2)
+    arm = found.data.arm or load_arm("so101")
+    covariance = expected_covariance(found.session, arm, found.data.poses)
+    stated = found.data.covariance
+    assert stated is not None
+    ratio = np.trace(covariance, axis1=1, axis2=2) / np.trace(stated, axis1=1, axis2=2)
+    assert np.abs(np.log(ratio)).mean() < 0.5
+    model = nominal_model(arm)
+    positions = lambda poses: expected_covariance(found.session, arm, poses)[:, :3, :3]  # noqa: E731
+    task = DesignProblem(model, None, (), 34, "O1", 1e-3, None, 0, 1, 0, positions)
+    some = poses_in_view(rig(2, {}), 120, 7)
+    chosen = design(task, some)
+    assert chosen.after.tcp < chosen.random_after.tcp
 
 
 def test_the_page_is_at_true_scale() -> None:
