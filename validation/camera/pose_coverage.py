@@ -1,7 +1,7 @@
 """Photos as poses with noise: positions with one standard deviation, with their covariance, and whole poses.
 
-An SO-101 before one camera, a board of twelve corners, 0.3 px. `python -m validation.camera.pose_coverage` prints for each
-way how well the tip is known at other poses, and how often the 95 % intervals of the parameters hold the truth.
+An SO-101 before one camera, a board of twelve corners, 0.3 px. `python -m validation.camera.pose_coverage` prints for
+each way how well the tip is known at other poses, and how often the 95 % intervals of the parameters hold the truth.
 """
 
 from __future__ import annotations
