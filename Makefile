@@ -102,7 +102,7 @@ confusion: setup ## confusion matrix: hidden effects against named ones, both ta
 
 camera: setup ## 60 rendered photos of a board on an SO-101 with a hidden effect: is it named, how well is the tip known
 	$(ONE_THREAD) $(BIN)/python -m validation.camera
-	$(ONE_THREAD) $(BIN)/python -m validation.pose_coverage
+	$(ONE_THREAD) $(BIN)/python -m validation.camera.pose_coverage
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects.unfamiliar --half tune --jobs 2

@@ -29,7 +29,8 @@ from lrm_ident.camera.detection import Corners, Refused, find_corners
 from lrm_ident.camera.lens import LensFile
 from lrm_ident.camera.opencv import opencv
 from lrm_ident.camera.session import CameraMeasurements, PhotoSet, expected_covariance, measure, visible
-from validation.camera_scene import (
+from validation.camera.rendered_photos import WEBCAM, PhotoScene
+from validation.camera.scene import (
     BOARD,
     HIDDEN,
     poses_in_view,
@@ -38,7 +39,6 @@ from validation.camera_scene import (
     write_lens_photos,
     write_poses,
 )
-from validation.rendered_photos import WEBCAM, PhotoScene
 
 NOISE = 0.2  # px
 LENS = replace(WEBCAM, noise=NOISE)

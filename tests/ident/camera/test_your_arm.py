@@ -25,8 +25,8 @@ from lrm_ident.camera.session import PhotoSet
 from lrm_ident.cli.groups import camera as commands
 from lrm_ident.description.urdf import read_urdf
 from lrm_ident.description.urdf_export import bare_urdf
-from validation.camera_scene import HIDDEN, poses_in_view, rig, write_lens_photos, write_poses
-from validation.rendered_photos import WEBCAM, PhotoScene
+from validation.camera.rendered_photos import WEBCAM, PhotoScene
+from validation.camera.scene import HIDDEN, poses_in_view, rig, write_lens_photos, write_poses
 
 PHOTOS, NOISE = 60, 0.1
 

@@ -1,7 +1,7 @@
 """Photos as poses with noise: positions with one standard deviation, with their covariance, and whole poses.
 
-An SO-101 before one camera, a board of twelve corners, 0.3 px. `python -m validation.pose_coverage` prints for each way
-how well the tip is known at other poses, and how often the 95 % intervals of the parameters hold the truth.
+An SO-101 before one camera, a board of twelve corners, 0.3 px. `python -m validation.camera.pose_coverage` prints for
+each way how well the tip is known at other poses, and how often the 95 % intervals of the parameters hold the truth.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import tool_rotation
-from validation.camera_scene import Rig, poses_in_view, rig
-from validation.rendered_photos import WEBCAM
+from validation.camera.rendered_photos import WEBCAM
+from validation.camera.scene import Rig, poses_in_view, rig
 
 TWELVE = CharucoBoard(BoardTable(columns=5, rows=4, square_mm=20.0))
 LENS = Lens(WEBCAM.K * np.array([[1.5], [1.5], [1.0]]), WEBCAM.distortion, (1920, 1080), 0.3)

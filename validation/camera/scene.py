@@ -22,7 +22,7 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import FrameTable
 from lrm_math.model.sensed import tool_rotation
-from validation.rendered_photos import PhotoScene
+from validation.camera.rendered_photos import PhotoScene
 
 BOARD = CharucoBoard(BoardTable())
 HIDDEN = {"servo_gain.joint3.g_plus_rad_per_rad": 0.02, "servo_gain.joint3.g_minus_rad_per_rad": 0.02}
