@@ -6,7 +6,7 @@ import sys
 
 # Commands stand in the help in the order in which their modules are loaded.
 from lrm_ident.cli import identifiability, design, fit, thesis, component_tests, workspace, diagnosis, laws  # isort: skip
-from lrm_ident.cli import page, campaign  # isort: skip
+from lrm_ident.cli import fleet, page, campaign  # isort: skip
 from lrm_ident.cli.groups import arm, camera  # isort: skip
 from lrm_ident.cli.common import app
 from lrm_math.errors import LrmError
@@ -20,6 +20,7 @@ __all__ = [
     "design",
     "diagnosis",
     "fit",
+    "fleet",
     "identifiability",
     "laws",
     "main",

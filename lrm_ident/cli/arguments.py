@@ -29,6 +29,15 @@ EffectsFile = Annotated[
     Path | None,
     Option("--effects-file", metavar="FILE.py", help="A Python file with effects of your own (docs/effects.md)."),
 ]
+Cluster = Annotated[
+    str | None,
+    Option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Hand the work to a Dask cluster: its scheduler's address (tcp://scheduler:8786) or scheduler file "
+        "(docs/fleet.md). Default: all cores of this machine.",
+    ),
+]
 LinearizedAt = Annotated[
     Path | None,
     Option("--model", metavar="MODEL", help="Linearise about this fitted model instead of the nominal arm."),

@@ -33,6 +33,7 @@ from lrm_ident.design.pose_design import design as run_design
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.effect_plugins import catalogue_with
 from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.executors import executor_for, in_this_process
 from lrm_ident.plots.design import draw_choice, draw_design
 from lrm_ident.report.design import choice_document, design_document, pose_table
 from lrm_math.arm.arm import Arm
@@ -127,6 +128,7 @@ def design(
     json: arg.JsonFile = None,
     figure: arg.FigureFile = None,
     effects_file: arg.EffectsFile = None,
+    cluster: arg.Cluster = None,
 ) -> None:
     """Choose the poses to measure next: those that make parameters known, and tell rival effects apart.
 
@@ -158,8 +160,8 @@ def design(
         seed=seed,
         covariance=None if session is None else partial(_position_covariance, session, the_arm),
     )
-    with progress("exchanging poses") as tick:
-        found = run_design(task, offer.poses, tick)
+    with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
+        found = run_design(task, offer.poses, tick, pool)
     publish(design_document(task, offer, found), json, figure, partial(draw_design, task, offer, found))
     if output:
         write_text(output, pose_table(found).csv())

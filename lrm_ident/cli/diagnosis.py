@@ -30,8 +30,10 @@ from lrm_ident.diagnosis.diagnosis_report import build_report, report_of
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 from lrm_ident.effect_plugins import catalogue_with
+from lrm_ident.estimation.cross_validation import FOLDS
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.estimation.model_history import model_text, undo_step
+from lrm_ident.executors import executor_for
 from lrm_ident.plots.diagnosis import draw_report
 from lrm_ident.report.diagnosis import (
     course_document,
@@ -133,6 +135,7 @@ def auto(
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
+    cluster: arg.Cluster = None,
     reading: Reading = AS_NAMED,
 ) -> None:
     """Follow the tool's own advice, effect by effect, until it says stop."""
@@ -153,8 +156,8 @@ def auto(
     show(f"Model written to {output}", *errors.blocks(title))
     whole = HeldOutResidual(None, "not asked for (--no-nested)")
     if nested:
-        with progress("choosing anew in every fold") as tick:
-            whole = nested_held_out(the_model, measured, max_effects, catalogue, effects_file, tick, loss)
+        with executor_for(cluster, effects_file, FOLDS) as pool, progress("choosing anew in every fold") as tick:
+            whole = nested_held_out(the_model, measured, pool, max_effects, catalogue, tick, loss)
     publish(
         course_document(course, report_of(course.judgement), held_out, whole), json, most=None if show_all else LISTED
     )
@@ -169,6 +172,7 @@ def selftest(
     seed: Annotated[int, Option(help="Of the arm's errors and the noise.")] = 0,
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
+    cluster: arg.Cluster = None,
 ) -> None:
     """Tell before measuring whether a plan of poses can find what you look for.
 
@@ -178,6 +182,6 @@ def selftest(
     names, refused = detectable_effects(plan, only)
     if not names:
         raise LrmError(f"no effect that these poses can show matches '{only}'")
-    with progress(f"injecting {len(names)} effects") as tick:
-        trials = sorted(run_trials(plan, names, tick), key=lambda trial: names.index(trial.truth))
+    with executor_for(cluster, effects_file, len(names)) as pool, progress(f"injecting {len(names)} effects") as tick:
+        trials = sorted(run_trials(plan, names, pool, tick), key=lambda trial: names.index(trial.truth))
     publish(selftest_document(len(plan.poses), trials, refused), json)

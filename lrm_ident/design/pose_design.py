@@ -6,6 +6,7 @@ Fedorov 1972, Theory of Optimal Experiments; Atkinson & Donev 1992.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,7 +112,9 @@ Columns = list[Array]
 """Columns of poses: of the fitted parameters (N, 3, m), then of each rival (N, 3, m_k); of typical sizes, in mm."""
 
 
-def design(problem: DesignProblem, candidates: Poses, progress: OnProgress = silent) -> PoseDesign:
+def design(
+    problem: DesignProblem, candidates: Poses, progress: OnProgress = silent, executor: Executor | None = None
+) -> PoseDesign:
     """Chooses poses among candidates by DETMAX; from which side to approach each is chosen too where it matters.
 
     Raises:
@@ -136,7 +139,7 @@ def design(problem: DesignProblem, candidates: Poses, progress: OnProgress = sil
     width, already = sum(part.shape[2] for part in columns), 0 if problem.measured is None else len(problem.measured)
     check_count(problem.count, len(sided), width, already)
     criterion = _criterion(problem, weighted, measured)
-    chosen = maximise_criterion(criterion, problem.count, STARTS, problem.seed, progress).rows
+    chosen = maximise_criterion(criterion, problem.count, STARTS, problem.seed, progress, executor).rows
     draws = [rng.choice(len(sided), problem.count, replace=False) for _ in range(RANDOM_DRAWS)]
     order, *random_orders = (_order(sided, rows, problem.repeats, rng) for rows in (chosen, *draws))
     after, *random_after = (

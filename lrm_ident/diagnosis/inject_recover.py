@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 from zlib import crc32
 
@@ -19,6 +18,7 @@ from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.effect_plugins import catalogue_with
 from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.executors import as_finished
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
@@ -77,22 +77,20 @@ def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[st
     return [name for name in names if fnmatchcase(name, pattern)], not_testable
 
 
-def run_trials(plan: InjectionPlan, names: Sequence[str], progress: OnProgress = silent) -> Iterator[InjectionTrial]:
-    """Injects each effect and diagnoses, on all cores."""
-    workers = max(min(len(names), os.cpu_count() or 1), 1)
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        waiting = [pool.submit(_trial, plan, name) for name in names]
-        for done, future in enumerate(as_completed(waiting), start=1):
-            progress(done, len(names))
-            yield future.result()
+def run_trials(
+    plan: InjectionPlan, names: Sequence[str], executor: Executor, progress: OnProgress = silent
+) -> Iterator[InjectionTrial]:
+    """Injects each effect and diagnoses, side by side; trials come as they finish."""
+    for _, trial in as_finished(executor, partial(_trial, plan, load_arm(plan.arm)), names, progress):
+        yield trial
 
 
 def _base(arm: Arm) -> Model:
     return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
 
 
-def _trial(plan: InjectionPlan, name: str) -> InjectionTrial:
-    arm, catalogue = load_arm(plan.arm), catalogue_with(plan.effects_file)
+def _trial(plan: InjectionPlan, arm: Arm, name: str) -> InjectionTrial:
+    catalogue = catalogue_with(plan.effects_file)
     rng = np.random.default_rng([plan.seed, crc32(name.encode())])
     base = _base(arm)
     positive, count = [p.lower == 0.0 for p in base.parameters], len(base.keys)

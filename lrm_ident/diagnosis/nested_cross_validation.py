@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from concurrent.futures import Executor
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +14,7 @@ from lrm_ident.effect_plugins import Catalogue
 from lrm_ident.estimation.cross_validation import joint_space_folds
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.estimation.loss import Loss
+from lrm_ident.executors import in_order
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
@@ -29,9 +26,9 @@ from lrm_math.model.model import Model
 def nested_held_out(
     model: Model,
     data: Measurements,
+    executor: Executor,
     max_effects: int = 20,
     catalogue: Catalogue = CATALOGUE,
-    effects_file: Path | None = None,
     progress: OnProgress = silent,
     loss: Loss | None = None,
 ) -> HeldOutResidual:
@@ -40,22 +37,15 @@ def nested_held_out(
     There is none, with the reason, if a fold does not converge or its model does not settle at a held-out pose.
 
     Args:
-        effects_file: where user's effects of the catalogue come from. Classes of such a file cannot be pickled for
-            other processes, so then the folds run one after the other.
+        executor: where the folds run side by side (`executor_for`).
     """
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     parts = [fold == number for number in range(int(fold.max()) + 1)]
     predict = partial(_predict, model, data, max_effects, catalogue, loss)
     residual = np.empty_like(data.tcp)
-    workers: AbstractContextManager[ProcessPoolExecutor | None] = nullcontext()
-    if effects_file is None:
-        workers = ProcessPoolExecutor(min(len(parts), os.cpu_count() or 1), multiprocessing.get_context("spawn"))
     try:
-        with workers as pool:
-            found = map(predict, parts) if pool is None else pool.map(predict, parts)
-            for done, (out, left) in enumerate(zip(parts, found, strict=True), start=1):
-                residual[out] = left
-                progress(done, len(parts))
+        for out, left in zip(parts, in_order(executor, predict, parts, progress), strict=True):
+            residual[out] = left
     except LrmError as error:
         return HeldOutResidual(None, str(error))
     return HeldOutResidual(residual)

@@ -21,10 +21,26 @@ from lrm_math.toml_file import StrictSchema, read_toml
 
 
 class GaussianTable(StrictSchema):
-    """`mean` and standard deviation `sd` of a parameter, in the unit of its key."""
+    """`mean` and standard deviation `sd` of a parameter, in the unit of its key.
+
+    Of a fleet also: the 95 % interval of the mean, the `spread` between arms with its interval, how many `arms`.
+    """
 
     mean: float = 0.0
     sd: Annotated[float, Field(gt=0)]
+    mean_interval: list[float] | None = None
+    spread: float | None = None
+    spread_interval: list[float] | None = None
+    arms: int | None = None
+
+
+class EffectRateTable(StrictSchema):
+    """How often arms of a kind have an effect: `rate` (0 to 1) with its 95 % interval, found in so many of `arms`."""
+
+    rate: Annotated[float, Field(gt=0, lt=1)]
+    interval: list[float] | None = None
+    found: float | None = None
+    arms: int | None = None
 
 
 class PriorFile(StrictSchema):
@@ -32,6 +48,7 @@ class PriorFile(StrictSchema):
 
     `[parameters]`: keys `effect.place.name_unit`, `*` and `?` allowed; the last matching key applies.
     `other_sd`: standard deviation, in typical sizes of the effect, of every parameter that no key matches.
+    `[effects]`: how often an effect (`id@place`) is there; `other_rate`: every other one.
     """
 
     schema_: Literal["lrm/prior/1"] = Field(alias="schema")
@@ -39,6 +56,8 @@ class PriorFile(StrictSchema):
     source: str = ""
     other_sd: Annotated[float, Field(gt=0)] = 1.0
     parameters: dict[str, GaussianTable] = {}
+    effects: dict[str, EffectRateTable] = {}
+    other_rate: Annotated[float, Field(gt=0, lt=1)] | None = None
 
 
 @dataclass(frozen=True)

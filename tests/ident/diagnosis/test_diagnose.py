@@ -28,6 +28,7 @@ from lrm_ident.estimation.cross_validation import held_out_residual, joint_space
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.executors import executor_for
 from lrm_ident.plots.diagnosis import draw_report
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
@@ -295,7 +296,8 @@ def test_selftest_tells_what_a_plan_could_find(lab: Arm) -> None:
     names, refused = detectable_effects(plan, "backlash@joint[23]")
     assert names == ["backlash@joint2", "backlash@joint3"]
     assert any(effect.id == "session" for effect, _ in refused)
-    assert [trial.outcome for trial in run_trials(plan, names)] == ["found", "found"]
+    with executor_for(most=len(names)) as pool:
+        assert [trial.outcome for trial in run_trials(plan, names, pool)] == ["found", "found"]
 
 
 @pytest.mark.slow

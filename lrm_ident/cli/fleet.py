@@ -1,0 +1,54 @@
+"""The command `fleet`: many arms of one kind, and what they have in common."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.command import command
+from lrm_ident.cli.common import LISTED, progress, publish, show
+from lrm_ident.data.atomic_write import write_bytes, write_text
+from lrm_ident.executors import executor_for
+from lrm_ident.fleet.fleet_prior import FleetKnowledge, prior_text
+from lrm_ident.fleet.fleet_report import fleet_document, table_csv, table_parquet
+from lrm_ident.fleet.manifest import read_manifest
+from lrm_ident.fleet.run_fleet import MODELS, run_fleet
+from lrm_ident.fleet.summary import fleet_result
+from lrm_ident.page.fleet_page import fleet_page
+
+
+@command
+def fleet(
+    manifest: Annotated[
+        Path, Argument(metavar="MANIFEST", help="A CSV, one row per arm: data, arm, name; other columns are tags.")
+    ],
+    results: Annotated[Path, Option("-o", "--output", metavar="FOLDER", help="Where results go; made if need be.")],
+    cluster: arg.Cluster = None,
+    json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
+) -> None:
+    """Identify many arms of one kind: each fitted and brought to its end as by auto, then all seen together.
+
+    Writes a model per arm, one table (CSV, and Parquet where pyarrow is installed), a page, and a prior file for the
+    next arm. Started again it goes on where it was; a broken data set is a row with its reason.
+    """
+    members = read_manifest(manifest)
+    with executor_for(cluster, most=len(members)) as pool, progress(f"identifying {len(members)} arms") as tick:
+        records = run_fleet(members, results, pool, tick)
+    found = fleet_result(members, records, results / MODELS)
+    document = fleet_document(found)
+    publish(document, json, most=None if show_all else LISTED)
+    write_text(results / "fleet.csv", table_csv(found))
+    parquet = table_parquet(found)
+    if parquet is not None:
+        write_bytes(results / "fleet.parquet", parquet)
+    write_text(results / "fleet.html", fleet_page(document, manifest.name))
+    written = "models/, fleet.csv, fleet.html" + (", fleet.parquet" if parquet is not None else "")
+    if isinstance(found.known, FleetKnowledge):
+        source = f"{found.known.arms} arms of {manifest.name}, lrm-ident fleet"
+        write_text(results / "prior.toml", prior_text(found.known, f"fleet {manifest.stem}", source))
+        written += ", prior.toml"
+    show(f"Written to {results}: {written}")

@@ -1,0 +1,98 @@
+"""How often arms of a kind have each effect: beta-binomial model (Skellam 1948), its two numbers from the fleet itself.
+
+A step of `auto` may stand for several causes that one arm's data cannot tell apart; it counts for them in proportion to
+how often each is there (expectation-maximisation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import betaincinv, betaln
+
+from lrm_math.arrays import Array
+
+ROUNDS = 50
+LEVEL = 0.95
+FEWEST = 1.0
+"""Arms' worth of belief that the fitted Beta distribution has at least: with few arms its likelihood is flat."""
+
+
+@dataclass(frozen=True)
+class EffectRate:
+    """How often an effect is there.
+
+    Attributes:
+        found: arms that have it, shares of unsure ones among them. arms: that could show it. rate, low, high: posterior
+            mean and 95 % interval of the part of the kind that has it.
+    """
+
+    name: str
+    found: float
+    arms: int
+    rate: float
+    low: float
+    high: float
+
+
+def effect_rates(steps: Sequence[Sequence[Sequence[str]]], tested: Sequence[Sequence[str]]) -> tuple[EffectRate, ...]:
+    """Rates of all effects that some arm could show, most frequent first.
+
+    Args:
+        steps: for each arm, its steps, each with the names (`effect@place`) that it can stand for.
+        tested: for each arm, the names that its poses could show.
+    """
+    names = sorted({name for known in tested for name in known})
+    arms = {name: sum(name in known for known in tested) for name in names}
+    rate = dict.fromkeys(names, 0.5)
+    found = dict.fromkeys(names, 0.0)
+    for _ in range(ROUNDS):
+        found = _counted(steps, rate)
+        a, b = _beta(np.array([found[name] for name in names]), np.array([arms[name] for name in names]))
+        rate = {name: (found[name] + a) / (arms[name] + a + b) for name in names}
+    return (
+        tuple(
+            sorted(
+                (EffectRate(n, found[n], arms[n], rate[n], *_interval(found[n], arms[n], a, b)) for n in names),
+                key=lambda one: (-one.rate, one.name),
+            )
+        )
+        if names
+        else ()
+    )
+
+
+def _counted(steps: Sequence[Sequence[Sequence[str]]], rate: Mapping[str, float]) -> dict[str, float]:
+    """Arms that have each effect; of one arm at most one each."""
+    found = dict.fromkeys(rate, 0.0)
+    for arm in steps:
+        own: dict[str, float] = {}
+        for names in arm:
+            known = [name for name in names if name in rate]
+            whole = sum(rate[name] for name in known)
+            for name in known:
+                own[name] = min(1.0, own.get(name, 0.0) + rate[name] / whole)
+        for name, share in own.items():
+            found[name] += share
+    return found
+
+
+def _beta(found: Array, arms: Array) -> tuple[float, float]:
+    """The Beta distribution of the rates that makes the counts most likely."""
+
+    def surprise(logs: Array) -> float:
+        a, b = np.exp(logs)
+        return -float((betaln(found + a, arms - found + b) - betaln(a, b)).sum())
+
+    best = minimize(surprise, np.log([0.1, 1.0]), method="L-BFGS-B", bounds=[(-7.0, 3.0), (-3.0, 7.0)]).x
+    a, b = (float(value) for value in np.exp(best))
+    scale = max(1.0, FEWEST / (a + b))
+    return a * scale, b * scale
+
+
+def _interval(found: float, arms: int, a: float, b: float) -> tuple[float, float]:
+    low, high = (float(betaincinv(a + found, b + arms - found, tail)) for tail in ((1 - LEVEL) / 2, (1 + LEVEL) / 2))
+    return low, high

@@ -1,0 +1,159 @@
+"""What stands out in a fleet: effects and parameters that go with a tag, and arms unlike their sisters.
+
+Tags: Fisher's exact test of an effect against a tag (Freeman & Halton 1951), Kruskal & Wallis 1952 of a parameter, all
+together adjusted by Benjamini & Yekutieli 2001. Outliers: Student's t of an arm against its sisters, who do not include
+it (externally studentised residual, Cook & Weisberg 1982), corrected for all that are looked at (Bonferroni).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtr
+from scipy.stats import fisher_exact, kruskal
+
+from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE
+from lrm_ident.diagnosis.score_test import benjamini_yekutieli
+from lrm_ident.fleet.effect_rates import EffectRate
+from lrm_ident.fleet.fleet_prior import ToldParameters
+from lrm_ident.fleet.identify_arm import ArmRecord
+from lrm_ident.fleet.manifest import FleetMember
+
+FEWEST_SISTERS, FEWEST_OF_A_LEVEL = 4, 2
+MOST_LEVELS = 8
+TELLS = 1.0  # typical sizes: a standard error above it says nothing of one arm
+Estimated = tuple[int, float, float]
+"""Number of an arm, its estimate and standard error (typical sizes)."""
+
+
+@dataclass(frozen=True)
+class TagLink:
+    """Something that goes with a tag: `what` (an effect or a parameter), its p value after adjusting for all tried, and
+    for each level of the tag what is seen there."""
+
+    what: str
+    tag: str
+    p_value: float
+    levels: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class FleetOutlier:
+    """A parameter of an arm far from its sisters': both in the unit of its key; `distance` in standard
+    deviations of what a sister would show."""
+
+    arm: str
+    key: str
+    value: float
+    sisters: float
+    sisters_sd: float
+    distance: float
+
+    @property
+    def sentence(self) -> str:
+        """In words, with what to look at."""
+        what, place, name = self.key.split(".")
+        ratio = self.value / self.sisters if self.sisters else 0.0
+        how = f"{ratio:.2g} times that of its sisters" if ratio >= 1.5 else "unlike its sisters"
+        look = "check its screws and its servo" if what == "compliance" else "check how it is screwed together"
+        return (
+            f"arm {self.arm}: {place}'s {what} {name} is {self.value:.3g}, {how} "
+            f"({self.sisters:.3g} ± {self.sisters_sd:.2g}): {look}"
+        )
+
+
+def tag_links(
+    members: Sequence[FleetMember],
+    records: Sequence[ArmRecord],
+    told: Sequence[ToldParameters],
+    rates: Sequence[EffectRate],
+) -> tuple[TagLink, ...]:
+    """What goes significantly with a tag, surest first."""
+    tried: dict[tuple[str, str], TagLink] = {}
+    for tag in dict.fromkeys(name for member in members for name, _ in member.tags):
+        cells = [dict(member.tags).get(tag, "") for member in members]
+        levels = sorted(set(cells))
+        groups = [[i for i, cell in enumerate(cells) if cell == level] for level in levels]
+        if not 2 <= len(levels) <= MOST_LEVELS or sum(len(group) >= FEWEST_OF_A_LEVEL for group in groups) < 2:
+            continue
+        named = list(zip(levels, groups, strict=True))
+        tried |= {(link.what, tag): link for link in _of_effects(tag, named, records, rates)}
+        tried |= {(link.what, tag): link for link in _of_parameters(tag, named, told)}
+    adjusted = benjamini_yekutieli({f"{what}\t{tag}": link.p_value for (what, tag), link in tried.items()})
+    found = [
+        TagLink(link.what, tag, adjusted[f"{what}\t{tag}"], link.levels)
+        for (what, tag), link in tried.items()
+        if adjusted[f"{what}\t{tag}"] < SIGNIFICANCE
+    ]
+    return tuple(sorted(found, key=lambda link: link.p_value))
+
+
+def outliers(records: Sequence[ArmRecord], told: Sequence[ToldParameters]) -> tuple[FleetOutlier, ...]:
+    """Parameters of arms that are farther from their sisters' than chance puts one of all, farthest first.
+
+    The farthest is taken out and the rest looked at again, so that one cannot hide another.
+    """
+    known = {key: [row for row in rows if row[2] < TELLS] for key, rows in _by_key(told).items()}
+    tests = sum(len(rows) for rows in known.values() if len(rows) > FEWEST_SISTERS)
+    found = []
+    for key, rows in known.items():
+        while len(rows) > FEWEST_SISTERS:
+            far = max((_distance(row, rows) for row in rows), key=lambda one: one[0])
+            distance, row, middle, spread = far
+            if 2.0 * float(stdtr(len(rows) - 2, -distance)) * tests > SIGNIFICANCE:
+                break
+            rows = [other for other in rows if other is not row]
+            parameter = told[row[0]].model.parameters[told[row[0]].model.position(key)]
+            scale = parameter.typical / parameter.si
+            numbers = row[1] * scale, middle * scale, spread * scale
+            found.append(FleetOutlier(records[row[0]].name, key, *numbers, distance))
+    return tuple(sorted(found, key=lambda one: -one.distance))
+
+
+def _distance(row: Estimated, rows: Sequence[Estimated]) -> tuple[float, Estimated, float, float]:
+    """Studentised distance from the others, with their mean and standard deviation."""
+    others = [other for other in rows if other is not row]
+    values, errors = (np.array([other[k] for other in others]) for k in (1, 2))
+    middle, spread = float(values.mean()), float(values.std(ddof=1))
+    more = max(0.0, row[2] ** 2 - float(np.median(errors)) ** 2)
+    sd = float(np.sqrt(spread**2 * (1.0 + 1.0 / len(others)) + more))
+    return abs(row[1] - middle) / max(sd, 1e-12), row, middle, spread
+
+
+def _by_key(told: Sequence[ToldParameters]) -> dict[str, list[Estimated]]:
+    """For each parameter: (arm, estimate, standard error) in typical sizes."""
+    known: dict[str, list[Estimated]] = {}
+    for arm, one in enumerate(told):
+        for key, value, variance in zip(one.keys, one.mean, np.diag(one.covariance), strict=True):
+            known.setdefault(key, []).append((arm, float(value), float(np.sqrt(variance))))
+    return known
+
+
+def _of_effects(
+    tag: str, levels: Sequence[tuple[str, list[int]]], records: Sequence[ArmRecord], rates: Sequence[EffectRate]
+) -> Iterator[TagLink]:
+    for rate in rates:
+        has = np.array([any(rate.name in step for step in record.steps) for record in records])
+        if has.any() and not has.all():
+            counts = np.array([[int(has[group].sum()), int((~has[group]).sum())] for _, group in levels])
+            p_value = float(fisher_exact(counts).pvalue)
+            seen = tuple((level, f"{yes} of {yes + no}") for (level, _), (yes, no) in zip(levels, counts, strict=True))
+            yield TagLink(rate.name, tag, p_value, seen)
+
+
+def _of_parameters(
+    tag: str, levels: Sequence[tuple[str, list[int]]], told: Sequence[ToldParameters]
+) -> Iterator[TagLink]:
+    for key, known in _by_key(told).items():
+        value = {arm: estimate for arm, estimate, error in known if error < TELLS}
+        groups = [[value[arm] for arm in group if arm in value] for _, group in levels]
+        full = [group for group in groups if len(group) >= FEWEST_OF_A_LEVEL]
+        if len(full) >= 2 and np.ptp(np.concatenate(full)) > 0:
+            model = told[known[0][0]].model
+            parameter = model.parameters[model.position(key)]
+            scale = parameter.typical / parameter.si
+            seen = ((level, group) for (level, _), group in zip(levels, groups, strict=True) if group)
+            words = tuple((level, f"median {np.median(group) * scale:.3g}") for level, group in seen)
+            yield TagLink(key, tag, float(kruskal(*full).pvalue), words)

@@ -1,0 +1,141 @@
+"""The prior that a fleet makes for its next arm: population and effect rates of all arms, as a prior file.
+
+A mean and a standard deviation of every parameter (the spread between arms, and what is not known of the mean), the
+part of the arms that has each effect, and the intervals of all of them.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS
+from lrm_ident.estimation.priors import WEAK_SD, EffectRateTable, GaussianTable, PriorFile
+from lrm_ident.fleet.effect_rates import EffectRate, effect_rates
+from lrm_ident.fleet.identify_arm import ArmRecord
+from lrm_ident.fleet.population import ArmEvidence, Population, fit_population
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.model.covariance import to_covariance
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import ModelFile, arm_of, to_model
+from lrm_math.toml_file import validate
+
+FEWEST_ARMS = 3
+RARE = 0.005  # rate below which an effect that no arm has is not listed
+DIGITS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class ToldParameters:
+    """What one arm's file says of its parameters.
+
+    Attributes:
+        model: with the estimates as values. keys: (P,), of those in `covariance` (P, P), typical sizes squared.
+        mean: (P,), typical sizes. Both with the weak prior.
+    """
+
+    model: Model
+    keys: tuple[str, ...]
+    mean: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FleetKnowledge:
+    """What a fleet has in common: `population` of the parameters `keys` (Q,), of typical sizes `typical` (SI) and with
+    `units` (SI), and `rates`."""
+
+    keys: tuple[str, ...]
+    typical: Array
+    units: Array
+    population: Population
+    rates: tuple[EffectRate, ...]
+    arms: int
+
+
+def told_parameters(record: ArmRecord, models: Path) -> ToldParameters:
+    """An arm's estimates with the weak prior. `models`: folder that the paths of arm files are relative to."""
+    file = validate(models / f"{record.name}.toml", tomllib.loads(record.evidence), ModelFile)
+    model = to_model(models, file, arm_of(models / f"{record.name}.toml", file.arm))
+    if file.covariance is None:
+        raise LrmError(f"{record.name}: the fit has no covariance")
+    known = to_covariance(file.covariance, file.sigma, model)
+    typical = np.array([model.parameters[model.position(key)].typical for key in known.keys])
+    mean = np.array([model.value(key) for key in known.keys]) / typical
+    return ToldParameters(model, known.keys, mean, known.matrix / np.outer(typical, typical))
+
+
+def fleet_knowledge(records: Sequence[ArmRecord], told: Sequence[ToldParameters]) -> FleetKnowledge:
+    """Population and rates of arms of one kind. Raises `LrmError`: fewer than three arms.
+
+    Parameters of an effect are those of the arms that have it.
+    """
+    if len(records) < FEWEST_ARMS:
+        raise LrmError(f"{len(records)} arms tell no spread; a fleet's prior needs at least {FEWEST_ARMS}")
+    keys = tuple(dict.fromkeys(key for one in told for key in one.keys))
+    by_key = {key: one.model.parameters[one.model.position(key)] for one in told for key in one.keys}
+    place = {key: number for number, key in enumerate(keys)}
+    evidence = [arm_evidence(one, place) for one in told]
+    every = effect_rates([record.steps for record in records], [record.tested for record in records])
+    rates = tuple(one for one in every if one.name.partition("@")[0] not in DEFAULT_EFFECTS)
+    typical, units = (np.array([getattr(by_key[key], name) for key in keys]) for name in ("typical", "si"))
+    return FleetKnowledge(keys, typical, units, fit_population(evidence, len(keys)), rates, len(records))
+
+
+def arm_evidence(told: ToldParameters, place: dict[str, int]) -> ArmEvidence:
+    """What the arm's poses alone say: the weak prior taken away from the posterior."""
+    posterior = np.linalg.inv(told.covariance)
+    information = posterior - np.eye(len(told.keys)) / WEAK_SD**2
+    sizes, directions = np.linalg.eigh(0.5 * (information + information.T))
+    information = (directions * np.maximum(sizes, 0.0)) @ directions.T
+    return ArmEvidence(np.array([place[key] for key in told.keys]), information, posterior @ told.mean)
+
+
+def prior_text(known: FleetKnowledge, name: str, source: str) -> str:
+    """The prior file, schema `lrm/prior/1`, as TOML text."""
+    return tomli_w.dumps(prior_file(known, name, source).model_dump(by_alias=True, exclude_none=True))
+
+
+def prior_file(known: FleetKnowledge, name: str, source: str) -> PriorFile:
+    """The prior of a fleet's next arm."""
+    found, scale = known.population, known.typical / known.units
+    columns = (found.mean, found.predictive_sd, *found.mean_interval, found.spread, *found.spread_interval)
+    parameters = {}
+    for number, key in enumerate(known.keys):
+        mean, sd, low, high, spread, least, most = (_rounded(column[number] * scale[number]) for column in columns)
+        parameters[key] = GaussianTable(
+            mean=mean,
+            sd=sd,
+            mean_interval=[low, high],
+            spread=spread,
+            spread_interval=[least, most],
+            arms=int(found.arms[number]),
+        )
+    listed = [one for one in known.rates if one.found > 0 or one.rate > RARE]
+    others = [one.rate for one in known.rates if one not in listed]
+    return PriorFile(
+        schema="lrm/prior/1",
+        name=name,
+        source=source,
+        parameters=parameters,
+        effects={
+            one.name: EffectRateTable(
+                rate=_rounded(one.rate),
+                interval=[_rounded(one.low), _rounded(one.high)],
+                found=round(one.found, 3),
+                arms=one.arms,
+            )
+            for one in listed
+        },
+        other_rate=_rounded(max(others)) if others else None,
+    )
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

@@ -1,0 +1,170 @@
+"""Result of `lrm-ident fleet`: one table of the arms, and what they have in common."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from lrm_ident.fleet.fleet_findings import FleetOutlier, TagLink
+from lrm_ident.fleet.fleet_prior import FleetKnowledge, ToldParameters
+from lrm_ident.fleet.identify_arm import ArmRecord
+from lrm_ident.fleet.manifest import FleetMember
+from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+
+MOST_RATES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class FleetResult:
+    """A fleet that was identified.
+
+    Attributes:
+        told: what each arm with a model says of its parameters, by name. known: what they have in common, or the reason
+            why nothing can be said. left_out: outliers, which are not part of what is common.
+    """
+
+    members: tuple[FleetMember, ...]
+    records: tuple[ArmRecord, ...]
+    told: dict[str, ToldParameters]
+    known: FleetKnowledge | str
+    links: tuple[TagLink, ...]
+    outliers: tuple[FleetOutlier, ...]
+
+
+def fleet_document(result: FleetResult) -> Document:
+    """Schema `lrm/fleet/1`: every arm's row, rates, population, tags, outliers."""
+    done = [record for record in result.records if not record.reason]
+    broken = [f"{record.name}: {record.reason}" for record in result.records if record.reason]
+    values: dict[str, object] = {
+        "arms": [_row(member, record) for member, record in zip(result.members, result.records, strict=True)],
+        "outliers": result.outliers,
+        "tags": result.links,
+    }
+    blocks: list[Block] = [heading(f"{len(done)} of {len(result.records)} arms identified"), _arms_table(result)]
+    blocks += section("\nNot identified", broken)
+    blocks += section("\nArms unlike their sisters", [one.sentence for one in result.outliers])
+    blocks += section("\nWhat goes with a tag", [_link_words(link) for link in result.links])
+    if isinstance(result.known, str):
+        blocks.append(f"\nNo prior: {result.known}")
+        return Document(blocks, "lrm/fleet/1", {**values, "rates": [], "population": {}, "reason": result.known})
+    blocks += [_rates_table(result.known), _population_table(result.known)]
+    return Document(blocks, "lrm/fleet/1", {**values, "rates": result.known.rates, "population": _values(result.known)})
+
+
+def table_csv(result: FleetResult) -> str:
+    """One row per arm: its tags, result, and every parameter with its standard error (`_se`), unrounded."""
+    columns = fleet_columns(result)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in zip(*columns.values(), strict=True):
+        writer.writerow(["" if cell is None else cell for cell in row])
+    return text.getvalue()
+
+
+def table_parquet(result: FleetResult) -> bytes | None:
+    """The same as Parquet; None where pyarrow (extra `lerobot`) is not installed."""
+    if find_spec("pyarrow") is None:
+        return None
+    import pyarrow
+    import pyarrow.parquet as parquet
+
+    buffer: Any = pyarrow.BufferOutputStream()
+    parquet.write_table(pyarrow.table(fleet_columns(result)), buffer)
+    return bytes(buffer.getvalue().to_pybytes())
+
+
+def fleet_columns(result: FleetResult) -> dict[str, list[Any]]:
+    """Columns of the table by name."""
+    rows = [_row(member, record) for member, record in zip(result.members, result.records, strict=True)]
+    columns = {name: [row.get(name) for row in rows] for name in dict.fromkeys(name for row in rows for name in row)}
+    columns["effects"] = [" ".join(names or ()) for names in columns["effects"]]
+    keys = dict.fromkeys(key for told in result.told.values() for key in told.keys)
+    for key in keys:
+        pairs = [_estimate(result.told.get(record.name), key) for record in result.records]
+        columns[key], columns[f"{key}_se"] = [value for value, _ in pairs], [error for _, error in pairs]
+    return columns
+
+
+def _estimate(told: ToldParameters | None, key: str) -> tuple[float | None, float | None]:
+    """Value and standard error in the unit of the key."""
+    if told is None or key not in told.keys:
+        return None, None
+    j, parameter = told.keys.index(key), told.model.parameters[told.model.position(key)]
+    scale = parameter.typical / parameter.si
+    return float(told.mean[j] * scale), float(np.sqrt(told.covariance[j, j]) * scale)
+
+
+def _row(member: FleetMember, record: ArmRecord) -> dict[str, Any]:
+    return {
+        "name": record.name,
+        **{f"tag {name}": cell for name, cell in member.tags},
+        "poses": record.poses,
+        "verdict": record.verdict,
+        "effects": [step[0] for step in record.steps],
+        "nominal_rms_mm": record.nominal_rms_mm,
+        "fit_rms_mm": record.fit_rms_mm,
+        "held_out_rms_mm": record.held_out_rms_mm,
+        "seconds": record.seconds,
+        "reason": record.reason,
+    }
+
+
+def _arms_table(result: FleetResult) -> ResultTable:
+    tags = list(dict.fromkeys(name for member in result.members for name, _ in member.tags))
+    rows = []
+    for member, record in zip(result.members, result.records, strict=True):
+        own = dict(member.tags)
+        found = ", ".join(" or ".join(step[:2]) + (" or …" if len(step) > 2 else "") for step in record.steps)
+        cells = (record.nominal_rms_mm, record.held_out_rms_mm)
+        rms = [None if value is None else f"{value:.2f}" for value in cells]
+        rows.append((record.name, *(own.get(tag, "") for tag in tags), str(record.poses or ""), *rms, found or "–"))
+    columns = ("arm", *tags, "poses|", "nominal RMS mm|", "held out mm|", "what is missing in the plain model")
+    return ResultTable(columns, rows, "Arms")
+
+
+def _link_words(link: TagLink) -> str:
+    levels = "; ".join(f"{level or '(none)'}: {seen}" for level, seen in link.levels)
+    return f"{link.what} goes with {link.tag} (p = {link.p_value:.1g}): {levels}"
+
+
+def _rates_table(known: FleetKnowledge) -> ResultTable:
+    rows = [
+        (one.name, one.found, one.arms, 100 * one.rate, f"{100 * one.low:.0f} to {100 * one.high:.0f}")
+        for one in known.rates[:MOST_RATES]
+        if one.found > 0
+    ]
+    columns = ("effect", "found|.1f", "of arms|d", "of the kind %|.0f", "95 % interval|")
+    return ResultTable(columns, rows, "How often an effect is there")
+
+
+def _population_table(known: FleetKnowledge) -> ResultTable:
+    rows = []
+    for key, table in _values(known).items():
+        low, high = table["mean_interval"]
+        least, most = table["spread_interval"]
+        rows.append(
+            (key, table["mean"], f"{low:.3g} … {high:.3g}", table["spread"], f"{least:.2g} … {most:.2g}", table["arms"])
+        )
+    columns = ("parameter", "mean|.4g", "95 %|", "spread|.3g", "95 %|", "arms|d")
+    return ResultTable(columns, rows, "What the arms have in common: mean, and spread from arm to arm")
+
+
+def _values(known: FleetKnowledge) -> dict[str, dict[str, Any]]:
+    found, scale = known.population, known.typical / known.units
+    means, spreads = found.mean_interval, found.spread_interval
+    return {
+        key: {
+            "mean": float(found.mean[j] * scale[j]),
+            "mean_interval": [float(side[j] * scale[j]) for side in means],
+            "spread": float(found.spread[j] * scale[j]),
+            "spread_interval": [float(side[j] * scale[j]) for side in spreads],
+            "arms": int(found.arms[j]),
+        }
+        for j, key in enumerate(known.keys)
+    }

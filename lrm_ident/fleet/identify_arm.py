@@ -1,0 +1,157 @@
+"""One arm of a fleet brought to its end: read, fitted, and `auto` with its judge, as the commands do it.
+
+Beside the model, a maximum a posteriori fit of all its parameters with the weak prior `vague` is kept: its mean and
+covariance are what this arm tells of the whole fleet, also in directions that its poses hardly determine.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
+
+from pydantic import Field
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.auto import AutoRun, run_auto
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
+from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.model_history import model_file, model_text, tool_version
+from lrm_ident.estimation.priors import WEAK, weak_prior
+from lrm_ident.progress import silent
+from lrm_ident.workflow.inputs import ModelInputs, read_measurements
+from lrm_ident.workflow.steps import auto_files, first_fit, nominal_error
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import CATALOGUE
+from lrm_math.errors import LrmError
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import ModelFile, to_model
+from lrm_math.toml_file import StrictSchema
+
+
+@dataclass(frozen=True)
+class ArmTask:
+    """The work on one arm, with the contents of its files: a worker need not see the disk of who asks.
+
+    Attributes:
+        stored_arm: the arm as its model file will name it: a shipped one, or a path; `arm_text`: of the arm's file.
+        data_name: of the measurements, whose content is `data`; `beside`: of the file beside them, or None.
+    """
+
+    name: str
+    stored_arm: str
+    arm_text: str | None
+    data_name: str
+    data: bytes
+    beside: bytes | None
+
+    @property
+    def sha256(self) -> str:
+        """Of everything that the result depends on, the tool's version among it."""
+        parts = (tool_version(), self.stored_arm, self.arm_text or "", self.data_name, self.data, self.beside or b"")
+        digest = hashlib.sha256()
+        for part in parts:
+            content = part.encode() if isinstance(part, str) else part
+            digest.update(len(content).to_bytes(8, "big") + content)
+        return digest.hexdigest()
+
+
+class ArmRecord(StrictSchema):
+    """What is known of one arm, schema `lrm/fleet-arm/1`: the file of its result.
+
+    `reason`: why there is no model, "" if there is one; all that follows is then empty. `steps`: of `auto`, each with
+    the causes that it can stand for. `tested`: the effects that its poses could show. `evidence`: the model file of the
+    fit of all parameters with the prior `vague`. `seconds`: that it took on its worker.
+    """
+
+    schema_: Literal["lrm/fleet-arm/1"] = Field("lrm/fleet-arm/1", alias="schema")
+    name: str
+    sha256: str
+    reason: str = ""
+    seconds: float = 0.0
+    notices: list[str] = []
+    poses: int = 0
+    verdict: str = ""
+    steps: list[list[str]] = []
+    tested: list[str] = []
+    outliers: list[int] = []
+    nominal_rms_mm: float | None = None
+    fit_rms_mm: float | None = None
+    held_out_rms_mm: float | None = None
+    model: str = ""
+    evidence: str = ""
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values, the schema first."""
+        return self.model_dump(by_alias=True)
+
+
+def identify_arm(task: ArmTask) -> ArmRecord:
+    """Fits, diagnoses and extends the model of one arm. Never raises: what went wrong is the record's reason."""
+    begun = time.monotonic()
+    with TemporaryDirectory(prefix="lrm-fleet-") as scratch:
+        try:
+            record = _identified(task, Path(scratch))
+        except LrmError as error:
+            reason = str(error).replace(f"{scratch}/", "").splitlines()[0]
+            record = ArmRecord(name=task.name, sha256=task.sha256, reason=reason)
+        except Exception as error:  # one arm must not stop the fleet; such a record is not kept
+            record = ArmRecord(name=task.name, sha256="", reason=f"unexpected {type(error).__name__}: {error}")
+    return record.model_copy(update={"seconds": round(time.monotonic() - begun, 3)})
+
+
+def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
+    notices: list[str] = []
+    data_path, arm_path = scratch / task.data_name, scratch / "arm.toml"
+    data_path.write_bytes(task.data)
+    if task.beside is not None:
+        data_path.with_suffix(".toml").write_bytes(task.beside)
+    if task.arm_text is not None:
+        (scratch / "arm").mkdir()
+        arm_path = scratch / "arm" / "arm.toml"
+        arm_path.write_text(task.arm_text, encoding="utf-8")
+    arm = load_arm(task.stored_arm if task.arm_text is None else arm_path)
+    data = read_measurements(data_path, arm, task.stored_arm, notices.append)
+    first = first_fit(arm, task.stored_arm, data, lambda _: silent).file
+    inputs = ModelInputs(first, to_model(data_path, first, arm), data, CATALOGUE)
+    run = run_auto(inputs.model, data, loss=inputs.loss)
+    *_, final = first, *auto_files(inputs, run.steps)
+    last = run.steps[-1]
+    return ArmRecord(
+        name=task.name,
+        sha256=task.sha256,
+        notices=notices,
+        poses=len(last.data),
+        verdict=run.verdict,
+        steps=[list(step.names) for step in run.steps[1:]],
+        tested=_tested(run),
+        outliers=list(last.data.left_out),
+        nominal_rms_mm=nominal_error(arm, data).rms * 1e3,
+        fit_rms_mm=error_stats(last.fit.residual).rms * 1e3,
+        held_out_rms_mm=error_stats(last.held_out).rms * 1e3,
+        model=model_text(final),
+        evidence=model_text(evidence_of(run.model, last.data, task.stored_arm)),
+    )
+
+
+def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
+    """A model's parameters all fitted together with the weak prior (maximum a posteriori). Raises `LrmError`."""
+    whole = replace(model, free=fittable_keys(model))
+    result = fit(whole, data, prior=weak_prior(whole))
+    return model_file(result, data, HeldOutResidual(None), arm_name, "fit --prior vague", "squared", prior=WEAK)
+
+
+def fittable_keys(model: Model) -> tuple[str, ...]:
+    """Keys of all parameters but the shape parameters."""
+    return tuple(key for key, known in zip(model.keys, model.parameters, strict=True) if known.fixed is None)
+
+
+def _tested(run: AutoRun) -> list[str]:
+    """Every effect that some step added, or that the last diagnosis could try."""
+    added: Sequence[str] = [name for step in run.steps[1:] for name in step.names]
+    return sorted({*added, *(one.name for one in run.diagnosis.scored)})

@@ -1,0 +1,126 @@
+"""The population that arms of one kind are drawn from: empirical Bayes (Morris 1983), parameter by parameter.
+
+Arm i has parameters θ_i ~ N(μ, diag τ²), and its poses tell of them an information matrix Λ_i and a vector Λ_i θ̂_i: the
+normal-normal hierarchical model with known standard errors, for all parameters together, so that what one arm cannot
+tell apart its sisters may. μ and τ maximise the restricted marginal likelihood (Patterson & Thompson 1971) by
+expectation-maximisation (Dempster, Laird & Rubin 1977; Laird & Ware 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri, stdtrit
+
+from lrm_math.arrays import Array
+
+STEPS, TOLERANCE = 400, 1e-4  # of log τ
+SMALLEST, WIDEST = 1e-3, 3.0  # of τ, in typical sizes: what a model file's digits and the prior `vague` allow
+LEVEL = 0.95
+VAGUE_LOG_SD = 1.5
+"""Standard deviation of log τ before any arm: without it a spread that no arm tells would have no interval."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmEvidence:
+    """What one arm tells, in typical sizes, of the parameters of its model.
+
+    Attributes:
+        places: (P,), the parameters' numbers in the population. information: (P, P), Λ. along: (P,), Λ θ̂.
+    """
+
+    places: NDArray[np.int64]
+    information: Array
+    along: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """Means and spreads of Q parameters, in typical sizes.
+
+    Attributes:
+        mean, mean_error: (Q,), μ and its standard error. spread: (Q,), τ. freedom: (Q,), equivalent number of arms
+            less one that tell τ, as if their parameters were known exactly. arms: (Q,), how many have the parameter.
+    """
+
+    mean: Array
+    mean_error: Array
+    spread: Array
+    freedom: Array
+    arms: Array
+
+    @property
+    def mean_interval(self) -> tuple[Array, Array]:
+        """95 % interval of each mean, by Student's t with the freedom of its spread."""
+        half = self.mean_error * stdtrit(np.maximum(self.freedom, 1.0), 0.5 + LEVEL / 2)
+        return self.mean - half, self.mean + half
+
+    @property
+    def spread_interval(self) -> tuple[Array, Array]:
+        """95 % interval of each spread (χ² with its freedom)."""
+        freedom = np.maximum(self.freedom, 0.1)
+        low, high = (np.sqrt(freedom / chdtri(freedom, tail)) for tail in ((1 - LEVEL) / 2, (1 + LEVEL) / 2))
+        return self.spread * low, self.spread * high
+
+    @property
+    def predictive_sd(self) -> Array:
+        """(Q,), standard deviation of a new arm's parameter about the mean: spread and the mean's error."""
+        return np.hypot(self.spread, self.mean_error)
+
+
+def fit_population(arms: Sequence[ArmEvidence], count: int) -> Population:
+    """Mean and spread of `count` parameters; one that no arm has is zero with the widest spread."""
+    spread: Array = np.ones(count)
+    many = np.zeros(count)
+    for arm in arms:
+        many[arm.places] += 1
+    for _ in range(STEPS):
+        squares = _expectation(arms, spread)[2]
+        new = np.where(many > 0, np.sqrt(squares / np.maximum(many, 1)), WIDEST)
+        new = np.clip(new, SMALLEST, WIDEST)
+        change = float(np.abs(np.log(new / spread)).max(initial=0.0))
+        spread = new
+        if change < TOLERANCE:
+            break
+    mean, error, _, precisions = _expectation(arms, spread)
+    return Population(mean, np.sqrt(np.diag(error)), spread, _freedom(arms, precisions, spread, many), many)
+
+
+def _expectation(arms: Sequence[ArmEvidence], spread: Array) -> tuple[Array, Array, Array, list[Array]]:
+    """At these spreads: μ, its covariance, the expected sum of (θ_i − μ)² for each parameter, and each arm's precision
+    of μ."""
+    total: Array = np.eye(len(spread)) / WIDEST**2
+    along = np.zeros(len(spread))
+    posterior, precisions = [], []
+    for arm in arms:
+        inverse = spread[arm.places] ** -2
+        covariance = np.linalg.inv(arm.information + np.diag(inverse))
+        precision = np.diag(inverse) - inverse[:, None] * covariance * inverse
+        total[np.ix_(arm.places, arm.places)] += precision
+        along[arm.places] += inverse * (covariance @ arm.along)
+        posterior.append(covariance)
+        precisions.append(precision)
+    error = np.asarray(np.linalg.inv(total))
+    mean: Array = error @ along
+    squares: Array = np.zeros(len(spread))
+    for arm, covariance in zip(arms, posterior, strict=True):
+        inverse, own = spread[arm.places] ** -2, mean[arm.places]
+        deviation = covariance @ (arm.along + inverse * own) - own
+        lever = covariance * inverse - np.eye(len(own))
+        unsure = np.diag(covariance) + np.einsum("ij,jk,ik->i", lever, error[np.ix_(arm.places, arm.places)], lever)
+        squares[arm.places] += deviation**2 + unsure
+    return mean, error, squares, precisions
+
+
+def _freedom(arms: Sequence[ArmEvidence], precisions: Sequence[Array], spread: Array, many: Array) -> Array:
+    """Of each spread: 2 τ⁴ over the variance of τ² (Fisher information ½ Σ M∘M of the marginal likelihood), less the
+    part that the mean takes."""
+    information = np.zeros((len(spread), len(spread)))
+    for arm, precision in zip(arms, precisions, strict=True):
+        information[np.ix_(arm.places, arm.places)] += 0.5 * precision**2
+    by_log = 4.0 * information * np.outer(spread**2, spread**2) + np.eye(len(spread)) / VAGUE_LOG_SD**2
+    variance = np.diag(np.linalg.inv(by_log))
+    return np.asarray(0.5 / variance * np.where(many > 1, 1.0 - 1.0 / np.maximum(many, 1), 0.0))

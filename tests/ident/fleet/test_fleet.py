@@ -1,0 +1,173 @@
+"""`lrm-ident fleet`: manifest, resuming, broken arms, the cluster, and the prior it makes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.csv_table import csv_text
+from lrm_ident.estimation.priors import PriorFile, load_prior
+from lrm_ident.executors import executor_for, in_this_process
+from lrm_ident.fleet import run_fleet as running
+from lrm_ident.fleet.identify_arm import ArmRecord, identify_arm
+from lrm_ident.fleet.manifest import read_manifest
+from lrm_ident.fleet.run_fleet import run_fleet, task_of
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.errors import FileError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+from lrm_math.toml_file import read_toml
+from tests.support.commands import stderr_of, stdout_of
+
+ARM, POSES, ARMS, ODD = "two-joint", 40, 7, 5
+SOFT = "compliance.joint1.k_rad_per_Nm"
+
+
+@pytest.fixture(scope="module")
+def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven two-joint arms, one of which is ten times as soft as its sisters; and one whose data are missing."""
+    folder = tmp_path_factory.mktemp("fleet")
+    arm = load_arm(ARM)
+    effects = effects_at(arm, "offsets") + effects_at(arm, "compliance")
+    lines = ["name,data,arm,batch"]
+    for number in range(ARMS):
+        rng = np.random.default_rng(number)
+        values = {SOFT: (0.2 if number == ODD else 0.02) * (1 + 0.05 * rng.normal())}
+        values["offsets.joint1.theta_rad"] = 0.03 + 0.002 * rng.normal()
+        q, load = rng.uniform(-1.2, 1.2, (POSES, arm.dof)), np.where(np.arange(POSES) % 2, 0.066, 0.0)
+        tcp = equilibrium(model_of(arm, effects, values), poses_of(q, load)).tcp + rng.normal(0, 2e-4, (POSES, 3))
+        columns = [("pose", np.arange(1.0, POSES + 1), 0), ("payload_g", load * 1e3, 1)]
+        columns += [(f"q{j + 1}_deg", np.degrees(q[:, j]), 6) for j in range(arm.dof)]
+        columns += [(f"{axis}_mm", tcp[:, k] * 1e3, 4) for k, axis in enumerate("xyz")]
+        (folder / f"arm{number}.csv").write_text(csv_text(columns))
+        lines.append(f"arm{number},arm{number}.csv,{ARM},{'AB'[number % 2]}")
+    path = folder / "manifest.csv"
+    path.write_text("\n".join([*lines, f"gone,gone.csv,{ARM},A"]) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def two_workers() -> Iterator[str]:
+    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_manifest_and_its_faults(tmp_path: Path) -> None:
+    path = tmp_path / "manifest.csv"
+    path.write_text("Data;Batch\na.csv;A\nb.csv;B\n")
+    first, second = read_manifest(path)
+    assert (first.name, first.data, first.arm, first.tags) == ("a", tmp_path / "a.csv", "", (("Batch", "A"),))
+    assert second.name == "b"
+    for text, what in [
+        ("batch\nA\n", "missing column data"),
+        ("data\na.csv\na.csv\n", "two arms are called a"),
+        ("data,name\na.csv,../x\n", "line 2, column name: '../x' names no file"),
+        ("data,name\n,x\n", "line 2, column data: the cell is empty"),
+    ]:
+        path.write_text(text)
+        with pytest.raises(FileError, match=what):
+            read_manifest(path)
+    assert "no such file" in stderr_of("fleet", tmp_path / "none.csv", "-o", tmp_path / "out")
+
+
+def test_fleet_from_manifest_to_prior(manifest: Path, tmp_path: Path) -> None:
+    """Through the command, in this process: the same numbers, without the seconds of starting others."""
+    out, found = tmp_path / "out", tmp_path / "fleet.json"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lrm_ident.cli.fleet.executor_for", lambda *_, **__: in_this_process())
+        text = stdout_of("fleet", manifest, "-o", out, "--json", found)
+    assert f"{ARMS} of {ARMS + 1} arms identified" in text
+    assert "gone: " in text
+    assert "no such file" in text
+    assert f"arm arm{ODD}: joint1's compliance" in text
+    result = json.loads(found.read_text())
+    assert {one["arm"] for one in result["outliers"]} == {f"arm{ODD}"}
+    assert result["population"][SOFT]["arms"] == ARMS - 1
+    low, high = result["population"][SOFT]["mean_interval"]
+    assert low < 0.02 < high
+    rows = list(csv.DictReader((out / "fleet.csv").read_text().splitlines()))
+    assert [row["name"] for row in rows] == [*(f"arm{k}" for k in range(ARMS)), "gone"]
+    assert float(rows[ODD][SOFT]) == pytest.approx(0.2, rel=0.2)
+    assert rows[-1]["reason"].endswith("no such file")
+    page = (out / "fleet.html").read_text()
+    assert "Arms unlike their sisters" in page
+    assert "https:" not in page
+    prior = read_toml(out / "prior.toml", PriorFile)
+    assert prior.parameters[SOFT].mean == pytest.approx(0.02, rel=0.1)
+    assert prior.parameters[SOFT].sd < 0.005
+    arm = load_arm(ARM)
+    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    assert load_prior(str(out / "prior.toml"), model).mean_of([SOFT])[0] == pytest.approx(0.02, rel=0.1)
+    text = stdout_of("fit", manifest.parent / "arm0.csv", "--arm", ARM, "--prior", out / "prior.toml")
+    assert "fleet manifest" in text
+
+
+def test_what_is_done_is_not_done_again(manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that breaks off, one that goes on, and one after an arm's data have changed."""
+    members, computed = read_manifest(manifest)[:4], list[str]()
+
+    def recorded(task: running.ArmTask) -> ArmRecord:
+        computed.append(task.name)
+        return ArmRecord(name=task.name, sha256=task.sha256, reason="not tried")
+
+    monkeypatch.setattr(running, "identify_arm", recorded)
+    real_write, written = running.write_text, list[Path]()
+
+    def full_disk(path: Path, text: str) -> None:
+        written.append(path)
+        if len(written) == 3:
+            raise FileError(path, "", "cannot be written (No space left on device)")
+        real_write(path, text)
+
+    monkeypatch.setattr(running, "write_text", full_disk)
+    with in_this_process() as executor, pytest.raises(FileError, match="No space left"):
+        run_fleet(members, tmp_path / "out", executor)
+    assert len(list((tmp_path / "out" / "arms").iterdir())) == 2
+    monkeypatch.setattr(running, "write_text", real_write)
+    kept = {path.stem for path in (tmp_path / "out" / "arms").iterdir()}
+    computed.clear()
+    with in_this_process() as executor:
+        records = run_fleet(members, tmp_path / "out", executor)
+    assert sorted(computed) == sorted({member.name for member in members} - kept)
+    assert [record.name for record in records] == [member.name for member in members]
+    changed = tmp_path / "arm0.csv"
+    changed.write_text(members[0].data.read_text().replace(",0.0", ",1.0", 1))
+    again = [running.FleetMember("arm0", changed, ARM, ()), *members[1:]]
+    computed.clear()
+    with in_this_process() as executor:
+        run_fleet(again, tmp_path / "out", executor)
+    assert computed == ["arm0"]
+
+
+def test_a_broken_arm_is_a_reason(manifest: Path, tmp_path: Path) -> None:
+    member = read_manifest(manifest)[0]
+    broken = tmp_path / "arm0.csv"
+    broken.write_text(member.data.read_text().replace("x_mm", "u_mm"))
+    record = identify_arm(task_of(running.FleetMember("arm0", broken, ARM, ()), tmp_path))
+    assert (record.model, record.sha256 != "") == ("", True)
+    assert record.reason.startswith("arm0.csv: ")
+
+
+def test_a_cluster_of_two_workers_finds_the_same_bit_for_bit(manifest: Path, tmp_path: Path, two_workers: str) -> None:
+    members = read_manifest(manifest)[:2]
+    with executor_for(two_workers) as executor:
+        there = run_fleet(members, tmp_path / "there", executor)
+    with executor_for(most=1) as executor:
+        here = run_fleet(members, tmp_path / "here", executor)
+    for one, other in zip(there, here, strict=True):
+        assert one.reason == other.reason == ""
+        assert _without_times(one) == _without_times(other)
+
+
+def _without_times(record: ArmRecord) -> list[str]:
+    """The lines of a record but those of dates and durations."""
+    text = json.dumps(record.as_json() | {"seconds": 0.0}).replace("\\n", "\n")
+    return [line for line in text.splitlines() if not line.startswith("date = ")]

@@ -1,0 +1,73 @@
+"""Population, rates, outliers and tags against populations whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lrm_ident.fleet.effect_rates import effect_rates
+from lrm_ident.fleet.population import ArmEvidence, fit_population
+from lrm_math.arrays import Array
+
+
+def drawn(rng: np.random.Generator, mean: Array, spread: Array, arms: int, error: float) -> list[ArmEvidence]:
+    """Arms whose every parameter is told with a standard error of `error`."""
+    places, told = np.arange(len(mean)), np.eye(len(mean)) / error**2
+    true = mean + spread * rng.normal(size=(arms, len(mean)))
+    return [ArmEvidence(places, told, told @ (one + error * rng.normal(size=len(mean)))) for one in true]
+
+
+def test_exact_arms_give_sample_mean_and_variance() -> None:
+    rng = np.random.default_rng(1)
+    arms = drawn(rng, np.array([0.5, -1.0]), np.array([0.3, 0.05]), 12, 1e-4)
+    values = np.array([arm.along * 1e-8 for arm in arms])
+    found = fit_population(arms, 2)
+    assert found.mean == pytest.approx(values.mean(axis=0), abs=1e-3)
+    assert found.spread == pytest.approx(values.std(axis=0, ddof=1), rel=0.02)
+    assert found.mean_error == pytest.approx(values.std(axis=0, ddof=1) / np.sqrt(12), rel=0.02)
+    assert found.freedom == pytest.approx([11.0, 11.0], rel=0.1)
+
+
+def test_intervals_of_mean_and_spread_hold_as_often_as_they_say() -> None:
+    """40 populations of 8 parameters: 320 intervals of each kind, of which 95 % should hold (binomial, 4 sd)."""
+    rng, mean, spread = np.random.default_rng(2), np.linspace(-1, 1, 8), np.geomspace(0.2, 1.0, 8)
+    held = np.zeros(2)
+    for _ in range(40):
+        found = fit_population(drawn(rng, mean, spread, 10, 0.2), 8)
+        for k, (truth, (low, high)) in enumerate([(mean, found.mean_interval), (spread, found.spread_interval)]):
+            held[k] += np.count_nonzero((low <= truth) & (truth <= high))
+    assert held / 320 >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / 320)
+
+
+def test_what_one_arm_cannot_tell_apart_its_sisters_may() -> None:
+    """Each arm knows only a sum of two parameters, with weights of its own: together they tell both means."""
+    rng, mean = np.random.default_rng(3), np.array([0.8, -0.4])
+    arms = []
+    for _ in range(40):
+        row = rng.normal(size=2)
+        value = row @ (mean + 0.1 * rng.normal(size=2)) + 0.01 * rng.normal()
+        arms.append(ArmEvidence(np.arange(2), np.outer(row, row) / 1e-4, row * value / 1e-4))
+    found = fit_population(arms, 2)
+    assert np.all(np.abs(found.mean - mean) < 4 * found.mean_error)
+    assert found.mean_error.max() < 0.1
+
+
+def test_a_parameter_that_no_arm_has_stays_unknown() -> None:
+    arms = drawn(np.random.default_rng(4), np.zeros(1), np.ones(1), 5, 0.1)
+    found = fit_population(arms, 2)
+    assert (found.arms.tolist(), found.mean[1]) == ([5.0, 0.0], pytest.approx(0.0))
+    assert found.predictive_sd[1] > 2.9
+
+
+def test_unsure_arms_count_for_what_their_sisters_have() -> None:
+    sure, unsure = [["backlash@joint2"]], [["nonlinear_stiffness@joint2", "backlash@joint2"]]
+    tested = [["backlash@joint2", "nonlinear_stiffness@joint2", "hysteresis@joint3"]] * 12
+    rates = {one.name: one for one in effect_rates([*[sure] * 6, *[unsure] * 2, *[[]] * 4], tested)}
+    assert rates["backlash@joint2"].found > 7.5
+    assert rates["nonlinear_stiffness@joint2"].found < 0.5
+    assert rates["backlash@joint2"].low < 8 / 12 < rates["backlash@joint2"].high
+    assert rates["hysteresis@joint3"].rate < 0.2
+
+
+def test_rates_without_arms() -> None:
+    assert effect_rates([], []) == ()

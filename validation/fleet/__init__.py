@@ -1,0 +1,1 @@
+"""Many simulated arms of one kind: what a fleet tells of its next arm."""
