@@ -6,7 +6,8 @@ import sys
 
 # Commands stand in the help in the order in which their modules are loaded.
 from lrm_ident.cli import identifiability, design, fit, thesis, component_tests, workspace, diagnosis, laws  # isort: skip
-from lrm_ident.cli import fleet, page, campaign  # isort: skip
+from lrm_ident.cli.groups import fleet  # isort: skip
+from lrm_ident.cli import page, campaign  # isort: skip
 from lrm_ident.cli.groups import arm, camera  # isort: skip
 from lrm_ident.cli.common import app
 from lrm_math.errors import LrmError

@@ -38,6 +38,14 @@ Cluster = Annotated[
         "(docs/fleet.md). Default: all cores of this machine.",
     ),
 ]
+FleetPrior = Annotated[
+    str | None,
+    Option(
+        "--prior",
+        metavar="FILE",
+        help="A prior file that says how often arms of this kind have each effect, as lrm-ident fleet writes it.",
+    ),
+]
 LinearizedAt = Annotated[
     Path | None,
     Option("--model", metavar="MODEL", help="Linearise about this fitted model instead of the nominal arm."),

@@ -33,6 +33,7 @@ from lrm_ident.effect_plugins import catalogue_with
 from lrm_ident.estimation.cross_validation import FOLDS
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.estimation.model_history import model_text, undo_step
+from lrm_ident.estimation.priors import load_rates
 from lrm_ident.executors import executor_for
 from lrm_ident.plots.diagnosis import draw_report
 from lrm_ident.report.diagnosis import (
@@ -43,7 +44,7 @@ from lrm_ident.report.diagnosis import (
     step_blocks,
 )
 from lrm_ident.report.fit import ErrorSummary, fit_words
-from lrm_ident.workflow.steps import add_step, auto_files, nominal_error
+from lrm_ident.workflow.steps import add_step, auto_files, nominal_error, prior_step
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.effects import FORMS, effects_at
 from lrm_math.errors import LrmError, UnknownName
@@ -74,12 +75,14 @@ def diagnose(
     figure: arg.FigureFile = None,
     show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
+    prior: arg.FleetPrior = None,
     reading: Reading = AS_NAMED,
 ) -> None:
     """Find out which physical effect a model misses, that none is missing, or that no known one explains it."""
     inputs = read_identifiable(model, data, effects_file, reading)
+    rates = None if prior is None else load_rates(prior)
     with progress("trying every effect at every place") as tick:
-        found = run_diagnose(inputs.model, inputs.data, inputs.catalogue, tick, inputs.loss)
+        found = run_diagnose(inputs.model, inputs.data, inputs.catalogue, tick, inputs.loss, rates)
     with log.status("cross-validating") as status:
         report = build_report(found, status.update)
     publish(diagnosis_document(report), json, figure, partial(draw_report, report), None if show_all else LISTED)
@@ -136,20 +139,28 @@ def auto(
     show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
     cluster: arg.Cluster = None,
+    prior: arg.FleetPrior = None,
     reading: Reading = AS_NAMED,
 ) -> None:
-    """Follow the tool's own advice, effect by effect, until it says stop."""
+    """Follow the tool's own advice, effect by effect, until it says stop.
+
+    With --prior: effects that arms of this kind often have need less evidence, and at the end all parameters are fitted
+    together with the prior.
+    """
     inputs = read_identifiable(model, data, effects_file, reading)
     file, the_model, measured, catalogue = inputs.file, inputs.model, inputs.data, inputs.catalogue
     numbers, loss = count(), inputs.loss
+    rates = None if prior is None else load_rates(prior)
 
     def on_step(step: AutoStep) -> None:
         show(*step_blocks(next(numbers), step))
 
-    course = run_auto(the_model, measured, max_effects, catalogue, on_step, loss)
+    course = run_auto(the_model, measured, max_effects, catalogue, on_step, loss, rates=rates)
     last = course.steps[-1]
     held_out = HeldOutResidual(last.held_out)
     *_, final = file, *auto_files(inputs, course.steps)
+    if prior is not None:
+        final = prior_step(final, course.model, last.data, prior, catalogue, loss)
     write_text(output, model_text(final))
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
     errors = ErrorSummary(nominal_error(the_model.arm, last.data), error_stats(last.fit.residual), held_out)
@@ -157,7 +168,7 @@ def auto(
     whole = HeldOutResidual(None, "not asked for (--no-nested)")
     if nested:
         with executor_for(cluster, effects_file, FOLDS) as pool, progress("choosing anew in every fold") as tick:
-            whole = nested_held_out(the_model, measured, pool, max_effects, catalogue, tick, loss)
+            whole = nested_held_out(the_model, measured, pool, max_effects, catalogue, tick, loss, rates)
     publish(
         course_document(course, report_of(course.judgement), held_out, whole), json, most=None if show_all else LISTED
     )

@@ -13,6 +13,7 @@ from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.estimation.levenberg_marquardt import Fit
 from lrm_ident.estimation.loss import Loss
+from lrm_ident.estimation.priors import EffectRates
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
@@ -76,19 +77,23 @@ def run_auto(
     on_step: Callable[[AutoStep], object] = lambda _: None,
     loss: Loss | None = None,
     progress: OnProgress = silent,
+    rates: EffectRates | None = None,
 ) -> AutoRun:
     """Stepwise selection: diagnoses, adds the first supported effect as the judge refitted it, and again.
+
+    Args:
+        rates: how often arms of this kind have each effect, where that is known (`diagnose`).
 
     Raises:
         LrmError: a diagnosis fails.
     """
     kinds = tuple(catalogue)
-    now = judge(diagnose(model, data, kinds, progress, loss))
+    now = judge(diagnose(model, data, kinds, progress, loss, rates))
     steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
     on_step(steps[0])
     while now.first is not None and now.refit is not None and len(steps) <= max_effects:
         before, added, refit = now, now.first, now.refit
-        found = diagnose(refit.fit.model, data, kinds, progress, loss)
+        found = diagnose(refit.fit.model, data, kinds, progress, loss, rates)
         same = np.array_equal(found.data.pose, before.diagnosis.data.pose)
         now = judge(found, refit.blocks if same else ())
         steps.append(_step(before, added, now))

@@ -29,6 +29,7 @@ from lrm_ident.estimation.cross_validation import joint_space_folds
 from lrm_ident.estimation.identifiability import some_rows
 from lrm_ident.estimation.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
 from lrm_ident.estimation.loss import Loss, robust_scale
+from lrm_ident.estimation.priors import EffectRates
 from lrm_ident.progress import OnProgress, silent
 from lrm_ident.weights.row_weights import RowWeights
 from lrm_math.arrays import Array
@@ -111,24 +112,33 @@ def diagnose(
     catalogue: Iterable[type[Effect]] = CATALOGUE,
     progress: OnProgress = silent,
     loss: Loss | None = None,
+    rates: EffectRates | None = None,
 ) -> Diagnosis:
     """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
+
+    Args:
+        rates: how often arms of this kind have each effect, where that is known.
 
     Raises:
         LrmError: too few poses, or the fit does not converge.
     """
     kinds = tuple(catalogue)
-    first = _diagnose(model, data, kinds, progress, loss)
+    first = _diagnose(model, data, kinds, progress, loss, rates)
     outliers = _outliers(first)
     if not outliers:
         return first
     numbers = tuple(int(data.pose[row]) for row in outliers)
-    again = _diagnose(first.fit.model, data.without(numbers), kinds, progress, loss)
+    again = _diagnose(first.fit.model, data.without(numbers), kinds, progress, loss, rates)
     return replace(again, outliers=numbers)
 
 
 def _diagnose(
-    model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: OnProgress, loss: Loss | None
+    model: Model,
+    data: Measurements,
+    kinds: tuple[type[Effect], ...],
+    progress: OnProgress,
+    loss: Loss | None,
+    rates: EffectRates | None,
 ) -> Diagnosis:
     whole = fit(model, data, loss=loss)
     screened = rows_to_screen(whole)
@@ -143,7 +153,8 @@ def _diagnose(
     floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
     quiet = _like_noise(whole, floor, structure)
     tried = [one for one in ranked if one.candidate.standing == REFINEMENT] if quiet else ranked
-    selected = forward_select(tried, linear, progress)
+    weights = None if rates is None else rates.weights([one.name for one in tried])
+    selected = forward_select(tried, linear, progress, weights)
     joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
     torque = whole.rest.joint_torque
     functions = free_functions(joint_jacobian, part, torque[screened], poses_before(torque)[screened])

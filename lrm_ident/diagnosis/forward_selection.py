@@ -6,7 +6,7 @@ effect, and that before another form of an effect that the model does not have.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
 from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, cosine_of_bases, paired_z
@@ -24,13 +24,21 @@ Choice = tuple[Explanation, ScoredCandidate]
 
 
 def forward_select(
-    ranked: Sequence[ScoredCandidate], linear: LinearisedFit, progress: OnProgress
+    ranked: Sequence[ScoredCandidate],
+    linear: LinearisedFit,
+    progress: OnProgress,
+    weights: Mapping[str, float] | None = None,
 ) -> list[ScoredCandidate]:
     """Adds the best effect, one after the other, as long as one is significant, plausible, and predicts better.
 
     Where the model has effects with other forms, a new name must also explain what none of these forms explains: a
     formula that does not fit is no new cause.
+
+    Args:
+        weights: of the candidates' p values (`EffectRates.weights`): what is expected needs less evidence. Of
+            those that predict alike, the one with the larger weight is taken. None: all alike.
     """
+    expected = weights or {}
     selected: list[ScoredCandidate] = []
     now = start = linear.explain()
     while len(selected) < MAX_EFFECTS:
@@ -42,13 +50,14 @@ def forward_select(
                 tried = linear.explain(*taken, one.projected)
                 p_value = f_test_p_value(now.in_sample, tried.in_sample, one.size, freedom)
                 adjusted = p_value * yekutieli_factor(len(ranked)) * len(one.candidate.columns)
+                adjusted /= expected.get(one.name, 1.0)
                 if adjusted < SIGNIFICANCE and improves_prediction(tried, now, start):
                     choices.append((tried, one))
         progress(1 + len(selected), MAX_EFFECTS)
         standing = {one.name: _standing(one, selected) for one in ranked}
         forms = [one.projected for one in ranked if _is_refinement(one, standing) and one not in selected]
         while choices:
-            then, chosen = _choose(choices, now, standing)
+            then, chosen = _choose(choices, now, standing, expected)
             if standing[chosen.name] == REFINEMENT or not forms:
                 break
             beside = linear.explain(*taken, *forms), linear.explain(*taken, *forms, chosen.projected)
@@ -72,8 +81,11 @@ def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
     return standing[one.name] == REFINEMENT and bool(one.candidate.effect.refines)
 
 
-def _choose(choices: Sequence[Choice], now: Explanation, standing: dict[str, int]) -> Choice:
-    """The most helpful; of those that prediction cannot separate from it, by standing, then by number of parameters."""
+def _choose(
+    choices: Sequence[Choice], now: Explanation, standing: Mapping[str, int], expected: Mapping[str, float]
+) -> Choice:
+    """The most helpful; of those that prediction cannot separate from it, by standing, then by how much it is expected,
+    then by number of parameters."""
     best = min(choices, key=lambda choice: choice[0].rms)[0]
 
     def near(choice: Choice, z: float, share: float) -> bool:
@@ -84,7 +96,7 @@ def _choose(choices: Sequence[Choice], now: Explanation, standing: dict[str, int
     equal = [choice for choice in choices if standing[choice[1].name] == first]
     best = min(equal, key=lambda choice: choice[0].rms)[0]
     similar = [choice for choice in equal if near(choice, 1.0, SIMILAR_GAIN)]
-    chosen = min(similar, key=lambda choice: (choice[1].size, choice[0].rms))
+    chosen = min(similar, key=lambda choice: (-expected.get(choice[1].name, 1.0), choice[1].size, choice[0].rms))
     return chosen if first < FORM else _plain(chosen, choices)
 
 

@@ -14,6 +14,7 @@ from lrm_ident.effect_plugins import Catalogue
 from lrm_ident.estimation.cross_validation import joint_space_folds
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.estimation.loss import Loss
+from lrm_ident.estimation.priors import EffectRates
 from lrm_ident.executors import in_order
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arrays import Array
@@ -31,6 +32,7 @@ def nested_held_out(
     catalogue: Catalogue = CATALOGUE,
     progress: OnProgress = silent,
     loss: Loss | None = None,
+    rates: EffectRates | None = None,
 ) -> HeldOutResidual:
     """Each joint-space block predicted by an `auto` that selected its effects without it.
 
@@ -41,7 +43,7 @@ def nested_held_out(
     """
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     parts = [fold == number for number in range(int(fold.max()) + 1)]
-    predict = partial(_predict, model, data, max_effects, catalogue, loss)
+    predict = partial(_predict, model, data, max_effects, catalogue, loss, rates)
     residual = np.empty_like(data.tcp)
     try:
         for out, left in zip(parts, in_order(executor, predict, parts, progress), strict=True):
@@ -57,8 +59,9 @@ def _predict(
     max_effects: int,
     catalogue: Catalogue,
     loss: Loss | None,
+    rates: EffectRates | None,
     out: NDArray[np.bool_],
 ) -> Array:
     """(n, 3), measured − predicted TCP of the poses `out` (m), which the selection and the fit did not see."""
-    chosen = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss).model
+    chosen = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates).model
     return np.asarray(data.tcp[out] - equilibrium(chosen, data.poses.take(out)).tcp)

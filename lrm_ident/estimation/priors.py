@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -83,6 +83,31 @@ class Prior:
         return self.keys.index(key)
 
 
+@dataclass(frozen=True)
+class EffectRates:
+    """How often arms of a kind have each effect (`effect@place`), by `named`; every one that is not there: `other`."""
+
+    named: Mapping[str, float]
+    other: float
+
+    def weights(self, names: Sequence[str]) -> dict[str, float]:
+        """Weights of p values in proportion to the rates, of mean one (Genovese, Roeder & Wasserman 2006).
+
+        Dividing p values by them keeps the error rate of all tests together, whether the rates are right or not.
+        """
+        rates = np.array([self.named.get(name, self.other) for name in names])
+        return dict(zip(names, (rates / rates.mean()).tolist(), strict=True)) if names else {}
+
+
+def load_rates(name_or_path: str) -> EffectRates | None:
+    """The rates of effects in a prior file; None if it has none. Raises `FileError`."""
+    file = read_toml(_prior_path(name_or_path), PriorFile)
+    if not file.effects:
+        return None
+    named = {name: table.rate for name, table in file.effects.items()}
+    return EffectRates(named, min(named.values()) if file.other_rate is None else file.other_rate)
+
+
 def shipped_priors() -> dict[str, Path]:
     """Paths of the shipped priors by name."""
     here = Path(__file__).resolve().parents[1]
@@ -95,12 +120,17 @@ def load_prior(name_or_path: str, model: Model, catalogue: tuple[type[Effect], .
 
     Raises `FileError`: no such prior, a fault in its file, or a key that fits no parameter of any effect on this arm.
     """
+    path = _prior_path(name_or_path)
+    return to_prior(path, read_toml(path, PriorFile), model, catalogue)
+
+
+def _prior_path(name_or_path: str) -> Path:
     shipped = shipped_priors()
     path = shipped.get(name_or_path, Path(name_or_path))
     if not path.exists() and path.suffix != ".toml":
         right = f"give the path of a prior file, or one of: {', '.join(sorted(shipped))}"
         raise FileError(name_or_path, "", "no such prior", right)
-    return to_prior(path, read_toml(path, PriorFile), model, catalogue)
+    return path
 
 
 def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:

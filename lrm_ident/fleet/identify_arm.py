@@ -14,13 +14,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
 
+import numpy as np
 from pydantic import Field
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
-from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.levenberg_marquardt import Bounds, bounds_of, fit
+from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS
 from lrm_ident.estimation.model_history import model_file, model_text, tool_version
 from lrm_ident.estimation.priors import WEAK, weak_prior
 from lrm_ident.progress import silent
@@ -140,9 +142,16 @@ def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
 
 
 def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
-    """A model's parameters all fitted together with the weak prior (maximum a posteriori). Raises `LrmError`."""
+    """A model's parameters all fitted together with the weak prior (maximum a posteriori). Raises `LrmError`.
+
+    Offsets and compliances may become negative: of arms whose true ones are near zero, those whose estimates happen to
+    be below it must not be missing from the fleet's mean.
+    """
     whole = replace(model, free=fittable_keys(model))
-    result = fit(whole, data, prior=weak_prior(whole))
+    signed = bounds_of(whole, whole.free)
+    plain = np.array([key.partition(".")[0] in DEFAULT_EFFECTS for key in whole.free])
+    bounds = Bounds(np.where(plain, -np.inf, signed.lower), np.where(plain, np.inf, signed.upper))
+    result = fit(whole, data, bounds, prior=weak_prior(whole))
     return model_file(result, data, HeldOutResidual(None), arm_name, "fit --prior vague", "squared", prior=WEAK)
 
 

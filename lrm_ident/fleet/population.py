@@ -42,28 +42,31 @@ class Population:
     """Means and spreads of Q parameters, in typical sizes.
 
     Attributes:
-        mean, mean_error: (Q,), μ and its standard error. spread: (Q,), τ. freedom: (Q,), equivalent number of arms
-            less one that tell τ, as if their parameters were known exactly. arms: (Q,), how many have the parameter.
+        mean, mean_error: (Q,), μ and its standard error. spread: (Q,), τ.
+        freedom: (Q,), equivalent number of arms less one that tell τ, as if their parameters were known exactly.
+        mean_freedom: (Q,), the same of the mean's error: effective number of arms (Kish 1965) less one.
+        arms: (Q,), how many have the parameter.
     """
 
     mean: Array
     mean_error: Array
     spread: Array
     freedom: Array
+    mean_freedom: Array
     arms: Array
 
     @property
     def mean_interval(self) -> tuple[Array, Array]:
-        """95 % interval of each mean, by Student's t with the freedom of its spread."""
-        half = self.mean_error * stdtrit(np.maximum(self.freedom, 1.0), 0.5 + LEVEL / 2)
+        """95 % interval of each mean, by Student's t."""
+        half = self.mean_error * stdtrit(np.maximum(self.mean_freedom, 1.0), 0.5 + LEVEL / 2)
         return self.mean - half, self.mean + half
 
     @property
     def spread_interval(self) -> tuple[Array, Array]:
-        """95 % interval of each spread (χ² with its freedom)."""
+        """95 % interval of each spread (χ² with its freedom), within what a spread may be."""
         freedom = np.maximum(self.freedom, 0.1)
         low, high = (np.sqrt(freedom / chdtri(freedom, tail)) for tail in ((1 - LEVEL) / 2, (1 + LEVEL) / 2))
-        return self.spread * low, self.spread * high
+        return self.spread * low, np.minimum(self.spread * high, WIDEST)
 
     @property
     def predictive_sd(self) -> Array:
@@ -73,54 +76,62 @@ class Population:
 
 def fit_population(arms: Sequence[ArmEvidence], count: int) -> Population:
     """Mean and spread of `count` parameters; one that no arm has is zero with the widest spread."""
+    told = _stacked(arms, count)
+    many = told.present.sum(axis=0).astype(np.float64)
     spread: Array = np.ones(count)
-    many = np.zeros(count)
-    for arm in arms:
-        many[arm.places] += 1
     for _ in range(STEPS):
-        squares = _expectation(arms, spread)[2]
+        squares = _expectation(told, spread)[2]
         new = np.where(many > 0, np.sqrt(squares / np.maximum(many, 1)), WIDEST)
         new = np.clip(new, SMALLEST, WIDEST)
         change = float(np.abs(np.log(new / spread)).max(initial=0.0))
         spread = new
         if change < TOLERANCE:
             break
-    mean, error, _, precisions = _expectation(arms, spread)
-    return Population(mean, np.sqrt(np.diag(error)), spread, _freedom(arms, precisions, spread, many), many)
+    mean, error, _, precisions = _expectation(told, spread)
+    own = np.einsum("nii->ni", precisions)
+    effective = own.sum(axis=0) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)
+    freedom = _freedom(precisions, spread, many)
+    return Population(mean, np.sqrt(np.diag(error)), spread, freedom, np.maximum(effective - 1.0, 0.0), many)
 
 
-def _expectation(arms: Sequence[ArmEvidence], spread: Array) -> tuple[Array, Array, Array, list[Array]]:
+@dataclass(frozen=True, eq=False)
+class _Stacked:
+    """All n arms on all Q parameters, zero where an arm has none: `information` (n, Q, Q), the others (n, Q)."""
+
+    information: Array
+    along: Array
+    present: NDArray[np.bool_]
+
+
+def _stacked(arms: Sequence[ArmEvidence], count: int) -> _Stacked:
+    out = _Stacked(
+        np.zeros((len(arms), count, count)), np.zeros((len(arms), count)), np.zeros((len(arms), count), dtype=np.bool_)
+    )
+    for number, arm in enumerate(arms):
+        out.information[number][np.ix_(arm.places, arm.places)] = arm.information
+        out.along[number, arm.places], out.present[number, arm.places] = arm.along, True
+    return out
+
+
+def _expectation(told: _Stacked, spread: Array) -> tuple[Array, Array, Array, Array]:
     """At these spreads: μ, its covariance, the expected sum of (θ_i − μ)² for each parameter, and each arm's precision
-    of μ."""
-    total: Array = np.eye(len(spread)) / WIDEST**2
-    along = np.zeros(len(spread))
-    posterior, precisions = [], []
-    for arm in arms:
-        inverse = spread[arm.places] ** -2
-        covariance = np.linalg.inv(arm.information + np.diag(inverse))
-        precision = np.diag(inverse) - inverse[:, None] * covariance * inverse
-        total[np.ix_(arm.places, arm.places)] += precision
-        along[arm.places] += inverse * (covariance @ arm.along)
-        posterior.append(covariance)
-        precisions.append(precision)
-    error = np.asarray(np.linalg.inv(total))
-    mean: Array = error @ along
-    squares: Array = np.zeros(len(spread))
-    for arm, covariance in zip(arms, posterior, strict=True):
-        inverse, own = spread[arm.places] ** -2, mean[arm.places]
-        deviation = covariance @ (arm.along + inverse * own) - own
-        lever = covariance * inverse - np.eye(len(own))
-        unsure = np.diag(covariance) + np.einsum("ij,jk,ik->i", lever, error[np.ix_(arm.places, arm.places)], lever)
-        squares[arm.places] += deviation**2 + unsure
-    return mean, error, squares, precisions
+    of μ (n, Q, Q)."""
+    inverse = spread**-2
+    covariance = np.linalg.inv(told.information + np.diag(inverse))
+    precision = np.diag(inverse) - inverse[:, None] * covariance * inverse
+    error = np.asarray(np.linalg.inv(np.eye(len(spread)) / WIDEST**2 + precision.sum(axis=0)))
+    mean: Array = error @ (inverse * np.einsum("nij,nj->ni", covariance, told.along)).sum(axis=0)
+    deviation = np.einsum("nij,nj->ni", covariance, told.along + inverse * mean) - mean
+    lever = covariance * inverse - np.eye(len(spread))
+    unsure = np.einsum("nii->ni", covariance) + ((lever @ error) * lever).sum(axis=2)
+    squares = np.where(told.present, deviation**2 + unsure, 0.0).sum(axis=0)
+    return mean, error, squares, precision
 
 
-def _freedom(arms: Sequence[ArmEvidence], precisions: Sequence[Array], spread: Array, many: Array) -> Array:
+def _freedom(precisions: Array, spread: Array, many: Array) -> Array:
     """Of each spread: 2 τ⁴ over the variance of τ² (Fisher information ½ Σ M∘M of the marginal likelihood), less the
     part that the mean takes."""
-    information = np.zeros((len(spread), len(spread)))
-    for arm, precision in zip(arms, precisions, strict=True):
-        information[np.ix_(arm.places, arm.places)] += 0.5 * precision**2
+    information = 0.5 * (precisions**2).sum(axis=0)
     by_log = 4.0 * information * np.outer(spread**2, spread**2) + np.eye(len(spread)) / VAGUE_LOG_SD**2
     variance = np.diag(np.linalg.inv(by_log))
     return np.asarray(0.5 / variance * np.where(many > 1, 1.0 - 1.0 / np.maximum(many, 1), 0.0))

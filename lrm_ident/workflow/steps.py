@@ -10,10 +10,12 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.effect_plugins import Catalogue
 from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
-from lrm_ident.estimation.loss import SQUARED
+from lrm_ident.estimation.loss import SQUARED, Loss
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.estimation.model_history import model_file
+from lrm_ident.estimation.priors import load_prior, prior_name_for
 from lrm_ident.progress import OnProgress
 from lrm_ident.report.diagnosis import step_document, step_words
 from lrm_ident.report.document import Document
@@ -75,6 +77,17 @@ def auto_files(inputs: ModelInputs, steps: Iterable[AutoStep]) -> Iterator[Model
             left, loss = HeldOutResidual(step.held_out), inputs.loss.name
             file = model_file(step.fit, step.data, left, file.arm, step_words(step), loss, file.history)
             yield file
+
+
+def prior_step(
+    file: ModelFile, model: Model, data: Measurements, prior: str, catalogue: Catalogue, loss: Loss
+) -> ModelFile:
+    """The file with one more step: all parameters fitted together with a prior (name or path). Raises `LrmError`."""
+    known = load_prior(prior, model, catalogue)
+    result = fit_model(model, data, "identifiable", loss, prior=known).fit
+    left = try_held_out(result.model, data, loss=loss, prior=known)
+    where = prior_name_for(prior)
+    return model_file(result, data, left, file.arm, f"with the prior {known.name}", loss.name, file.history, where)
 
 
 def error_of(model: Model, data: Measurements) -> ErrorStats:

@@ -54,7 +54,7 @@ EFFECTS = (
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedArm:
+class ArmOfKind:
     """One true arm of the kind. `names`: of its effects, in the tool's words. `sizes`: theirs (rad)."""
 
     number: int
@@ -82,7 +82,7 @@ class SimulatedArm:
         return poses, np.asarray(true_state(self.described, self.truth, q).tcp_m)
 
 
-def simulated_fleet(count: int, seed: int) -> list[SimulatedArm]:
+def simulated_fleet(count: int, seed: int) -> list[ArmOfKind]:
     """Arms of one kind."""
     described = load_arm(ARM_FILE)
     kind = np.random.default_rng([seed, 0])
@@ -104,11 +104,11 @@ def simulated_fleet(count: int, seed: int) -> list[SimulatedArm]:
             tuple(_hidden(effect.name, size) for effect, size in zip(has, sizes, strict=True)),
         )
         names = tuple(effect.name for effect in has)
-        arms.append(SimulatedArm(number, base_displacement_to_deviations(described, truth), names, sizes, described))
+        arms.append(ArmOfKind(number, base_displacement_to_deviations(described, truth), names, sizes, described))
     return arms
 
 
-def write_fleet(arms: Sequence[SimulatedArm], folder: Path, poses: int) -> Path:
+def write_fleet(arms: Sequence[ArmOfKind], folder: Path, poses: int) -> Path:
     """Measurements of every arm and the manifest; its path."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "manifest.csv"

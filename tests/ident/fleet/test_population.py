@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from lrm_ident.diagnosis.forward_selection import forward_select
+from lrm_ident.diagnosis.linearised_fit import linearise
+from lrm_ident.estimation.priors import EffectRates
 from lrm_ident.fleet.effect_rates import effect_rates
 from lrm_ident.fleet.population import ArmEvidence, fit_population
+from lrm_ident.progress import silent
 from lrm_math.arrays import Array
 
 
@@ -36,7 +43,7 @@ def test_intervals_of_mean_and_spread_hold_as_often_as_they_say() -> None:
         found = fit_population(drawn(rng, mean, spread, 10, 0.2), 8)
         for k, (truth, (low, high)) in enumerate([(mean, found.mean_interval), (spread, found.spread_interval)]):
             held[k] += np.count_nonzero((low <= truth) & (truth <= high))
-    assert held / 320 >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / 320)
+    assert held.min() / 320 >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / 320)
 
 
 def test_what_one_arm_cannot_tell_apart_its_sisters_may() -> None:
@@ -71,3 +78,30 @@ def test_unsure_arms_count_for_what_their_sisters_have() -> None:
 
 def test_rates_without_arms() -> None:
     assert effect_rates([], []) == ()
+
+
+def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well() -> None:
+    """Two candidates with the same columns: without rates the first in the list, with them the expected one."""
+    rng = np.random.default_rng(5)
+    poses, column = 60, rng.normal(size=(180, 1))
+    residual = 2.0 * column[:, 0] + 0.1 * rng.normal(size=180)
+    folds = [np.arange(k, poses, 10) for k in range(10)]
+    linear = linearise(rng.normal(size=(180, 3)), residual, folds, 0.1)
+    weak, strong = (
+        SimpleNamespace(
+            name=name,
+            size=1,
+            implausible="",
+            projected=linear.project(column),
+            candidate=SimpleNamespace(
+                columns=(column,), standing=2, effect=SimpleNamespace(refined=(), refines=()), name=name
+            ),
+        )
+        for name in ("rare@joint1", "usual@joint1")
+    )
+    ranked: Any = [weak, strong]
+    assert forward_select(ranked, linear, silent)[0] is weak
+    weights = EffectRates({"usual@joint1": 0.8}, 0.01).weights([one.name for one in ranked])
+    assert forward_select(ranked, linear, silent, weights)[0] is strong
+    even = dict.fromkeys(weights, 1.0)
+    assert forward_select(ranked, linear, silent, even)[0] is weak
