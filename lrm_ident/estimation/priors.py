@@ -13,7 +13,7 @@ from pydantic import Field
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect, Parameter
+from lrm_math.effects import CATALOGUE, FORMS, Effect, Parameter
 from lrm_math.errors import FileError, UnknownName, name_suggestion
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
@@ -135,7 +135,7 @@ def _prior_path(name_or_path: str) -> Path:
 
 def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:
     """Applies the patterns of a prior file to the parameters of a model; SI units. Raises `FileError`."""
-    known = set(model.keys) | _possible_keys(model.arm, catalogue)
+    known = set(model.keys) | _possible_keys(model.arm, (*catalogue, *FORMS))
     for pattern in file.parameters:
         if not any(fnmatchcase(key, pattern) for key in known):
             raise FileError(
