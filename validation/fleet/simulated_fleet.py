@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,7 @@ from lrm_ident.synthetic import (
     write,
 )
 from lrm_ident.synthetic.example import ARM_FILE
+from lrm_ident.synthetic.generate import directions
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses, poses_of
 
@@ -78,12 +79,12 @@ class ArmOfKind:
     def goals(self, count: int = 200) -> tuple[Poses, Array]:
         """Poses that were never measured, and the true tips there (m); the direction of approach is part of a pose."""
         q = random_poses(self.described, count, 15485863 + self.number, floor_m=FLOOR_M)
-        poses = poses_of(q, np.zeros(count))
+        poses = replace(poses_of(q, np.zeros(count)), direction=directions(q, np.zeros(q.shape[1])))
         return poses, np.asarray(true_state(self.described, self.truth, q).tcp_m)
 
 
-def simulated_fleet(count: int, seed: int) -> list[ArmOfKind]:
-    """Arms of one kind."""
+def simulated_fleet(count: int, seed: int, own: float = 1.0) -> list[ArmOfKind]:
+    """Arms of one kind; `own`: factor of the errors that differ from arm to arm, for makers more or less exact."""
     described = load_arm(ARM_FILE)
     kind = np.random.default_rng([seed, 0])
     joints = len(described.links)
@@ -93,7 +94,7 @@ def simulated_fleet(count: int, seed: int) -> list[ArmOfKind]:
     arms = []
     for number in range(1, count + 1):
         rng = np.random.default_rng([seed, number])
-        errors = mean + rng.normal(size=shape.shape) * _scaled(shape, OWN_ANGLE_SD, OWN_LENGTH_SD)
+        errors = mean + rng.normal(size=shape.shape) * _scaled(shape, own * OWN_ANGLE_SD, own * OWN_LENGTH_SD)
         has = [effect for effect in EFFECTS if rng.random() < effect.rate]
         sizes = tuple(round(float(max(rng.normal(effect.mean, effect.sd), effect.mean / 3)), 6) for effect in has)
         truth = GroundTruth(
