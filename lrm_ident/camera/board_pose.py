@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.camera.board import CharucoBoard
-from lrm_ident.camera.detection import Corners, Refused
+from lrm_ident.camera.detection import Corners, RejectedPhoto
 from lrm_ident.camera.lens import Lens
 from lrm_ident.camera.opencv import opencv
 from lrm_math.arrays import Array
@@ -45,7 +45,7 @@ class BoardPose:
         return out
 
 
-def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | Refused:
+def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:
     """The pose of the board whose corners were found."""
     cv2, points = opencv(), board.corners[found.numbers]
     _, turns, shifts, _ = cv2.solvePnPGeneric(
@@ -59,12 +59,12 @@ def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | R
     rotation, position, square, information = tried[0]
     noise = float(np.sqrt(square / (2 * len(points) - 6)))
     if position[2] <= 0.0:
-        return Refused("the board would be behind the camera")
+        return RejectedPhoto("the board would be behind the camera")
     if noise > POOR * lens.noise:
-        return Refused(f"the corners are off by {noise:.2f} px; the lens was calibrated to {lens.noise:.2f} px")
+        return RejectedPhoto(f"the corners are off by {noise:.2f} px; the lens was calibrated to {lens.noise:.2f} px")
     worse = [one[2] - square for one in tried[1:] if _other(one[0], rotation)]
     if worse and worse[0] < AMBIGUOUS * lens.noise**2:
-        return Refused("two poses of the board fit alike; lean it against the view, or come closer")
+        return RejectedPhoto("two poses of the board fit alike; lean it against the view, or come closer")
     covariance: Array = np.asarray(np.linalg.inv(information) * lens.noise**2)
     return BoardPose(rotation, position, covariance, noise, len(points))
 

@@ -26,22 +26,22 @@ class Corners:
 
 
 @dataclass(frozen=True)
-class Refused:
+class RejectedPhoto:
     """A photo that is of no use, and why."""
 
     reason: str
 
 
-def find_corners(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners | Refused:
+def find_corners(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners | RejectedPhoto:
     """The corners in a grey picture (H, W)."""
     found = _detect(picture, board)
     if len(found.numbers) < FEWEST:
         mirrored = _detect(np.ascontiguousarray(picture[:, ::-1]), board)
         if len(mirrored.numbers) >= FEWEST:
-            return Refused("the board is mirrored: print it again unmirrored, or turn off the camera's mirror image")
-        return Refused(f"{len(found.numbers)} of {len(board.corners)} corners seen, {FEWEST} are needed")
+            return RejectedPhoto("the board is mirrored: print it unmirrored, or turn off the camera's mirror image")
+        return RejectedPhoto(f"{len(found.numbers)} of {len(board.corners)} corners seen, {FEWEST} are needed")
     if np.linalg.matrix_rank(board.corners[found.numbers, :2] - board.corners[found.numbers[0], :2]) < 2:
-        return Refused("the corners seen are all in one row")
+        return RejectedPhoto("the corners seen are all in one row")
     return _quality(picture, found) or found
 
 
@@ -56,19 +56,19 @@ def _detect(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners:
     return Corners(np.asarray(numbers, dtype=np.int64).ravel(), np.asarray(pixels, dtype=np.float64).reshape(-1, 2))
 
 
-def _quality(picture: NDArray[np.uint8], corners: Corners) -> Refused | None:
+def _quality(picture: NDArray[np.uint8], corners: Corners) -> RejectedPhoto | None:
     """Why a picture of the board is too poor, if it is: blurred edges, or burnt out."""
     low = np.maximum(corners.pixels.min(axis=0) - CORNERS_OF_REGION, 0).astype(int)
     high = (corners.pixels.max(axis=0) + CORNERS_OF_REGION).astype(int) + 1
     region = picture[low[1] : high[1], low[0] : high[0]].astype(np.float64)
     dark, bright = np.percentile(region, [5, 95])
     if bright - dark < 25.0:
-        return Refused(f"hardly any contrast ({bright - dark:.0f} of 255 grey levels)")
+        return RejectedPhoto(f"hardly any contrast ({bright - dark:.0f} of 255 grey levels)")
     if np.mean((region < 2) | (region > 253)) > SATURATED:
-        return Refused("over- or underexposed")
+        return RejectedPhoto("over- or underexposed")
     down, right = np.gradient(region)
     steepest = float(np.percentile(np.hypot(down, right), 98))
     blur = (bright - dark) / (np.sqrt(2.0 * np.pi) * max(steepest, 1e-9))
     if blur > BLURRED:
-        return Refused(f"blurred: edges are {2.0 * blur:.1f} px wide; more light, or hold still")
+        return RejectedPhoto(f"blurred: edges are {2.0 * blur:.1f} px wide; more light, or hold still")
     return None

@@ -21,7 +21,7 @@ from lrm_ident.camera.consistency import (
     measured_covariance_of,
     photo_regression,
 )
-from lrm_ident.camera.detection import Refused, find_corners
+from lrm_ident.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.camera.hand_eye import HandEye, hand_eye
 from lrm_ident.camera.lens import Lens, LensFile
 from lrm_ident.data.apply_reading import frame_table, rigid_motion
@@ -87,8 +87,8 @@ def read_photos(files: Sequence[Path], lens: Lens, board: CharucoBoard) -> Photo
             size = "{} × {}".format(*picture.shape[::-1])
             raise LrmError(f"{file}: {size} pixels; the lens was calibrated for {lens.size[0]} × {lens.size[1]}")
         corners = find_corners(picture, board)
-        found = corners if isinstance(corners, Refused) else board_pose(corners, board, lens)
-        if isinstance(found, Refused):
+        found = corners if isinstance(corners, RejectedPhoto) else board_pose(corners, board, lens)
+        if isinstance(found, RejectedPhoto):
             refused.append((file.name, found.reason))
         else:
             rows.append(row)

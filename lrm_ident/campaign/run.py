@@ -44,7 +44,7 @@ class Clock(Protocol):
 
 
 @dataclass(frozen=True)
-class Rhythm:
+class PoseTiming:
     """Seconds: `pause` from one pose to the next, `settle` at least after a motion, `dwell` averaged at its end.
 
     `attempts`: how often a pose is tried whose rest is unfit.
@@ -86,7 +86,7 @@ class PoseCampaign:
     tracker: Tracker
     numbers: TargetNumbers
     clock: Clock
-    rhythm: Rhythm
+    rhythm: PoseTiming
     rest: PlannedPose
     on_progress: Callable[[Progress], object]
 
@@ -134,7 +134,7 @@ class PoseCampaign:
 
 
 def rest_at(
-    tracker: Tracker, numbers: TargetNumbers, clock: Clock, rhythm: Rhythm, begin: float
+    tracker: Tracker, numbers: TargetNumbers, clock: Clock, rhythm: PoseTiming, begin: float
 ) -> RestMean | UnfitRest:
     """The mean over the end of a rest whose pose began at a time (s): once the targets are seen again, and settled."""
     for _ in range(round(SIGHT_S / GLANCE_S)):

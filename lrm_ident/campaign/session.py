@@ -12,7 +12,7 @@ from lrm_ident.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.campaign.data_file import CampaignHead, DataFile
 from lrm_ident.campaign.plan import CampaignPlan
 from lrm_ident.campaign.rover_arm import RoverArm
-from lrm_ident.campaign.run import CampaignResult, Clock, PoseCampaign, Progress, Rhythm
+from lrm_ident.campaign.run import CampaignResult, Clock, PoseCampaign, PoseTiming, Progress
 from lrm_ident.campaign.zenoh_tracker import ZenohTracker
 from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.tracker.frames import TargetNumbers, Tracker, TrackerFrame
@@ -53,7 +53,7 @@ class CampaignOrder:
     numbers: TargetNumbers
     arm: Arm
     arm_name: str
-    rhythm: Rhythm
+    rhythm: PoseTiming
     loads: Callable[[float], object]
     on_progress: Callable[[Progress], object]
     on_findings: Callable[[str], object]

@@ -10,7 +10,7 @@ import numpy as np
 from lrm_ident.campaign.goals import PlacedGoal
 from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.campaign.rover_arm import RoverArm
-from lrm_ident.campaign.run import Clock, Rhythm, Unreachable, rest_at
+from lrm_ident.campaign.run import Clock, PoseTiming, Unreachable, rest_at
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.tracker.dwell import RestMean
 from lrm_ident.tracker.frames import TargetNumbers, Tracker
@@ -88,7 +88,7 @@ class GoalRun:
     tracker: Tracker
     numbers: TargetNumbers
     clock: Clock
-    rhythm: Rhythm
+    rhythm: PoseTiming
     payload: float
 
     def visit(self, goals: Sequence[PlacedGoal], on_landing: Callable[[int, str], object]) -> Verification:

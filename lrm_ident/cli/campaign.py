@@ -84,7 +84,7 @@ def measure(
     chooses the next ones, until that is enough; some are measured twice.
     """
     from lrm_ident.campaign.plan import load_plan
-    from lrm_ident.campaign.run import Rhythm
+    from lrm_ident.campaign.run import PoseTiming
     from lrm_ident.campaign.session import CampaignOrder
     from lrm_ident.campaign.session import measure as run
     from lrm_ident.design.adaptive_batch import StoppingGoal
@@ -98,7 +98,7 @@ def measure(
         name = arm or rover.info().arm
         the_arm = load_arm(name)
         plan = load_plan(poses, the_arm)
-        rhythm = Rhythm(pause, settle, dwell)
+        rhythm = PoseTiming(pause, settle, dwell)
         order = CampaignOrder(rover, tracker, numbers, the_arm, name, rhythm, _loads(load_command), _say, show, take)
         try:
             result = run(order, plan, output, goal)
@@ -244,7 +244,7 @@ def verify(
     """
     from lrm_ident.campaign.goals import goals_named
     from lrm_ident.campaign.rover_arm import RoverArm
-    from lrm_ident.campaign.run import Rhythm
+    from lrm_ident.campaign.run import PoseTiming
     from lrm_ident.campaign.session import RealClock, connected
     from lrm_ident.campaign.verification import GoalRun
     from lrm_ident.campaign.verification_report import read_verification, verification_document
@@ -259,6 +259,6 @@ def verify(
         with connected(rover, tracker, numbers) as opened, rover.control("lrm-ident verify", take):
             clock = RealClock()
             rover_arm = RoverArm(rover, clock, lambda _: None, 1)
-            run = GoalRun(rover_arm, opened, numbers, clock, Rhythm(0.0, settle, dwell), payload_g * GRAM)
+            run = GoalRun(rover_arm, opened, numbers, clock, PoseTiming(0.0, settle, dwell), payload_g * GRAM)
             found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
     publish(verification_document(found, earlier), json)

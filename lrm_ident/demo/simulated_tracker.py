@@ -42,7 +42,7 @@ BASE_IN_ROOM = TargetPose(
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class BoardState:
     """What the board says: servo angles (n,) in rad, load (kg), its time (s), power-on session."""
 
     q: Array
@@ -51,19 +51,19 @@ class Seen:
     session: int
 
     @classmethod
-    def of(cls, board: Path, joints: int) -> Seen:
+    def of(cls, board: Path, joints: int) -> BoardState:
         """Asks the board at its link. Raises `ControlError`."""
         servos, status = query_board(board, "joints"), query_board(board, "status")
         q = np.radians([servos[f"joint{i + 1}"]["angle_deg"] for i in range(joints)])  # type: ignore[index]
         numbers = {name: float(str(status[name])) for name in ("payload_g", "t_s", "session")}
         return cls(q, numbers["payload_g"] * 1e-3, numbers["t_s"], int(numbers["session"]))
 
-    def same(self, other: Seen | None) -> bool:
+    def same(self, other: BoardState | None) -> bool:
         """Whether the arm has not moved and carries the same."""
         return other is not None and self.payload == other.payload and float(np.abs(self.q - other.q).max()) < STILL
 
 
-def true_tip(arm: ArmDescription, hidden: HiddenArm, rest: Seen) -> Array:
+def true_tip(arm: ArmDescription, hidden: HiddenArm, rest: BoardState) -> Array:
     """(3,), true tip (m) at a rest, in the frame of the arm. No effect of `hidden` remembers where the arm was."""
     schedule = Schedule(np.array([rest.t]), np.array([float(rest.session)]), rest.q)
     return np.asarray(true_state(arm, hidden.truth, rest.q[None], rest.payload, schedule).tcp_m[0])
@@ -78,11 +78,11 @@ def frames(board: Path, seed: int) -> Iterator[TrackerFrame]:
     """One frame after the other, for as long as the board answers. Raises `ControlError` when it does not."""
     arm, rng = load_arm(ARM_FILE), np.random.default_rng([seed, 99])
     hidden = hidden_arm(arm, seed)
-    before: Seen | None = None
-    rest: Seen | None = None
+    before: BoardState | None = None
+    rest: BoardState | None = None
     tip = np.zeros(3)
     for number in count(1):
-        seen = Seen.of(board, len(arm.links))
+        seen = BoardState.of(board, len(arm.links))
         targets = {BASE: BASE_IN_ROOM}
         if seen.same(before):
             if not seen.same(rest):

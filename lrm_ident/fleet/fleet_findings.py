@@ -17,7 +17,7 @@ from scipy.stats import fisher_exact, kruskal
 from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE
 from lrm_ident.diagnosis.score_test import benjamini_yekutieli
 from lrm_ident.fleet.effect_rates import EffectRate
-from lrm_ident.fleet.fleet_prior import ToldParameters
+from lrm_ident.fleet.fleet_prior import ArmEstimates
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 
@@ -67,7 +67,7 @@ class FleetOutlier:
 def tag_links(
     members: Sequence[FleetMember],
     records: Sequence[ArmRecord],
-    told: Sequence[ToldParameters],
+    told: Sequence[ArmEstimates],
     rates: Sequence[EffectRate],
 ) -> tuple[TagLink, ...]:
     """What goes significantly with a tag, surest first."""
@@ -90,7 +90,7 @@ def tag_links(
     return tuple(sorted(found, key=lambda link: link.p_value))
 
 
-def outliers(records: Sequence[ArmRecord], told: Sequence[ToldParameters]) -> tuple[FleetOutlier, ...]:
+def outliers(records: Sequence[ArmRecord], told: Sequence[ArmEstimates]) -> tuple[FleetOutlier, ...]:
     """Parameters of arms that are farther from their sisters' than chance puts one of all, farthest first.
 
     The farthest is taken out and the rest looked at again, so that one cannot hide another.
@@ -122,7 +122,7 @@ def _distance(row: Estimated, rows: Sequence[Estimated]) -> tuple[float, Estimat
     return abs(row[1] - middle) / max(sd, 1e-12), row, middle, spread
 
 
-def _by_key(told: Sequence[ToldParameters]) -> dict[str, list[Estimated]]:
+def _by_key(told: Sequence[ArmEstimates]) -> dict[str, list[Estimated]]:
     """For each parameter: (arm, estimate, standard error) in typical sizes."""
     known: dict[str, list[Estimated]] = {}
     for arm, one in enumerate(told):
@@ -144,7 +144,7 @@ def _of_effects(
 
 
 def _of_parameters(
-    tag: str, levels: Sequence[tuple[str, list[int]]], told: Sequence[ToldParameters]
+    tag: str, levels: Sequence[tuple[str, list[int]]], told: Sequence[ArmEstimates]
 ) -> Iterator[TagLink]:
     for key, known in _by_key(told).items():
         value = {arm: estimate for arm, estimate, error in known if error < TELLS}

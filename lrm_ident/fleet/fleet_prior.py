@@ -32,7 +32,7 @@ DIGITS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class ToldParameters:
+class ArmEstimates:
     """What one arm's file says of its parameters.
 
     Attributes:
@@ -59,7 +59,7 @@ class FleetKnowledge:
     arms: int
 
 
-def told_parameters(record: ArmRecord, models: Path) -> ToldParameters:
+def told_parameters(record: ArmRecord, models: Path) -> ArmEstimates:
     """An arm's estimates with the weak prior. `models`: folder that the paths of arm files are relative to."""
     file = validate(models / f"{record.name}.toml", tomllib.loads(record.evidence), ModelFile)
     model = to_model(models, file, arm_of(models / f"{record.name}.toml", file.arm))
@@ -68,10 +68,10 @@ def told_parameters(record: ArmRecord, models: Path) -> ToldParameters:
     known = to_covariance(file.covariance, file.sigma, model)
     typical = np.array([model.parameters[model.position(key)].typical for key in known.keys])
     mean = np.array([model.value(key) for key in known.keys]) / typical
-    return ToldParameters(model, known.keys, mean, known.matrix / np.outer(typical, typical))
+    return ArmEstimates(model, known.keys, mean, known.matrix / np.outer(typical, typical))
 
 
-def fleet_knowledge(records: Sequence[ArmRecord], told: Sequence[ToldParameters]) -> FleetKnowledge:
+def fleet_knowledge(records: Sequence[ArmRecord], told: Sequence[ArmEstimates]) -> FleetKnowledge:
     """Population and rates of arms of one kind. Raises `LrmError`: fewer than three arms.
 
     Parameters of an effect are those of the arms that have it.
@@ -88,7 +88,7 @@ def fleet_knowledge(records: Sequence[ArmRecord], told: Sequence[ToldParameters]
     return FleetKnowledge(keys, typical, units, fit_population(evidence, len(keys)), rates, len(records))
 
 
-def arm_evidence(told: ToldParameters, place: dict[str, int]) -> ArmEvidence:
+def arm_evidence(told: ArmEstimates, place: dict[str, int]) -> ArmEvidence:
     """What the arm's poses alone say: the weak prior taken away from the posterior."""
     posterior = np.linalg.inv(told.covariance)
     information = posterior - np.eye(len(told.keys)) / WEAK_SD**2

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lrm_ident.fleet.fleet_findings import FleetOutlier, TagLink
-from lrm_ident.fleet.fleet_prior import FleetKnowledge, ToldParameters
+from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
@@ -30,7 +30,7 @@ class FleetResult:
 
     members: tuple[FleetMember, ...]
     records: tuple[ArmRecord, ...]
-    told: dict[str, ToldParameters]
+    told: dict[str, ArmEstimates]
     known: FleetKnowledge | str
     links: tuple[TagLink, ...]
     outliers: tuple[FleetOutlier, ...]
@@ -91,7 +91,7 @@ def fleet_columns(result: FleetResult) -> dict[str, list[Any]]:
     return columns
 
 
-def _estimate(told: ToldParameters | None, key: str) -> tuple[float | None, float | None]:
+def _estimate(told: ArmEstimates | None, key: str) -> tuple[float | None, float | None]:
     """Value and standard error in the unit of the key."""
     if told is None or key not in told.keys:
         return None, None

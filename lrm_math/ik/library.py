@@ -12,7 +12,7 @@ from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.kernel.flat_arm import FlatArm, SeedLibrary
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.batch_equilibrium import batch_equilibrium
-from lrm_math.model.reach_ball import Ball, reach_ball
+from lrm_math.model.reach_ball import ReachBall, reach_ball
 
 SIZE = 2048
 COARSE = 1e-5
@@ -39,7 +39,7 @@ class PoseLibrary:
     tau: Array
     tcp: Array
     inverse: Array
-    reach_ball: Ball
+    reach_ball: ReachBall
 
     @classmethod
     def of(cls, laws: JointLaws, arm: FlatArm) -> PoseLibrary:

@@ -13,7 +13,7 @@ ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
-class Ball:
+class ReachBall:
     """All points no further than `radius` (m) from `centre` (m)."""
 
     centre: tuple[float, float, float]
@@ -24,7 +24,7 @@ class Ball:
         return math.dist(self.centre, position) <= self.radius
 
 
-def reach_ball(model: Model) -> Ball:
+def reach_ball(model: Model) -> ReachBall:
     """A ball that contains the TCP for every command: recursion over the slots from the tool inwards.
 
     Slots that turn all the way round take a ball's centre to their axis at most, elastic ones no further than an
@@ -49,4 +49,4 @@ def reach_ball(model: Model) -> Ball:
                 c, s = math.cos(binding.constants[k]), math.sin(binding.constants[k])
                 centre[i], centre[j] = c * centre[i] - s * centre[j], s * centre[i] + c * centre[j]
         x, y, z = centre
-    return Ball((x, y, z), radius * (1.0 + ROUND_OFF))
+    return ReachBall((x, y, z), radius * (1.0 + ROUND_OFF))

@@ -12,7 +12,7 @@ from pathlib import Path
 from lrm_ident.api import add, diagnose, fit, load
 from lrm_ident.camera.board import CharucoBoard, read_picture
 from lrm_ident.camera.capture import photos_in
-from lrm_ident.camera.detection import Refused, find_corners
+from lrm_ident.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.camera.lens import Lens, calibrate_lens
 from lrm_ident.camera.session import measure, read_photos
 from lrm_ident.data.measurements import measurements_csv
@@ -31,7 +31,7 @@ def main() -> None:
         folder, scene = Path(name), PhotoScene()
         write_lens_photos(folder / "lens", scene, 20)
         corners = [find_corners(read_picture(path), BOARD) for path in photos_in(folder / "lens")]
-        lens = calibrate_lens([one for one in corners if not isinstance(one, Refused)], BOARD, scene.lens.size)
+        lens = calibrate_lens([one for one in corners if not isinstance(one, RejectedPhoto)], BOARD, scene.lens.size)
         print(f"lens: {lens.photos} photos, corners off by {lens.noise_px:.2f} px")
         for seed in range(1, given.seeds + 1):
             true = rig(seed, HIDDEN)

@@ -28,7 +28,7 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import tool_rotation
 from validation.camera.rendered_photos import WEBCAM
-from validation.camera.scene import Rig, poses_in_view, rig
+from validation.camera.scene import CameraRig, poses_in_view, rig
 
 TWELVE = CharucoBoard(BoardTable(columns=5, rows=4, square_mm=20.0))
 LENS = Lens(WEBCAM.K * np.array([[1.5], [1.5], [1.0]]), WEBCAM.distortion, (1920, 1080), 0.3)
@@ -39,7 +39,7 @@ TWO_SIDED_95 = 1.959964
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class EstimatorErrors:
     """One way to use the photos: (estimate − truth) / standard error (S, P), RMS error of the tip (S,) in m."""
 
     z: Array
@@ -51,7 +51,7 @@ class Way:
         return float(np.mean(np.abs(self.z) < TWO_SIDED_95))
 
 
-def photographed(true: Rig, model: Model, poses: Poses, rng: np.random.Generator) -> Measurements:
+def photographed(true: CameraRig, model: Model, poses: Poses, rng: np.random.Generator) -> Measurements:
     """Tool poses as photos of the board give them, with noise of their covariance."""
     rest = equilibrium(model, poses)
     boards = true.boards(rest)
@@ -75,7 +75,7 @@ def ways_of(data: Measurements) -> Iterator[Measurements]:
     yield data
 
 
-def compare(count: int, seeds: int) -> list[Way]:
+def compare(count: int, seeds: int) -> list[EstimatorErrors]:
     """Every way with `count` poses, over `seeds` arms."""
     true = rig(0, {})
     arm = true.model.arm
@@ -99,7 +99,7 @@ def compare(count: int, seeds: int) -> list[Way]:
             estimate = np.array([fitted.model.value(key) for key in keys])
             off = equilibrium(fitted.model, fresh).tcp - there
             results.append(((estimate - exact) / fitted.standard_error, float(np.sqrt((off**2).sum(axis=1).mean()))))
-    return [Way(np.concatenate([z for z, _ in each]), np.array([tip for _, tip in each])) for each in found]
+    return [EstimatorErrors(np.concatenate([z for z, _ in each]), np.array([tip for _, tip in each])) for each in found]
 
 
 def main() -> None:

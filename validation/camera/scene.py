@@ -45,7 +45,7 @@ CAMERA = pose((0.62, 0.06, 0.22), (-1.0, -0.12, -0.08), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
+class CameraRig:
     """The true arm, the camera in its frame and the board on its tool (4, 4)."""
 
     model: Model
@@ -59,7 +59,7 @@ class Rig:
         return inverse(self.camera) @ tool @ self.mount
 
 
-def rig(seed: int, hidden: dict[str, float]) -> Rig:
+def rig(seed: int, hidden: dict[str, float]) -> CameraRig:
     """An SO-101 with errors of assembly, soft joints, and a hidden effect (keys of parameters, SI)."""
     arm = load_arm("so101")
     rng = np.random.default_rng(seed)
@@ -72,7 +72,7 @@ def rig(seed: int, hidden: dict[str, float]) -> Rig:
             values[key] = float(rng.normal(0, 0.012 if name.endswith("rad") else 0.7e-3))
         if effect == "compliance" and place.startswith("joint"):
             values[key] = float(rng.uniform(0.02, 0.06))
-    return Rig(model_of(arm, model.effects, values), CAMERA, board_mount(arm))
+    return CameraRig(model_of(arm, model.effects, values), CAMERA, board_mount(arm))
 
 
 def board_mount(arm: Arm) -> Array:
@@ -91,7 +91,7 @@ def _facing(arm: Arm) -> Array:
     return np.asarray(R.T @ board)
 
 
-def poses_in_view(true: Rig, count: int, seed: int) -> Poses:
+def poses_in_view(true: CameraRig, count: int, seed: int) -> Poses:
     """Poses at which the camera sees the whole board, spread over the joints."""
     arm, rng = true.model.arm, np.random.default_rng([seed, 3])
     limits = np.array([(joint.lower, joint.upper) for joint in arm.joints])
@@ -135,7 +135,7 @@ def write_poses(path: Path, poses: Poses) -> None:
     path.write_text("\n".join([names, *rows]) + "\n")
 
 
-def tip_error(true: Rig, fitted: Model, session: CameraSession, poses: Poses) -> float:
+def tip_error(true: CameraRig, fitted: Model, session: CameraSession, poses: Poses) -> float:
     """RMS (m) of a fitted model's tip at poses that it never saw, but for a rigid motion of all of them.
 
     The tip is the point of the board where the session has it; where camera and arm stand in the room is a convention.

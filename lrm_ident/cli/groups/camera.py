@@ -12,7 +12,7 @@ from typer import Argument, Option, Typer
 
 from lrm_ident.camera.board import BoardTable, CharucoBoard, board_pdf, board_text, read_picture
 from lrm_ident.camera.capture import photos_in, take_photos
-from lrm_ident.camera.detection import Refused, find_corners
+from lrm_ident.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.camera.lens import Lens, LensFile, calibrate_lens
 from lrm_ident.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
 from lrm_ident.cli.command import command_of
@@ -69,7 +69,7 @@ def calibrate(
         for number, file in enumerate(files, start=1):
             picture = read_picture(file)
             corners = find_corners(picture, the_board)
-            if isinstance(corners, Refused):
+            if isinstance(corners, RejectedPhoto):
                 refused.append(f"{file.name}: {corners.reason}")
             else:
                 found.append(corners)

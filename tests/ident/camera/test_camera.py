@@ -25,7 +25,7 @@ pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 
 from lrm_ident.camera.board import PIXELS, board_pdf
 from lrm_ident.camera.board_pose import BoardPose, board_pose
-from lrm_ident.camera.detection import Corners, Refused, find_corners
+from lrm_ident.camera.detection import Corners, RejectedPhoto, find_corners
 from lrm_ident.camera.lens import LensFile
 from lrm_ident.camera.opencv import opencv
 from lrm_ident.camera.session import CameraMeasurements, PhotoSet, expected_covariance, measure, visible
@@ -95,13 +95,13 @@ def test_the_detector_finds_the_rendered_board() -> None:
 )
 def test_poor_photos_are_refused_with_the_reason(scene: PhotoScene, words: str) -> None:
     found = find_corners(scene.photo(BOARD, held(1), 1), BOARD)
-    assert isinstance(found, Refused)
+    assert isinstance(found, RejectedPhoto)
     assert re.search(words, found.reason)
 
 
 def test_a_photo_without_the_board() -> None:
     found = find_corners(np.full((200, 300), 128, dtype=np.uint8), BOARD)
-    assert isinstance(found, Refused)
+    assert isinstance(found, RejectedPhoto)
     assert "0 of 20 corners" in found.reason
 
 
@@ -122,7 +122,7 @@ def test_a_small_board_far_away_has_two_poses() -> None:
     far[:3, :3] = Rotation.from_rotvec([0.12, 0.0, 0.0]).as_matrix()
     far[:3, 3] = [-0.05, -0.04, 2.0]
     found = board_pose(corners_of(far, np.random.default_rng(2)), BOARD, LENS)
-    assert isinstance(found, Refused)
+    assert isinstance(found, RejectedPhoto)
     assert "two poses" in found.reason
 
 

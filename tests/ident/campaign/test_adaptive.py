@@ -13,7 +13,7 @@ from lrm_ident.campaign import adaptive
 from lrm_ident.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.campaign.data_file import ArmState, CampaignHead, DataFile
 from lrm_ident.campaign.plan import PlannedPose
-from lrm_ident.campaign.run import PoseCampaign, Rhythm, Unreachable
+from lrm_ident.campaign.run import PoseCampaign, PoseTiming, Unreachable
 from lrm_ident.data.measurements import load_measurements
 from lrm_ident.design.adaptive_batch import BATCH, FIRST_BATCH, AdaptiveFindings, StoppingGoal
 from lrm_ident.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
@@ -80,7 +80,7 @@ def run(rig: TwoJointRig, path: Path, goal: StoppingGoal) -> list[str]:
     file = DataFile(path, ARM.dof)
     with file:
         file.begin(CampaignHead("two-joint", "test", (0.0,) * ARM.dof, "plan", 0.0))
-        campaign = PoseCampaign(rig, rig, TargetNumbers(1, None), rig, Rhythm(), PLAN[0], lambda _: None)
+        campaign = PoseCampaign(rig, rig, TargetNumbers(1, None), rig, PoseTiming(), PLAN[0], lambda _: None)
         AdaptiveCampaign(campaign, ARM, goal, told.append).run(PLAN, file)
     return told
 

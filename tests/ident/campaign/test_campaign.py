@@ -11,7 +11,7 @@ import pytest
 
 from lrm_ident.campaign.data_file import ArmState, CampaignHead, DataFile, after_midnight
 from lrm_ident.campaign.plan import PlannedPose, load_plan
-from lrm_ident.campaign.run import PoseCampaign, Progress, Rhythm, Unreachable
+from lrm_ident.campaign.run import PoseCampaign, PoseTiming, Progress, Unreachable
 from lrm_ident.data.measurements import load_measurements
 from lrm_ident.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arm.arm_file import load_arm
@@ -102,7 +102,7 @@ def run(world: FakeWorld, path: Path, told: list[Progress] | None = None) -> dic
     on_progress = (lambda _: None) if told is None else told.append
     with file:
         file.begin(CampaignHead("lrm-lab", "test", (0.0,) * 6, "plan", world.t))
-        campaign = PoseCampaign(world, world, NUMBERS, world, Rhythm(), POSES[0], on_progress)
+        campaign = PoseCampaign(world, world, NUMBERS, world, PoseTiming(), POSES[0], on_progress)
         return campaign.run(POSES, file).failed
 
 
