@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -89,12 +90,17 @@ def _bound(chain: Chain, effect: Effect, p: list[float], load_slots: tuple[int, 
 
 def _gears(chain: Chain, effect: BoundEffect) -> Iterable[tuple[int, int, float]]:
     """Slot, joint and ratio of every joint angle that the effect transmits."""
-    for joint in range(chain.dof):
-        one = poses_of([float(i == joint) for i in range(chain.dof)])
+    for joint, one in enumerate(_unit_poses(chain.dof)):
         for k, amount in effect.motion(one, []):
             ratio = float(np.asarray(amount).item())
             if ratio:
                 yield k, joint, ratio
+
+
+@cache
+def _unit_poses(dof: int) -> tuple[Poses, ...]:
+    """One pose for each joint, with that joint alone at 1 rad."""
+    return tuple(poses_of(row) for row in np.eye(dof))
 
 
 def _constants(chain: Chain, bound: list[BoundEffect]) -> tuple[float, ...]:
