@@ -22,9 +22,28 @@ def verification_document(found: Verification, earlier: Mapping[str, Any] | None
     table = ResultTable(COLUMNS, rows, f"Where the tip landed: {len(found.landings)} goals, mm from the goal")
     table_by_place = [place_table(found)] if len(found.places) > 1 else []
     left = [f"not reached: goal {number}: {why}" for number, why in found.failed.items()]
-    return Document([table, *table_by_place, *left], "lrm/verification/1", values(found), goal_table(found.landings))
+    return Document(
+        [table, *table_by_place, *left, *unlike_the_model(found)],
+        "lrm/verification/1",
+        values(found),
+        goal_table(found.landings),
+    )
 
 
+def unlike_the_model(found: Verification) -> list[str]:
+    """A line if the tip landed far beyond what the model itself expects: its arm is not the one that moved."""
+    if found.predicted is None or found.error.rms < UNLIKE * found.predicted:
+        return []
+    return [
+        f"The tip lands {found.error.rms / found.predicted:.0f} times as far from its goals as the model predicts "
+        f"({MM * found.error.rms:.2f} mm RMS in place of {MM * found.predicted:.2f}): an effect is missing from the "
+        "model (lrm-ident diagnose), or this is not the arm that was measured any more: a servo without force, another "
+        "load, a target or a base that moved."
+    ]
+
+
+UNLIKE = 10.0
+"""Ratio of the error at goals to the predicted one from which it is said; chosen, not fitted."""
 COLUMNS = ("", "model", "mean|.2f", "RMS|.2f", "worst|.2f", "rounding, RMS|.2f", "predicted, RMS|.2f")
 
 

@@ -30,7 +30,8 @@ from lrm_math.errors import LrmError
 
 TIME = f"""\
 Time: the simulated board's clock runs {SPEED:g} times as fast as the computer's, and pulses change by {STEP_US:g} us
-a tick in place of 1 us, so that a pose takes about half a second in place of 15 s. The servos stay cool meanwhile."""
+a tick in place of 1 us, so that a pose takes about half a second in place of 15 s. The servos warm
+up by the computer's clock."""
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -41,7 +41,7 @@ PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
 """ns between cycles: the longer one while the servos are off and nobody subscribes to the joints."""
 RAMP_TIMEOUT = SECOND // 2
 """ns without a tick after which the ramp process is restarted: half of the board's own timeout."""
-START_TIMEOUT = 5 * SECOND
+START_TIMEOUT = 20 * SECOND
 IK_TIMEOUT, ROUTER_TIMEOUT = 5 * SECOND, 2 * SECOND
 SAVE_INTERVAL = 60 * SECOND
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)

@@ -43,6 +43,8 @@ class SimulatedArm:
         start: initial joint angles, rad; zero if None.
         ambient: °C.
         dead_band: s of pulse, overrides that of the servo kinds.
+        speed: ratio of the board's clock to the one by which the servos warm up. The daemon's model of their
+            temperatures runs on the computer's clock, so a board whose clock is faster must not heat them faster.
 
     Raises:
         LrmError: a joint without servo table or channel, a channel given twice, or a truth with the effect
@@ -57,10 +59,11 @@ class SimulatedArm:
         start: Sequence[float] | None = None,
         ambient: float = 25.0,
         dead_band: float | None = None,
+        speed: float = 1.0,
     ) -> None:
         if any(effect.id == "quantisation" for effect in truth.effects):
             raise LrmError("truth: leave out the effect quantisation; the simulated chip rounds the pulses itself")
-        self.truth, self.ambient = truth, ambient
+        self.truth, self.ambient, self._speed = truth, ambient, speed
         self.payload = 0.0
         self.session = 1
         self.servos = _servos(truth, channels, start, dead_band)
@@ -165,7 +168,7 @@ class SimulatedArm:
         self._travel = 0.0
 
     def _update_temperatures(self) -> None:
-        elapsed = (self._now - self._warm_until) * 1e-9
+        elapsed = (self._now - self._warm_until) * 1e-9 / self._speed
         self._warm_until = self._now
         for servo in self.servos if elapsed > 0.0 else ():
             servo.update_temperature(elapsed)

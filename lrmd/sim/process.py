@@ -191,7 +191,8 @@ def simulation_of(options: argparse.Namespace) -> Simulation:
     """Board, link and arm from the command line. Raises `LrmError`."""
     truth = truth_of(options.arm, options.truth)
     band = None if options.dead_band_us is None else options.dead_band_us * 1e-6
-    arm = SimulatedArm(truth, channels_of(options.channels, truth), options.start_deg, dead_band=band)
+    channels = channels_of(options.channels, truth)
+    arm = SimulatedArm(truth, channels, options.start_deg, dead_band=band, speed=options.speed)
     random = Random(options.seed)
     board = SimulatedBoard(Pca9685Chip(options.osc_hz), random)
     return Simulation(board, arm, random, [parse_fault(text) for text in options.fault])

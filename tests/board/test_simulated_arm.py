@@ -319,6 +319,20 @@ def test_load_bends_the_arm_and_heats_the_servos(rover: Arm) -> None:
     assert rig.arm.temperature(rig.arm.servos[1]) < warm[1]
 
 
+def test_a_faster_board_clock_heats_no_faster(rover: Arm) -> None:
+    truth = model_of(rover, ())
+    channels = {name: channel for channel, name in enumerate(rover.joint_names)}
+    rises = []
+    for speed in (1.0, 6.0):
+        arm, chip = SimulatedArm(truth, channels, [0.3] * 6, speed=speed), Pca9685Chip(CLOCK.oscillator_hz)
+        for servo in arm.servos:
+            servo.target, servo.torque = servo.angle, 0.2
+        arm.advance(chip, round(60.0 * speed * SECOND))
+        rises.append([arm.temperature(servo) for servo in arm.servos])
+    assert min(rises[0]) > arm.ambient
+    assert rises[1] == pytest.approx(rises[0], rel=1e-3)
+
+
 def test_overloaded_wrist_servo_burns_out(rover: Arm) -> None:
     rig = Rig(model_of(rover, ()))
     rig.arm.set_payload(0.3)

@@ -69,3 +69,11 @@ def test_a_model_without_covariance_predicts_no_spread() -> None:
     found = Verification("", "", (landing(1, "", 1e-3, None),), {})
     assert found.predicted is None
     assert values(found)["predicted_rms_mm"] is None
+
+
+@pytest.mark.parametrize(("error", "lines"), [(2e-3, 0), (0.3, 1)])
+def test_an_arm_that_is_not_the_models_any_more_is_said(error: float, lines: int) -> None:
+    found = Verification("m.toml", "ab" * 32, (landing(1, "", error),), {})
+    _, *said = verification_document(found, None).blocks
+    assert len(said) == lines
+    assert all("as the model predicts" in str(line) for line in said)
