@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
@@ -60,7 +61,8 @@ class Scene:
     `frame` (C,) and `ends` (C, 2, 3): frame and axis of every capsule. `box_rotation` (B, 3, 3), `box_centre` (B, 3),
     `box_half` (B, 3): the boxes in the frame of TCP positions. `capsule_pairs` (K, 2); `box_pairs` (M, 2): pairs of a
     capsule and a box; `radii` (K + M,): sum of the radii of a pair. `names` (K + M, 2).
-    `motion_bound` (K + M, n): the most that 1 rad of joint j can move the one body against the other (m).
+    `motion_bound` (K + M, n): the most that 1 rad of joint j can move the one body against the other (m). `home`
+    (n + 2, 4, 4): `frames` with all angles zero.
     """
 
     chain: Chain
@@ -76,6 +78,7 @@ class Scene:
     radii: Array
     names: NDArray[np.str_]
     motion_bound: Array
+    home: Array
 
     @classmethod
     def of(cls, arm: Arm, allow: Iterable[tuple[str, str]] = ()) -> Scene:
@@ -126,6 +129,7 @@ class Scene:
             radii=np.array([radii for _, _, radii, _ in pairs]),
             names=np.array([(first, second) for first, second, _, _ in pairs]),
             motion_bound=np.array([bound for _, _, _, bound in pairs]),
+            home=home,
         )
 
     def margin_or_default(self, margin: float | None) -> float:
@@ -153,8 +157,29 @@ class Scene:
         return array
 
     def frames(self, q: Array) -> Array:
-        """(N, n + 2, 4, 4), frames of the nominal rigid arm at angles q (N, n) in rad."""
-        return frames(self.chain, self.chain.values(list(np.ascontiguousarray(q.T))), len(q))
+        """(N, n + 2, 4, 4), frames of the nominal rigid arm at angles q (N, n) in rad.
+
+        Joint j turns frame j - 1 about its z axis (Denavit & Hartenberg 1955); all else on its link is constant.
+        """
+        cosines, sines = np.cos(q), np.sin(q)
+        out = np.empty((len(q), *self.home.shape))
+        out[:, 0] = here = np.broadcast_to(self.home[0], out[:, 0].shape)
+        for j, link in enumerate(self._links):
+            if j < q.shape[1]:
+                c, s = cosines[:, j, None], sines[:, j, None]
+                turned = here.copy()
+                turned[:, :, 0], turned[:, :, 1] = (
+                    c * here[..., 0] + s * here[..., 1],
+                    c * here[..., 1] - s * here[..., 0],
+                )
+                here = turned
+            out[:, j + 1] = here = here @ link
+        return out
+
+    @cached_property
+    def _links(self) -> Array:
+        """(n + 1, 4, 4), every frame in the one before it, with all angles zero."""
+        return np.asarray(np.linalg.inv(self.home[:-1]) @ self.home[1:])
 
     def distances(self, arm_frames: Array) -> Array:
         """(N, K + M), distance of every pair (m) for frames (N, n + 2, 4, 4)."""
