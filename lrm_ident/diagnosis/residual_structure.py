@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
@@ -72,6 +71,8 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
 
 def _neighbours(q: Array) -> NDArray[np.int64]:
     """(M, 2), pairs of poses that are near in joint space."""
+    from scipy.spatial import cKDTree  # takes half a second to load: not at the start of every command
+
     _, near = cKDTree(q).query(q, k=min(NEIGHBOURS + 1, len(q)))
     pairs = [(i, j) for i, row in enumerate(np.atleast_2d(near).tolist()) for j in row if i != j]
     return np.array(pairs, dtype=np.int64)

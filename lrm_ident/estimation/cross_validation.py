@@ -7,8 +7,6 @@ from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.fold_steps import models_without
@@ -53,6 +51,9 @@ def _groups(q: Array, repeat_of: NDArray[np.int64]) -> NDArray[np.int64]:
     _, by_angle = np.unique(np.round(q, 6), axis=0, return_inverse=True)
     _, by_number = np.unique(repeat_of, return_inverse=True)
     angles, n = by_angle.reshape(-1), len(q)
+    from scipy.sparse import coo_array  # takes a third of a second to load
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(n), (angles, n + by_number)), shape=(2 * n, 2 * n))
     _, component = connected_components(graph, directed=False)
     return np.unique(component[angles], return_inverse=True)[1].reshape(-1)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import stdtr
-from scipy.stats import fisher_exact, kruskal
 
 from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE
 from lrm_ident.diagnosis.score_test import benjamini_yekutieli
@@ -134,6 +133,8 @@ def _by_key(told: Sequence[ArmEstimates]) -> dict[str, list[Estimated]]:
 def _of_effects(
     tag: str, levels: Sequence[tuple[str, list[int]]], records: Sequence[ArmRecord], rates: Sequence[EffectRate]
 ) -> Iterator[TagLink]:
+    from scipy.stats import fisher_exact  # takes a second to load: not at the start of every command
+
     for rate in rates:
         has = np.array([any(rate.name in step for step in record.steps) for record in records])
         if has.any() and not has.all():
@@ -146,6 +147,8 @@ def _of_effects(
 def _of_parameters(
     tag: str, levels: Sequence[tuple[str, list[int]]], told: Sequence[ArmEstimates]
 ) -> Iterator[TagLink]:
+    from scipy.stats import kruskal  # takes a second to load
+
     for key, known in _by_key(told).items():
         value = {arm: estimate for arm, estimate, error in known if error < TELLS}
         groups = [[value[arm] for arm in group if arm in value] for _, group in levels]

@@ -1,9 +1,11 @@
-"""Rotation matrices as rotation vectors and quaternions, in batches."""
+"""Rotation matrices as rotation vectors and quaternions, in batches.
+
+`scipy.spatial` takes half a second to load, and most measurements have no orientation: it is imported where it is used.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lrm_math.arrays import Array
 
@@ -13,6 +15,8 @@ def rotation_vectors(R: Array) -> Array:
     known = ~np.isnan(R[:, 0, 0])
     out = np.full((len(R), 3), np.nan)
     if known.any():
+        from scipy.spatial.transform import Rotation
+
         out[known] = Rotation.from_matrix(R[known]).as_rotvec()
     return out
 
@@ -22,5 +26,7 @@ def quaternions(R: Array) -> Array:
     known = ~np.isnan(R[:, 0, 0])
     out = np.full((len(R), 4), np.nan)
     if known.any():
+        from scipy.spatial.transform import Rotation
+
         out[known] = Rotation.from_matrix(R[known]).as_quat(canonical=True, scalar_first=True)
     return out
