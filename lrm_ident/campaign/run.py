@@ -57,7 +57,7 @@ class PoseTiming:
 
 
 @dataclass(frozen=True)
-class Progress:
+class CampaignProgress:
     """What happened at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s.
 
     `notable`: something was not as it should be.
@@ -86,9 +86,9 @@ class PoseCampaign:
     tracker: Tracker
     numbers: TargetNumbers
     clock: Clock
-    rhythm: PoseTiming
+    timing: PoseTiming
     rest: PlannedPose
-    on_progress: Callable[[Progress], object]
+    on_progress: Callable[[CampaignProgress], object]
 
     def run(self, plan: Sequence[PlannedPose], file: DataFile) -> CampaignResult:
         """Measures every pose of the plan that the file does not have, in order. Raises what ends it before."""
@@ -103,15 +103,15 @@ class PoseCampaign:
             words = self._pose(pose, file, result)
             notable = len(result.failed) + result.repeated > faults
             each = (self.clock.now() - began) / (place + 1)
-            self.on_progress(Progress(words, len(file.done), total, each * (len(left) - place - 1), notable))
+            self.on_progress(CampaignProgress(words, len(file.done), total, each * (len(left) - place - 1), notable))
         return result
 
     def _pose(self, pose: PlannedPose, file: DataFile, result: CampaignResult) -> str:
         if why := self.arm.too_warm():
-            self.on_progress(Progress(f"{why}: cooling", len(file.done), 0, 0.0, True))
+            self.on_progress(CampaignProgress(f"{why}: cooling", len(file.done), 0, 0.0, True))
             self.arm.cool(self.rest)
         faults: list[str] = []
-        for _ in range(self.rhythm.attempts):
+        for _ in range(self.timing.attempts):
             try:
                 state, rest = self.measure(pose)
             except Unreachable as error:
@@ -130,15 +130,15 @@ class PoseCampaign:
         """Goes to a pose, waits for its time, and averages over the end of the rest."""
         begin = self.clock.now()
         state = self.arm.go(pose)
-        return state, rest_at(self.tracker, self.numbers, self.clock, self.rhythm, begin)
+        return state, rest_at(self.tracker, self.numbers, self.clock, self.timing, begin)
 
 
 def rest_at(
-    tracker: Tracker, numbers: TargetNumbers, clock: Clock, rhythm: PoseTiming, begin: float
+    tracker: Tracker, numbers: TargetNumbers, clock: Clock, timing: PoseTiming, begin: float
 ) -> RestMean | UnfitRest:
     """The mean over the end of a rest whose pose began at a time (s): once the targets are seen again, and settled."""
     for _ in range(round(SIGHT_S / GLANCE_S)):
         if any(tip_position(frame, numbers) is not None for frame in tracker.frames(GLANCE_S)):
             break
-    clock.sleep(max(rhythm.settle, begin + rhythm.pause - rhythm.dwell - clock.now()))
-    return rest_mean(tracker.frames(rhythm.dwell), numbers)
+    clock.sleep(max(timing.settle, begin + timing.pause - timing.dwell - clock.now()))
+    return rest_mean(tracker.frames(timing.dwell), numbers)

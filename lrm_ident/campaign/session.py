@@ -12,7 +12,7 @@ from lrm_ident.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.campaign.data_file import CampaignHead, DataFile
 from lrm_ident.campaign.plan import CampaignPlan
 from lrm_ident.campaign.rover_arm import RoverArm
-from lrm_ident.campaign.run import CampaignResult, Clock, PoseCampaign, PoseTiming, Progress
+from lrm_ident.campaign.run import CampaignProgress, CampaignResult, Clock, PoseCampaign, PoseTiming
 from lrm_ident.campaign.zenoh_tracker import ZenohTracker
 from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.tracker.frames import TargetNumbers, Tracker, TrackerFrame
@@ -53,9 +53,9 @@ class CampaignOrder:
     numbers: TargetNumbers
     arm: Arm
     arm_name: str
-    rhythm: PoseTiming
+    timing: PoseTiming
     loads: Callable[[float], object]
-    on_progress: Callable[[Progress], object]
+    on_progress: Callable[[CampaignProgress], object]
     on_findings: Callable[[str], object]
     take: bool = False
 
@@ -78,7 +78,7 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
         start = tuple(order.rover.commanded_q())
         file.begin(CampaignHead(order.arm_name, source, start, plan.sha256, first.t))
         rest = plan.lightest(order.arm)
-        campaign = PoseCampaign(arm, tracker, order.numbers, clock, order.rhythm, rest, order.on_progress)
+        campaign = PoseCampaign(arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
         if goal is None:
             return campaign.run(plan.poses, file)
         return AdaptiveCampaign(campaign, order.arm, goal, order.on_findings).run(plan.poses, file)

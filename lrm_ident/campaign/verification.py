@@ -21,8 +21,8 @@ DEADLINE_MS = 10_000.0
 
 
 @dataclass(frozen=True)
-class Landing:
-    """Where the tip landed that was sent to a goal, m.
+class AttainedPosition:
+    """Position that the tip attained where it was sent to a goal, m (ISO 9283: attained and command position).
 
     `place`: what is there, in words, or empty. `goal`, `tip`: (3,). `rounding`: error that the model predicts from
     rounding to counts. `sd`: standard deviation of the model's prediction, None without a covariance. `spread`: of the
@@ -45,39 +45,39 @@ class Landing:
 
 @dataclass(frozen=True)
 class Verification:
-    """Landings with the model of that SHA-256 (empty: the nominal arm), and goals not reached, with the reason."""
+    """Positions attained with the model of that SHA-256 (empty: the nominal arm); goals not reached, and why."""
 
     model: str
     model_sha256: str
-    landings: tuple[Landing, ...]
+    attained: tuple[AttainedPosition, ...]
     failed: dict[int, str]
 
     @property
     def error(self) -> ErrorStats:
         """Distances of the tip from the goals. Raises `LrmError` if no goal was reached."""
-        if not self.landings:
+        if not self.attained:
             raise LrmError(f"no goal was reached; {next(iter(self.failed.values()), 'there was none')}")
-        return error_stats(np.array([np.subtract(one.tip, one.goal) for one in self.landings]))
+        return error_stats(np.array([np.subtract(one.tip, one.goal) for one in self.attained]))
 
     @property
     def predicted(self) -> float | None:
         """RMS of the error that the model itself expects: rounding and its own uncertainty; None without covariance."""
-        known = [(one.rounding, one.sd) for one in self.landings if one.sd is not None]
+        known = [(one.rounding, one.sd) for one in self.attained if one.sd is not None]
         return float(np.sqrt(np.mean(np.square(known).sum(axis=1)))) if known else None
 
     def at(self, place: str) -> Verification:
-        """The landings at one place."""
-        return replace(self, landings=tuple(one for one in self.landings if one.place == place), failed={})
+        """The positions attained at one place."""
+        return replace(self, attained=tuple(one for one in self.attained if one.place == place), failed={})
 
     @property
     def places(self) -> tuple[str, ...]:
         """The places that goals were at, each once."""
-        return tuple(dict.fromkeys(one.place for one in self.landings))
+        return tuple(dict.fromkeys(one.place for one in self.attained))
 
     @property
     def rounding(self) -> float:
         """RMS of the predicted error of rounding to counts."""
-        return float(np.sqrt(np.mean([one.rounding**2 for one in self.landings])))
+        return float(np.sqrt(np.mean([one.rounding**2 for one in self.attained])))
 
 
 @dataclass(frozen=True)
@@ -88,40 +88,40 @@ class GoalRun:
     tracker: Tracker
     numbers: TargetNumbers
     clock: Clock
-    rhythm: PoseTiming
+    timing: PoseTiming
     payload: float
 
-    def visit(self, goals: Sequence[PlacedGoal], on_landing: Callable[[int, str], object]) -> Verification:
+    def visit(self, goals: Sequence[PlacedGoal], on_attained: Callable[[int, str], object]) -> Verification:
         """Sends the tip to every goal, and measures where it lands."""
-        landings, failed = [], {}
+        attained, failed = [], {}
         model = self.arm.rover.info()
         for number, goal in enumerate(goals, start=1):
             found = self._land(number, goal)
-            if isinstance(found, Landing):
-                landings.append(found)
-                on_landing(number, f"{found.error * 1e3:.2f} mm off")
+            if isinstance(found, AttainedPosition):
+                attained.append(found)
+                on_attained(number, f"{found.error * 1e3:.2f} mm off")
             else:
                 failed[number] = found
-                on_landing(number, found)
-        return Verification(model.model or "nominal", model.model_sha256, tuple(landings), failed)
+                on_attained(number, found)
+        return Verification(model.model or "nominal", model.model_sha256, tuple(attained), failed)
 
-    def _land(self, number: int, goal: PlacedGoal) -> Landing | str:
+    def _land(self, number: int, goal: PlacedGoal) -> AttainedPosition | str:
         answer = self._solve(goal.position)
         if answer.rounded_q_rad is None:
             return f"{answer.verdict}: {answer.text}"
         pose = PlannedPose(number, tuple(answer.rounded_q_rad), self.payload, 0, number)
         why = ""
-        for _ in range(self.rhythm.attempts):
+        for _ in range(self.timing.attempts):
             try:
                 self.arm.go(pose)
             except Unreachable as error:
                 return str(error)
-            rest = rest_at(self.tracker, self.numbers, self.clock, self.rhythm, self.clock.now())
+            rest = rest_at(self.tracker, self.numbers, self.clock, self.timing, self.clock.now())
             if isinstance(rest, RestMean):
                 spread = rest.sd / rest.frames**0.5
                 rounding = answer.rounded_error_m or 0.0
                 tip = tuple(rest.tip.tolist())
-                return Landing(number, goal.place, goal.position, tip, rounding, answer.sd_m, spread)
+                return AttainedPosition(number, goal.place, goal.position, tip, rounding, answer.sd_m, spread)
             why = rest.why
         return why
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lrm_ident.campaign.verification import Landing, Verification
+from lrm_ident.campaign.verification import AttainedPosition, Verification
 from lrm_ident.report.document import Document, ResultTable
 from lrm_math.errors import FileError
 
@@ -19,14 +19,14 @@ def verification_document(found: Verification, earlier: Mapping[str, Any] | None
     rows = [summary_row("now", values(found))]
     if earlier is not None:
         rows.insert(0, summary_row("before", earlier))
-    table = ResultTable(COLUMNS, rows, f"Where the tip landed: {len(found.landings)} goals, mm from the goal")
+    table = ResultTable(COLUMNS, rows, f"Where the tip landed: {len(found.attained)} goals, mm from the goal")
     table_by_place = [place_table(found)] if len(found.places) > 1 else []
     left = [f"not reached: goal {number}: {why}" for number, why in found.failed.items()]
     return Document(
         [table, *table_by_place, *left, *unlike_the_model(found)],
         "lrm/verification/1",
         values(found),
-        goal_table(found.landings),
+        goal_table(found.attained),
     )
 
 
@@ -62,7 +62,7 @@ def place_table(found: Verification) -> ResultTable:
         part = found.at(place)
         error, predicted = part.error, part.predicted
         figures = [MM * one for one in (error.mean, error.rms, error.max, part.rounding)]
-        rows.append((place, len(part.landings), *figures, None if predicted is None else MM * predicted))
+        rows.append((place, len(part.attained), *figures, None if predicted is None else MM * predicted))
     return ResultTable(columns, rows, "By place, mm from the goal")
 
 
@@ -75,12 +75,12 @@ def values(found: Verification) -> dict[str, Any]:
         "error": {f"{name}_mm": getattr(error, name) * MM for name in ("mean", "rms", "max", "sd")},
         "rounding_rms_mm": found.rounding * MM,
         "predicted_rms_mm": None if predicted is None else predicted * MM,
-        "goals": goal_table(found.landings).records(),
+        "goals": goal_table(found.attained).records(),
         "not_reached": {str(number): why for number, why in found.failed.items()},
     }
 
 
-def goal_table(landings: Sequence[Landing]) -> ResultTable:
+def goal_table(attained: Sequence[AttainedPosition]) -> ResultTable:
     """One row per goal: goal, tip and error in mm."""
     axes = [f"{what}{axis}_mm|.3f" for what in ("goal_", "") for axis in "xyz"]
     columns = ["goal|d", "place", *axes, "error_mm|.3f", "rounding_mm|.3f", "predicted_sd_mm|.3f", "measured_sd_mm|.3f"]
@@ -89,7 +89,7 @@ def goal_table(landings: Sequence[Landing]) -> ResultTable:
             one.number, one.place, *(MM * v for v in (*one.goal, *one.tip)), MM * one.error, MM * one.rounding,
             None if one.sd is None else MM * one.sd, MM * one.spread,
         )
-        for one in landings
+        for one in attained
     ]  # fmt: skip
     return ResultTable(columns, rows)
 

@@ -22,7 +22,7 @@ from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
 
 if TYPE_CHECKING:
-    from lrm_ident.campaign.run import CampaignResult, Progress
+    from lrm_ident.campaign.run import CampaignProgress, CampaignResult
 
 RobotName = Annotated[str, Option(help="Whose daemon.")]
 Connect = Annotated[
@@ -98,8 +98,8 @@ def measure(
         name = arm or rover.info().arm
         the_arm = load_arm(name)
         plan = load_plan(poses, the_arm)
-        rhythm = PoseTiming(pause, settle, dwell)
-        order = CampaignOrder(rover, tracker, numbers, the_arm, name, rhythm, _loads(load_command), _say, show, take)
+        timing = PoseTiming(pause, settle, dwell)
+        order = CampaignOrder(rover, tracker, numbers, the_arm, name, timing, _loads(load_command), _say, show, take)
         try:
             result = run(order, plan, output, goal)
         except (KeyboardInterrupt, SystemExit):
@@ -126,7 +126,7 @@ def _conclude(result: CampaignResult, total: int | None, output: Path) -> None:
         show("The same command tries those that are missing again.")
 
 
-def _say(progress: Progress) -> None:
+def _say(progress: CampaignProgress) -> None:
     if not (progress.notable or progress.done % 10 == 0):
         return
     left = f", about {_duration(progress.left)} left" if progress.left else ""

@@ -61,14 +61,14 @@ class Story:
         """Draws poses, and measures them."""
         arm = load_arm(ARM)
         (self.folder / "poses.csv").write_text(pose_table(arm, POSES, REPEATS, self.seed), encoding="utf-8")
-        rhythm = ["--pause", "0", *self._rhythm, "--load-command", self.world.load_command]
-        self._ident("measure", self.file("poses.csv"), *self._rover, *rhythm, "-o", self.file("measured.csv"))
+        timing = ["--pause", "0", *self._timing, "--load-command", self.world.load_command]
+        self._ident("measure", self.file("poses.csv"), *self._rover, *timing, "-o", self.file("measured.csv"))
 
     def verify(self, name: str) -> dict[str, Any]:
         """Sends the tip to goals that were never measured; the result's values."""
         result, load = self.file(f"goals-{name}.json"), ["--payload-g", str(LOAD_G)]  # still on, from measuring
         goals = ["--goals", str(GOALS), "--seed", str(self.seed), *load]
-        self._ident("verify", *self._rover, *self._rhythm, *goals, "--json", result)
+        self._ident("verify", *self._rover, *self._timing, *goals, "--json", result)
         return read_json(Path(result))
 
     def fit(self) -> None:
@@ -109,7 +109,7 @@ class Story:
         return ["--robot", ROBOT, "--connect", self.world.endpoint, "--tracker", tracker]
 
     @property
-    def _rhythm(self) -> list[str]:
+    def _timing(self) -> list[str]:
         return ["--settle", str(SETTLE_S), "--dwell", str(DWELL_S)]
 
     def _ident(self, *words: str) -> None:

@@ -36,7 +36,7 @@ kinds = st.builds(ServoKind, speed=st.floats(0.5, 20.0), lag=st.floats(1e-3, 0.3
 seconds = st.floats(0.0, 1.0)
 
 
-class Rig:
+class BoardOnBench:
     """A board with an arm, a clock and a host."""
 
     def __init__(
@@ -133,7 +133,7 @@ def test_heat_is_monotone_in_load_and_time(rise: float, torque: float, more: flo
 
 def test_settles_to_the_tcp_of_its_model(rover: Arm) -> None:
     truth = bent(rover)
-    rig = Rig(truth)
+    rig = BoardOnBench(truth)
     rng = np.random.default_rng(3)
     for _ in range(5):
         real = rig.command(rng.uniform(-1.5, 1.5, 6).tolist())
@@ -147,7 +147,7 @@ def test_settles_to_the_tcp_of_its_model(rover: Arm) -> None:
 @settings(max_examples=15)
 def test_any_number_of_joints(seed: int, joints: int) -> None:
     truth = model_of(servoed(random_arm(seed, joints)), ())
-    rig = Rig(truth)
+    rig = BoardOnBench(truth)
     real = rig.command(np.random.default_rng(seed).uniform(-1.9, 1.9, joints).tolist())
     rig.wait(2.0)
     np.testing.assert_allclose(rig.arm.equilibrium().tcp[-1], equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8)
@@ -155,7 +155,7 @@ def test_any_number_of_joints(seed: int, joints: int) -> None:
 
 def test_moves_at_finite_speed_independent_of_the_step_size(rover: Arm) -> None:
     truth = model_of(rover, ())
-    often, seldom = Rig(truth), Rig(truth)
+    often, seldom = BoardOnBench(truth), BoardOnBench(truth)
     for rig in (often, seldom):
         rig.command([0.0] * 6)
         rig.wait(2.0)
@@ -172,7 +172,7 @@ def test_moves_at_finite_speed_independent_of_the_step_size(rover: Arm) -> None:
 
 
 def test_stays_inside_its_dead_band_on_the_side_it_comes_from(rover: Arm) -> None:
-    rig = Rig(model_of(rover, ()), dead_band=4e-6)
+    rig = BoardOnBench(model_of(rover, ()), dead_band=4e-6)
     ends = []
     for start in (-0.5, 0.5):
         rig.command([start] * 6)
@@ -187,7 +187,7 @@ def test_stays_inside_its_dead_band_on_the_side_it_comes_from(rover: Arm) -> Non
 
 def test_without_pulses_it_sinks_and_its_energy_falls(lawful: Arm) -> None:
     truth = model_of(servoed(lawful), ())
-    rig = Rig(truth, start=[0.4, 0.9, -0.6, 0.5, 0.3, 0.1])
+    rig = BoardOnBench(truth, start=[0.4, 0.9, -0.6, 0.5, 0.3, 0.1])
 
     def torque_and_q() -> tuple[np.ndarray, np.ndarray]:
         return equilibrium(truth, poses_of(rig.arm.q)).joint_torque[0], np.array(rig.arm.q)
@@ -210,7 +210,7 @@ def test_without_pulses_it_sinks_and_its_energy_falls(lawful: Arm) -> None:
 
 
 def test_silence_of_the_host_unpowers_the_arm(rover: Arm) -> None:
-    rig = Rig(model_of(rover, ()))
+    rig = BoardOnBench(model_of(rover, ()))
     rig.command([0.3, 1.2, 0.3, 0.3, 0.3, 0.3])
     rig.wait(2.0)
     held = rig.arm.q
@@ -223,7 +223,7 @@ def test_silence_of_the_host_unpowers_the_arm(rover: Arm) -> None:
 
 
 def test_too_short_pulses_leave_a_servo_unpowered(rover: Arm) -> None:
-    rig = Rig(model_of(rover, ()))
+    rig = BoardOnBench(model_of(rover, ()))
     short = int(rig.clock.counts_of(100e-6))
     rig.send(protocol.arm(1, {0: short, 1: int(rig.clock.counts_of(1500e-6))}))
     rig.wait(1.0)
@@ -232,7 +232,7 @@ def test_too_short_pulses_leave_a_servo_unpowered(rover: Arm) -> None:
 
 
 def test_end_stops_hold(rover: Arm) -> None:
-    rig = Rig(model_of(rover, ()))
+    rig = BoardOnBench(model_of(rover, ()))
     rig.command([2.2] * 6)
     rig.wait(3.0)
     for servo, joint in zip(rig.arm.joints, rover.joints, strict=True):
@@ -243,7 +243,7 @@ def test_wrong_servo_tables_shift_the_angles(rover: Arm) -> None:
     stretched = [ServoTable(j.servo.angle, tuple(1.02 * p for p in j.servo.pulse)) for j in rover.joints if j.servo]
     true_arm = replace(rover, joints=tuple(replace(j, servo=t) for j, t in zip(rover.joints, stretched, strict=True)))
     nominal = [joint.servo for joint in rover.joints if joint.servo]
-    rig = Rig(model_of(true_arm, ()))
+    rig = BoardOnBench(model_of(true_arm, ()))
     rig.command([0.5] * 6, nominal)
     rig.wait(2.0)
     wanted = [float(t.angle_of(n.pulse_of(0.5))) for t, n in zip(stretched, nominal, strict=True)]
@@ -253,7 +253,7 @@ def test_wrong_servo_tables_shift_the_angles(rover: Arm) -> None:
 
 def test_hidden_hysteresis_depends_on_where_it_comes_from(rover: Arm) -> None:
     truth = model_of(rover, effects_at(rover, "hysteresis@joint2"), {"hysteresis.joint2.h_rad": 0.03})
-    rig = Rig(truth)
+    rig = BoardOnBench(truth)
     seen = []
     for start in (-0.5, 0.5):
         rig.command([0.2, start, 0.2, 0.2, 0.2, 0.2])
@@ -274,7 +274,7 @@ def test_hidden_sessions_and_drift_follow_power_and_time(rover: Arm) -> None:
     steps = {"session.joint1.step3_rad": 0.02, "drift.joint1.A_rad": 0.05, "drift.joint1.T_s": 600.0}
     truth = model_of(rover, effects, steps)
     plain = model_of(rover, ())
-    rig = Rig(truth)
+    rig = BoardOnBench(truth)
 
     def turned() -> float:
         a, b = rig.arm.equilibrium().tcp[-1], equilibrium(plain, poses_of(rig.arm.q)).tcp[0]
@@ -297,7 +297,7 @@ def test_hidden_sessions_and_drift_follow_power_and_time(rover: Arm) -> None:
 
 def test_load_bends_the_arm_and_heats_the_servos(rover: Arm) -> None:
     truth = bent(rover)
-    rig = Rig(truth)
+    rig = BoardOnBench(truth)
 
     def hold(seconds: int) -> None:
         for _ in range(seconds):
@@ -334,7 +334,7 @@ def test_a_faster_board_clock_heats_no_faster(rover: Arm) -> None:
 
 
 def test_overloaded_wrist_servo_burns_out(rover: Arm) -> None:
-    rig = Rig(model_of(rover, ()))
+    rig = BoardOnBench(model_of(rover, ()))
     rig.arm.set_payload(0.3)
     # joint 4 level with the ground and all the load on it
     loads = equilibrium(rig.arm.truth, poses_of(np.random.default_rng(0).uniform(-1.5, 1.5, (500, 6)), 0.3))
@@ -358,7 +358,7 @@ def test_overloaded_wrist_servo_burns_out(rover: Arm) -> None:
 
 def test_tracker_noise_has_the_given_deviation_and_the_true_tcp_none(rover: Arm) -> None:
     truth = model_of(rover, effects_at(rover, "measurement_frame"), {"measurement_frame.frame.scale_z_mm_per_m": 0.01})
-    rig = Rig(truth)
+    rig = BoardOnBench(truth)
     true = answer_query(rig.link, "tcp", rig.now, Random(1), 3e-4)
     random = Random(5)
     seen = [answer_query(rig.link, "measure", rig.now, random, 3e-4) for _ in range(2000)]

@@ -54,7 +54,7 @@ def test_no_file_is_no_state(tmp_path: Path) -> None:
     assert state_file.load(tmp_path) is None
 
 
-class Killed(BaseException):
+class KilledWhileWriting(BaseException):
     """kill -9 as a test can have it: nothing is caught, nothing is cleaned up."""
 
 
@@ -64,8 +64,8 @@ def test_a_kill_before_the_rename_leaves_the_old_file(
 ) -> None:
     state_file.save(tmp_path, saved(1_500_000))
     with monkeypatch.context() as patch:
-        patch.setattr(state_file.os, step, lambda *_: (_ for _ in ()).throw(Killed))
-        with pytest.raises(Killed):
+        patch.setattr(state_file.os, step, lambda *_: (_ for _ in ()).throw(KilledWhileWriting))
+        with pytest.raises(KilledWhileWriting):
             state_file.save(tmp_path, saved(1_700_000))
     assert state_file.load(tmp_path) == saved(1_500_000)
     state_file.save(tmp_path, saved(1_700_000))

@@ -63,7 +63,7 @@ def test_a_dead_local_process_is_one_line(tmp_path: Path) -> None:
 
 
 def test_a_cancelled_future_is_a_lost_scheduler() -> None:
-    class Lost(Executor):
+    class LostWorkers(Executor):
         def submit(self, *_: object, **__: object) -> Future[int]:  # type: ignore[override]
             future: Future[int] = Future()
             future.cancel()
@@ -71,7 +71,7 @@ def test_a_cancelled_future_is_a_lost_scheduler() -> None:
             return future
 
     with pytest.raises(LrmError, match="scheduler of the cluster was lost"):
-        in_order(Lost(), squared, [1])
+        in_order(LostWorkers(), squared, [1])
 
 
 def test_versions_of_workers_are_compared() -> None:

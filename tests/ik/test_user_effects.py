@@ -26,7 +26,7 @@ from tests.ik.test_ik_calibrated import EXACT, goal_of, reachable, table_b2
 PAYLOAD = 0.04
 
 
-class Sway(Effect):
+class CableBundle(Effect):
     """The example of docs/effects.md: a joint turned by two others."""
 
     id, cause, formula, source = "sway", "a cable bundle", "δq3 = a sin(q1 + q4) + b cos(q1 + q4)", "docs/effects.md"
@@ -42,7 +42,7 @@ class Sway(Effect):
         return (p[0] * sin(angle) + p[1] * cos(angle),)
 
 
-class Sticky(LoadedJointEffect):
+class LoadDependentPlay(LoadedJointEffect):
     """A law of the load and of the side of arrival."""
 
     id, cause, formula, source = "sticky", "grease", "δq = d side |τ|", "test"
@@ -52,7 +52,7 @@ class Sticky(LoadedJointEffect):
         return (p[0] * poses.approach(self.joint) * magnitude(tau[0]),)
 
 
-class Buckle(Effect):
+class StiffeningLink(Effect):
     """A link that bends more the more it is loaded, and with the command: no spring."""
 
     id, cause, formula, source = "buckle", "thin walls", "δx = c M (1 + 5 |M|) + a sin q2", "test"
@@ -68,7 +68,7 @@ class Buckle(Effect):
         return (p[0] * tau[0] * (1.0 + 5.0 * magnitude(tau[0])) + p[1] * sin(poses.angle(1)),)
 
 
-class Creep(Effect):
+class CommandedLength(Effect):
     """A length that grows with the command."""
 
     id, cause, formula, source = "creep", "a loose screw", "δd = a q2", "test"
@@ -87,7 +87,9 @@ class Creep(Effect):
 def solver(name: str) -> CalibratedSolver:
     """The thesis's model with one user's effect."""
     thesis = table_b2()
-    effect = {"sway": Sway, "sticky": Sticky, "buckle": Buckle, "creep": Creep}[name]
+    effect = {"sway": CableBundle, "sticky": LoadDependentPlay, "buckle": StiffeningLink, "creep": CommandedLength}[
+        name
+    ]
     mine = effect(thesis.arm, effect.places(thesis.arm)[0] if name != "sticky" else "joint2")
     known = dict(zip(thesis.keys, thesis.values.tolist(), strict=True))
     own = {f"{mine.id}.{mine.place}.{p.name}": p.typical for p in mine.parameters}

@@ -11,7 +11,7 @@ import pytest
 
 from lrm_ident.campaign.data_file import ArmState, CampaignHead, DataFile, after_midnight
 from lrm_ident.campaign.plan import PlannedPose, load_plan
-from lrm_ident.campaign.run import PoseCampaign, PoseTiming, Progress, Unreachable
+from lrm_ident.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, Unreachable
 from lrm_ident.data.measurements import load_measurements
 from lrm_ident.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arm.arm_file import load_arm
@@ -25,7 +25,7 @@ POSES = tuple(
 )
 
 
-class Killed(BaseException):
+class KilledMidway(BaseException):
     """What a kill looks like from within."""
 
 
@@ -51,7 +51,7 @@ class FakeWorld:
     def step(self) -> None:
         self.steps_left -= 1
         if self.steps_left < 0:
-            raise Killed
+            raise KilledMidway
 
     def now(self) -> float:
         return self.t
@@ -95,7 +95,7 @@ class FakeWorld:
         ]
 
 
-def run(world: FakeWorld, path: Path, told: list[Progress] | None = None) -> dict[int, str]:
+def run(world: FakeWorld, path: Path, told: list[CampaignProgress] | None = None) -> dict[int, str]:
     """One go at the campaign; the numbers of the poses that could not be measured."""
     file = DataFile(path, 6)
     file.check_plan("plan")
@@ -125,7 +125,7 @@ def test_killed_at_random_moments_and_resumed_it_is_complete(tmp_path: Path, see
         try:
             run(world, path)
             break
-        except Killed:
+        except KilledMidway:
             if path.exists() and rng.random() < 0.3:  # a kill within a write leaves a part of a line
                 with path.open("ab") as file:
                     file.write(b"7,12.0,1,0.000,33.1"[: int(rng.integers(1, 19))])
@@ -136,7 +136,7 @@ def test_killed_at_random_moments_and_resumed_it_is_complete(tmp_path: Path, see
 
 
 def test_the_data_say_when_and_how_each_pose_was_measured(tmp_path: Path) -> None:
-    told: list[Progress] = []
+    told: list[CampaignProgress] = []
     path = tmp_path / "data.csv"
     assert run(FakeWorld(), path, told) == {}
     check_complete(path)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lrm_ident.campaign.goals import PLACES, ROUNDS, TASK, goals_named
-from lrm_ident.campaign.verification import Landing, Verification
+from lrm_ident.campaign.verification import AttainedPosition, Verification
 from lrm_ident.campaign.verification_report import values, verification_document
 from lrm_ident.report.document import ResultTable
 from lrm_ident.workspace.presets import default_study
@@ -46,12 +46,14 @@ def test_what_names_no_goals_is_one_line(text: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def landing(number: int, place: str, error: float, sd: float | None = 3e-4) -> Landing:
-    return Landing(number, place, (0.3, 0.0, 0.1), (0.3 + error, 0.0, 0.1), 4e-4, sd, 1e-5)
+def attained(number: int, place: str, error: float, sd: float | None = 3e-4) -> AttainedPosition:
+    return AttainedPosition(number, place, (0.3, 0.0, 0.1), (0.3 + error, 0.0, 0.1), 4e-4, sd, 1e-5)
 
 
 def test_what_is_predicted_stands_beside_what_was_measured() -> None:
-    found = Verification("m.toml", "ab" * 32, (landing(1, "drill hole", 1e-3), landing(2, "basket", 2e-3)), {3: "far"})
+    found = Verification(
+        "m.toml", "ab" * 32, (attained(1, "drill hole", 1e-3), attained(2, "basket", 2e-3)), {3: "far"}
+    )
     told = values(found)
     assert told["predicted_rms_mm"] == pytest.approx(0.5)  # sqrt(0.3² + 0.4²)
     assert [row["predicted_sd_mm"] for row in told["goals"]] == pytest.approx([0.3, 0.3])
@@ -66,14 +68,14 @@ def test_what_is_predicted_stands_beside_what_was_measured() -> None:
 
 
 def test_a_model_without_covariance_predicts_no_spread() -> None:
-    found = Verification("", "", (landing(1, "", 1e-3, None),), {})
+    found = Verification("", "", (attained(1, "", 1e-3, None),), {})
     assert found.predicted is None
     assert values(found)["predicted_rms_mm"] is None
 
 
 @pytest.mark.parametrize(("error", "lines"), [(2e-3, 0), (0.3, 1)])
 def test_an_arm_that_is_not_the_models_any_more_is_said(error: float, lines: int) -> None:
-    found = Verification("m.toml", "ab" * 32, (landing(1, "", error),), {})
+    found = Verification("m.toml", "ab" * 32, (attained(1, "", error),), {})
     _, *said = verification_document(found, None).blocks
     assert len(said) == lines
     assert all("as the model predicts" in str(line) for line in said)
