@@ -14,14 +14,18 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from lrm_math.errors import LrmError
+
 RATIO = 1.5
 
 
 def told(seed: int) -> dict[str, Any]:
-    """What one demo says of itself."""
+    """What one demo says of itself. Raises `LrmError` if it fails."""
     with tempfile.TemporaryDirectory(prefix="lrm-loop-") as folder:
         command = [sys.executable, "-m", "lrm_ident.demo", "--seed", str(seed), "--out", folder]
-        subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        if done.returncode:
+            raise LrmError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"exit {done.returncode}")
         found: dict[str, Any] = json.loads((Path(folder) / "demo.json").read_text(encoding="utf-8"))
         return found
 
@@ -36,7 +40,11 @@ def main() -> int:
     print("| seed | hidden | named | with it | nominal mm | fitted mm | deployed mm | floor mm | ratio | s |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for seed in range(options.first, options.first + options.seeds):
-        one = told(seed)
+        try:
+            one = told(seed)
+        except LrmError as error:
+            print(f"| {seed} | failed: {error} |", flush=True)
+            continue
         last = list(one["rms_mm"])[-1]
         error, floor = one["rms_mm"][last], one["floor_rms_mm"][last]
         named += one["right"]
