@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.apply_reading import AS_NAMED, frame_table, rigid_motion
-from lrm_ident.data.measurements import Measurements, load_measurements, metadata_of
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.metadata import metadata_of
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import BeyondLimits
 from lrm_ident.registration.hypotheses import Hypothesis
 from lrm_ident.registration.question import MOST_POSES, Answer, Scored, ask, registered

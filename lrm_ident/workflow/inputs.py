@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lrm_ident.data.apply_reading import AS_NAMED
-from lrm_ident.data.measurements import Measurements, metadata_of
+from lrm_ident.data.measurement_file.metadata import metadata_of
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.loss import SQUARED, Loss, loss_named

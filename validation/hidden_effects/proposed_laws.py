@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from lrm_ident.data.measurements import load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.laws.proposal import propose_law
 from lrm_ident.synthetic import FormulaJoint

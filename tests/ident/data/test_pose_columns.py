@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.measurements import Measurements, load_measurements, measurements_csv
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.estimation.levenberg_marquardt import Fit, fit
 from lrm_ident.estimation.loss import SQUARED

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.column_names import column_name
-from lrm_ident.data.measurements import load_measurements, load_poses
+from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 
