@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_ident.data.apply_reading import AS_NAMED
-from lrm_ident.weights.rotations import rotation_vectors
+from lrm_ident.weights.rotations import rotation_vectors, turned_covariance
 from lrm_ident.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.reading import Reading
-from lrm_math.model.sensed import encoder_angles, tool_rotation
+from lrm_math.model.sensed import Sensed, encoder_angles, from_anchor, tool_rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,8 @@ class Measurements:
 
     Attributes:
         pose: (N,), pose numbers.
-        tcp: (N, 3), measured TCP position (m).
-        sd: (N,), standard deviation of each position per axis (m), or None.
+        tcp: (N, 3), measured TCP position (m), NaN where only a distance was measured.
+        sd: (N,), standard deviation of each position per axis (m), else of its distance, or None.
         noise_sd: standard deviation per axis for all poses (m), or None.
         repeat_of: (N,), number of the pose that a row repeats, else its own number.
         notices: warnings about the file.
@@ -40,6 +40,8 @@ class Measurements:
         attitude: (N, 3, 3), rotation of the tool's frame, NaN where not measured; None where there is none to use.
         feedback: (N, n), what encoders read (rad), NaN where they did not; None where there is none to use.
         feedback_sd: its standard deviation (rad).
+        distance: (N,), of the TCP from a fixed point (m), NaN where not measured; None where there is none to use.
+        distance_sd: (N,), its standard deviation (m), or None. distance_from: (3,), that point (m); None: not known.
     """
 
     poses: Poses
@@ -60,11 +62,66 @@ class Measurements:
     attitude: Array | None = None
     feedback: Array | None = None
     feedback_sd: float | None = None
+    distance: Array | None = None
+    distance_sd: Array | None = None
+    distance_from: Array | None = None
 
     @cached_property
     def whitening(self) -> Whitening:
         """The weights of what was measured."""
-        return whitening_of(self.sd, self.covariance, self.attitude, self.feedback, self.feedback_sd)
+        if self.covariance is None and self.distance is None:
+            return Whitening(self.sd)
+        size = 3 if self.attitude is None else 6
+        unknown = np.full((len(self), size, size), np.nan)
+        blocks = unknown if self.covariance is None else self.covariance[:, :size, :size].copy()
+        np.einsum("nii->ni", blocks)[np.isnan(self.tcp[:, 0]), :3] = np.nan
+        if self.attitude is not None:
+            np.einsum("nii->ni", blocks)[np.isnan(self.attitude[:, 0, 0]), 3:] = np.nan
+        alone = [np.empty((len(self), 0))]
+        if self.feedback is not None and self.feedback_sd is not None:
+            alone.append(np.where(np.isnan(self.feedback), np.nan, self.feedback_sd))
+        if self.distance is not None:
+            sd = np.ones(len(self)) if self.distance_sd is None else self.distance_sd
+            alone.append(np.where(np.isnan(self.distance), np.nan, sd)[:, None])
+        return whitening_of(self.sd, blocks, np.concatenate(alone, axis=1), self.sensed)
+
+    @property
+    def sensed(self) -> Sensed:
+        """Which rows there are."""
+        point = None
+        if self.distance is not None:
+            x, y, z = self._anchor.tolist()
+            point = (x, y, z)
+        return Sensed(self.attitude is not None, self.feedback is not None, point)
+
+    @property
+    def _anchor(self) -> Array:
+        """(3,), stated part of the point that distances are measured from (m)."""
+        return np.zeros(3) if self.distance_from is None else self.distance_from
+
+    @property
+    def measured_rows(self) -> int:
+        """Number of all numbers that were measured and are used."""
+        return int((self.whitening.measured * np.ones(len(self))).sum())
+
+    @property
+    def positions(self) -> NDArray[np.int64]:
+        """Rows with a position."""
+        return np.flatnonzero(~np.isnan(self.tcp[:, 0]))
+
+    def position_error(self, rest: Equilibrium) -> Array:
+        """(N, 3), measured less predicted TCP (m); where only the distance was measured, what shows along it."""
+        error = self.tcp - rest.tcp
+        gone = np.isnan(error[:, 0])
+        if self.distance is not None and gone.any():
+            line = from_anchor(rest, self._anchor)
+            length = np.linalg.norm(line, axis=1)
+            error[gone] = (((self.distance - length) / length)[:, None] * line)[gone]
+        return error
+
+    def places(self, rest: Equilibrium) -> Array:
+        """(N, 3), where each TCP was measured, or is predicted where only a distance was (m)."""
+        return np.where(np.isnan(self.tcp), rest.tcp, self.tcp)
 
     def residual(self, rest: Equilibrium) -> Array:
         """(N, R), what was measured less what the model has at rest: m, rad; zero where nothing was measured."""
@@ -73,16 +130,19 @@ class Measurements:
             parts.append(rotation_vectors(self.attitude @ tool_rotation(rest).transpose(0, 2, 1)))
         if self.feedback is not None:
             parts.append(self.feedback - encoder_angles(rest))
+        if self.distance is not None:
+            length = np.linalg.norm(from_anchor(rest, self._anchor), axis=1)
+            parts.append((self.distance - length)[:, None])
         return parts[0] if len(parts) == 1 else np.nan_to_num(np.concatenate(parts, axis=1))
 
     def turned(self, rotation: Array, translation: Array) -> Measurements:
         """In another frame: positions to R p + t, with rotation R (3, 3) and translation t (3,), m."""
-        both = np.kron(np.eye(2), rotation)
         return replace(
             self,
             tcp=self.tcp @ rotation.T + translation,
-            covariance=None if self.covariance is None else both @ self.covariance @ both.T,
+            covariance=None if self.covariance is None else turned_covariance(self.covariance, rotation),
             attitude=None if self.attitude is None else rotation @ self.attitude,
+            distance_from=None if self.distance_from is None else rotation @ self.distance_from + translation,
         )
 
     def __len__(self) -> int:
@@ -100,6 +160,8 @@ class Measurements:
             covariance=None if self.covariance is None else self.covariance[chosen],
             attitude=None if self.attitude is None else self.attitude[chosen],
             feedback=None if self.feedback is None else self.feedback[chosen],
+            distance=None if self.distance is None else self.distance[chosen],
+            distance_sd=None if self.distance_sd is None else self.distance_sd[chosen],
             repeat_of=self.repeat_of[chosen],
         )
 

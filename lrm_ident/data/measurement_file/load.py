@@ -12,6 +12,15 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, AS_NAMED, LENGTH_UNITS, read_joints, read_positions
 from lrm_ident.data.csv_table import CsvTable, require
+from lrm_ident.data.measurement_file.distance_columns import (
+    DISTANCE,
+    DISTANCE_SD,
+    check_alike,
+    read_anchor,
+    read_distance,
+    read_distance_sd,
+    read_tcp,
+)
 from lrm_ident.data.measurement_file.metadata import Metadata, is_something_else, metadata_of
 from lrm_ident.data.measurement_file.pose_columns import (
     QUATERNION,
@@ -24,6 +33,7 @@ from lrm_ident.data.measurement_file.pose_columns import (
 from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_measurement_table
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import in_units, poses_of_table, read_angles, read_whole
+from lrm_ident.weights.rotations import turned_covariance
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -47,7 +57,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     how = (reading or AS_NAMED).over(metadata)
     table = in_units(numbered(read_measurement_table(path)), how)
     angles = _angle_columns(table, arm, how)
-    require(table, ["pose", *angles, *POSITION])
+    require(table, ["pose", *angles, *(() if DISTANCE in table.header else POSITION)])
     pose = read_whole(table, "pose")
     _check_once(table, pose)
     q = read_angles(table, arm, how)
@@ -57,11 +67,12 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     if sd is not None:
         table.reject(sd <= 0, "sd_mm", "not above zero")
     noise = None if metadata is None or metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM
-    more, unused = _more_parts(table, arm, how, metadata, None if sd is None else sd * MM, noise)
+    tcp = read_tcp(table, how)
+    more, unused = _more_parts(table, arm, how, metadata, tcp, None if sd is None else sd * MM, noise)
     return Measurements(
         poses=poses_of_table(table, q, known, pose, start, how),
         pose=pose,
-        tcp=read_positions(how, np.stack([table.numbers(name) for name in POSITION], axis=1) * MM),
+        tcp=tcp,
         noise_sd=noise,
         repeat_of=_repeats(table, pose),
         path=path,
@@ -75,43 +86,69 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
 
 
 def _pose_columns(arm: Arm) -> tuple[str, ...]:
-    return (*SCATTER, *QUATERNION, *feedback_columns(arm))
+    return (*SCATTER, *QUATERNION, *feedback_columns(arm), DISTANCE, DISTANCE_SD)
 
 
 def _more_parts(
-    table: CsvTable, arm: Arm, how: Reading, metadata: Metadata | None, sd: Array | None, noise: float | None
+    table: CsvTable,
+    arm: Arm,
+    how: Reading,
+    metadata: Metadata | None,
+    tcp: Array,
+    sd: Array | None,
+    noise: float | None,
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """The attributes sd, covariance, attitude and feedback of measurements, and why some are not used.
+    """What was measured beside positions `tcp` and their scatter, as attributes of measurements, and why some are not
+    used.
 
     `sd`, `noise`: of the column sd_mm, and for all poses (m).
     """
     known = sd if sd is not None or noise is None else np.full(len(table.rows), noise)
-    covariance = read_covariance(table, known)
+    covariance, distance_only = read_covariance(table, known), bool(np.isnan(tcp).all())
+    distance, distance_sd = read_distance(table, tcp), read_distance_sd(table, metadata)
+    weighed = covariance is not None or known is not None
+    notices = []
+    if distance is not None and not distance_only and (distance_sd is None or not weighed):
+        check_alike(table, tcp)
+        notices.append("the distances are not used: state distance_sd_mm, and the positions' sd_mm or noise_sd_mm")
+        distance = None
+    if distance is not None and (metadata is None or metadata.distance_from_mm is None):
+        notices.append("the point that distances are measured from is not stated (distance_from_mm): it is estimated")
+    if distance_only:
+        notices.append("no positions: every error is that of a distance")
+        covariance, known, sd, weighed = None, None, distance_sd, distance_sd is not None
     attitude, feedback = read_attitude(table), read_feedback(table, arm, how)
     feedback_sd = None if metadata is None or metadata.feedback_sd_deg is None else np.radians(metadata.feedback_sd_deg)
-    notices = []
     if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
         notices.append("the orientation is not used: state its standard deviation in a column srot_deg")
         attitude = None
-    if feedback is not None and (feedback_sd is None or (covariance is None and known is None)):
+    if feedback is not None and (feedback_sd is None or not weighed):
         notices.append(
             "the joint feedback is not used: state feedback_sd_deg in the file beside the data, and the positions' "
             "standard deviation (sd_mm, noise_sd_mm)"
         )
         feedback = None
-    if covariance is None and feedback is not None and known is not None:
+    if covariance is None and known is not None and (feedback is not None or distance is not None):
         covariance = np.full((len(known), 6, 6), np.nan)
         covariance[:, :3, :3] = known[:, None, None] ** 2 * np.eye(3)
     if covariance is not None:
         turn, _ = _frame_of(how)
         if np.linalg.det(turn) < 0 and attitude is not None:
             raise FileError(table.path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
-        both = np.kron(np.eye(2), turn)
-        covariance = both @ covariance @ both.T
+        covariance = turned_covariance(covariance, turn)
         attitude = None if attitude is None else turn @ attitude
         sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
-    kept = {"covariance": covariance, "attitude": attitude, "feedback": feedback}
-    return {"sd": sd, "feedback_sd": None if feedback is None else feedback_sd, **kept}, tuple(notices)
+        sd = sd if distance is None or distance_sd is None else np.where(np.isnan(tcp[:, 0]), distance_sd, sd)
+    return {
+        "sd": sd,
+        "covariance": covariance,
+        "attitude": attitude,
+        "feedback": feedback,
+        "feedback_sd": None if feedback is None else feedback_sd,
+        "distance": distance,
+        "distance_sd": None if distance is None else distance_sd,
+        "distance_from": None if distance is None else read_anchor(metadata, how),
+    }, tuple(notices)
 
 
 def _frame_of(how: Reading) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, FiniteFloat
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
@@ -17,8 +17,9 @@ from lrm_math.toml_file import read_toml, schema_of
 class Metadata(Reading):
     """Metadata file `NAME.toml`, schema `lrm/measurements/1`; it may say how the numbers are to be read.
 
-    `feedback_sd_deg`: standard deviation of the joints' encoders. `poses_sha256`, `t0_s`: of a campaign, its file of
-    poses and the tracker's time at t_s = 0.
+    `feedback_sd_deg`: standard deviation of the joints' encoders. `distance_from_mm`: the point that distances are
+    measured from, in the frame of the positions; `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of
+    a campaign, its file of poses and the tracker's time at t_s = 0.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
@@ -27,6 +28,8 @@ class Metadata(Reading):
     start_q_deg: list[float] | None = None
     noise_sd_mm: Annotated[float, Field(gt=0)] | None = None
     feedback_sd_deg: Annotated[float, Field(gt=0)] | None = None
+    distance_from_mm: Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)] | None = None
+    distance_sd_mm: Annotated[float, Field(gt=0)] | None = None
     poses_sha256: str | None = None
     t0_s: float | None = None
 
