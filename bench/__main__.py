@@ -15,7 +15,8 @@ from bench.ik import one_pose
 from bench.peers import Pinocchio, decomposed_exchange, scipy_fit
 from bench.timing import Timing, race
 from lrm_ident import synthetic
-from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.detmax import exchange
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.diagnosis.diagnose import diagnose

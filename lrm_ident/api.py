@@ -16,7 +16,9 @@ from pathlib import Path
 
 from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurements import Measurements, arm_for, load_poses
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.metadata import arm_for
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
@@ -30,6 +32,7 @@ from lrm_ident.estimation.model_history import arm_name_for, model_file, model_t
 from lrm_ident.estimation.priors import load_prior
 from lrm_ident.plots.comparison import draw_comparison
 from lrm_ident.plots.diagnosis import draw_report
+from lrm_ident.registration.anchor import with_anchor
 from lrm_ident.registration.checked import load_checked
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
@@ -101,33 +104,32 @@ def compare(model: Model | Fit, data: Measurements, loss: str | None = None) -> 
 
     Here and below: a `Fit` brings its loss along; else `loss` says it, least squares if not given.
     """
-    the_model, how = _with_loss(model, loss)
+    the_model, how = _ready(model, data, loss)
     return run_compare(the_model, data, loss=how)
 
 
 def diagnose(model: Model | Fit, data: Measurements, loss: str | None = None) -> DiagnosisReport:
     """Which physical effect a model misses: `first` is the effect to add, `verdict` says if there is one."""
-    the_model, how = _with_loss(model, loss)
+    the_model, how = _ready(model, data, loss)
     return build_report(run_diagnose(the_model, data, loss=how))
 
 
 def add(model: Model | Fit, data: Measurements, effect: str, loss: str | None = None) -> Fit:
     """The model with an effect (`id` or `id@place`), all parameters fitted together. Raises `LrmError`."""
-    the_model, how = _with_loss(model, loss)
+    the_model, how = _ready(model, data, loss)
     return add_effects(the_model, data, effects_at(the_model.arm, effect), loss=how)
 
 
 def auto(model: Model | Fit, data: Measurements, max_effects: int = 20, loss: str | None = None) -> AutoRun:
     """Diagnoses and adds effects until nothing is supported; `model` is the result."""
-    the_model, how = _with_loss(model, loss)
+    the_model, how = _ready(model, data, loss)
     return run_auto(the_model, data, max_effects, loss=how)
 
 
-def _with_loss(model: Model | Fit, loss: str | None) -> tuple[Model, Loss]:
-    """A model and the loss of its fit. Raises `UnknownName`."""
-    if isinstance(model, Fit):
-        return model.model, model.loss if loss is None else loss_named(loss)
-    return model, SQUARED if loss is None else loss_named(loss)
+def _ready(model: Model | Fit, data: Measurements, loss: str | None) -> tuple[Model, Loss]:
+    """A model that knows where the data's distances start, and the loss of its fit. Raises `UnknownName`."""
+    the_model, own = (model.model, model.loss) if isinstance(model, Fit) else (model, SQUARED)
+    return with_anchor(the_model, data), own if loss is None else loss_named(loss)
 
 
 def predict(model: Model, poses: Poses) -> Array:

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 

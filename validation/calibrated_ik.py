@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from lrm_ident import synthetic
-from lrm_ident.data.measurements import load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_math.arm.arm_file import load_arm

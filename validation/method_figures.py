@@ -14,7 +14,8 @@ import numpy as np
 
 from lrm_ident import synthetic
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.levenberg_marquardt import fit, no_bounds
 from lrm_ident.estimation.parameter_sets import select_parameters

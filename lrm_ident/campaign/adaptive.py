@@ -10,7 +10,7 @@ import numpy as np
 from lrm_ident.campaign.data_file import DataFile
 from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.campaign.run import CampaignResult, PoseCampaign
-from lrm_ident.data.measurements import load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.design.adaptive_batch import (
     BATCH,
     FIRST_BATCH,

@@ -17,7 +17,7 @@ import tomli_w
 from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.csv_table import read_table
-from lrm_ident.data.measurements import Metadata
+from lrm_ident.data.measurement_file.metadata import Metadata
 from lrm_ident.tracker.dwell import RestMean
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.errors import FileError

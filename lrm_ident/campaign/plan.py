@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurement_table import numbered, read_measurement_table
-from lrm_ident.data.measurements import load_poses, metadata_of
 from lrm_ident.data.pose_table import read_whole
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array

@@ -7,7 +7,9 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-DataFile = Annotated[Path, Argument(metavar="DATA", help="Measurements: a CSV (docs/files.md).")]
+DataFile = Annotated[
+    Path, Argument(metavar="DATA", help="Measurements: a CSV of positions, or of distances (docs/files.md).")
+]
 ModelPath = Annotated[Path, Argument(metavar="MODEL", help="A model file written by fit.")]
 PosesFile = Annotated[Path, Argument(metavar="POSES", help="CSV with q1_deg… and, optionally, payload_g.")]
 ArmArgument = Annotated[str, Argument(metavar="ARM", help="A shipped arm or the path of an arm file.")]

@@ -196,7 +196,7 @@ def import_(
     if recording == Path(LEROBOT):
         import_lerobot(poses, output, arm, dwell)
         return
-    from lrm_ident.data.measurements import arm_for
+    from lrm_ident.data.measurement_file.metadata import arm_for
     from lrm_ident.recordings.imported import RecordingOrder, import_recording, write_measurements
     from lrm_ident.recordings.rests import RestTimes
     from lrm_ident.recordings.vicon_csv import ROTATIONS

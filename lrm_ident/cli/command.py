@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from typer import Option, Typer
 
 from lrm_ident.cli.common import app
-from lrm_ident.data.measurements import is_something_else
+from lrm_ident.data.measurement_file.metadata import is_something_else
 from lrm_ident.data.output_files import check_outputs
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import Reading

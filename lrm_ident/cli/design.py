@@ -25,7 +25,9 @@ from lrm_ident.cli.common import (
 )
 from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurements import arm_for, load_poses, measurements_csv
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.metadata import arm_for
+from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, candidate_grid, parse_levels
 from lrm_ident.design.observability import INDICES
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem

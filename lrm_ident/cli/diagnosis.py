@@ -23,7 +23,7 @@ from lrm_ident.cli.common import (
 from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import load_poses
+from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.diagnosis.auto import AutoStep, run_auto
 from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report, report_of

@@ -26,7 +26,9 @@ from lrm_ident.cli.common import (
 from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import Measurements, arm_for, load_poses, metadata_of
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.metadata import arm_for, metadata_of
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
 from lrm_ident.estimation.error_breakdown import compare as run_compare

@@ -12,7 +12,7 @@ from typer import Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import check_distinct, one_of, parse_numbers, progress, publish, start_model
-from lrm_ident.data.measurements import load_poses
+from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.design.finite_difference_study import study_step_sizes
 from lrm_ident.design.observability import UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate, fittable

@@ -44,6 +44,8 @@ OTHERS = {
     "temp_c": ("temp", "temperature"),
     "supply_v": ("supply", "voltage"),
     "sd_mm": ("sd", "std", "sigma"),
+    "distance_mm": ("distance", "dist", "wire", "string", "ballbar"),
+    "distance_sd_mm": ("distancesd",),
     "repeat_of": ("repeatof", "repeat"),
     "approach": ("approach", "direction"),
     "qw": ("qw",), "qx": ("qx",), "qy": ("qy",), "qz": ("qz",),

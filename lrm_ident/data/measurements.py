@@ -1,61 +1,24 @@
-"""Measurement files: `NAME.csv`, one row per pose in measured order, and its metadata `NAME.toml`."""
+"""Measured poses of an arm: commands, what was measured of them, its noise and weights."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, AS_NAMED, LENGTH_UNITS, read_joints, read_positions
-from lrm_ident.data.csv_table import CsvTable, csv_text, require
-from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_measurement_table
-from lrm_ident.data.pose_columns import (
-    QUATERNION,
-    SCATTER,
-    covariance_columns,
-    feedback_columns,
-    read_attitude,
-    read_covariance,
-    read_feedback,
-)
-from lrm_ident.data.pose_table import in_units, poses_of_table, read_angles, read_whole
-from lrm_ident.weights.rotations import quaternions, rotation_vectors
+from lrm_ident.data.apply_reading import AS_NAMED
+from lrm_ident.weights.rotations import rotation_vectors, turned_covariance
 from lrm_ident.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array
-from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.reading import Reading
-from lrm_math.model.sensed import encoder_angles, tool_rotation
-from lrm_math.toml_file import read_toml, schema_of
-
-OPTIONAL = ("t_s", "session", "payload_g", "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
-
-
-class Metadata(Reading):
-    """Metadata file `NAME.toml`, schema `lrm/measurements/1`; it may say how the numbers are to be read.
-
-    `feedback_sd_deg`: standard deviation of the joints' encoders. `poses_sha256`, `t0_s`: of a campaign, its file of
-    poses and the tracker's time at t_s = 0.
-    """
-
-    schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
-    arm: str | None = None
-    source: str = ""
-    start_q_deg: list[float] | None = None
-    noise_sd_mm: Annotated[float, Field(gt=0)] | None = None
-    feedback_sd_deg: Annotated[float, Field(gt=0)] | None = None
-    poses_sha256: str | None = None
-    t0_s: float | None = None
+from lrm_math.model.sensed import Sensed, encoder_angles, from_anchor, tool_rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +27,8 @@ class Measurements:
 
     Attributes:
         pose: (N,), pose numbers.
-        tcp: (N, 3), measured TCP position (m).
-        sd: (N,), standard deviation of each position per axis (m), or None.
+        tcp: (N, 3), measured TCP position (m), NaN where only a distance was measured.
+        sd: (N,), standard deviation of each position per axis (m), else of its distance, or None.
         noise_sd: standard deviation per axis for all poses (m), or None.
         repeat_of: (N,), number of the pose that a row repeats, else its own number.
         notices: warnings about the file.
@@ -77,6 +40,8 @@ class Measurements:
         attitude: (N, 3, 3), rotation of the tool's frame, NaN where not measured; None where there is none to use.
         feedback: (N, n), what encoders read (rad), NaN where they did not; None where there is none to use.
         feedback_sd: its standard deviation (rad).
+        distance: (N,), of the TCP from a fixed point (m), NaN where not measured; None where there is none to use.
+        distance_sd: (N,), its standard deviation (m), or None. distance_from: (3,), that point (m); None: not known.
     """
 
     poses: Poses
@@ -97,11 +62,66 @@ class Measurements:
     attitude: Array | None = None
     feedback: Array | None = None
     feedback_sd: float | None = None
+    distance: Array | None = None
+    distance_sd: Array | None = None
+    distance_from: Array | None = None
 
     @cached_property
     def whitening(self) -> Whitening:
         """The weights of what was measured."""
-        return whitening_of(self.sd, self.covariance, self.attitude, self.feedback, self.feedback_sd)
+        if self.covariance is None and self.distance is None:
+            return Whitening(self.sd)
+        size = 3 if self.attitude is None else 6
+        unknown = np.full((len(self), size, size), np.nan)
+        blocks = unknown if self.covariance is None else self.covariance[:, :size, :size].copy()
+        np.einsum("nii->ni", blocks)[np.isnan(self.tcp[:, 0]), :3] = np.nan
+        if self.attitude is not None:
+            np.einsum("nii->ni", blocks)[np.isnan(self.attitude[:, 0, 0]), 3:] = np.nan
+        alone = [np.empty((len(self), 0))]
+        if self.feedback is not None and self.feedback_sd is not None:
+            alone.append(np.where(np.isnan(self.feedback), np.nan, self.feedback_sd))
+        if self.distance is not None:
+            sd = np.ones(len(self)) if self.distance_sd is None else self.distance_sd
+            alone.append(np.where(np.isnan(self.distance), np.nan, sd)[:, None])
+        return whitening_of(self.sd, blocks, np.concatenate(alone, axis=1), self.sensed)
+
+    @property
+    def sensed(self) -> Sensed:
+        """Which rows there are."""
+        point = None
+        if self.distance is not None:
+            x, y, z = self._anchor.tolist()
+            point = (x, y, z)
+        return Sensed(self.attitude is not None, self.feedback is not None, point)
+
+    @property
+    def _anchor(self) -> Array:
+        """(3,), stated part of the point that distances are measured from (m)."""
+        return np.zeros(3) if self.distance_from is None else self.distance_from
+
+    @property
+    def measured_rows(self) -> int:
+        """Number of all numbers that were measured and are used."""
+        return int((self.whitening.measured * np.ones(len(self))).sum())
+
+    @property
+    def positions(self) -> NDArray[np.int64]:
+        """Rows with a position."""
+        return np.flatnonzero(~np.isnan(self.tcp[:, 0]))
+
+    def position_error(self, rest: Equilibrium) -> Array:
+        """(N, 3), measured less predicted TCP (m); where only the distance was measured, what shows along it."""
+        error = self.tcp - rest.tcp
+        gone = np.isnan(error[:, 0])
+        if self.distance is not None and gone.any():
+            line = from_anchor(rest, self._anchor)
+            length = np.linalg.norm(line, axis=1)
+            error[gone] = (((self.distance - length) / length)[:, None] * line)[gone]
+        return error
+
+    def places(self, rest: Equilibrium) -> Array:
+        """(N, 3), where each TCP was measured, or is predicted where only a distance was (m)."""
+        return np.where(np.isnan(self.tcp), rest.tcp, self.tcp)
 
     def residual(self, rest: Equilibrium) -> Array:
         """(N, R), what was measured less what the model has at rest: m, rad; zero where nothing was measured."""
@@ -110,16 +130,19 @@ class Measurements:
             parts.append(rotation_vectors(self.attitude @ tool_rotation(rest).transpose(0, 2, 1)))
         if self.feedback is not None:
             parts.append(self.feedback - encoder_angles(rest))
+        if self.distance is not None:
+            length = np.linalg.norm(from_anchor(rest, self._anchor), axis=1)
+            parts.append((self.distance - length)[:, None])
         return parts[0] if len(parts) == 1 else np.nan_to_num(np.concatenate(parts, axis=1))
 
     def turned(self, rotation: Array, translation: Array) -> Measurements:
         """In another frame: positions to R p + t, with rotation R (3, 3) and translation t (3,), m."""
-        both = np.kron(np.eye(2), rotation)
         return replace(
             self,
             tcp=self.tcp @ rotation.T + translation,
-            covariance=None if self.covariance is None else both @ self.covariance @ both.T,
+            covariance=None if self.covariance is None else turned_covariance(self.covariance, rotation),
             attitude=None if self.attitude is None else rotation @ self.attitude,
+            distance_from=None if self.distance_from is None else rotation @ self.distance_from + translation,
         )
 
     def __len__(self) -> int:
@@ -137,6 +160,8 @@ class Measurements:
             covariance=None if self.covariance is None else self.covariance[chosen],
             attitude=None if self.attitude is None else self.attitude[chosen],
             feedback=None if self.feedback is None else self.feedback[chosen],
+            distance=None if self.distance is None else self.distance[chosen],
+            distance_sd=None if self.distance_sd is None else self.distance_sd[chosen],
             repeat_of=self.repeat_of[chosen],
         )
 
@@ -144,248 +169,3 @@ class Measurements:
         """Without the poses of these numbers, which `left_out` then names too."""
         gone = np.isin(self.pose, numbers)
         return replace(self.take(~gone), left_out=tuple(sorted({*self.left_out, *self.pose[gone].tolist()})))
-
-
-def metadata_of(path: Path) -> Metadata | None:
-    """Metadata of a CSV file; None if there is no such file, or the one of that name is of another schema.
-
-    Raises `FileError`.
-    """
-    file = path.with_suffix(".toml")
-    if not file.is_file() or is_something_else(file):
-        return None
-    return read_toml(file, Metadata)
-
-
-def is_something_else(sidecar: Path) -> bool:
-    """Whether a TOML file says by its schema that it is a model, an arm, or anything but metadata."""
-    schema = schema_of(sidecar)
-    return schema is not None and not schema.startswith("lrm/measurements/")
-
-
-def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
-    """The arm that is named, or that the file beside the data names. Raises `FileError`."""
-    if arm is not None:
-        return arm, load_arm(arm)
-    metadata = metadata_of(data) if data.exists() else None
-    if not data.exists():
-        raise FileError(data, "", "no such file")
-    if metadata is None or metadata.arm is None:
-        raise FileError(data, "", "no arm given", "name it with --arm, or as arm in the .toml file beside the data")
-    return metadata.arm, load_arm(metadata.arm)
-
-
-def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> Measurements:
-    """Reads measurements of an arm.
-
-    Args:
-        reading: how to read the numbers; what it leaves open, the file beside the data says, else the columns' names.
-
-    Raises `FileError`: naming file, line and column of the first fault (`BeyondLimits`: of a joint).
-    """
-    metadata = metadata_of(path)
-    how = (reading or AS_NAMED).over(metadata)
-    table = in_units(numbered(read_measurement_table(path)), how)
-    angles = _angle_columns(table, arm, how)
-    require(table, ["pose", *angles, *POSITION])
-    pose = read_whole(table, "pose")
-    _check_once(table, pose)
-    q = read_angles(table, arm, how)
-    known = {name: table.numbers(name) for name in OPTIONAL if name in table.header}
-    start = _start(path, metadata, arm, how)
-    sd = known.get("sd_mm")
-    if sd is not None:
-        table.reject(sd <= 0, "sd_mm", "not above zero")
-    noise = None if metadata is None or metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM
-    more, unused = _more_parts(table, arm, how, metadata, None if sd is None else sd * MM, noise)
-    return Measurements(
-        poses=poses_of_table(table, q, known, pose, start, how),
-        pose=pose,
-        tcp=read_positions(how, np.stack([table.numbers(name) for name in POSITION], axis=1) * MM),
-        noise_sd=noise,
-        repeat_of=_repeats(table, pose),
-        path=path,
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        notices=(*_notices(table, [*angles, *_sides(arm), "pose", *POSITION, *OPTIONAL, *_pose_columns(arm)]), *unused),
-        arm=arm,
-        reading=Reading(**how.said()),
-        stated=_stated(table, how),
-        **more,
-    )
-
-
-def _pose_columns(arm: Arm) -> tuple[str, ...]:
-    return (*SCATTER, *QUATERNION, *feedback_columns(arm))
-
-
-def _more_parts(
-    table: CsvTable, arm: Arm, how: Reading, metadata: Metadata | None, sd: Array | None, noise: float | None
-) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """The attributes sd, covariance, attitude and feedback of measurements, and why some are not used.
-
-    `sd`, `noise`: of the column sd_mm, and for all poses (m).
-    """
-    known = sd if sd is not None or noise is None else np.full(len(table.rows), noise)
-    covariance = read_covariance(table, known)
-    attitude, feedback = read_attitude(table), read_feedback(table, arm, how)
-    feedback_sd = None if metadata is None or metadata.feedback_sd_deg is None else np.radians(metadata.feedback_sd_deg)
-    notices = []
-    if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
-        notices.append("the orientation is not used: state its standard deviation in a column srot_deg")
-        attitude = None
-    if feedback is not None and (feedback_sd is None or (covariance is None and known is None)):
-        notices.append(
-            "the joint feedback is not used: state feedback_sd_deg in the file beside the data, and the positions' "
-            "standard deviation (sd_mm, noise_sd_mm)"
-        )
-        feedback = None
-    if covariance is None and feedback is not None and known is not None:
-        covariance = np.full((len(known), 6, 6), np.nan)
-        covariance[:, :3, :3] = known[:, None, None] ** 2 * np.eye(3)
-    if covariance is not None:
-        turn, _ = _frame_of(how)
-        if np.linalg.det(turn) < 0 and attitude is not None:
-            raise FileError(table.path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
-        both = np.kron(np.eye(2), turn)
-        covariance = both @ covariance @ both.T
-        attitude = None if attitude is None else turn @ attitude
-        sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
-    kept = {"covariance": covariance, "attitude": attitude, "feedback": feedback}
-    return {"sd": sd, "feedback_sd": None if feedback is None else feedback_sd, **kept}, tuple(notices)
-
-
-def _frame_of(how: Reading) -> tuple[Array, Array]:
-    """Rotation (3, 3), or mirror, and translation (3,), m, by which a reading turns positions."""
-    origin, *unit = read_positions(how, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
-    return (np.array(unit) - origin).T, origin
-
-
-def _stated(table: CsvTable, how: Reading) -> Reading:
-    """The reading with the units of the columns where it names none."""
-    units = {metres / MM: unit for unit, metres in LENGTH_UNITS.items()}
-    turns = {radians / ANGLE_UNITS["deg"]: unit for unit, radians in ANGLE_UNITS.items()}
-    unit, turn = units[table.factors.get("x_mm", 1.0)], turns[table.factors.get("q1_deg", 1.0)]
-    return Reading(**{"unit": unit, "angle_unit": turn, **how.said()})
-
-
-def _angle_columns(table: CsvTable, arm: Arm, how: Reading) -> list[str]:
-    """The columns of the arm's joints. Raises `FileError` if the file or the reading has another number of joints."""
-    for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
-        if values is not None and len(values) != arm.dof:
-            raise FileError(table.path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
-    angles = [f"q{i + 1}_deg" for i in range(arm.dof)]
-    more = [name for name in table.header if ANGLES.fullmatch(name) and name not in angles]
-    if more:
-        count = sum(1 for name in table.header if ANGLES.fullmatch(name))
-        raise FileError(table.path, "header", f"{count} joints, {arm.name} has {arm.dof}", "is this another arm?")
-    return angles
-
-
-def _sides(arm: Arm) -> list[str]:
-    return [f"approach{i + 1}" for i in range(arm.dof)]
-
-
-def _start(path: Path, metadata: Metadata | None, arm: Arm, how: Reading) -> Array | None:
-    """(n,), joint angles before the first pose (rad), or None. Raises `FileError`."""
-    if metadata is None or metadata.start_q_deg is None:
-        return None
-    if len(metadata.start_q_deg) != arm.dof:
-        what = f"{len(metadata.start_q_deg)} angles"
-        raise FileError(path.with_suffix(".toml"), "start_q_deg", what, f"should be {arm.dof}")
-    return read_joints(how, np.radians(metadata.start_q_deg))
-
-
-def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Poses:
-    """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`.
-
-    Args:
-        reading: as in `load_measurements`.
-
-    Raises `FileError`.
-    """
-    path = Path(file)
-    how = (reading or AS_NAMED).over(metadata_of(path))
-    table = in_units(read_measurement_table(path), how)
-    require(table, _angle_columns(table, arm, how))
-    known: dict[str, Array] = {n: table.numbers(n) for n in ("t_s", "session", "temp_c") if n in table.header}
-    number = read_whole(table, "pose") if "pose" in table.header else None
-    return poses_of_table(table, read_angles(table, arm, how), known, number, None, how)
-
-
-def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:
-    """What the encoders read at the poses of a file, (N, n) in rad, and its standard deviation as stated (deg).
-
-    Raises `FileError`.
-    """
-    metadata = metadata_of(path)
-    how = AS_NAMED.over(metadata)
-    feedback = read_feedback(in_units(read_measurement_table(path), how), arm, how)
-    return feedback, None if metadata is None else metadata.feedback_sd_deg
-
-
-def measurements_csv(data: Measurements) -> str:
-    """CSV text of measurements, with the optional columns that they have."""
-    columns: list[tuple[str, Array, int]] = [("pose", data.pose.astype(np.float64), 0)]
-    optional = (("t_s", data.poses.t, 1.0, 3), ("session", data.poses.session, 1.0, 0))
-    columns += [(name, values / unit, digits) for name, values, unit, digits in optional if values is not None]
-    columns.append(("payload_g", data.poses.payload / GRAM, 4))
-    columns += [(f"q{i + 1}_deg", np.degrees(data.poses.q[:, i]), 9) for i in range(data.poses.q.shape[1])]
-    columns += [(name, data.tcp[:, i] / MM, 6) for i, name in enumerate(("x_mm", "y_mm", "z_mm"))]
-    if data.poses.temperature is not None:
-        columns.append(("temp_c", data.poses.temperature, 3))
-    columns += _scatter_columns(data)
-    columns.append(("repeat_of", data.repeat_of.astype(np.float64), 0))
-    return csv_text(columns)
-
-
-def _scatter_columns(data: Measurements) -> list[tuple[str, Array, int]]:
-    """Optional columns of scatter, orientation and feedback."""
-    out: list[tuple[str, Array, int]] = []
-    if data.covariance is not None:
-        out += covariance_columns(data.covariance)
-    elif data.sd is not None:
-        out.append(("sd_mm", data.sd / MM, 6))
-    if data.attitude is not None:
-        out += [(name, column, 9) for name, column in zip(QUATERNION, quaternions(data.attitude).T, strict=True)]
-    if data.feedback is not None:
-        out += [(f"q{i + 1}_meas_deg", np.degrees(column), 6) for i, column in enumerate(data.feedback.T)]
-    return out
-
-
-def _check_once(table: CsvTable, pose: NDArray[np.int64]) -> None:
-    first: dict[int, int] = {}
-    for row, number in enumerate(pose.tolist()):
-        if first.setdefault(number, row) != row:
-            what = f"pose {number} stands in line {table.lines[first[number]]} already"
-            right = "each row has its own number; name a repetition in the column repeat_of"
-            raise FileError(table.path, table.at(row, "pose"), what, right)
-
-
-def _repeats(table: CsvTable, pose: NDArray[np.int64]) -> NDArray[np.int64]:
-    if "repeat_of" not in table.header:
-        return pose
-    j = table.header.index("repeat_of")
-    rows = tuple(
-        row if row[j].strip() else (*row[:j], str(own), *row[j + 1 :])
-        for row, own in zip(table.rows, pose.tolist(), strict=True)
-    )
-    repeat = read_whole(replace(table, rows=rows), "repeat_of")
-    unknown = ~np.isin(repeat, pose)
-    if unknown.any():
-        row = int(np.argmax(unknown))
-        raise FileError(table.path, table.at(row, "repeat_of"), f"there is no pose {repeat[row]}")
-    return repeat
-
-
-def _notices(table: CsvTable, known: list[str]) -> list[str]:
-    unknown = [name for name in table.header if name and name not in known]
-    notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
-    taken = {ours: name for ours, name in table.stated.items() if ours in known and not name.lower().startswith(ours)}
-    if taken:
-        notices.append("read as: " + ", ".join(f"{ours} = '{name}'" for ours, name in taken.items()))
-    sidecar = table.path.with_suffix(".toml")
-    if sidecar.is_file() and is_something_else(sidecar):
-        notices.append(f"{sidecar.name} beside it is {schema_of(sidecar)}, so it says nothing of these data")
-    if not table.path.read_bytes().endswith(b"\n"):
-        notices.append("the last line does not end; is the file complete?")
-    return notices

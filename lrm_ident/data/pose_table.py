@@ -27,7 +27,7 @@ def in_units(table: CsvTable, how: Reading) -> CsvTable:
     """The table with the stated units in place of those of its columns' names."""
     factors: dict[str, float] = {}
     if how.unit:
-        factors |= dict.fromkeys(POSITION, LENGTH_UNITS[how.unit] / MM)
+        factors |= dict.fromkeys((*POSITION, "distance_mm"), LENGTH_UNITS[how.unit] / MM)
     if how.angle_unit:
         names = [name for name in table.header if ANGLES.fullmatch(name)]
         factors |= dict.fromkeys(names, ANGLE_UNITS[how.angle_unit] / ANGLE_UNITS["deg"])

@@ -105,7 +105,7 @@ def _select_feasible(model: Model, data: Measurements, count: int, seed: int, pr
 
 def _fit_subset(name: str, model: Model, data: Measurements, rows: Rows, limits: Bounds, physics: Bounds) -> SubsetFit:
     result = fit(model, data.take(rows), limits)
-    residual = data.tcp - equilibrium(result.model, data.poses).tcp
+    residual = data.position_error(equilibrium(result.model, data.poses))
     rest = np.setdiff1d(np.arange(len(data)), rows)
     values = [result.model.value(key) for key in model.free]
     violated = tuple(

@@ -86,7 +86,7 @@ def split_testable(
     effects: Iterable[Unfitted], rest: Equilibrium, sensed: Sensed = TCP_ONLY
 ) -> tuple[list[Unfitted], list[tuple[Effect, str]]]:
     """The effects that these poses can test, and the others with the reason."""
-    excitation = Excitation(rest.poses, rest.joint_torque, sensed.feedback)
+    excitation = Excitation(rest.poses, rest.joint_torque, sensed.feedback, sensed.distance_from is not None)
     tried = [(one, _no_torque(one[0], rest) or one[0].missing_excitation(excitation)) for one in effects]
     testable = [one for one, reason in tried if reason is None]
     return testable, [(effect, reason) for (effect, _), reason in tried if reason is not None]

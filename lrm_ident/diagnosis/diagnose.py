@@ -100,7 +100,7 @@ class Diagnosis:
     @property
     def above_floor(self) -> bool:
         """Whether the residual surely exceeds a known noise floor, by more than this may be misstated (χ² test)."""
-        floor, freedom = self.floor.sd, 3 * len(self.data) - len(self.fit.model.free)
+        floor, freedom = self.floor.sd, self.data.measured_rows - len(self.fit.model.free)
         if floor is None or self.fit.sigma <= FLOOR_RATIO * floor:
             return False
         return bool(chdtrc(freedom, freedom * (self.fit.sigma / floor) ** 2) < NOT_NOISE)
@@ -151,7 +151,7 @@ def _diagnose(
     scored, undetectable = score_candidates(found, linear, weigh, progress)
     ranked = sorted(scored, key=lambda one: one.alone.rms)
     floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
-    quiet = _like_noise(whole, floor, structure)
+    quiet = _like_noise(whole, data, floor, structure)
     tried = [one for one in ranked if one.candidate.standing == REFINEMENT] if quiet else ranked
     weights = None if rates is None else rates.weights([one.name for one in tried])
     selected = forward_select(tried, linear, progress, weights)
@@ -183,11 +183,11 @@ def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
     return np.union1d(some_rows(len(distance)), np.array(far, dtype=np.int64))
 
 
-def _like_noise(fitted: Fit, floor: NoiseFloor, structure: ResidualStructure) -> bool:
+def _like_noise(fitted: Fit, data: Measurements, floor: NoiseFloor, structure: ResidualStructure) -> bool:
     """Whether what is left is no larger than the known noise (χ² test) and shows no structure: no new cause."""
     if floor.sd is None or min(structure.p_value, structure.order_p_value) < SIGNIFICANCE:
         return False
-    freedom = fitted.residual.size - len(fitted.model.free)
+    freedom = data.measured_rows - len(fitted.model.free)
     return bool(chdtrc(freedom, freedom * (fitted.sigma / floor.sd) ** 2) > SIGNIFICANCE)
 
 

@@ -100,8 +100,9 @@ class LinearisedFit:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Rows less fitted parameters."""
-        return len(self.residual) - int(self.basis.shape[1])
+        """Measured rows less fitted parameters."""
+        measured = (self.residual != 0.0) | self.basis.any(axis=1)
+        return int(np.count_nonzero(measured)) - int(self.basis.shape[1])
 
     @cached_property
     def _test_rows(self) -> NDArray[np.int64]:

@@ -64,4 +64,4 @@ def _predict(
 ) -> Array:
     """(n, 3), measured − predicted TCP of the poses `out` (m), which the selection and the fit did not see."""
     chosen = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates).model
-    return np.asarray(data.tcp[out] - equilibrium(chosen, data.poses.take(out)).tcp)
+    return data.take(out).position_error(equilibrium(chosen, data.poses.take(out)))

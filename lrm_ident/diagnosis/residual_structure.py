@@ -17,28 +17,36 @@ NEIGHBOURS, DRAWS, SEED = 6, 400, 0
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """Standard deviation of the measurement per axis (m), or None, and where it is known from."""
+    """Standard deviation of the measurement per axis (m), or None, and where it is known from.
+
+    `axes`: along how many of them a pose's position shows, three unless distances alone were measured.
+    """
 
     sd: float | None
     source: Literal["replicates", "metadata", "unknown"]
+    axes: float = 3.0
 
     @property
     def rms(self) -> float | None:
         """RMS of the 3-D distance that the noise alone makes (m)."""
-        return None if self.sd is None else float(np.sqrt(3.0) * self.sd)
+        return None if self.sd is None else float(np.sqrt(self.axes) * self.sd)
 
 
 def noise_floor(data: Measurements) -> NoiseFloor:
     """Pooled standard deviation of repeated poses where there are some, else from the file, else unknown."""
-    groups = [np.flatnonzero(data.repeat_of == number) for number in np.unique(data.repeat_of)]
+    alone = data.distance is not None and not len(data.positions)
+    values = data.distance[:, None] if alone and data.distance is not None else data.tcp
+    axes = 1.0 if alone else 3.0
+    rows = np.flatnonzero(~np.isnan(values[:, 0]))
+    groups = [rows[data.repeat_of[rows] == number] for number in np.unique(data.repeat_of[rows])]
     repeats = [rows for rows in groups if len(rows) > 1]
     if repeats:
-        squares = sum(float(((data.tcp[rows] - data.tcp[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
-        degrees_of_freedom = 3 * sum(len(rows) - 1 for rows in repeats)
-        return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates")
+        squares = sum(float(((values[rows] - values[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
+        degrees_of_freedom = axes * sum(len(rows) - 1 for rows in repeats)
+        return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates", axes)
     if data.sd is not None:
-        return NoiseFloor(float(np.sqrt(np.mean(data.sd**2))), "metadata")
-    return NoiseFloor(data.noise_sd, "unknown" if data.noise_sd is None else "metadata")
+        return NoiseFloor(float(np.sqrt(np.mean(data.sd**2))), "metadata", axes)
+    return NoiseFloor(data.noise_sd, "unknown" if data.noise_sd is None else "metadata", axes)
 
 
 @dataclass(frozen=True)
@@ -57,10 +65,12 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
 
     Args:
         q: (N, n) joint angles (rad). residual: (3 N,), what the fit leaves. basis: (3 N, P), what the fit explains.
+            Rows that were not measured are zero in both.
     """
     near, successive = _neighbours(q), np.stack([np.arange(len(q) - 1), np.arange(1, len(q))], axis=1)
     rows = len(residual) // len(q)
-    noise = np.random.default_rng(SEED).normal(size=(len(residual), DRAWS))
+    measured = (residual != 0.0) | basis.any(axis=1)
+    noise = np.random.default_rng(SEED).normal(size=(len(residual), DRAWS)) * measured[:, None]
     noise -= basis @ (basis.T @ noise)
     observed = [_morans_i(residual[:, None], pairs, rows)[0] for pairs in (near, successive)]
     p_values = [

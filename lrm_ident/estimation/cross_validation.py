@@ -97,7 +97,8 @@ def held_out_blocks(
         weighted = None
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
-        blocks.append(HeldOutBlock(train, test, data.tcp[train] - seen.tcp, part.tcp - unseen.tcp, weighted))
+        left = data.take(train).position_error(seen), part.position_error(unseen)
+        blocks.append(HeldOutBlock(train, test, *left, weighted))
         progress(number + 1, count)
     return tuple(blocks)
 

@@ -17,6 +17,7 @@ from lrm_ident.estimation.loss import Loss
 from lrm_ident.estimation.priors import Prior
 from lrm_ident.nonparametric.predictability import HeldOutBlock, PredictableError, held_out_rows, predictable_error
 from lrm_ident.progress import OnProgress, silent
+from lrm_ident.registration.anchor import with_anchor
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import joint_jacobian
@@ -103,15 +104,15 @@ def compare(
     Raises `NoEquilibrium`: the model has no equilibrium at some pose.
     """
     rest = equilibrium(model, data.poses)
-    residual = data.tcp - rest.tcp
-    nominal = equilibrium(model_of(model.arm, ()), data.poses)
+    residual = data.position_error(rest)
+    nominal = equilibrium(with_anchor(model_of(model.arm, ()), data), data.poses)
     distance = np.linalg.norm(residual, axis=1)
     held_out = try_held_out(model, data, loss=loss, progress=progress, prior=prior)
     return ModelComparison(
         data=data,
         rest=rest,
         residual=residual,
-        nominal=error_stats(data.tcp - nominal.tcp),
+        nominal=error_stats(data.position_error(nominal)),
         error=error_stats(residual),
         held_out=held_out,
         predictable=predictable_error(data, held_out.blocks) if held_out.blocks else None,
@@ -147,7 +148,7 @@ def _factors(rest: Equilibrium, data: Measurements, residual: Array) -> Iterator
     if np.ptp(data.poses.payload) > 0:
         yield _factor("load", "load", *_by_value(data.poses.payload * 1e3, " g"), residual)
     yield _factor("order", "order of measurement", *_by_order(data), residual)
-    yield _factor("region", "region of the workspace", *_by_octant(data.tcp), residual)
+    yield _factor("region", "region of the workspace", *_by_octant(data.places(rest)), residual)
 
 
 def _factor(

@@ -25,7 +25,7 @@ NEGLIGIBLE = 0.05  # share of a combination that is not listed
 MAX_ITERATIONS = 6
 MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
 SELECTION_ORDER = (
-    *("compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
+    *("anchor.*", "compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
     *("offsets.joint*_mm", "offsets.joint*", "offsets.base.*", "offsets.tool.*", "*"),
 )
 AFTER_TOOL = "offsets.joint*_mm"  # the pattern that follows the tool's position
@@ -62,8 +62,9 @@ class IdentifiableSet:
 def selection_order(model: Model, keys: Sequence[str]) -> list[str]:
     """The order of selection; of two confounded parameters the earlier one is kept.
 
-    The most important on such an arm come first: compliances, joint zero offsets, positions of base and tool; then
-    lengths and twists, each from the base outwards; then the parameters of further effects.
+    Where distances are measured from comes first; then the most important on such an arm: compliances, joint zero
+    offsets, positions of base and tool; then lengths and twists, each from the base outwards; then the parameters of
+    further effects.
 
     The last joint's zero offset moves the TCP as an offset of the tool does, divided by the TCP's distance from that
     axis. Close to the axis a small tool offset would need a large turn, so the tool's position comes first there.
@@ -144,8 +145,7 @@ def expected_noise(rest: Equilibrium, keys: Sequence[str], data: Measurements) -
     rows = compress(rest, keys, whitening, np.full((1, 1), whitening.unit), residual)
     step, _, rank, _ = np.linalg.lstsq(rows.columns, rows.residual, rcond=ROUND_OFF)
     left = rows.residual - rows.columns @ step
-    measured = int((whitening.measured * np.ones(len(data))).sum())
-    return float(np.sqrt(left @ left / max(measured - int(rank), 1)))
+    return float(np.sqrt(left @ left / max(data.measured_rows - int(rank), 1)))
 
 
 def _columns(rest: Equilibrium, order: Sequence[str], whitening: Whitening) -> Array:

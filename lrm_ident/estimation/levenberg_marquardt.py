@@ -59,7 +59,7 @@ class Fit:
 
     Attributes:
         rest: the model's equilibrium at the data's poses.
-        residual: (N, 3), measured − predicted TCP (m).
+        residual: (N, 3), measured − predicted TCP (m), along the distance where only that was measured.
         covariance: (P, P) of the free parameters (SI); zero rows for those at a bound. With a prior: of the posterior.
         effective_parameters: those not at a bound, less the part that a prior determines.
         sigma: standard deviation of the residual per axis (m), corrected for the degrees of freedom.
@@ -255,7 +255,7 @@ class _LevenbergMarquardt:
         return Fit(
             model=replace(iterate.rest.model, free=objective.model.free),
             rest=iterate.rest,
-            residual=data.tcp - iterate.rest.tcp,
+            residual=data.position_error(iterate.rest),
             covariance=covariance * np.outer(objective.typical, objective.typical),
             effective_parameters=parameters,
             sigma=sigma * data.whitening.unit,

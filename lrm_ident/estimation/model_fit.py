@@ -12,6 +12,7 @@ from lrm_ident.estimation.levenberg_marquardt import Bounds, bounds_of, fit, no_
 from lrm_ident.estimation.loss import Loss
 from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_ident.estimation.priors import Prior
+from lrm_ident.registration.anchor import with_anchor
 from lrm_ident.registration.collapse import CHECK
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
@@ -45,7 +46,7 @@ def fit_model(
 
     Raises `LrmError`: unknown parameters, too few poses, no convergence, or nothing that these poses can tell.
     """
-    result = _fit_named(model, data, parameters, loss, unbounded, prior)
+    result = _fit_named(with_anchor(model, data), data, parameters, loss, unbounded, prior)
     if not result.fit.model.free:
         left = error_stats(result.fit.residual).rms * 1e3
         raise LrmError(f"nothing can be fitted: no parameter helps, and {left:.1f} mm RMS are left; {CHECK}")
@@ -56,7 +57,8 @@ def _fit_named(
     model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, prior: Prior | None
 ) -> IdentifiedFit:
     if parameters != "identifiable":
-        keys = select_parameters(model, parameters)
+        named = select_parameters(model, parameters)
+        keys = (*named, *(key for key in model.free if key.startswith("anchor.") and key not in named))
     else:
         keys = tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
         if prior is None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from lrm_ident.data.measurements import metadata_of
+from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.page.tasks import OpenFiles, OpenTask
 from lrm_math.errors import FileError
 from lrm_math.toml_file import schema_of

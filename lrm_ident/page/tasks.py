@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurements import arm_for
+from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_ident.diagnosis.auto import AutoStep, run_auto
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report

@@ -9,6 +9,7 @@ import numpy as np
 
 from lrm_ident.estimation.error_breakdown import ModelComparison
 from lrm_ident.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
+from lrm_ident.registration.anchor import with_anchor
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
@@ -30,8 +31,8 @@ def draw_comparison(comparison: ModelComparison, path: Path) -> None:
 
 def _draw_distribution(axes: Axes, comparison: ModelComparison) -> None:
     data = comparison.data
-    nominal = equilibrium(model_of(comparison.rest.model.arm, ()), data.poses).tcp
-    _cumulative(axes, data.tcp - nominal, "nominal arm", NOMINAL, ":")
+    nominal = equilibrium(with_anchor(model_of(comparison.rest.model.arm, ()), data), data.poses)
+    _cumulative(axes, data.position_error(nominal), "nominal arm", NOMINAL, ":")
     _cumulative(axes, comparison.residual, "model, as fitted", MODEL, "-")
     if comparison.held_out.residual is not None:
         _cumulative(axes, comparison.held_out.residual, "model, held out", HELD_OUT, "--")

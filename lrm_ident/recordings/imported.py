@@ -11,8 +11,9 @@ import tomli_w
 from lrm_ident.data.apply_reading import read_positions
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.csv_table import csv_text
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.metadata import is_something_else, metadata_of
 from lrm_ident.data.measurement_table import numbered, read_measurement_table
-from lrm_ident.data.measurements import is_something_else, load_poses, metadata_of
 from lrm_ident.data.pose_table import read_whole
 from lrm_ident.recordings.cells import read_cells
 from lrm_ident.recordings.motive_csv import is_motive, read_motive

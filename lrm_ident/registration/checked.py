@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.apply_reading import AS_NAMED, frame_table, rigid_motion
-from lrm_ident.data.measurements import Measurements, load_measurements, metadata_of
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.metadata import metadata_of
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import BeyondLimits
 from lrm_ident.registration.hypotheses import Hypothesis
 from lrm_ident.registration.question import MOST_POSES, Answer, Scored, ask, registered
@@ -73,9 +75,12 @@ def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:
     """Measurements in an unknown frame, registered to the arm's; others as they are."""
     if data.reading.frame != "unknown":
         return data
-    rows = np.arange(len(data))
+    rows = data.positions
+    if not len(rows):
+        right = "leave it out; state distance_from_mm in the arm's frame, or not at all"
+        raise FileError(data.path, "", "distances alone do not tell the frame that they are in", right)
     if len(rows) > MOST_POSES:
-        rows = np.sort(np.random.default_rng(0).choice(len(rows), MOST_POSES, replace=False))
+        rows = np.sort(np.random.default_rng(0).choice(rows, MOST_POSES, replace=False))
     motion = registered(arm, data.poses.take(rows), data.tcp[rows])[1]
     frame = frame_table(motion.rotation, motion.translation)
     angle = math.degrees(math.acos(min(1.0, max(-1.0, (float(np.trace(motion.rotation)) - 1.0) / 2.0))))

@@ -117,9 +117,9 @@ class Cloud:
 
 def ask(arm: Arm, data: Measurements) -> Answer | None:
     """Compares measurements with the nominal arm; None if there are too few poses, or all are one."""
-    rows = np.arange(len(data))
+    rows = data.positions
     if len(rows) > MOST_POSES:
-        rows = np.sort(np.random.default_rng(0).choice(len(rows), MOST_POSES, replace=False))
+        rows = np.sort(np.random.default_rng(0).choice(rows, MOST_POSES, replace=False))
     data = data.take(rows)
     if len(rows) < LEAST_POSES or _spread(nominal_tcp(arm, data.poses)) == 0.0:
         return None

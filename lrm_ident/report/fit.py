@@ -217,7 +217,8 @@ def _why(rest: Equilibrium, held: UnidentifiableParameter) -> str:
     parts = " and ".join(f"{amount:+.4g} {units[key]} of {key}" for key, amount in held.combination[:PARTS_SHOWN])
     less = " and less of others" if len(held.combination) > PARTS_SHOWN else ""
     like = "exactly" if held.survival < 1e-6 else "nearly"
-    return f"1 {units[held.key]} of it moves the TCP {like} like {parts}{less}"
+    shows = "shows" if any(key.startswith("anchor.") for key, _ in held.combination) else "moves the TCP"
+    return f"1 {units[held.key]} of it {shows} {like} like {parts}{less}"
 
 
 def _correlated(fit: Fit) -> Iterator[str]:

@@ -19,7 +19,7 @@ from lrm_ident.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
-from lrm_math.errors import UnknownName
+from lrm_math.errors import FileError, UnknownName
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 
@@ -121,6 +121,8 @@ def run_options(
         UnknownName: the arm lacks a parameter of an option.
         LrmError: too few or rank-deficient poses, or a fit that does not converge.
     """
+    if len(data.positions) < len(data):
+        raise FileError(data.path, "", "the thesis's options need a position of every pose", "use fit and compare")
     nominal = nominal_model(arm)
     rest = equilibrium(nominal, data.poses)
     rows: dict[str, Rows] = {}

@@ -79,11 +79,11 @@ class ErrorField:
 def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> ErrorField:
     """The error field of named models, the oldest first. Raises `NoEquilibrium`."""
     rests = [(name, equilibrium(model, data.poses)) for name, model in models]
-    rows = drawn_rows(data.tcp - rests[-1][1].tcp)
+    rows = drawn_rows(data.position_error(rests[-1][1]))
     arm = models[-1][1].arm
     nominal = equilibrium(model_of(arm, ()), data.poses.take(rows))
     steps = tuple(_step(name, rest, data, rows) for name, rest in rests)
-    scale = arrow_scale(data.tcp, data.tcp - rests[0][1].tcp)
+    scale = arrow_scale(data.places(rests[-1][1]), data.position_error(rests[0][1]))
     return ErrorField(rows, len(data), steps, arm_lines(nominal), arm_lines(rests[-1][1].take(rows)), scale)
 
 
@@ -121,7 +121,7 @@ def arm_lines(rest: Equilibrium) -> Array:
 
 
 def _step(name: str, rest: Equilibrium, data: Measurements, rows: NDArray[np.int64]) -> FieldStep:
-    drawn, residual = rest.take(rows), data.tcp - rest.tcp
+    drawn, residual = rest.take(rows), data.position_error(rest)
     motion = respond(drawn).slots[list(rest.model.chain.joint_slots)]
     return FieldStep(name, error_stats(residual), residual[rows], joint_turns(residual[rows], motion))
 

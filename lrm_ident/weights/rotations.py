@@ -30,3 +30,9 @@ def quaternions(R: Array) -> Array:
 
         out[known] = Rotation.from_matrix(R[known]).as_quat(canonical=True, scalar_first=True)
     return out
+
+
+def turned_covariance(covariance: Array, rotation: Array) -> Array:
+    """(N, 6, 6), covariances of position and rotation vector in axes turned by (3, 3); NaN stays where it stands."""
+    both = np.kron(np.eye(2), rotation)
+    return np.where(np.isnan(covariance), np.nan, both @ np.nan_to_num(covariance) @ both.T)

@@ -20,7 +20,8 @@ class Whitening:
     """How the rows of N poses are weighted.
 
     Attributes:
-        sd: (N,), standard deviation per axis of each position (m); None if it is the same for all, and not stated.
+        sd: (N,), standard deviation per axis of each position, of the distance where there is no position (m); None if
+            it is the same for all, and not stated.
         root: (N, R, R), W with WᵀW the inverse of the covariance of a pose's rows (1/m, 1/rad), zero where a row was
             not measured; None if positions alone were, alike along all axes.
         sensed: which rows there are.
@@ -51,9 +52,8 @@ class Whitening:
 
     def take(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Whitening:
         """Of some poses."""
-        if self.sd is None:
-            return self
-        return replace(self, sd=self.sd[rows], root=None if self.root is None else self.root[rows])
+        sd, root = (None if part is None else part[rows] for part in (self.sd, self.root))
+        return replace(self, sd=sd, root=root)
 
     def __call__(self, rows: Array) -> Array:
         """Rows (N, R) or (N, R, P) in units of their noise (of metres where none is stated)."""
@@ -85,28 +85,18 @@ def root_of(covariance: Array) -> Array:
     return np.asarray(np.where(missing[:, :, None], 0.0, root))
 
 
-def whitening_of(
-    sd: Array | None,
-    covariance: Array | None,
-    attitude: Array | None,
-    feedback: Array | None,
-    feedback_sd: float | None,
-) -> Whitening:
-    """The weights of measurements; their arguments as in `Measurements`."""
-    if covariance is None:
-        return Whitening(sd)
-    sensed = Sensed(attitude is not None, feedback is not None)
-    size = 6 if sensed.attitude else 3
-    blocks = covariance[:, :size, :size].copy()
-    if attitude is not None:
-        gone = np.flatnonzero(np.isnan(attitude[:, 0, 0]))
-        blocks[gone[:, None], np.arange(3, 6), np.arange(3, 6)] = np.nan
-    root = root_of(blocks)
-    if feedback is not None and feedback_sd is not None:
-        n = feedback.shape[1]
-        wide = np.zeros((len(root), size + n, size + n))
-        wide[:, :size, :size] = root
-        diagonal = np.arange(size, size + n)
-        wide[:, diagonal, diagonal] = np.where(np.isnan(feedback), 0.0, 1.0 / feedback_sd)
-        root = wide
+def whitening_of(sd: Array | None, covariance: Array, alone: Array, sensed: Sensed) -> Whitening:
+    """The weights of measurements.
+
+    Args:
+        sd: as in `Whitening`.
+        covariance: (N, 3 or 6, 3 or 6), of position and, if it is sensed, attitude (m, rad); NaN on the diagonal: not
+            measured.
+        alone: (N, k), standard deviations of the other rows, which are correlated with nothing; NaN: not measured.
+    """
+    size, k = covariance.shape[1], alone.shape[1]
+    root = np.zeros((len(covariance), size + k, size + k))
+    root[:, :size, :size] = root_of(covariance)
+    diagonal = np.arange(size, size + k)
+    root[:, diagonal, diagonal] = np.where(np.isnan(alone), 0.0, 1.0 / alone)
     return Whitening(sd, root, sensed)

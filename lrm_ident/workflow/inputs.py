@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lrm_ident.data.apply_reading import AS_NAMED
-from lrm_ident.data.measurements import Measurements, metadata_of
+from lrm_ident.data.measurement_file.metadata import metadata_of
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.loss import SQUARED, Loss, loss_named
+from lrm_ident.registration.anchor import with_anchor
 from lrm_ident.registration.checked import load_checked
 from lrm_ident.report.fit import fit_words
 from lrm_math.arm.arm import Arm
@@ -78,7 +80,8 @@ def read_inputs(
     file, loaded = read_model(model, catalogue, notice)
     usual = None if file.provenance is None else file.provenance.reading
     measured = read_measurements(data, loaded.arm, file.arm, notice, reading, usual)
-    return ModelInputs(file, loaded, as_fitted(file, measured, notice), catalogue)
+    data_used = as_fitted(file, measured, notice)
+    return ModelInputs(file, with_anchor(loaded, data_used), data_used, catalogue)
 
 
 def as_fitted(file: ModelFile, measured: Measurements, notice: OnNotice) -> Measurements:

@@ -17,6 +17,7 @@ from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_mode
 from lrm_ident.estimation.model_history import model_file
 from lrm_ident.estimation.priors import load_prior, prior_name_for
 from lrm_ident.progress import OnProgress
+from lrm_ident.registration.anchor import with_anchor
 from lrm_ident.report.diagnosis import step_document, step_words
 from lrm_ident.report.document import Document
 from lrm_ident.report.fit import ErrorSummary, fit_document
@@ -92,9 +93,9 @@ def prior_step(
 
 def error_of(model: Model, data: Measurements) -> ErrorStats:
     """TCP error of a model as it is."""
-    return error_stats(data.tcp - equilibrium(model, data.poses).tcp)
+    return error_stats(data.position_error(equilibrium(model, data.poses)))
 
 
 def nominal_error(arm: Arm, data: Measurements) -> ErrorStats:
     """TCP error of the arm file's nominal arm."""
-    return error_of(model_of(arm, ()), data)
+    return error_of(with_anchor(model_of(arm, ()), data), data)

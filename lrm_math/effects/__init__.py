@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lrm_math.arm.arm import Arm
+from lrm_math.effects.anchor import Anchor
 from lrm_math.effects.backlash import Backlash, Hysteresis
 from lrm_math.effects.base import AngleDependentEffect, Effect, JointEffect, LoadedJointEffect, Parameter
 from lrm_math.effects.compliance import BaseCompliance, BendingEnds, Compliance, LateralCompliance, NonlinearStiffness
@@ -35,6 +36,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     Drift,
     Session,
     MeasurementFrame,
+    Anchor,
     ServoDroop,
 )
 FORMS: tuple[type[Effect], ...] = (

@@ -80,12 +80,13 @@ class Parameter:
 class Excitation:
     """What excites effects: the poses, and gravity's torque (N, n) on the joints at them (N·m).
 
-    `feedback`: whether the joints' encoders were read.
+    `feedback`: whether the joints' encoders were read. `distance`: whether distances from a point were measured.
     """
 
     poses: Poses
     torque: Array
     feedback: bool = False
+    distance: bool = False
 
     def levels(self, joint: int) -> int:
         """Number of different angles (to 0.5°) of a joint."""
@@ -122,6 +123,8 @@ class Effect(ABC):
     """A sentence that reports it, with the parameters' names in braces: `{place} has {b_rad} of play`."""
     online: ClassVar[bool] = True
     """Whether the rover can compensate it: it depends on angles, load and direction only."""
+    instrument: ClassVar[bool] = False
+    """Whether it only says where a measuring instrument stands: the arm moves as without it."""
     constant: ClassVar[bool] = False
     """Whether `motion` is the same whatever the pose, load and direction."""
     linear: ClassVar[bool] = False
@@ -198,6 +201,10 @@ class Effect(ABC):
 
     def seen(self, tcp: Array, p: Sequence[float]) -> Array | None:
         """(N, 3): measurement error at the TCP positions (N, 3), m; None if there is none. Linear in both."""
+        return None
+
+    def anchor_shift(self, p: Sequence[float]) -> Array | None:
+        """(3,): what it adds to the fixed point of measured distances, m; None if nothing. Linear in p."""
         return None
 
     def missing_excitation(self, excitation: Excitation) -> str | None:

@@ -12,7 +12,7 @@ from lrm_math.model.model import Model
 
 
 def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
-    """The effects of a model that can be compensated: not rounding, and none of those `left_out`.
+    """The effects of a model that can be compensated: not rounding, not where an instrument stood, none `left_out`.
 
     Raises `LrmError`: an effect that only explains a measurement session (drift, session, measurement_frame) is neither
     compensable nor named in `left_out`; or a name there that the model does not have.
@@ -21,15 +21,15 @@ def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
     for name in left_out:
         if name not in names:
             raise LrmError(f"left out: '{name}' is no effect of this model; it has {', '.join(sorted(names))}")
-    kept = [e.online and e.id not in left_out for e in model.effects]
-    for effect, keep in zip(model.effects, kept, strict=True):
-        if not keep and effect.id not in left_out:
+    kept = [e.online and e.id not in (*left_out, "quantisation") for e in model.effects]
+    for effect in model.effects:
+        if not (effect.online or effect.instrument or effect.id in left_out):
             raise LrmError(
                 f"effect {effect.id}@{effect.place} explains a measurement session and cannot be compensated on the "
                 f"rover; name it as left out (left_out = ['{effect.id}']) to deploy the others"
             )
-    effects = tuple(e for e, keep in zip(model.effects, kept, strict=True) if keep and e.id != "quantisation")
-    spans = [s for e, s, keep in zip(model.effects, model.spans, kept, strict=True) if keep and e.id != "quantisation"]
+    effects = tuple(e for e, keep in zip(model.effects, kept, strict=True) if keep)
+    spans = [s for e, s, keep in zip(model.effects, model.spans, kept, strict=True) if keep]
     values = np.concatenate([np.empty(0), *(model.values[span] for span in spans)])
     smooth = Model(model.arm, effects, values)
     return replace(smooth, free=tuple(key for key in model.free if key in smooth.keys))

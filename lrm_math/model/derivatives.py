@@ -22,7 +22,7 @@ from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
 from lrm_math.model.equilibrium import Equilibrium
-from lrm_math.model.sensed import TCP_ONLY, Sensed
+from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
 
 
 def slot_jacobian(chain: Chain, geometry: ChainGeometry) -> Array:
@@ -58,7 +58,7 @@ def respond(rest: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     geometry = chain_geometry(chain, rest.slots, len(rest.poses), [weight.com for weight in rest.weights])
     rigid = slot_jacobian(chain, geometry)
     if sensed != TCP_ONLY:
-        rigid = _with_sensed(rigid, chain, geometry, sensed)
+        rigid = _with_sensed(rigid, rest, geometry, sensed)
     if not model.load_slots:
         return _as_measured(Response(rest, geometry, rigid, np.empty((0, *rigid.shape[1:])), sensed))
     H = statics.load_derivatives(chain, geometry, rest.weights, model.load_slots)
@@ -73,17 +73,20 @@ def respond(rest: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     return _as_measured(Response(rest, geometry, total, by_load, sensed))
 
 
-def _with_sensed(rigid: Array, chain: Chain, geometry: ChainGeometry, sensed: Sensed) -> Array:
-    """(S, R, N), the Jacobian of the TCP (S, 3, N) with the rows of its attitude, and empty ones of the encoders.
+def _with_sensed(rigid: Array, rest: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:
+    """(S, R, N), the Jacobian of the TCP (S, 3, N) with the rows of its attitude, empty ones of the encoders, and that
+    of its distance from a point: the TCP's motion along the line.
 
     An attitude error is a rotation vector in world axes. A motion that is added before an encoder adds to its row.
     """
-    parts = [rigid]
+    chain, parts = rest.model.chain, [rigid]
     if sensed.attitude:
         rotates = np.array([slot.rotates for slot in chain.slots])
         parts.append(np.where(rotates[:, None, None], geometry.axis, 0.0))
     if sensed.feedback:
         parts.append(np.zeros((len(rigid), chain.dof, rigid.shape[2])))
+    if sensed.distance_from is not None:
+        parts.append(np.einsum("nc,scn->sn", along_distance(rest, sensed.distance_from), rigid)[:, None])
     return np.concatenate(parts, axis=1)
 
 
@@ -162,6 +165,9 @@ def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Ar
         shift = effect.seen(rest.true_tcp, unit)
         if shift is not None:
             out[j][:3] += shift.T
+        anchor, start = effect.anchor_shift(unit), response.sensed.distance_from
+        if anchor is not None and start is not None:
+            out[j][-1] -= along_distance(rest, start) @ anchor
     return out
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.equilibrium import Equilibrium
@@ -11,14 +14,18 @@ from lrm_math.model.equilibrium import Equilibrium
 
 @dataclass(frozen=True)
 class Sensed:
-    """Rows of each pose: the TCP's position (3), then its `attitude` (3), then every joint's `feedback` (n)."""
+    """Rows of each pose: the TCP's position (3), its `attitude` (3), every joint's `feedback` (n), its distance (1).
+
+    `distance_from`: point from which the last one is measured as far as it is stated (m), else the origin; None: none.
+    """
 
     attitude: bool = False
     feedback: bool = False
+    distance_from: tuple[float, float, float] | None = None
 
     def rows(self, dof: int) -> int:
         """Number of rows R of one pose."""
-        return 3 + 3 * self.attitude + dof * self.feedback
+        return 3 + 3 * self.attitude + dof * self.feedback + (self.distance_from is not None)
 
     @property
     def first_feedback(self) -> int:
@@ -50,3 +57,19 @@ def encoder_angles(rest: Equilibrium) -> Array:
 def tool_rotation(rest: Equilibrium) -> Array:
     """(N, 3, 3), rotation of the tool's frame at rest."""
     return frames(rest.model.chain, rest.slots, len(rest.poses))[:, -1, :3, :3]
+
+
+def from_anchor(rest: Equilibrium, stated: ArrayLike) -> Array:
+    """(N, 3), TCP less the fixed point of measured distances (m): the stated one, and what effects add to it."""
+    point = np.asarray(stated, dtype=np.float64)
+    for effect, p in rest.model.parts():
+        shift = effect.anchor_shift(p)
+        if shift is not None:
+            point = point + shift
+    return np.asarray(rest.true_tcp - point)
+
+
+def along_distance(rest: Equilibrium, stated: ArrayLike) -> Array:
+    """(N, 3), unit vectors from that point to the TCP."""
+    line = from_anchor(rest, stated)
+    return np.asarray(line / np.linalg.norm(line, axis=1, keepdims=True))

@@ -15,7 +15,7 @@ from lrm_ident.camera.capture import photos_in
 from lrm_ident.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.camera.lens import Lens, calibrate_lens
 from lrm_ident.camera.session import measure, read_photos
-from lrm_ident.data.measurements import measurements_csv
+from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_math.model.equilibrium import equilibrium
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, HIDDEN, poses_in_view, rig, tip_error, write_arm_photos, write_lens_photos

@@ -3,39 +3,40 @@
 from __future__ import annotations
 
 import argparse
-import multiprocessing
-import os
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 
+from lrm_ident.executors import as_finished, executor_for
 from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.confusion import ONE_THREAD, CaseOutcome, examine
+from validation.hidden_effects.confusion import CaseOutcome, examine
 from validation.hidden_effects.tables import report
 
 
 def main() -> None:
     """Read the options, run, print."""
     options = _options()
-    outcomes = run(options.cases, options.seeds, options.poses, options.jobs, options.keep)
+    with executor_for(options.cluster, most=options.jobs) as pool:
+        outcomes = run(options.cases, options.seeds, options.poses, pool, options.keep)
     text = report(outcomes, options.poses)
     print(text)
     if options.out:
         options.out.write_text(text, encoding="utf-8")
 
 
-def run(names: Sequence[str], seeds: int, poses: int, jobs: int, keep: Path | None = None) -> list[CaseOutcome]:
-    """Every case with every seed, in worker processes; progress goes to stderr. In the order of cases and seeds."""
-    os.environ.update(ONE_THREAD)  # before numpy is loaded in the workers
+def run(
+    names: Sequence[str], seeds: int, poses: int, executor: Executor, keep: Path | None = None
+) -> list[CaseOutcome]:
+    """Every case with every seed, side by side; progress goes to stderr. In the order of cases and seeds."""
     tasks = [(name, seed) for name in names for seed in range(seeds)]
     done: dict[tuple[str, int], CaseOutcome] = {}
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        waiting = [pool.submit(examine, name, seed, poses, keep) for name, seed in tasks]
-        for number, future in enumerate(as_completed(waiting), start=1):
-            outcome = future.result()
-            done[outcome.case, outcome.seed] = outcome
-            print(f"{number}/{len(tasks)} {_line(outcome)}", file=sys.stderr, flush=True)
+    for number, (_, outcome) in enumerate(
+        as_finished(executor, partial(examine, poses=poses, keep=keep), tasks), start=1
+    ):
+        done[outcome.case, outcome.seed] = outcome
+        print(f"{number}/{len(tasks)} {_line(outcome)}", file=sys.stderr, flush=True)
     return [done[task] for task in tasks]
 
 
@@ -52,6 +53,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--poses", type=int, default=300, help="poses per data set")
     parser.add_argument("--cases", type=_names, default=list(CASES), help=f"comma-separated: {', '.join(CASES)}")
     parser.add_argument("--jobs", type=int, default=2, help="worker processes")
+    parser.add_argument("--cluster", help="Dask scheduler; its workers need this repository on their path")
     parser.add_argument("--out", type=Path, help="write the tables to this Markdown file too")
     parser.add_argument("--keep", type=Path, help="keep data, models and diagnoses in this folder")
     return parser.parse_args()

@@ -75,8 +75,9 @@ class AutoOutcome:
         return self.verdict == NOTHING_MISSING and self.ratio is not None and self.ratio > ABOVE_FLOOR
 
 
-def examine_auto(name: str, seed: int, poses: int, keep: Path | None = None) -> AutoOutcome:
+def examine_auto(case_and_seed: tuple[str, int], poses: int, keep: Path | None = None) -> AutoOutcome:
     """Makes a data set and runs the tool on it; the files stay in the folder keep if one is given. Never raises."""
+    name, seed = case_and_seed
     case = UNFAMILIAR[name]
     with TemporaryDirectory(prefix="unfamiliar-") as scratch:
         folder = Path(scratch) if keep is None else keep / f"{name.replace('/', '-').replace(' ', '-')}-{seed}"

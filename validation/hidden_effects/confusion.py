@@ -14,13 +14,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from lrm_ident.executors import ONE_THREAD
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import NOISE_M, write_case
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND_TIMEOUT_S = 900.0
 FLOOR_MM = NOISE_M * 1000.0 * math.sqrt(3.0)
-ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 EFFECT_MISSING, NOTHING_MISSING, UNEXPLAINED = "effect_missing", "nothing_missing", "unexplained_structure"
 
 
@@ -76,8 +76,9 @@ class CommandFailed(Exception):
     """A command of the tool failed."""
 
 
-def examine(name: str, seed: int, poses: int, keep: Path | None = None) -> CaseOutcome:
+def examine(case_and_seed: tuple[str, int], poses: int, keep: Path | None = None) -> CaseOutcome:
     """Make a data set and run the tool on it; the files stay in the folder keep if one is given. Never raises."""
+    name, seed = case_and_seed
     with TemporaryDirectory(prefix="hidden-") as scratch:
         folder = Path(scratch) if keep is None else keep / f"{name}-{seed}"
         folder.mkdir(parents=True, exist_ok=True)

@@ -10,17 +10,18 @@ import os
 import tempfile
 from collections import Counter
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.estimation.cross_validation import held_out_residual
 from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.executors import executor_for, in_order
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
@@ -114,9 +115,9 @@ def main() -> None:
         "one effect, 120 poses, noise not known": _specs(SINGLE, 3, 120, noise_known=False),
         "one effect, 50 poses": _specs(SINGLE, 4, 50),
     }
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
+    with executor_for(most=os.cpu_count()) as pool:
         for name, specs in groups.items():
-            results = list(pool.map(examine, specs))
+            results = in_order(pool, examine, specs)
             outcomes = ", ".join(f"{count} {what}" for what, count in Counter(r.outcome for r in results).most_common())
             worst = max(result.ratio for result in results if result.outcome == "right")
             print(

@@ -10,15 +10,16 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from lrm_ident.data.measurements import load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.executors import executor_for, in_order
 from lrm_ident.laws.proposal import propose_law
 from lrm_ident.synthetic import FormulaJoint
 from lrm_math.arm.arm_file import load_arm
@@ -84,8 +85,9 @@ def law_case(formula: str) -> UnfamiliarCase:
     return hidden("report", f"law-{number}", None, lambda by: FormulaJoint(joint, by.size(size), formula))
 
 
-def examine_law(formula: str, seed: int, poses: int) -> ProposedLawOutcome:
+def examine_law(law_and_seed: tuple[str, int], poses: int) -> ProposedLawOutcome:
     """Fits offsets and compliance, proposes, and predicts unseen poses. formula: "" for no hidden effect."""
+    formula, seed = law_and_seed
     case = law_case(formula) if formula else nothing("report")
     arm = load_arm(str(arm_file(case)))
     with TemporaryDirectory(prefix="law-") as folder:
@@ -106,6 +108,10 @@ def examine_law(formula: str, seed: int, poses: int) -> ProposedLawOutcome:
     return ProposedLawOutcome(formula, "" if best is None else best.law.formula, ratio_of(fitted), ratio_of(after))
 
 
+def _said(done: int, of: int) -> None:
+    print(f"{done}/{of}", file=sys.stderr, flush=True)
+
+
 def main() -> None:
     """Runs all laws and the null data, and prints a table."""
     parser = argparse.ArgumentParser(prog="python -m validation.hidden_effects.proposed_laws", description=__doc__)
@@ -114,16 +120,14 @@ def main() -> None:
     parser.add_argument("--null", type=int, default=20, help="data sets without a hidden effect")
     parser.add_argument("--poses", type=int, default=300)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--cluster", help="Dask scheduler; its workers need this repository on their path")
     options = parser.parse_args()
     first = FIRST_SEED[options.half]
     tasks = [(law, seed) for law in HALVES[options.half] for seed in range(first, first + options.seeds)] + [
         ("", seed) for seed in range(first, first + options.null)
     ]
-    with ProcessPoolExecutor(options.jobs) as pool:
-        found = []
-        for one in pool.map(examine_law, *zip(*tasks, strict=True), [options.poses] * len(tasks)):
-            found.append(one)
-            print(f"{len(found)}/{len(tasks)} {one}", file=sys.stderr, flush=True)
+    with executor_for(options.cluster, most=options.jobs) as pool:
+        found = in_order(pool, partial(examine_law, poses=options.poses), tasks, _said)
     laws, null = [one for one in found if one.truth], [one for one in found if not one.truth]
     rows = [(one.truth, one.proposed or "–", f"{one.before:.2f}", f"{one.ratio:.2f}") for one in laws]
     print(markdown_table(("hidden", "proposed", "ratio before", "ratio after"), rows))

@@ -7,16 +7,15 @@ docs/confusion.md, whose section it replaces.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
-import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 
+from lrm_ident.executors import as_finished, executor_for
 from validation.hidden_effects.auto_outcome import NEAR_FLOOR, AutoOutcome, examine_auto
-from validation.hidden_effects.confusion import ONE_THREAD
 from validation.hidden_effects.tables import markdown_table, share, spread
 from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
 
@@ -28,7 +27,8 @@ def main() -> None:
     """Read the options, run, print; replace the section of a file."""
     options = _options()
     names = [name for name in UNFAMILIAR if name.endswith("/" + options.half) and options.only in name]
-    outcomes = run(names, options.seeds, options.poses, options.jobs, options.keep)
+    with executor_for(options.cluster, most=options.jobs) as pool:
+        outcomes = run(names, options.seeds, options.poses, pool, options.keep)
     text = section(outcomes, options.half, options.poses, options.seeds)
     print(text)
     if options.out:
@@ -36,17 +36,17 @@ def main() -> None:
         options.out.write_text(f"{before}\n\n{text}".lstrip(), encoding="utf-8")
 
 
-def run(names: Sequence[str], seeds: int, poses: int, jobs: int, keep: Path | None = None) -> list[AutoOutcome]:
-    """Every case with every seed, in worker processes; progress goes to stderr."""
-    os.environ.update(ONE_THREAD)  # before numpy is loaded in the workers
+def run(
+    names: Sequence[str], seeds: int, poses: int, executor: Executor, keep: Path | None = None
+) -> list[AutoOutcome]:
+    """Every case with every seed, side by side; progress goes to stderr."""
     tasks = [(name, seed) for name in names for seed in range(seeds)]
     done: dict[tuple[str, int], AutoOutcome] = {}
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        waiting = [pool.submit(examine_auto, name, seed, poses, keep) for name, seed in tasks]
-        for number, future in enumerate(as_completed(waiting), start=1):
-            one = future.result()
-            done[one.case, one.seed] = one
-            print(f"{number}/{len(tasks)} {_line(one)}", file=sys.stderr, flush=True)
+    for number, (_, one) in enumerate(
+        as_finished(executor, partial(examine_auto, poses=poses, keep=keep), tasks), start=1
+    ):
+        done[one.case, one.seed] = one
+        print(f"{number}/{len(tasks)} {_line(one)}", file=sys.stderr, flush=True)
     return [done[task] for task in tasks]
 
 
@@ -125,6 +125,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=1, help="data sets per case")
     parser.add_argument("--poses", type=int, default=300, help="poses per data set")
     parser.add_argument("--jobs", type=int, default=2, help="worker processes")
+    parser.add_argument("--cluster", help="Dask scheduler; its workers need this repository on their path")
     parser.add_argument("--out", type=Path, help="write the section into this Markdown file")
     parser.add_argument("--keep", type=Path, help="keep data and models in this folder")
     return parser.parse_args()

@@ -18,7 +18,8 @@ from lrm_ident.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measur
 from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import app, notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
-from lrm_ident.data.measurements import load_poses, measurements_csv, read_pose_feedback
+from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
+from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.output_files import check_outputs
 from lrm_ident.estimation.model_history import arm_name_for
 from lrm_ident.report.document import ListSection

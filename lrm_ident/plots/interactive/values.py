@@ -30,7 +30,7 @@ def figure_values(found: Findings) -> dict[str, Any]:
         "thinned": field.thinned,
         "q": rounded(np.degrees(data.poses.q), 2),
         "load": rounded(data.poses.payload * 1e3, 1),
-        "tcp": rounded(data.tcp * 1e3, UM),
+        "tcp": rounded(np.where(np.isnan(data.tcp), field.bent[:, -1], data.tcp) * 1e3, UM),
         "nominal": rounded(field.nominal * 1e3, 1),
         "bent": rounded(field.bent * 1e3, 1),
         "scale": {

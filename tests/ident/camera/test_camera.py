@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.measurements import load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.design.pose_design import DesignProblem, design
 from lrm_ident.estimation.loss import SQUARED
 from lrm_ident.estimation.model_fit import fit_model, nominal_model

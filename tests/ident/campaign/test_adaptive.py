@@ -14,7 +14,7 @@ from lrm_ident.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.campaign.data_file import ArmState, CampaignHead, DataFile
 from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.campaign.run import PoseCampaign, PoseTiming, Unreachable
-from lrm_ident.data.measurements import load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.design.adaptive_batch import BATCH, FIRST_BATCH, AdaptiveFindings, StoppingGoal
 from lrm_ident.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arm.arm_file import load_arm

@@ -12,7 +12,7 @@ import pytest
 from lrm_ident.campaign.data_file import ArmState, CampaignHead, DataFile, after_midnight
 from lrm_ident.campaign.plan import PlannedPose, load_plan
 from lrm_ident.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, Unreachable
-from lrm_ident.data.measurements import load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError

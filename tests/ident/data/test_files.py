@@ -12,7 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.csv_table import csv_text
-from lrm_ident.data.measurements import Measurements, load_measurements, load_poses, measurements_csv
+from lrm_ident.data.measurement_file.load import load_measurements, load_poses
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import directions
 from lrm_ident.estimation.model_history import model_text
 from lrm_math.arm.arm import Arm, Placement

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.measurements import Measurements, load_measurements, measurements_csv
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.estimation.levenberg_marquardt import Fit, fit
 from lrm_ident.estimation.loss import SQUARED
@@ -22,6 +24,7 @@ from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.reading import Reading
 from lrm_math.model.sensed import encoder_angles, tool_rotation
 
 SD, TURN_SD, FEEDBACK_SD = 4e-4, 2e-3, 4e-4
@@ -85,6 +88,20 @@ def test_written_and_read_again(so101: Arm, tmp_path: Path) -> None:
     np.testing.assert_allclose(again.whitening.root, data.whitening.root, rtol=1e-5, atol=1e-3)
     assert again.whitening.measured[3] == data.whitening.measured[3] == 3 + 5
     assert again.whitening.measured[4] == 6 + 4
+
+
+def test_scatter_of_positions_alone(so101: Arm, tmp_path: Path) -> None:
+    """A covariance without an orientation weighs the positions, along the axes that it is read in."""
+    C = np.diag([3e-4, 4e-4, 3e-3, 1.0, 1.0, 1.0]) ** 2
+    C[3:, 3:] = np.nan
+    data = positions_only(measured(hidden(so101), 12, 1))
+    data = replace(data, covariance=np.broadcast_to(C, (12, 6, 6)).copy())
+    path = tmp_path / "scatter.csv"
+    path.write_text(measurements_csv(data))
+    plain, turned = (load_measurements(path, so101, Reading(axes=axes)) for axes in ("x,y,z", "z,y,-x"))
+    np.testing.assert_allclose(plain.whitening.root, data.whitening.root, rtol=1e-5)
+    np.testing.assert_allclose(1.0 / np.diag(turned.whitening.root[0]), [3e-3, 4e-4, 3e-4], rtol=1e-5)
+    assert turned.sd == pytest.approx(plain.sd)
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,9 @@ from lrm_ident.data.apply_reading import (
     read_positions,
     rigid_motion,
 )
-from lrm_ident.data.measurements import Measurements, load_measurements, measurements_csv
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.registration.checked import Misread, load_checked
 from lrm_ident.registration.collapse import DestroyedArm, check_arm
 from lrm_ident.registration.question import ask, nominal_tcp

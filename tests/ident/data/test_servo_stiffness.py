@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident import synthetic
-from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.servo_stiffness import GRAVITY, ServoTest, load_servo_test, stiffness
 from lrm_ident.data.tracker_alignment import TrackerReadings, align, mean_quaternion, measurements_from, rotation_of
 from lrm_ident.estimation.identifiability import fit_identifiable

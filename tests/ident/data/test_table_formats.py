@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.column_names import column_name
-from lrm_ident.data.measurements import load_measurements, load_poses
+from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 
@@ -115,7 +115,7 @@ def test_any_text_is_a_name_or_not(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["x_nominal", "x_err", "q1_meas_deg", "distance_mm", "x y", "xx", "q", "qx1", "x_kg", "q1 [mm]"]
+    "name", ["x_nominal", "x_err", "q1_meas_deg", "distance_deg", "x y", "xx", "q", "qx1", "x_kg", "q1 [mm]"]
 )
 def test_other_columns_are_left_alone(name: str) -> None:
     assert column_name(name) is None

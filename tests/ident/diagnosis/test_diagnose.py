@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.data_audit import audit
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import Measurements, load_measurements, load_poses
+from lrm_ident.data.measurement_file.load import load_measurements, load_poses
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose

@@ -393,9 +393,9 @@ def test_examine_follows_the_contract(tmp_path: Path, monkeypatch: pytest.Monkey
         return 1.0
 
     monkeypatch.setattr(confusion, "run_tool", tool)
-    outcome = confusion.examine("play2", 0, 20, tmp_path)
+    outcome = confusion.examine(("play2", 0), 20, tmp_path)
     assert outcome == CaseOutcome(
         "play2", 0, "effect_missing", ("backlash@joint2", "coupling@joint2<-joint1"), 2.0, 0.6, 2.5, ""
     )
     monkeypatch.setattr(confusion, "_fit_and_name", lambda *_: 1 / 0)
-    assert "ZeroDivisionError" in confusion.examine("play2", 0, 20, tmp_path).trouble
+    assert "ZeroDivisionError" in confusion.examine(("play2", 0), 20, tmp_path).trouble

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
 from lrm_ident.effect_plugins import effects_in, file_of, sha256_of

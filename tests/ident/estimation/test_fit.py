@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from lrm_ident import synthetic
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.cross_validation import held_out_residual, joint_space_folds
 from lrm_ident.estimation.error_breakdown import compare, try_held_out
 from lrm_ident.estimation.identifiability import fit_identifiable, select_identifiable

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import lrm_ident as lrm
-from lrm_ident.data.measurements import Measurements, measurements_csv
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
 from lrm_math.model.model_file import ProvenanceTable
 from tests.support.commands import run_command, stdout_of
 from validation.misreadings import random_arm_data

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurements import Measurements, load_measurements
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.cross_validation import held_out_residual
 from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.loss import SQUARED

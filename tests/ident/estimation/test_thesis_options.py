@@ -211,7 +211,7 @@ def test_real_poses_no_worse_than_the_authors_own_parameters(lab: Arm, real: Mea
 
 @pytest.mark.slow
 def test_the_command_writes_what_it_draws(tmp_path: Path, method: OptionStudy, loaded: OptionStudy) -> None:
-    from lrm_ident.data.measurements import measurements_csv
+    from lrm_ident.data.measurement_file.write import measurements_csv
 
     for name, one in (("light", method), ("heavy", loaded)):
         (tmp_path / f"{name}.csv").write_text(measurements_csv(one.data))

@@ -80,7 +80,7 @@ def _position(table: CsvTable, sd: Array | None) -> Array | None:
     if _stated(table, POSITION_COVARIANCE):
         return _symmetric(table, POSITION_COVARIANCE, MM**2)
     if _stated(table, PER_AXIS):
-        each = np.stack([_positive(table, name) for name in PER_AXIS], axis=1) * MM
+        each = np.stack([positive(table, name) for name in PER_AXIS], axis=1) * MM
         return np.asarray(np.einsum("ni,ij->nij", each**2, np.eye(3)))
     return None if sd is None else np.broadcast_to(sd[:, None, None] ** 2 * np.eye(3), (n, 3, 3))
 
@@ -89,7 +89,7 @@ def _turn(table: CsvTable) -> Array | None:
     if _stated(table, TURN_COVARIANCE):
         return _symmetric(table, TURN_COVARIANCE, DEG**2)
     if TURN_SD in table.header:
-        return np.asarray(np.einsum("n,ij->nij", (_positive(table, TURN_SD) * DEG) ** 2, np.eye(3)))
+        return np.asarray(np.einsum("n,ij->nij", (positive(table, TURN_SD) * DEG) ** 2, np.eye(3)))
     return None
 
 
@@ -107,7 +107,8 @@ def _symmetric(table: CsvTable, names: Sequence[str], unit: float) -> Array:
     return out
 
 
-def _positive(table: CsvTable, name: str) -> Array:
+def positive(table: CsvTable, name: str) -> Array:
+    """(N,), a column of numbers above zero. Raises `FileError`."""
     values = table.numbers(name)
     table.reject(values <= 0, name, "not above zero")
     return values
@@ -120,7 +121,7 @@ def read_attitude(table: CsvTable) -> Array | None:
     """
     if not _stated(table, QUATERNION):
         return None
-    values = np.stack([_maybe(table, name) for name in QUATERNION], axis=1)
+    values = np.stack([maybe_numbers(table, name) for name in QUATERNION], axis=1)
     gone = np.isnan(values)
     for i, name in enumerate(QUATERNION):
         table.reject(gone[:, i] & ~gone.all(axis=1), name, "empty, the rest of the quaternion is not")
@@ -141,11 +142,11 @@ def read_feedback(table: CsvTable, arm: Arm, how: Reading) -> Array | None:
     columns = feedback_columns(arm)
     if not _stated(table, columns):
         return None
-    return np.radians(read_joints(how, np.stack([_maybe(table, name) for name in columns], axis=1)))
+    return np.radians(read_joints(how, np.stack([maybe_numbers(table, name) for name in columns], axis=1)))
 
 
-def _maybe(table: CsvTable, name: str) -> Array:
-    """A column of numbers of which some may be missing (NaN)."""
+def maybe_numbers(table: CsvTable, name: str) -> Array:
+    """(N,), a column of numbers of which some may be missing (NaN)."""
     j = table.header.index(name)
     empty = np.array([not row[j].strip() for row in table.rows])
     out = np.full(len(table.rows), np.nan)

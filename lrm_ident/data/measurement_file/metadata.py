@@ -1,0 +1,63 @@
+"""Metadata beside a measurement file: `NAME.toml` beside `NAME.csv`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, FiniteFloat
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import FileError
+from lrm_math.model.reading import Reading
+from lrm_math.toml_file import read_toml, schema_of
+
+
+class Metadata(Reading):
+    """Metadata file `NAME.toml`, schema `lrm/measurements/1`; it may say how the numbers are to be read.
+
+    `feedback_sd_deg`: standard deviation of the joints' encoders. `distance_from_mm`: the point that distances are
+    measured from, in the frame of the positions; `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of
+    a campaign, its file of poses and the tracker's time at t_s = 0.
+    """
+
+    schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
+    arm: str | None = None
+    source: str = ""
+    start_q_deg: list[float] | None = None
+    noise_sd_mm: Annotated[float, Field(gt=0)] | None = None
+    feedback_sd_deg: Annotated[float, Field(gt=0)] | None = None
+    distance_from_mm: Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)] | None = None
+    distance_sd_mm: Annotated[float, Field(gt=0)] | None = None
+    poses_sha256: str | None = None
+    t0_s: float | None = None
+
+
+def metadata_of(path: Path) -> Metadata | None:
+    """Metadata of a CSV file; None if there is no such file, or the one of that name is of another schema.
+
+    Raises `FileError`.
+    """
+    file = path.with_suffix(".toml")
+    if not file.is_file() or is_something_else(file):
+        return None
+    return read_toml(file, Metadata)
+
+
+def is_something_else(sidecar: Path) -> bool:
+    """Whether a TOML file says by its schema that it is a model, an arm, or anything but metadata."""
+    schema = schema_of(sidecar)
+    return schema is not None and not schema.startswith("lrm/measurements/")
+
+
+def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
+    """The arm that is named, or that the file beside the data names. Raises `FileError`."""
+    if arm is not None:
+        return arm, load_arm(arm)
+    metadata = metadata_of(data) if data.exists() else None
+    if not data.exists():
+        raise FileError(data, "", "no such file")
+    if metadata is None or metadata.arm is None:
+        raise FileError(data, "", "no arm given", "name it with --arm, or as arm in the .toml file beside the data")
+    return metadata.arm, load_arm(metadata.arm)

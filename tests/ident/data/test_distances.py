@@ -1,0 +1,226 @@
+"""Distances from a fixed point (string, ball bar): read, weighted, fitted alone and beside positions; derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
+from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.estimation.cross_validation import held_out_residual
+from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.loss import SQUARED
+from lrm_ident.estimation.model_fit import fit_model, nominal_model
+from lrm_ident.registration.anchor import trilaterate, with_anchor
+from lrm_ident.registration.similarity import robust_similarity
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.errors import FileError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.deployed_model import deployed_part
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.sensed import Sensed, from_anchor
+from tests.support.random_arms import random_arm
+
+SD, POINT = 2e-4, np.array([0.15, -0.45, 0.05])
+ANCHOR = tuple(f"anchor.distance.{axis}_mm" for axis in "xyz")
+
+
+@pytest.fixture(scope="module")
+def lab() -> Arm:
+    return load_arm("lrm-lab")
+
+
+def true_model(arm: Arm, **more: float) -> Model:
+    """Errors of assembly and springs, and parameters `effect__place__name` of further effects."""
+    names = ["offsets", "compliance", *dict.fromkeys(name.rsplit("__", 1)[0].replace("__", "@") for name in more)]
+    model = nominal_model(arm, names)
+    rng = np.random.default_rng(3)
+    values = {
+        key: float(abs(rng.normal(0, 0.2)) if key.startswith("compliance") else rng.normal(0, 0.2)) * p.typical
+        for key, p in zip(model.keys, model.parameters, strict=True)
+        if key.split(".")[0] in ("offsets", "compliance")
+    }
+    return model_of(arm, model.effects, values | {key.replace("__", "."): value for key, value in more.items()})
+
+
+def measured(model: Model, poses: int, seed: int, positions: int = 0, point: bool = True) -> Measurements:
+    """Distances from `POINT`, with positions of the first so many poses; `point`: whether it is stated."""
+    rng = np.random.default_rng(seed)
+    limits = np.array([(joint.lower, joint.upper) for joint in model.arm.joints]) * 0.6
+    rest = equilibrium(model, poses_of(rng.uniform(*limits.T, (poses, model.arm.dof))))
+    number, sd = np.arange(1, poses + 1), np.full(poses, SD)
+    tcp = np.where(number[:, None] <= positions, rest.tcp + rng.normal(0, SD, (poses, 3)), np.nan)
+    covariance = np.full((poses, 6, 6), np.nan)
+    covariance[:, :3, :3] = SD**2 * np.eye(3)
+    distance = np.linalg.norm(from_anchor(rest, POINT), axis=1) + rng.normal(0, SD, poses)
+    return Measurements(
+        rest.poses, number, tcp, sd, None, number, Path("made.csv"), "", covariance=covariance if positions else None,
+        distance=distance, distance_sd=sd, distance_from=POINT if point else None, arm=model.arm,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_derivatives_are_those_of_central_differences(seed: int) -> None:
+    arm = random_arm(seed, 4)
+    names = ("offsets", "compliance", "servo_droop", "payload", "measurement_frame", "anchor")
+    model = model_of(arm, [effect for name in names for effect in effects_at(arm, name)])
+    size = np.random.default_rng(seed).uniform(0.1, 0.4, len(model.keys))
+    model = model.with_values([p.default or s * p.typical for p, s in zip(model.parameters, size, strict=True)])
+    poses = poses_of(np.random.default_rng(seed).uniform(-1.2, 1.2, (6, 4)), 0.05)
+
+    def distance(at: Model) -> np.ndarray:
+        return np.linalg.norm(from_anchor(equilibrium(at, poses, tolerance=1e-14), POINT), axis=1)
+
+    rest = equilibrium(model, poses, tolerance=1e-14)
+    sensed = Sensed(feedback=True, distance_from=(POINT[0], POINT[1], POINT[2]))
+    J = parameter_jacobian(rest, sensed=sensed)
+    assert J.shape == (6, sensed.rows(4), len(model.keys)) == (6, 8, len(model.keys))
+    for j, parameter in enumerate(model.parameters):
+        h = 1e-4 * (parameter.fixed or parameter.typical)
+        step = h * (np.arange(len(model.keys)) == j)
+        plus, minus = (distance(model.with_values(model.values + s * step)) for s in (1, -1))
+        difference = (plus - minus) / (2 * h)
+        assert np.abs(J[:, -1, j] - difference).max() <= 1e-6 * np.abs(difference).max() + 3e-15 / h, model.keys[j]
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_distances_alone_identify_the_arm(lab: Arm, stated: bool) -> None:
+    """The fitted arm predicts distances that were never measured, from that point, within the noise."""
+    truth = true_model(lab)
+    data = measured(truth, 120, 1, point=stated)
+    found = fit_model(nominal_model(lab), data, "identifiable", SQUARED)
+    assert (set(ANCHOR) <= set(found.fit.model.free)) is not stated
+    assert found.fit.sigma == pytest.approx(SD, rel=0.2)
+    fresh = measured(truth, 100, 2, point=stated)
+    unseen = np.linalg.norm(fresh.position_error(equilibrium(found.fit.model, fresh.poses)), axis=1)
+    assert np.sqrt((unseen**2).mean()) < 2.0 * SD
+    held = found.held
+    assert any(one.key.startswith("offsets.base") for one in held), "distances do not tell a turn about their own point"
+    left = held_out_residual(found.fit.model, data)
+    assert np.sqrt((left**2).sum(axis=1).mean()) < 2.0 * SD
+    point = POINT if stated else np.array([found.fit.model.value(key) for key in ANCHOR])
+    seen, true = (equilibrium(model, fresh.poses).tcp for model in (found.fit.model, truth))
+    motion = robust_similarity(seen, true, mirrored=False, scale=1.0)  # a turn about the point does not show
+    assert np.sqrt(((motion.apply(seen) - true) ** 2).sum(axis=1).mean()) < 10.0 * SD
+    assert np.linalg.norm(motion.apply(point[None])[0] - POINT) < 20.0 * SD
+
+
+def test_the_intervals_hold_the_truth_as_often_as_they_say(lab: Arm) -> None:
+    names = ("offsets@joint2", "compliance", "anchor")
+    truth = model_of(lab, [effect for name in names for effect in effects_at(lab, name)])
+    keys = ("offsets.joint2.theta_rad", "compliance.joint2.k_rad_per_Nm", "compliance.joint3.k_rad_per_Nm", *ANCHOR)
+    exact = dict(zip(keys, (0.02, 0.04, 0.05, *POINT.tolist()), strict=True))
+    truth = model_of(lab, truth.effects, {**exact, **dict.fromkeys(ANCHOR, 0.0)})
+    z = []
+    for seed in range(25):
+        data = measured(truth, 40, seed, positions=5, point=False)
+        found = fit(replace(with_anchor(truth, data), free=keys), data)
+        estimate = np.array([found.model.value(key) for key in keys])
+        z.append((estimate - list(exact.values())) / found.standard_error)
+    within = np.mean(np.abs(z) < 1.96)
+    assert 0.90 <= within <= 0.99
+
+
+def test_distances_help_positions_and_a_stated_point_may_be_wrong(lab: Arm) -> None:
+    truth = true_model(lab)
+    few = measured(truth, 90, 4, positions=45)
+    alone = few.take(few.positions)
+    without = replace(alone, distance=None, distance_sd=None, distance_from=None)
+    elsewhere = measured(truth, 100, 9).poses
+    there = equilibrium(truth, elsewhere).tcp
+
+    def tip(data: Measurements) -> float:
+        model = fit_identifiable(nominal_model(lab), data, nominal_model(lab).keys).fit.model
+        return float(np.sqrt(((equilibrium(model, elsewhere).tcp - there) ** 2).sum(axis=1).mean()))
+
+    assert tip(few) < tip(without)
+    off = replace(few, distance_from=POINT + np.array([0.0, 0.004, 0.0]))
+    seen = diagnose(fit_model(nominal_model(lab), off, "identifiable", SQUARED).fit.model, off)
+    assert [one.name for one in seen.supported][:1] == ["anchor@distance"]
+    _, missing = split_testable(unfitted_effects(seen.fit.model), seen.fit.rest, without.sensed)
+    assert "anchor" in {effect.id for effect, _ in missing}
+
+
+def test_trilateration() -> None:
+    tcp = np.random.default_rng(0).normal(size=(30, 3))
+    point, left = trilaterate(tcp, np.linalg.norm(tcp - POINT, axis=1))
+    np.testing.assert_allclose(point, POINT, atol=1e-9)
+    assert left < 1e-9
+
+
+def test_a_rover_needs_no_anchor(lab: Arm) -> None:
+    model = model_of(lab, [*effects_at(lab, "compliance"), *effects_at(lab, "anchor")], {ANCHOR[0]: 0.3})
+    assert {effect.id for effect in deployed_part(model).effects} == {"compliance"}
+
+
+def test_written_and_read_again(lab: Arm, tmp_path: Path) -> None:
+    data = measured(true_model(lab), 20, 1, positions=8)
+    path = tmp_path / "string.csv"
+    path.write_text(measurements_csv(data))
+    x, y, z = (POINT * 1e3).tolist()
+    path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\ndistance_from_mm = [{x}, {y}, {z}]\n')
+    again = load_measurements(path, lab)
+    rest = equilibrium(true_model(lab), again.poses)
+    np.testing.assert_allclose(again.residual(rest), data.residual(rest), atol=1e-8)
+    np.testing.assert_allclose(again.whitening.root, data.whitening.root, rtol=1e-5)
+    assert again.measured_rows == 8 * 3 + 20
+    only = tmp_path / "only.csv"
+    only.write_text(measurements_csv(measured(true_model(lab), 20, 1)))
+    assert "x_mm" not in only.read_text()
+    assert load_measurements(only, lab).measured_rows == 20
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("distance_mm", "-3", "not above zero"),
+        ("distance_mm", "far", "not a number"),
+        ("distance_mm", "nan", "not a finite number"),
+        ("distance_sd_mm", "0", "not above zero"),
+        ("distance_sd_mm", None, "some rows have a position, others only a distance"),
+        ("y_mm", None, "missing column y_mm"),
+        ("x_mm", "", "the rest of the position is not"),
+    ],
+)
+def test_bad_distances_in_one_line(lab: Arm, tmp_path: Path, column: str, value: str | None, words: str) -> None:
+    path = tmp_path / "bad.csv"
+    rows = [line.split(",") for line in measurements_csv(measured(true_model(lab), 12, 1, positions=6)).splitlines()]
+    j = rows[0].index(column)
+    if value is None:
+        rows = [row[:j] + row[j + 1 :] for row in rows]
+    else:
+        rows[2][j] = value
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    with pytest.raises(FileError, match=words):
+        load_measurements(path, lab)
+
+
+def test_a_row_without_anything_and_a_point_that_is_none(lab: Arm, tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    rows = [line.split(",") for line in measurements_csv(measured(true_model(lab), 12, 1)).splitlines()]
+    rows[4][rows[0].index("distance_mm")] = ""
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    with pytest.raises(FileError, match="no position either"):
+        load_measurements(path, lab)
+    path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\ndistance_from_mm = [1.0, nan, 2.0]\n')
+    with pytest.raises(FileError, match="distance_from_mm"):
+        load_measurements(path, lab)
+
+
+def test_another_unit_is_noticed(lab: Arm) -> None:
+    data = measured(true_model(lab), 40, 1, point=False)
+    with pytest.raises(FileError, match="unit of distance_mm"):
+        with_anchor(nominal_model(lab), replace(data, distance=data.distance * 1e-3))
+    with pytest.raises(FileError, match="3 distances"):
+        with_anchor(nominal_model(lab), data.take(np.arange(3)))
