@@ -156,8 +156,8 @@ def _diagnose(
     weights = None if rates is None else rates.weights([one.name for one in tried])
     selected = forward_select(tried, linear, progress, weights)
     joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
-    torque = whole.rest.joint_torque
-    functions = free_functions(joint_jacobian, part, torque[screened], poses_before(torque)[screened])
+    before = poses_before(whole.rest.joint_torque)[screened]
+    functions = free_functions(joint_jacobian, part, fitted.rest, before)
     return Diagnosis(
         fit=whole,
         data=data,
