@@ -67,7 +67,7 @@ class Backlash(_Play):
 
 
 class AxialPlay(_Play):
-    """Axial play (end float) of a joint's bearing: the joint slides along its own axis to the side that weight pulls to."""
+    """Axial play (end float) of a joint's bearing: the joint slides along its axis to the side that weight pulls to."""
 
     id = "axial_play"
     cause = "A shaft without a thrust bearing slides along its axis as far as collars and horn let it."

@@ -99,7 +99,8 @@ def equilibrium(
         tolerance: m, see `TOLERANCE`.
 
     Raises:
-        NoEquilibrium: poses that do not converge, or where a slot deflects by more than `LARGEST_MOTION` or `LARGEST_SLIDE`.
+        NoEquilibrium: poses that do not converge, or where a slot deflects by more than `LARGEST_MOTION`, or
+            `LARGEST_SLIDE`.
     """
     return solve_equilibrium(model, poses, None if start is None else start.slots, tolerance)
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import point

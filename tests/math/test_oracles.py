@@ -82,9 +82,7 @@ def test_axial_play_is_that_of_the_generator(joint: int, soft: float) -> None:
     path = ROOT / "config" / "arms" / "lrm-lab.toml"
     rig = synthetic.load_arm(path)
     slides = synthetic.AxialFloat(joint - 1, 0.002, 0.5)
-    truth = replace(
-        synthetic.GroundTruth.nominal(rig), joint_compliance_rad_per_nm=(soft,) * 6, effects=(slides,)
-    )
+    truth = replace(synthetic.GroundTruth.nominal(rig), joint_compliance_rad_per_nm=(soft,) * 6, effects=(slides,))
     q, payload = np.random.default_rng(joint).uniform(-1.74, 1.74, (40, 6)), np.tile([0.0, 0.0663], 20)
     arm, play = read_arm(path), f"axial_play.joint{joint}"
     values = {f"compliance.joint{i}.k_rad_per_Nm": soft for i in range(1, 7)}
