@@ -99,7 +99,7 @@ def _no_torque(effect: Effect, rest: Equilibrium) -> str | None:
     index = rest.model.chain.index
     felt = sorted(index[key] for key in effect.feels if key in index)
     if felt and float(np.abs(rest.loads_on(felt)).max()) < NO_TORQUE:
-        return f"gravity puts no torque on {effect.place}"
+        return f"gravity puts no load on {effect.place}"
     return None
 
 

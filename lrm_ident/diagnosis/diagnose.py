@@ -38,6 +38,7 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.model import Model
 
 FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
+MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
 MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
 NOT_NOISE = 1e-3  # p value of the chi-squared test below which the residual exceeds the floor surely
 Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable"]
@@ -123,13 +124,15 @@ def diagnose(
         LrmError: too few poses, or the fit does not converge.
     """
     kinds = tuple(catalogue)
-    first = _diagnose(model, data, kinds, progress, loss, rates)
-    outliers = _outliers(first)
-    if not outliers:
-        return first
-    numbers = tuple(int(data.pose[row]) for row in outliers)
-    again = _diagnose(first.fit.model, data.without(numbers), kinds, progress, loss, rates)
-    return replace(again, outliers=numbers)
+    found = _diagnose(model, data, kinds, progress, loss, rates)
+    left_out: tuple[int, ...] = ()
+    for _ in range(MOST_ROUNDS):
+        numbers = tuple(int(found.data.pose[row]) for row in _outliers(found))
+        if not numbers:
+            break
+        left_out += numbers
+        found = _diagnose(found.fit.model, found.data.without(numbers), kinds, progress, loss, rates)
+    return replace(found, outliers=tuple(sorted(left_out)))
 
 
 def _diagnose(
@@ -156,8 +159,8 @@ def _diagnose(
     weights = None if rates is None else rates.weights([one.name for one in tried])
     selected = forward_select(tried, linear, progress, weights)
     joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
-    torque = whole.rest.joint_torque
-    functions = free_functions(joint_jacobian, part, torque[screened], poses_before(torque)[screened])
+    before = poses_before(whole.rest.joint_torque)[screened]
+    functions = free_functions(joint_jacobian, part, fitted.rest, before)
     return Diagnosis(
         fit=whole,
         data=data,
@@ -205,11 +208,13 @@ def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> Linearised
 def _outliers(diagnosis: Diagnosis) -> list[int]:
     """Rows farther out than twice the outlier distance of a fit, with the best single candidate and without it.
 
-    Twice, because an effect that is still missing may put whole groups of poses far out.
+    Twice, because an effect that is still missing may put whole groups of poses far out. As measured: a robust loss
+    gives a pose the less weight the farther out it is, which would hide it here.
     """
-    distance = np.sqrt(diagnosis.squared_held_out)
+    squared = diagnosis.squared_held_out
     best = min(diagnosis.scored, key=lambda one: one.alone.rms, default=None)
     if best is not None:
-        distance = np.minimum(distance, np.sqrt(best.alone.held_out))
+        squared = np.minimum(squared, best.alone.held_out)
+    distance = np.sqrt(squared / diagnosis.fit.weight[diagnosis.screened])
     far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance)
     return [int(row) for row in diagnosis.screened[far]]

@@ -1,8 +1,10 @@
 """Free functions at one joint: the part of the residual that a smooth function explains, whatever its physical cause.
 
 A rotation of joint j that is any smooth function (Legendre series) of one or two covariates: joint angles, the joint's
-own torque (now, or at the poses before: creep), order of measurement. A named effect must not predict far worse than a
-free function at its own place, and structure that no effect explains is described by the best of them.
+own torque (now, or at the poses before: creep), order of measurement. Of the other error motions of an axis of rotation
+(ISO 230-7) effects of the catalogue are tilt and axial motion; the radial one is a free function of the force across.
+A named effect must not predict far worse than a free function at its own place, and structure that no effect explains
+is described by the best of them.
 """
 
 from __future__ import annotations
@@ -14,8 +16,12 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
+from lrm_math.kinematics.forward import frames
+from lrm_math.model.equilibrium import Equilibrium
 
 SINGLE_DEGREE, PRODUCT_DEGREE, TYPICAL_SIZE = 6, 5, 0.02  # degrees of the Legendre polynomials; rad
+TYPICAL_SHIFT = 1e-3  # m
+RADIAL_SCALES = (0.03, 0.15, 0.7)  # of the largest weight across an axis
 MEMORY = 12  # poses
 CONSTANT = 1e-9  # rad or N·m: a quantity that varies less is round-off
 
@@ -47,7 +53,7 @@ def _scaled(values: Array) -> Array:
 
 @dataclass(frozen=True)
 class FreeFunction:
-    """A rotation of joint `joint` (from 0) as a function of one or two covariates; `columns`: (3 N, m), in m."""
+    """A motion of joint `joint` (from 0) as a function of one or two covariates; `columns`: (3 N, m), in m."""
 
     joint: int
     covariates: tuple[str, ...]
@@ -65,7 +71,7 @@ class FreeFunction:
 
 
 def free_functions(
-    joint_jacobian: Array, data: Measurements, torque: Array, torque_before: Array
+    joint_jacobian: Array, data: Measurements, rest: Equilibrium, torque_before: Array
 ) -> list[FreeFunction]:
     """Free functions of every covariate at every joint, then products of every pair of covariates.
 
@@ -75,13 +81,14 @@ def free_functions(
     `PRODUCT_DEGREE` at most.
 
     Args:
-        joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad). torque: (N, n), N·m.
+        joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad). rest: the equilibrium.
         torque_before: (N, `MEMORY`, n), scaled, at the poses measured before (`poses_before`).
     """
+    torque = rest.joint_torque
     q, order = data.poses.q, np.arange(len(data), dtype=np.float64)
     shared = [*(_covariate(f"q{i + 1}", q[:, i]) for i in range(q.shape[1])), _covariate("order", order)]
     shared = [covariate for covariate in shared if covariate.levels > 1]
-    univariate, bivariate = [], []
+    univariate, bivariate = _radial(joint_jacobian, rest), []
     for joint, motion in enumerate(joint_jacobian):
         own = _covariate(f"tau{joint + 1}", torque[:, joint])
         candidates = [*shared, *([own] if own.levels > 1 else [])]
@@ -97,6 +104,28 @@ def free_functions(
             if products:
                 bivariate.append(FreeFunction(joint, (a.name, b.name), _columns(motion, np.stack(products, axis=1))))
     return univariate + bivariate
+
+
+def _radial(joint_jacobian: Array, rest: Equilibrium) -> list[FreeFunction]:
+    """Radial motions of every joint's bearing: towards the weight F across its axis, Σ c F / √(|F|² + s²), per axis."""
+    chain, count, found = rest.model.chain, len(rest.poses), []
+    axes = frames(chain, rest.slots, count)[:, :, :3, :2]
+    mass = np.array([np.broadcast_to(weight.mass, count) for weight in rest.weights]).reshape(-1, count)
+    for joint in range(chain.dof):
+        carried = mass[chain.counted[chain.index[f"joint{joint + 1}.d"]] :].sum(axis=0)
+        force = carried[:, None] * np.einsum("c,nck->nk", chain.gravity, axes[:, joint])
+        square = (force**2).sum(axis=1, keepdims=True)
+        scales = float(np.sqrt(square.max(initial=0.0))) * np.array(RADIAL_SCALES)
+        if not scales.any():
+            continue
+        taken = force[:, :, None] / np.sqrt(square[:, :, None] + scales**2)
+        columns = []
+        for axis, basis in zip(axes[:, joint].transpose(2, 1, 0), taken.transpose(1, 0, 2), strict=True):
+            motion = np.zeros_like(joint_jacobian[joint])
+            motion[:3] = axis * (TYPICAL_SHIFT / TYPICAL_SIZE)
+            columns.append(_columns(motion, basis))
+        found.append(FreeFunction(joint, ("the force across its axis",), np.concatenate(columns, axis=1)))
+    return found
 
 
 def poses_before(values: Array) -> Array:

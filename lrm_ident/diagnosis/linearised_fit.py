@@ -21,6 +21,7 @@ from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes
 NUMERICAL_RANK = 1e-9
+AT_ONCE = 40  # sets of columns that are projected together
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +137,17 @@ class LinearisedFit:
     def project(self, C: Array) -> ProjectedColumns:
         """Projects the fitted parameters out of columns C (3 N, m)."""
         return self._parts(C - self.basis @ (self.basis.T @ C))
+
+    def project_each(self, sets: Sequence[Array]) -> list[ProjectedColumns]:
+        """`project` of each of some sets of columns (3 N, m), many at a time: the bases are read once for all."""
+        found: list[ProjectedColumns] = []
+        for start in range(0, len(sets), AT_ONCE):
+            chunk = sets[start : start + AT_ONCE]
+            whole = self.project(np.concatenate(chunk, axis=1))
+            ends = np.cumsum([C.shape[1] for C in chunk])[:-1]
+            parts = (np.split(getattr(whole, name), ends, axis=-1) for name in ("all_rows", "absent", "test"))
+            found += [ProjectedColumns(*map(np.ascontiguousarray, part)) for part in zip(*parts, strict=True)]
+        return found
 
     def _parts(self, C: Array) -> ProjectedColumns:
         (count, size, rows), m = self._bases.shape, C.shape[1]

@@ -55,11 +55,11 @@ def score_candidates(
         weigh: relative weights of the rows.
     """
     scored, undetectable = [], []
+    every = [weigh(columns) for candidate in found for columns in candidate.columns]
+    ready = zip(linear.project_each(every), every, strict=True)
     for number, candidate in enumerate(found):
         tried = []
-        for shape, columns in zip(candidate.shapes, candidate.columns, strict=True):
-            weighted = weigh(columns)
-            projected = linear.project(weighted)
+        for shape, (projected, weighted) in zip(candidate.shapes, ready):  # noqa: B905 - the rest is the next one's
             tried.append((linear.explain(projected), shape, projected, weighted))
         alone, shape, projected, columns = min(tried, key=lambda one: one[0].in_sample)
         rank = projected_rank(projected.all_rows, columns)

@@ -36,7 +36,7 @@ def unexplained_structure(
 ) -> UnexplainedStructure:
     """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows."""
     taken = [one.projected for one in selected]
-    ready = [(function, linear.project(weigh(function.columns))) for function in functions]
+    ready = list(zip(functions, linear.project_each([weigh(one.columns) for one in functions]), strict=True))
     tried = [(function, linear.explain(*taken, columns).rms) for function, columns in ready]
     ranking = tuple(sorted(tried, key=lambda one: one[1])[:5])
     free = _select_free(taken, [one for one in ready if not one[0].in_catalogue], linear)

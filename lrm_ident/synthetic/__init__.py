@@ -25,7 +25,7 @@ from .hidden_joints import (
 )
 from .hidden_tracker import SkewTracker
 from .statics import TrueState
-from .unfamiliar_bodies import AxialFloat, HingedLink, LiftingBase, TiltingBearing
+from .unfamiliar_bodies import AxialFloat, HingedLink, LiftingBase, RadialFloat, TiltingBearing
 from .unfamiliar_joints import (
     CreepingJoint,
     DahlLoop,
@@ -66,6 +66,7 @@ __all__ = [
     "LiftingBase",
     "LinkBending",
     "OneSidedGain",
+    "RadialFloat",
     "Schedule",
     "SessionStep",
     "SharedCable",

@@ -55,7 +55,28 @@ class TiltingBearing(HiddenEffect):
 
 @dataclass(frozen=True)
 class AxialFloat(HiddenEffect):
-    """Axial play of a joint, at the end of the link before it: along its axis by up to float_m either way."""
+    """Axial play of a joint, at the end of the link before it: along its axis by up to float_m either way.
+
+    The collar that ends it gives way by collar_m_per_n.
+    """
+
+    link: int
+    float_m: float
+    softness_n: float
+    collar_m_per_n: float = 0.0
+
+    def flexible_links(self) -> tuple[int, ...]:
+        return (self.link,)
+
+    def link_deflection(self, load: EndLoad) -> Array:
+        along, shift = load.force_n[:, 2], np.zeros((len(load.force_n), 6))
+        shift[:, 5] = self.float_m * np.tanh(along / self.softness_n) + self.collar_m_per_n * along
+        return shift
+
+
+@dataclass(frozen=True)
+class RadialFloat(HiddenEffect):
+    """Radial clearance of a joint's bearing, at the end of the link before it: across its axis by up to float_m."""
 
     link: int
     float_m: float
@@ -65,9 +86,9 @@ class AxialFloat(HiddenEffect):
         return (self.link,)
 
     def link_deflection(self, load: EndLoad) -> Array:
-        shift = np.zeros((len(load.force_n), 6))
-        shift[:, 5] = self.float_m * np.tanh(load.force_n[:, 2] / self.softness_n)
-        return shift
+        across = load.force_n * np.array([1.0, 1.0, 0.0])
+        size = np.sqrt((across**2).sum(axis=1) + self.softness_n**2)
+        return np.hstack([np.zeros_like(across), self.float_m * across / size[:, None]])
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lrm_math.arm.arm import Arm
 from lrm_math.effects.anchor import Anchor
-from lrm_math.effects.backlash import Backlash, Hysteresis
+from lrm_math.effects.backlash import AxialPlay, Backlash, Hysteresis
 from lrm_math.effects.base import AngleDependentEffect, Effect, JointEffect, LoadedJointEffect, Parameter
 from lrm_math.effects.compliance import BaseCompliance, BendingEnds, Compliance, LateralCompliance, NonlinearStiffness
 from lrm_math.effects.curves import AngleCurve, CableCurve, CouplingCurve
@@ -25,6 +25,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     LateralCompliance,
     NonlinearStiffness,
     Backlash,
+    AxialPlay,
     Hysteresis,
     ServoGain,
     Eccentricity,

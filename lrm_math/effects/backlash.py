@@ -1,15 +1,39 @@
-"""Backlash and hysteresis of a joint: play, friction and dead band of its gears and servo."""
+"""Backlash, axial play and hysteresis of a joint: clearance, friction and dead band of gears, bearing and servo."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lrm_math.effects.base import FEW_REVERSALS, Amounts, Excitation, JointEffect, LoadedJointEffect, Parameter
+from lrm_math.effects.base import FEW_REVERSALS, Amounts, Excitation, JointEffect, Parameter
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import tanh
 
 
-class Backlash(LoadedJointEffect):
+class _Play(JointEffect):
+    """Clearance that the load takes up: δ = ½ b tanh(load/l0), for parameters b and l0."""
+
+    follows_angles = False
+
+    @property
+    def feels(self) -> tuple[str, ...]:
+        """The load along what it moves."""
+        return self.moves
+
+    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """½ b tanh(load/l0)."""
+        return (0.5 * p[0] * tanh(tau[0] / p[1]),)
+
+    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """½ tanh(load/l0) and −½ b load/l0² sech²(load/l0)."""
+        taken = tanh(tau[0] / p[1])
+        return ((0.5 * taken,), (-0.5 * p[0] * tau[0] / p[1] ** 2 * (1.0 - taken**2),))
+
+    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+        """½ b/l0 sech²(load/l0)."""
+        return ((0.5 * p[0] / p[1] * (1.0 - tanh(tau[0] / p[1]) ** 2),),)
+
+
+class Backlash(_Play):
     """Backlash of one joint, taken up on the side that gravity pulls to."""
 
     id = "backlash"
@@ -29,26 +53,39 @@ class Backlash(LoadedJointEffect):
         ),
     )
     claim = "{place} has {b_rad} of play"
-    follows_angles = False
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """½ b tanh(τ/τ0)."""
-        return (0.5 * p[0] * tanh(tau[0] / p[1]),)
-
-    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """½ tanh(τ/τ0) and −½ b τ/τ0² sech²(τ/τ0)."""
-        taken = tanh(tau[0] / p[1])
-        return ((0.5 * taken,), (-0.5 * p[0] * tau[0] / p[1] ** 2 * (1.0 - taken**2),))
-
-    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """½ b/τ0 sech²(τ/τ0)."""
-        return ((0.5 * p[0] / p[1] * (1.0 - tanh(tau[0] / p[1]) ** 2),),)
+    @property
+    def driver(self) -> str:
+        """The joint's torque."""
+        return f"tau{self.joint + 1}"
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Backlash is identifiable only where the torque changes sign."""
         if excitation.both_signs(excitation.torque[:, self.joint]):
             return None
         return f"gravity's torque on {self.place} has (nearly) always the same sign: the play stays at one end"
+
+
+class AxialPlay(_Play):
+    """Axial play (end float) of a joint's bearing: the joint slides along its axis to the side that weight pulls to."""
+
+    id = "axial_play"
+    cause = "A shaft without a thrust bearing slides along its axis as far as collars and horn let it."
+    formula = "δd = ½ b tanh(F/F0), F the weight along the axis"
+    source = "axial internal clearance, ISO 5593; smoothed as backlash"
+    needs = "poses that tip the axis over: weight along it in both directions"
+    parameters = (
+        Parameter("b_mm", "axial play, from end to end", 0.001, lower=0.0),
+        Parameter(
+            "F0_N", "force that takes up 76 % of the play", 0.5, 1e-3, fixed=0.5, scan=(0.05, 0.2, 0.5, 1.0, 3.0, 12.0)
+        ),
+    )
+    claim = "{place} slides {b_mm} along its axis"
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The offset along the joint's axis."""
+        return (f"{self.place}.d",)
 
 
 class Hysteresis(JointEffect):

@@ -28,6 +28,7 @@ UNIT_IN_SI = {
     "g": 1e-3,
     "s": 1.0,
     "Hz": 1.0,
+    "N": 1.0,
     "Nm": 1.0,
     "rad_per_Nm": 1.0,
     "rad_per_Nm2": 1.0,
@@ -168,7 +169,7 @@ class Effect(ABC):
 
     @property
     def feels(self) -> tuple[str, ...]:
-        """The rotating slots whose load enters `motion`, in the order of `tau`."""
+        """The slots whose load enters `motion`, in the order of `tau`."""
         return ()
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
@@ -176,7 +177,7 @@ class Effect(ABC):
 
         Args:
             poses: N commanded poses.
-            tau: gravity's load on each slot of `feels`, N·m, each (N,).
+            tau: gravity's load on each slot of `feels`, N·m (N along a translation), each (N,).
             p: the parameters' values in SI.
         """
         return ()

@@ -8,7 +8,7 @@ model would (Hastie & Tibshirani 1986).
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import combinations
 from math import ceil, radians
@@ -47,12 +47,22 @@ class Curve(Effect):
         return tuple(tuple(f if i == k else 0.0 for i in slots) for k in slots for f in self.basis(poses, tau, k))
 
 
-def cubic_b_splines(x: Number, lower: float, upper: float, spacing: float) -> Amounts:
-    """Uniform cubic B-splines (de Boor 1978) at knots no more than `spacing` apart between two values of x."""
+def cubic_b_splines(
+    x: Number, lower: float, upper: float, spacing: float, which: Iterable[int] | None = None
+) -> Amounts:
+    """Uniform cubic B-splines (de Boor 1978) at knots no more than `spacing` apart between two values of x.
+
+    `which`: only those of these numbers from 0.
+    """
     count = spline_count(lower, upper, spacing)
-    step = (upper - lower) / (count - 3)
-    places = [magnitude((x - lower) / step + 1.0 - i) for i in range(count)]
-    return tuple((positive_part(2.0 - u) ** 3 - 4.0 * positive_part(1.0 - u) ** 3) / 6.0 for u in places)
+    scaled = (x - lower) * ((count - 3) / (upper - lower)) + 1.0
+    return tuple(_b_spline(magnitude(scaled - i)) for i in (range(count) if which is None else which))
+
+
+def _b_spline(u: Number) -> Number:
+    """The cubic B-spline at a distance u from its middle, in knots."""
+    outer, inner = positive_part(2.0 - u), positive_part(1.0 - u)
+    return (outer * outer * outer - 4.0 * (inner * inner * inner)) * (1.0 / 6.0)
 
 
 def spline_count(lower: float, upper: float, spacing: float) -> int:
@@ -193,9 +203,11 @@ class CableCurve(Effect):
         a, b = (poses.angle(joint) for joint in self._pair)
         pulls, left = [], list(p)
         for x, ends in zip((a + b, a - b), self._ranges, strict=True):
-            functions = cubic_b_splines(x, *ends, CABLE_SPACING)
-            pulls.append(sum((c * f for c, f in zip(left, functions, strict=False) if c), 0.0))
-            left = left[len(functions) :]
+            count = spline_count(*ends, CABLE_SPACING)
+            acting = [i for i in range(count) if left[i]]
+            functions = cubic_b_splines(x, *ends, CABLE_SPACING, acting)
+            pulls.append(sum((left[i] * f for i, f in zip(acting, functions, strict=True)), 0.0))
+            left = left[count:]
         return -pulls[0] - pulls[1], -pulls[0] + pulls[1]
 
     def missing_excitation(self, excitation: Excitation) -> str | None:

@@ -77,7 +77,7 @@ class Drift(_SessionError):
         """(N,) each: 1 − exp(−t/T), and temperature − first temperature (K); zero where not measured."""
         still = np.zeros(len(poses))
         warm = still if poses.t is None else 1.0 - np.exp(-poses.t / time_constant)
-        heat = still if poses.temperature is None else poses.temperature - poses.temperature[:1]
+        heat = still if poses.warmed is None else poses.warmed
         return warm, heat
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
@@ -108,9 +108,9 @@ class Session(_SessionError):
 
     def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """The step of each pose's session, counted from the first in the data."""
-        if poses.session is None:
+        number = poses.power_cycle
+        if number is None:
             return (0.0,) * len(self.moves)
-        number = np.searchsorted(np.unique(poses.session), poses.session)
         steps = np.reshape(p, (len(self.moves), MOST_SESSIONS - 1))
         table = np.concatenate([np.zeros((len(steps), 1)), steps], axis=1)
         return tuple(row[np.minimum(number, MOST_SESSIONS - 1)] for row in table)

@@ -151,10 +151,12 @@ def chain_of(arm: Arm, bends_at_ends: frozenset[str] = frozenset()) -> Chain:
 
 
 def _first_joint_loaded(k: int, slots: list[Slot], dof: int) -> int | None:
-    """First joint whose bodies load slot k: the slot's own joint, the next one for a bending link; else None."""
+    """First joint whose bodies load slot k: its joint, along or about its axis, the next one of a link; else None."""
     slot = slots[k]
     if slot.joint is not None:
         return slot.joint + 1
+    if slot.name == "d":
+        return int(slot.place.removeprefix("joint"))
     if slot.place.startswith("link"):
         return min(int(slot.place.removeprefix("link")) + 1, dof)
     return None

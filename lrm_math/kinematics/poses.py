@@ -27,6 +27,8 @@ class Poses:
         friction: (N, n, K), states (−1 … 1) of elements of dry friction that the moves so far have turned over, see
             `lrm_math.effects.friction`, or None if the moves are unknown.
         running: (N,), time since the first pose of the session (s), or None.
+        warmed: (N,), K, temperature less that of the first pose. power_cycle: (N,), number of the session from 0, in
+            the order of their numbers. Both follow from all the poses first given, and stay with each of them.
     """
 
     q: Array
@@ -38,8 +40,14 @@ class Poses:
     number: NDArray[np.int64] | None = None
     friction: Array | None = None
     running: Array | None = None
+    warmed: Array | None = None
+    power_cycle: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
+        if self.warmed is None and self.temperature is not None:
+            object.__setattr__(self, "warmed", self.temperature - self.temperature[:1])
+        if self.power_cycle is None and self.session is not None:
+            object.__setattr__(self, "power_cycle", np.unique(self.session, return_inverse=True)[1].reshape(-1))
         if self.q.ndim != 2 or self.payload.shape != (len(self.q),):
             shapes = f"q has shape {self.q.shape} and payload {self.payload.shape}"
             raise LrmError(f"poses: {shapes}; should be (N, n) and (N,)")
@@ -80,7 +88,8 @@ class Poses:
 
     def one(self, row: int) -> Poses:
         """One pose alone."""
-        given = (self.direction, self.t, self.session, self.temperature, self.number, self.friction, self.running)
+        columns = (self.direction, self.t, self.session, self.temperature, self.number, self.friction, self.running)
+        given = (*columns, self.warmed, self.power_cycle)
         rest = (None if column is None else column[row : row + 1] for column in given)
         return Poses(self.q[row : row + 1], self.payload[row : row + 1], *rest)  # type: ignore[arg-type]
 

@@ -48,7 +48,7 @@ def loads(
     weights: Sequence[Weight],
     load_slots: Sequence[int],
 ) -> list[Number]:
-    """Gravity's load on the rotating slots `load_slots` (ascending), N·m each.
+    """Gravity's load on the slots `load_slots` (ascending): N·m on a rotation, N on a translation.
 
     Two recursions in the slots' own frames: gravity's direction outwards, the first mass moment Σ m c inwards.
     """
@@ -69,10 +69,14 @@ def loads(
         elif not is_zero(values[k]):
             moment[slot.axis] = moment[slot.axis] + carried * values[k]
         if row >= 0 and load_slots[row] == k:
-            counted = _with_bodies_behind(chain, values, angles, weights, k, moment)
-            i, j = PLANE[slot.axis]
             g = gravity[row]
-            out[row] = counted[i] * g[j] - counted[j] * g[i]
+            if slot.rotates:
+                counted = _with_bodies_behind(chain, values, angles, weights, k, moment)
+                i, j = PLANE[slot.axis]
+                out[row] = counted[i] * g[j] - counted[j] * g[i]
+            else:
+                behind = sum((weights[n].mass for n in range(chain.counted[k], chain.moved[k])), 0.0)
+                out[row] = (carried + behind) * g[slot.axis]
             row -= 1
     return out
 
@@ -110,7 +114,7 @@ def _with_bodies_behind(
 def load_derivatives(
     chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], load_slots: Sequence[int]
 ) -> Array:
-    """∂tau_k/∂s_j for the rotating slots k in `load_slots` and every slot j: (K, S, N).
+    """∂tau_k/∂s_j for the slots k in `load_slots` and every slot j: (K, S, N).
 
     With a the axis of a slot, S the first mass moment that it carries about its origin, g gravity:
     h = g × a (zero for a translation) and u = a × S (m a for a translation) give ∂tau_k/∂s_j = h_inner · u_outer,
@@ -127,7 +131,7 @@ def load_derivatives(
     for row, k in enumerate(load_slots):
         u_k = u[k]
         if chain.counted[k] < chain.moved[k]:
-            u_k = _lever(geometry, k, m[chain.counted[k]], mc[chain.counted[k]], True)
+            u_k = _lever(geometry, k, m[chain.counted[k]], mc[chain.counted[k]], rotates[k])
         np.einsum("jcn,cn->jn", h[:k], u_k, out=out[row, :k])
         np.einsum("cn,jcn->jn", h[k], u[k:], out=out[row, k:])
         for j in range(k):
@@ -145,6 +149,8 @@ def weight_derivatives(
     counts = np.array([chain.counted[k] <= body for k in load_slots], dtype=np.float64)[:, None]
     load_slots = list(load_slots)
     by_mass = np.einsum("kcn,kcn->kn", h[load_slots], geometry.body[body] - geometry.origin[load_slots])
+    slides = np.array([not chain.slots[k].rotates for k in load_slots], dtype=np.float64)[:, None]
+    by_mass += slides * np.einsum("c,kcn->kn", chain.gravity, geometry.axis[load_slots])
     by_com = np.einsum("kcn,acn->kan", h[load_slots], geometry.body_axes[body]) * weights[body].mass
     return counts * by_mass, counts[:, :, None] * by_com
 

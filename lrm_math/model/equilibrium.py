@@ -23,6 +23,8 @@ TOLERANCE = 1e-9
 """m: the iteration ends when no TCP can still move more than this."""
 LARGEST_MOTION = 0.5
 """rad: larger elastic rotations are refused, since the effects' formulas hold for small motions."""
+LARGEST_SLIDE = 0.05
+"""m: likewise of elastic translations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,7 @@ class Equilibrium:
 
     Attributes:
         slots: amount of every slot of the chain, nominal + all effects, each a float or (N,) (rad, m).
-        tau: load on each slot of `model.load_slots`, N·m, each (N,).
+        tau: load on each slot of `model.load_slots`, N·m (N along a translation), each (N,).
         tcp: (N, 3), m, as the tracker measures it.
         true_tcp: (N, 3), m; differs from `tcp` only where an effect of the model distorts the measurement.
         iterations: number of fixed-point iterations.
@@ -63,7 +65,7 @@ class Equilibrium:
         return self.model.weights(self.poses.carried)
 
     def loads_on(self, slots: Sequence[int]) -> Array:
-        """(N, len(slots)), gravity's load on rotating slots given by number, ascending (N·m)."""
+        """(N, len(slots)), gravity's load on slots given by number, ascending (N·m, or N along a translation)."""
         chain = self.model.chain
         loads = statics.loads(chain, self.slots, trig(chain, self.slots), self.weights, slots)
         return np.stack([np.broadcast_to(load, len(self.poses)) for load in loads], axis=1)
@@ -97,7 +99,8 @@ def equilibrium(
         tolerance: m, see `TOLERANCE`.
 
     Raises:
-        NoEquilibrium: poses that do not converge, or where a slot deflects by more than `LARGEST_MOTION`.
+        NoEquilibrium: poses that do not converge, or where a slot deflects by more than `LARGEST_MOTION`, or
+            `LARGEST_SLIDE`.
     """
     return solve_equilibrium(model, poses, None if start is None else start.slots, tolerance)
 
@@ -129,11 +132,11 @@ def _check_small(model: Model, poses: Poses, slots: list[Number], rigid: list[Nu
     chain = model.chain
     for k in model.binding.moving:
         motion = magnitude(slots[k] - rigid[k])
-        if chain.slots[k].rotates and maximum(motion) > LARGEST_MOTION:
-            far = np.flatnonzero(np.broadcast_to(motion, len(poses)) > LARGEST_MOTION)
-            raise NoEquilibrium(
-                poses.names(far), f"{chain.slots[k].key} gives way by {math.degrees(maximum(motion)):.0f} deg"
-            )
+        largest = LARGEST_MOTION if chain.slots[k].rotates else LARGEST_SLIDE
+        if maximum(motion) > largest:
+            far, most = np.flatnonzero(np.broadcast_to(motion, len(poses)) > largest), maximum(motion)
+            said = f"{math.degrees(most):.0f} deg" if chain.slots[k].rotates else f"{1e3 * most:.0f} mm"
+            raise NoEquilibrium(poses.names(far), f"{chain.slots[k].key} gives way by {said}")
 
 
 def rigid_amounts(model: Model, poses: Poses) -> list[Number]:

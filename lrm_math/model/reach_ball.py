@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lrm_math.model.equilibrium import LARGEST_MOTION
+from lrm_math.model.equilibrium import LARGEST_MOTION, LARGEST_SLIDE
 from lrm_math.model.model import Model
 
 ROUND_OFF = 1e-9
@@ -28,7 +28,7 @@ def reach_ball(model: Model) -> ReachBall:
     """A ball that contains the TCP for every command: recursion over the slots from the tool inwards.
 
     Slots that turn all the way round take a ball's centre to their axis at most, elastic ones no further than an
-    equilibrium may. For an arm that slides under loads it is the whole space.
+    equilibrium may. For an arm that slides by its commands it is the whole space.
     """
     chain, binding = model.chain, model.binding
     turning = {*chain.joint_slots, *(k for effect in binding.rigid for k in effect.moves)}
@@ -38,7 +38,7 @@ def reach_ball(model: Model) -> ReachBall:
         centre = [x, y, z]
         if not slot.rotates:
             centre[slot.axis] += binding.constants[k]
-            radius = math.inf if moving else radius
+            radius += math.inf if k in turning else LARGEST_SLIDE if moving else 0.0
         else:
             i, j = (slot.axis + 1) % 3, (slot.axis + 2) % 3
             lever = math.hypot(centre[i], centre[j])

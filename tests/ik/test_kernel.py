@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import point
@@ -92,22 +92,10 @@ def test_load_derivatives_match_finite_differences(name: str) -> None:
 
 
 def test_a_slot_that_slides_is_as_in_the_chain() -> None:
-    """No effect of the catalogue moves one; a user's may."""
-
-    class Slide(Effect):
-        id, cause, formula, source = "slide", "a loose screw", "δd = a sin q", "test"
-        parameters = ()
-        moves = ("joint3.d",)
-
-        @classmethod
-        def places(cls, arm: Arm) -> tuple[str, ...]:
-            return ("joint3",)
-
-        def motion(self, poses: Poses, tau: object, p: object) -> tuple[object, ...]:  # type: ignore[override]
-            return (0.01 * np.sin(poses.q[:, 1]),)
-
+    """A joint with play along its axis, and a load along it."""
     arm = load_arm("lrm-lab")
-    model = model_of(arm, (*effects_at(arm, "compliance"), Slide(arm, "joint3")), {})
+    effects = (*effects_at(arm, "compliance"), *effects_at(arm, "axial_play@joint3"))
+    model = model_of(arm, effects, {"axial_play.joint3.b_mm": 0.004})
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (4, 6))
     rest = equilibrium(model, poses_of(q, 0.05), tolerance=1e-14)
     kernel = flat(model, 0.05)
@@ -115,16 +103,19 @@ def test_a_slot_that_slides_is_as_in_the_chain() -> None:
     slots = moving(model, rest.slots, 4)
     tcp, tau, J = kernel.forward(slots)
     np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 4)[:, -1], atol=1e-12)
+    np.testing.assert_allclose(tau, rest.loads_on(JointLaws(model).linkage.slots.tolist()), atol=1e-11)
     v = int(np.flatnonzero(JointLaws(model).linkage.axes >= 3)[0])
+    assert np.abs(tau[:, v]).min() > 0.1
     moved = slots.copy()
     moved[:, v] += 1e-3
     np.testing.assert_allclose(kernel.forward(moved)[0][:, :3, 3] - tcp[:, :3, 3], 1e-3 * J[:, :3, v], atol=1e-12)
     h = 1e-5
-    for k, row in enumerate(slots):
-        step = h * (np.arange(kernel.slots) == v)
-        up, down = (kernel.forward((row + way * step)[None])[1][0] for way in (1, -1))
-        np.testing.assert_allclose(kernel.load_derivatives(row)[:, v], (up - down) / (2 * h), atol=2e-8)
-        assert tau[k, v] == 0.0
+    for row in slots:
+        derivatives = kernel.load_derivatives(row)
+        for u in range(kernel.slots):
+            step = h * (np.arange(kernel.slots) == u)
+            up, down = (kernel.forward((row + way * step)[None])[1][0] for way in (1, -1))
+            np.testing.assert_allclose(derivatives[:, u], (up - down) / (2 * h), atol=2e-8)
 
 
 def test_every_law_of_the_kernel_is_one_of_the_catalogue() -> None:

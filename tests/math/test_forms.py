@@ -101,3 +101,20 @@ def test_springs_at_both_ends_and_the_middle_stand_for_a_bend_anywhere(lab: Arm)
     pieces = [moved(1.0, 0.0, 0.0) / 6, 2 * moved(0.0, 1.0, 0.0) / 3, moved(0.0, 0.0, 1.0) / 6]
     np.testing.assert_allclose(beam, sum(pieces), atol=0.1 * np.abs(beam).max())
     assert np.abs(beam - moved(0.0, 1.0, 0.0)).max() > 1e-5
+
+
+@pytest.mark.parametrize("kind", [*CATALOGUE, *FORMS], ids=lambda kind: kind.id)
+def test_an_effect_at_a_pose_does_not_depend_on_which_other_poses_are_taken(lab: Arm, kind: type[Effect]) -> None:
+    """So that held-out poses are predicted by what was fitted: sessions and temperatures count from the whole data."""
+    poses, rng = some_poses(lab), np.random.default_rng(3)
+    session = np.repeat([4.0, 2.0, 9.0], 4)
+    poses = replace(poses, session=session, temperature=rng.uniform(20.0, 40.0, 12))
+    rows = np.array([5, 6, 9, 11])
+    for place in kind.places(lab):
+        effect = kind(lab, place)
+        p = [parameter.fixed or 0.4 * parameter.typical for parameter in effect.parameters]
+        tau = tuple(rng.normal(0.0, 0.3, 12) for _ in effect.feels)
+        whole = effect.motion(poses, tau, p)
+        part = effect.motion(poses.take(rows), tuple(load[rows] for load in tau), p)
+        for one, other in zip(whole, part, strict=True):
+            np.testing.assert_allclose(np.broadcast_to(one, 12)[rows], np.broadcast_to(other, 4), atol=1e-15)

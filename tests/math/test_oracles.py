@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from lrm_ident import synthetic
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM, read_arm
+from lrm_math.effects import effects_at
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
@@ -70,6 +71,28 @@ def test_the_generator_with_screws_and_world_frame_torques(arm_name: str, seed: 
     np.testing.assert_allclose(ours.tcp, theirs.tcp_m, atol=1e-9)
     np.testing.assert_allclose(ours.joint_torque, theirs.tau_nm, atol=1e-8)
     np.testing.assert_allclose(ours.base_moment, theirs.base_moment_nm, atol=1e-8)
+
+
+@pytest.mark.parametrize(("joint", "soft"), [(2, 0.05), (3, 0.0), (4, 0.05), (5, 0.0), (6, 0.05)])
+def test_axial_play_is_that_of_the_generator(joint: int, soft: float) -> None:
+    """A joint that slides along its axis, as the generator shifts the end of the link before it.
+
+    Of joints 3 and 5 it takes the motor along too, which stands before them: seen only where joints give way.
+    """
+    path = ROOT / "config" / "arms" / "lrm-lab.toml"
+    rig = synthetic.load_arm(path)
+    slides = synthetic.AxialFloat(joint - 1, 0.002, 0.5)
+    truth = replace(synthetic.GroundTruth.nominal(rig), joint_compliance_rad_per_nm=(soft,) * 6, effects=(slides,))
+    q, payload = np.random.default_rng(joint).uniform(-1.74, 1.74, (40, 6)), np.tile([0.0, 0.0663], 20)
+    arm, play = read_arm(path), f"axial_play.joint{joint}"
+    values = {f"compliance.joint{i}.k_rad_per_Nm": soft for i in range(1, 7)}
+    model = model_of(
+        arm,
+        (*effects_at(arm, "compliance"), *effects_at(arm, play.replace(".", "@"))),
+        {**values, f"{play}.b_mm": 0.004, f"{play}.F0_N": 0.5},
+    )
+    theirs = synthetic.true_state(rig, truth, q, payload)
+    np.testing.assert_allclose(equilibrium(model, poses_of(q, payload), tolerance=1e-13).tcp, theirs.tcp_m, atol=1e-9)
 
 
 @settings(max_examples=20)

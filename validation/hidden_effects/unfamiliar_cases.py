@@ -23,6 +23,7 @@ from validation.hidden_effects.unfamiliar_effects import (
     nothing,
     on,
     one_load,
+    radial_float,
     shared_cable,
     stick_slip,
     stops,
@@ -65,6 +66,7 @@ def _tuning() -> tuple[UnfamiliarCase, ...]:
         on("three-joint", plain),
         creeps(half, 3, 0.08),
         axial_float(half, 3, 2.0),
+        radial_float(half, 3, 1.5),
     )
 
 
@@ -101,6 +103,7 @@ def _reporting() -> tuple[UnfamiliarCase, ...]:
         long_metre(half),
         creeps(half, 2, 0.06),
         axial_float(half, 2, 2.0),
+        radial_float(half, 2, 1.5),
     )
 
 

@@ -19,6 +19,7 @@ from lrm_ident.synthetic import (
     HiddenEffect,
     HingedLink,
     LiftingBase,
+    RadialFloat,
     SharedCable,
     SkewTracker,
     StickSlip,
@@ -206,8 +207,19 @@ def weather(half: Half, joint: int, degrees: float) -> UnfamiliarCase:
 
 
 def axial_float(half: Half, link: int, size_mm: float) -> UnfamiliarCase:
-    """A joint with play along its axis."""
-    return hidden(half, f"axial-float{link + 1}", None, lambda by: AxialFloat(link, by.size(size_mm * MM), 0.5))
+    """A joint with play along its axis, ended by a soft collar."""
+    joint = link + 1
+    return hidden(
+        half,
+        f"axial-float{joint}",
+        f"axial_play@joint{joint}",
+        lambda by: AxialFloat(link, by.size(size_mm * MM), 0.5, by.size(0.03 * MM)),
+    )
+
+
+def radial_float(half: Half, link: int, size_mm: float) -> UnfamiliarCase:
+    """A joint with clearance across its axis."""
+    return hidden(half, f"radial-float{link + 1}", None, lambda by: RadialFloat(link, by.size(size_mm * MM), 0.5))
 
 
 def base_lifts(half: Half, axis: str) -> UnfamiliarCase:

@@ -105,7 +105,7 @@ static double excess_of(const Arm *a, const double *q) {
 /* ---------------------------------------------------------------- 2 Forward kinematics, loads ------------------- */
 
 /* Product of exponentials outwards (Brockett 1984), then gravity's load on each slot by its screw and the first mass
- * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin). */
+ * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin); m g . axis if it slides. */
 static void place(const Arm *a, const double *s, State *w) {
     double f[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p[3] = {0, 0, 0};
     int body = 0;
@@ -150,8 +150,8 @@ static void forward(const Arm *a, const double *s, State *w) {
         const double *first = w->first[a->counted[v]], m = w->mass[a->counted[v]];
         double *lever = w->lever[v];
         cross(a->gravity, w->axis[v], lever);
-        if (a->axis[v] >= 3) lever[0] = lever[1] = lever[2] = 0;
         w->tau[v] = dot(lever, first) - m * dot(lever, w->origin[v]);
+        if (a->axis[v] >= 3) lever[0] = lever[1] = lever[2] = 0, w->tau[v] = m * dot(a->gravity, w->axis[v]);
     }
 }
 
