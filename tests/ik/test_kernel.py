@@ -20,7 +20,7 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import point
 from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.kernel import shared_library
-from lrm_math.ik.kernel.flat_arm import FlatArm, packed, with_laws
+from lrm_math.ik.kernel.flat_arm import FlatArm, flat_arm, with_laws
 from lrm_math.ik.kernel.laws import KERNEL_LAWS
 from lrm_math.ik.solver_context import IkQuery, SolverContext
 from lrm_math.kinematics.chain import chain_of
@@ -48,7 +48,7 @@ def flat(model: Model, payload: float) -> FlatArm:
     """The packed model, without closed form and library."""
     laws, joints = JointLaws(model), model.arm.joints
     moments = laws.linkage.moments(model.weights(payload))
-    arm = packed(laws.linkage, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
+    arm = flat_arm(laws.linkage, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
     return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.known, 0.0)
 
 
@@ -66,6 +66,7 @@ def test_kinematics_loads_and_jacobian_equal_those_of_the_chain(arm: Arm, seed: 
     slots, kernel = moving(model, rest.slots, 3), flat(model, payload)
     tcp, tau, J = kernel.forward(slots)
     np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
+    np.testing.assert_allclose(kernel.frames(slots), frames(model.chain, rest.slots, 3), atol=1e-12)
     np.testing.assert_allclose(tau, rest.loads_on(JointLaws(model).linkage.slots.tolist()), atol=1e-11)
     h = 1e-6
     for v in range(slots.shape[1]):

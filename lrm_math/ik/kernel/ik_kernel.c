@@ -67,6 +67,7 @@ typedef struct { /* what belongs to one set of slot amounts */
     double lever[MAX_SLOTS][3], by_counted[MAX_SLOTS][3], by_moved[MAX_SLOTS][3];
     double mass[MAX_BODIES + 1], first[MAX_BODIES + 1][3]; /* mass and first moment of body b and all outboard */
     double J[6][MAX_SLOTS], e[6], total[6][MAX_JOINTS], follow[MAX_SLOTS][MAX_JOINTS + 1], lack[MAX_SLOTS];
+    int follower[MAX_SLOTS], followers;
 } State;
 
 static const double LEVER = 0.1;     /* m: weight of a turn by 1 rad against a distance (characteristic length) */
@@ -74,7 +75,7 @@ static const double CLOSE = 5e-11;   /* m: a goal is reached */
 static const double SLACK = 0.4;     /* rad: joints sag and play by less, so seeds further outside lead nowhere */
 static const double AT_LIMIT = 1e-9; /* rad: a command this far beyond a limit is at the limit */
 static const double SAME = 1e-6;     /* rad: commands no further apart are one solution */
-static const double FLAT_TURN = 1e-3; /* 1 + trace of a rotation below which it is taken for half a turn */
+static const double ONE_FAMILY = 0.02; /* rad: the same where the goal leaves motion free */
 static const double TURN = 6.283185307179586;
 
 static double larger(double a, double b) { return a > b ? a : b; } /* inline, as fmax is not */
@@ -105,11 +106,13 @@ static double excess_of(const Arm *a, const double *q) {
 /* ---------------------------------------------------------------- 2 Forward kinematics, loads ------------------- */
 
 /* Product of exponentials outwards (Brockett 1984), then gravity's load on each slot by its screw and the first mass
- * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin). */
-static void place(const Arm *a, const double *s, State *w) {
+ * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin).
+ * after: NULL, or the frames before the first slot and after each one, (slots + 1, 12). */
+static void place(const Arm *a, const double *s, State *w, double *after) {
     double f[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p[3] = {0, 0, 0};
     int body = 0;
     for (int v = 0; v <= a->slots; v++) {
+        if (after) COPY(after + 12 * v, f[0], 9), COPY(after + 12 * v + 9, p, 3);
         for (; body < a->bodies && a->inboard[body] == v; body++) {
             const double *m = a->moment[body];
             for (int i = 0; i < 3; i++) w->first[body][i] = f[0][i] * m[0] + f[1][i] * m[1] + f[2][i] * m[2] + p[i] * m[3];
@@ -140,7 +143,7 @@ static void place(const Arm *a, const double *s, State *w) {
     for (int i = 0; i < 3; i++) w->tcp[i] = f[0][i], w->tcp[3 + i] = f[1][i], w->tcp[6 + i] = f[2][i], w->tcp[9 + i] = p[i];
 }
 static void forward(const Arm *a, const double *s, State *w) {
-    place(a, s, w);
+    place(a, s, w, NULL);
     w->mass[a->bodies] = w->first[a->bodies][0] = w->first[a->bodies][1] = w->first[a->bodies][2] = 0;
     for (int b = a->bodies - 1; b >= 0; b--) {
         w->mass[b] = w->mass[b + 1] + a->moment[b][3];
@@ -332,26 +335,21 @@ static int too_soft(const Arm *a, const double *q, const int *side, const double
 
 /* ---------------------------------------------------------------- 5 Error of a goal, Newton's method ------------ */
 
-/* Displacement to the goal (m) and LEVER times the turn to it; returns its square. rows: 6 a pose, 5 a position and
- * the direction of z (the turn about the tool's x and y), 3 a position. A turn is counted by its Rodrigues vector. */
+/* Displacement to the goal (m) and LEVER times the rotation vector to it in w->e; returns the square of both (m^2).
+ * rows: 6 a pose, 5 a position and the direction of z (the turn about the tool's x and y), 3 a position. */
 static double goal_error(const double *g, int rows, State *w) {
-    const double *t = w->tcp;
-    double *e = w->e, turn[3], part[3];
+    const double *t = w->tcp, share = rows == 6 ? 0.5 : 1;
+    double *e = w->e, turn[3] = {0, 0, 0}, part[3], cosine = rows == 6 ? -0.5 : 0;
     for (int i = 0; i < 3; i++) e[i] = g[9 + i] - t[9 + i], e[3 + i] = 0;
-    if (rows == 6) {
-        double trace = 0;
-        for (int k = 0; k < 9; k++) trace += t[k] * g[k];
-        const double scale = 2 * LEVER / larger(1 + trace, FLAT_TURN);
-        for (int k = 0; k < 9; k += 3) {
-            cross(t + k, g + k, part);
-            for (int i = 0; i < 3; i++) e[3 + i] += scale * part[i];
-        }
-    } else if (rows == 5) {
-        cross(t + 6, g + 6, turn);
-        const double sine = sqrt(dot(turn, turn)), scale = LEVER * atan2(sine, dot(t + 6, g + 6)) / larger(sine, 1e-300);
-        e[3] = scale * dot(turn, t), e[4] = scale * dot(turn, t + 3);
+    if (rows == 3) return dot(e, e);
+    for (int k = rows == 6 ? 0 : 6; k < 9; k += 3) {
+        cross(t + k, g + k, part);
+        for (int i = 0; i < 3; i++) turn[i] += share * part[i];
+        cosine += share * dot(t + k, g + k);
     }
-    return dot(e, e) + dot(e + 3, e + 3);
+    const double sine = sqrt(dot(turn, turn)), angle = LEVER * atan2(sine, cosine), scale = angle / larger(sine, 1e-300);
+    for (int i = 0; i < 3; i++) e[3 + i] = scale * (rows == 6 ? turn[i] : i < 2 ? dot(turn, t + 3 * i) : 0);
+    return dot(e, e) + angle * angle;
 }
 
 /* How far the slots that are no joints are from where their loads would have them, w->lack; in m at the tool. */
@@ -365,27 +363,32 @@ static double lacking(const Arm *a, const double *s, State *w) {
     return out;
 }
 
-/* w->total: Jacobian (rows, joints), the other slots following their loads (w->follow; last column: what they lack).
- * (1 - M)^-1 of their mutual response M is cut after M: the deflection that a deflection causes. */
-static void total_jacobian(const Arm *a, int rows, State *w) {
-    const int n = a->joints, others = a->others;
+/* w->total: Jacobian (rows, joints) of a move of the joints, the followers after it by their loads (w->follow; last
+ * column: what they lack). (1 - M)^-1 of their mutual response M is cut after M: the deflection that a deflection causes.
+ * law_slope: NULL for true joint angles, which the other slots follow; for commands, which the joints follow too by
+ * springs and laws, the slopes of their laws (slots,). */
+static void total_jacobian(const Arm *a, int rows, const double *law_slope, State *w) {
+    const int n = a->joints, count = law_slope ? a->slots : a->others, *slot = w->follower;
+    for (int i = 0; i < count; i++) w->follower[i] = law_slope ? i : a->other[i];
+    w->followers = count;
     double M[MAX_SLOTS][MAX_SLOTS], first[MAX_SLOTS][MAX_JOINTS + 1], sum[6][MAX_JOINTS + 1];
     jacobian(a, w);
-    if (others) sweep(a, w);
-    for (int i = 0; i < others; i++) {
-        deflection_derivative(a, w, a->other[i], M[i]);
+    if (count) sweep(a, w);
+    for (int i = 0; i < count; i++) {
+        deflection_derivative(a, w, slot[i], M[i]);
+        if (law_slope && law_slope[slot[i]] != 0) add_load_derivatives(a, w, slot[i], law_slope[slot[i]], M[i]);
         for (int j = 0; j < n; j++) first[i][j] = M[i][a->joint[j]];
         first[i][n] = w->lack[i];
     }
-    for (int i = 0; i < others; i++) {
+    for (int i = 0; i < count; i++) {
         double *follow = w->follow[i];
         COPY(follow, first[i], n + 1);
-        for (int k = 0; k < others; k++) add(M[i][a->other[k]], first[k], n + 1, follow);
+        for (int k = 0; k < count; k++) add(M[i][slot[k]], first[k], n + 1, follow);
     }
     for (int r = 0; r < 6; r++) {
         for (int j = 0; j < n; j++) sum[r][j] = w->J[r][a->joint[j]];
         sum[r][n] = 0;
-        for (int i = 0; i < others; i++) add(w->J[r][a->other[i]], w->follow[i], n + 1, sum[r]);
+        for (int i = 0; i < count; i++) add(w->J[r][slot[i]], w->follow[i], n + 1, sum[r]);
     }
     for (int j = 0; j <= n && rows == 5; j++) {
         const double turn[3] = {sum[3][j], sum[4][j], sum[5][j]};
@@ -399,33 +402,25 @@ static void total_jacobian(const Arm *a, int rows, State *w) {
 
 static void move(const Arm *a, const State *w, const double *step, double *s) {
     for (int j = 0; j < a->joints; j++) s[a->joint[j]] += step[j];
-    for (int i = 0; i < a->others; i++) {
-        double x = w->follow[i][a->joints];
-        for (int j = 0; j < a->joints; j++) x += w->follow[i][j] * step[j];
-        s[a->other[i]] += x;
+    for (int i = 0; i < w->followers; i++) {
+        double *amount = s + w->follower[i];
+        *amount += w->follow[i][a->joints];
+        for (int j = 0; j < a->joints; j++) *amount += w->follow[i][j] * step[j];
     }
 }
 
-/* Least-squares step of the joints to w->e, damping in m^2, by the smaller of the two normal equations. */
+/* Least-squares step of the joints to w->e (Levenberg 1944), damping in m^2. */
 static void damped_step(const Arm *a, const State *w, int rows, double damping, double *step) {
-    const int n = a->joints, short_side = n < rows ? n : rows;
-    double N[MAX_JOINTS][MAX_JOINTS], y[MAX_JOINTS];
-    for (int i = 0; i < short_side; i++) {
+    double N[MAX_JOINTS][MAX_JOINTS];
+    for (int i = 0; i < a->joints; i++) {
+        step[i] = 0;
+        for (int r = 0; r < rows; r++) step[i] += w->total[r][i] * w->e[r];
         for (int j = 0; j <= i; j++) {
-            double x = 0;
-            if (n < rows) for (int r = 0; r < rows; r++) x += w->total[r][i] * w->total[r][j];
-            else for (int k = 0; k < n; k++) x += w->total[i][k] * w->total[j][k];
-            N[i][j] = x;
+            N[i][j] = i == j ? damping : 0;
+            for (int r = 0; r < rows; r++) N[i][j] += w->total[r][i] * w->total[r][j];
         }
-        N[i][i] += damping;
-        y[i] = n < rows ? 0 : w->e[i];
-        if (n < rows) for (int r = 0; r < rows; r++) y[i] += w->total[r][i] * w->e[r];
     }
-    factorise(N, short_side), substitute(N, y, short_side);
-    for (int j = 0; j < n; j++) {
-        step[j] = n < rows ? y[j] : 0;
-        if (n >= rows) for (int r = 0; r < rows; r++) step[j] += w->total[r][j] * y[r];
-    }
+    factorise(N, a->joints), substitute(N, step, a->joints);
 }
 
 enum { MOST_STEPS = 40, PATIENCE = 4 };
@@ -454,7 +449,7 @@ static Ending newton(const Arm *a, const double *goal, int rows, double *s, Stat
             }
         damping = miss > before ? 30 * damping : larger(0.3 * damping, least_damping);
         before = miss;
-        total_jacobian(a, rows, w);
+        total_jacobian(a, rows, NULL, w);
         damped_step(a, w, rows, damping * square + tiny, turns);
         const double size = largest(turns, a->joints), cut = size > longest ? longest / size : 1;
         for (int j = 0; j < a->joints; j++) turns[j] *= cut;
@@ -952,7 +947,8 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
             for (int j = 0; j < n; j++) by_laws[j] -= q[j];
         }
         for (int j = 0; j < n; j++) q[j] += by_laws[j];
-        total_jacobian(a, rows, w);
+        for (int k = 0; k < found->count && miss < 1e-3; k++) if (apart(q, found->at[k].q, n) < ONE_FAMILY) return KNOWN;
+        total_jacobian(a, rows, NULL, w);
         double cost = 0;
         for (int j = 0; j < n; j++) cost += (towards[j] - q[j]) * (towards[j] - q[j]);
         share = cost + 100 * miss > before ? 0.5 * share : lesser(1, 1.5 * share);
@@ -1006,96 +1002,71 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
         if (k >= 0) COPY(s, a->library_slots + close[k] * a->slots, a->slots);
         else if (from) start_at(a, from, s);
         else continue;
-        if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, near, 0.02, found);
+        if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, near, ONE_FAMILY, found);
     }
     return solved(found);
 }
 
 /* ---------------------------------------------------------------- 11 Nearest reachable goal --------------------- */
 
-/* Displacement and LEVER times the rotation vector to a goal, base frame, in w->e; returns its square. */
-static double rotation_error(const double *g, int rows, State *w) {
-    const double *t = w->tcp;
-    double turn[3] = {0, 0, 0}, part[3], cosine = rows == 6 ? -0.5 : 0;
-    goal_error(g, 3, w);
-    if (rows == 3) return dot(w->e, w->e);
-    for (int k = rows == 6 ? 0 : 6; k < 9; k += 3) {
-        const double share = rows == 6 ? 0.5 : 1;
-        cross(t + k, g + k, part);
-        for (int i = 0; i < 3; i++) turn[i] += share * part[i];
-        cosine += share * dot(t + k, g + k);
-    }
-    const double sine = sqrt(dot(turn, turn)), angle = atan2(sine, cosine);
-    for (int i = 0; i < 3; i++) w->e[3 + i] = LEVER * angle * turn[i] / larger(sine, 1e-12);
-    return dot(w->e, w->e) + LEVER * LEVER * angle * angle;
-}
-
 /* Square of the error (m^2) of a command's equilibrium, amounts s in place; infinite where there is none. */
 static double settled_error(const Arm *a, const double *goal, int rows, const double *q, double *s, State *w) {
     const int unknown[MAX_JOINTS] = {0};
-    if (settle(a, q, unknown, 1e-8, s, w) < 0) return INFINITY;
+    if (settle(a, q, unknown, 1e-7, s, w) < 0) return INFINITY;
     forward(a, s, w);
-    return rotation_error(goal, rows, w);
+    return goal_error(goal, rows, w);
 }
 
-/* Motion of the tool by commands through the equilibrium, (6, joints), springs and the slopes of the laws included. */
-static void command_jacobian(const Arm *a, const double *q, State *w, double J[6][MAX_JOINTS]) {
+/* w->total and w->follow of commands: all slots follow, the joints by their springs and the slopes of their laws. */
+static void command_jacobian(const Arm *a, int rows, const double *q, State *w) {
     const double h = 1e-5;
-    const int unknown[MAX_JOINTS] = {0}, n = a->joints;
-    double M[MAX_SLOTS][MAX_SLOTS], more[MAX_SLOTS], less[MAX_SLOTS], up[MAX_JOINTS], down[MAX_JOINTS];
-    jacobian(a, w), sweep(a, w);
-    for (int v = 0; v < a->slots; v++) deflection_derivative(a, w, v, M[v]), more[v] = w->tau[v] + h, less[v] = w->tau[v] - h;
-    if (a->laws) {
-        joint_errors(a, more, q, unknown, up), joint_errors(a, less, q, unknown, down);
-        for (int j = 0; j < n; j++) {
-            const int u = a->joint[j];
-            const double slope = (up[j] - down[j] - spring_rest(a, more, u) + spring_rest(a, less, u)) / (2 * h);
-            add_load_derivatives(a, w, u, slope, M[u]);
-        }
+    const int unknown[MAX_JOINTS] = {0};
+    double more[MAX_SLOTS], less[MAX_SLOTS], up[MAX_JOINTS], down[MAX_JOINTS], law_slope[MAX_SLOTS] = {0};
+    for (int v = 0; v < a->slots; v++) w->lack[v] = 0, more[v] = w->tau[v] + h, less[v] = w->tau[v] - h;
+    joint_errors(a, more, q, unknown, up), joint_errors(a, less, q, unknown, down);
+    for (int j = 0; j < a->joints && a->laws; j++) {
+        const int v = a->joint[j];
+        law_slope[v] = (up[j] - down[j] - spring_rest(a, more, v) + spring_rest(a, less, v)) / (2 * h);
     }
-    for (int j = 0; j < n; j++) {
-        double moved[MAX_SLOTS], next[MAX_SLOTS];
-        const int u = a->joint[j];
-        for (int v = 0; v < a->slots; v++) moved[v] = M[v][u] + (v == u);
-        for (int it = 0; it < 2; it++) {
-            for (int v = 0; v < a->slots; v++) {
-                next[v] = v == u;
-                for (int k = 0; k < a->slots; k++) next[v] += M[v][k] * moved[k];
-            }
-            COPY(moved, next, a->slots);
-        }
-        for (int r = 0; r < 6; r++) {
-            J[r][j] = 0;
-            for (int v = 0; v < a->slots; v++) J[r][j] += w->J[r][v] * moved[v];
-        }
-    }
+    total_jacobian(a, rows, law_slope, w);
 }
 
-/* Damped Newton descent (Levenberg 1944) of the squared error over the commands q within the limits, in place. The
- * curvature has the term by which an inner joint turns the screw of an outer one. Returns the square (m^2). */
+/* Second derivatives of half the squared error by joints i <= j, beside the product of their Jacobian's columns: an inner
+ * joint turns the screw of an outer one, and a large rotation vector turns with a small rotation (Bullo & Murray 1995). */
+static double bend(const State *w, int rows, const double *u, int i, int j) {
+    double v[3], T[2][3], turned[3], theta[3];
+    for (int r = 0; r < 3; r++) v[r] = w->total[r][j];
+    cross(u, v, turned);
+    const double straight = -dot(w->e, turned);
+    if (rows < 6) return straight;
+    for (int r = 0; r < 3; r++) T[0][r] = w->total[3 + r][i], T[1][r] = w->total[3 + r][j], theta[r] = w->e[3 + r] / LEVER;
+    const double square = larger(dot(theta, theta), 1e-6), half = 0.5 * sqrt(square), c = (1 - half / tan(half)) / square;
+    cross(T[0], T[1], turned);
+    return straight - 0.5 * dot(theta, turned) - c * (square * dot(T[0], T[1]) - dot(theta, T[0]) * dot(theta, T[1]));
+}
+
+/* Damped Newton descent (Levenberg 1944) of the squared error over the commands q within the limits, in place. Returns
+ * the square (m^2). */
 static double descend(const Arm *a, const double *goal, int rows, double *q, double *s, int steps, Found *found) {
     const int n = a->joints;
-    State w;
+    State w, next;
     double damping = 1e-2, f = settled_error(a, goal, rows, q, s, &w);
     for (int it = 0; it < steps && f < INFINITY; it++) {
-        double J[6][MAX_JOINTS], e[6], gradient[MAX_JOINTS], curvature[MAX_JOINTS][MAX_JOINTS], top = 0;
+        double gradient[MAX_JOINTS], curvature[MAX_JOINTS][MAX_JOINTS], top = 0;
         double moved[MAX_JOINTS], there[MAX_SLOTS], new = INFINITY;
-        COPY(e, w.e, 6);
-        command_jacobian(a, q, &w, J);
+        command_jacobian(a, rows, q, &w);
         for (int i = 0; i < n; i++) {
             gradient[i] = 0;
-            for (int r = 0; r < (rows == 3 ? 3 : 6); r++) gradient[i] += J[r][i] * e[r];
+            for (int r = 0; r < rows; r++) gradient[i] += w.total[r][i] * w.e[r];
             for (int j = i; j < n; j++) {
-                const double *u = w.axis[a->joint[i]], v[3] = {J[0][j], J[1][j], J[2][j]};
-                double turned[3], x = 0;
-                for (int r = 0; r < (rows == 3 ? 3 : 6); r++) x += J[r][i] * J[r][j];
+                double x = 0;
+                for (int r = 0; r < rows; r++) x += w.total[r][i] * w.total[r][j];
                 if (i == j) top = larger(top, x);
-                cross(u, v, turned);
-                curvature[j][i] = x - dot(e, turned);
+                curvature[j][i] = x + bend(&w, rows, w.axis[a->joint[i]], i, j);
             }
         }
-        for (int tries = 0; tries < 14 && !(new < f); tries++) {
-            double H[MAX_JOINTS][MAX_JOINTS], p[MAX_JOINTS];
+        for (int tries = 0; tries < 20 && !(new < f); tries++) {
+            double H[MAX_JOINTS][MAX_JOINTS], p[MAX_JOINTS], step[MAX_JOINTS], gain = 0;
             for (int i = 0; i < n; i++) {
                 const int stuck = (q[i] <= a->lower[i] && gradient[i] < 0) || (q[i] >= a->upper[i] && gradient[i] > 0);
                 for (int j = 0; j <= i; j++) H[i][j] = stuck ? 0 : curvature[i][j];
@@ -1103,21 +1074,22 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
                 H[i][i] = stuck ? 1e30 : curvature[i][i] + damping * top;
                 p[i] = stuck ? 0 : gradient[i];
             }
-            if (!factorise(H, n)) { damping = larger(5 * damping, 1e-2); continue; }
+            if (!factorise(H, n)) { damping = larger(3 * damping, 1e-3); continue; }
             substitute(H, p, n);
             const double size = largest(p, n), cut = size > 0.7 ? 0.7 / size : 1;
-            for (int j = 0; j < n; j++) moved[j] = lesser(larger(q[j] + cut * p[j], a->lower[j]), a->upper[j]);
-            if (apart(moved, q, n) < 1e-9) return f;
+            for (int j = 0; j < n; j++) {
+                moved[j] = lesser(larger(q[j] + cut * p[j], a->lower[j]), a->upper[j]), step[j] = moved[j] - q[j];
+                gain += step[j] * gradient[j];
+            }
+            if (gain < 1e-11 * f || largest(step, n) < 1e-9) return f;
             COPY(there, s, a->slots);
-            for (int j = 0; j < n; j++) there[a->joint[j]] += moved[j] - q[j];
-            new = settled_error(a, goal, rows, moved, there, &w), found->steps++;
-            damping = new < f ? 0.1 * damping : larger(6 * damping, 1e-3);
+            move(a, &w, step, there);
+            new = settled_error(a, goal, rows, moved, there, &next), found->steps++;
+            damping = new < f ? 0.1 * damping : larger(5 * damping, 1e-3);
         }
         if (!(new < f)) return f;
-        const double gain = f - new;
         COPY(q, moved, n), COPY(s, there, a->slots);
-        f = new;
-        if (gain < 1e-13 * f) return f;
+        f = new, w = next;
     }
     return f;
 }
@@ -1178,6 +1150,11 @@ API void ik_forward(const Arm *a, int count, const double *s, double *tcp, doubl
             for (int v = 0; v < a->slots; v++) J[(6 * k + r) * a->slots + v] = w.J[r][v] / (r < 3 ? 1 : LEVER);
     }
 }
+/* Frames before the first slot and after each one (K,slots+1,12) at slot amounts (K,slots). */
+API void ik_frames(const Arm *a, int count, const double *s, double *after) {
+    State w;
+    for (int k = 0; k < count; k++) place(a, s + k * a->slots, &w, after + 12 * (a->slots + 1) * k);
+}
 /* Derivatives of the loads, (slots, slots), at slot amounts. */
 API void ik_load_derivatives(const Arm *a, const double *s, double *out) {
     State w;
@@ -1194,7 +1171,7 @@ API void ik_settle(const Arm *a, int count, const double *q, const int *side, do
         const int n = a->joints;
         iterations[k] = settle(a, q + k * n, side + k * n, tolerance, s + k * a->slots, &w);
         if (iterations[k] > 0 && too_soft(a, q + k * n, side + k * n, s + k * a->slots)) iterations[k] = -1;
-        place(a, s + k * a->slots, &w);
+        place(a, s + k * a->slots, &w, NULL);
         COPY(tcp + 12 * k, w.tcp, 12);
     }
 }
@@ -1208,13 +1185,16 @@ API int ik_commands(const Arm *a, int count, const double *s, const double *tau,
     for (int k = 0; k < count; k++) failed += !command(a, tau + k * a->slots, s + k * a->slots, side + k * a->joints, q + k * a->joints);
     return failed;
 }
-/* Newton's method from slot amounts s, in place, without limits: 1 if it reaches the goal; the loads there in tau. */
-API int ik_newton(const Arm *a, const double *goal, int rows, double *s, double *tau, Found *found) {
+/* Newton's method from slot amounts s, in place, without limits: 1 if it reaches the goal; the loads there in tau, the
+ * command, unless it is far outside the limits, in found. */
+API int ik_newton(const Arm *a, const double *goal, int rows, const double *near, double *s, double *tau, Found *found) {
     State w;
+    double along[MAX_JOINTS], direction[6];
     found->count = found->steps = 0;
-    const Ending end = newton(a, goal, rows, s, &w, found, 0);
+    if (newton(a, goal, rows, s, &w, found, 0) != REACHED) return 0;
     COPY(tau, w.tau, a->slots);
-    return end == REACHED;
+    if (keep(a, &w, s, near, SAME, found)) found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
+    return 1;
 }
 /* One pose of an arm that nothing deflects: its branches q (8,6) and kind (8,): -1 none, 0 alone, else the joint from 1
  * that is free along the branch's family. Beyond the limits too unless `limited`. Where a root is nearly double or a
@@ -1253,26 +1233,44 @@ API void ik_nominal(const Arm *a, int count, const double *goals, const double *
     for (int k = 0; k < count; k++) nominal_pose(a, goals + 12 * k, towards, limited, q + 48 * k, kind + 8 * k);
 }
 
-/* For each of `count` positions with one orientation, the nominal branch (K,6) nearest to `near` within the limits widened
- * by slack (rad), and whether there is one. The number of the last nearest branch is tried first. */
-API void ik_nearest_branches(const Arm *a, int count, const double *goals, const double *near, double slack, double *q, int *found) {
-    Window win = window_of(a, near, 1);
+/* The nominal branch q nearest to `near` in a window: its number, or -1 if there is none. */
+static int nearest_branch(const Form *f, const double *goal, const double *near, const Window *win, int mask, double *q) {
+    Branches b;
+    double least = INFINITY;
+    int number = -1;
+    closed_form(f, goal, win, 0, mask, &b);
+    for (int k = 0; k < BRANCHES; k++)
+        if (b.exists >> k & 1 && apart(b.q[k], near, 6) < least) least = apart(b.q[k], near, 6), number = k;
+    if (number >= 0) COPY(q, b.q[number], 6);
+    return number;
+}
+
+/* Of a cube of points^3 goals about `centre` for the arm as drawn, within the limits of the deflected one, that whose
+ * equilibrium is nearest to `target` (Conenna 2024, section 7.2). q, s: a command and its slots at rest, in place; every
+ * goal starts from the one before. 1, or 0 where no goal has both. */
+API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double side, int points, const double *target, double tolerance, double *q, double *s) {
+    const int unknown[MAX_JOINTS] = {0};
+    const Window win = window_of(a, q, 1);
+    double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], best = INFINITY;
     int likely = 255;
-    for (int j = 0; j < 6; j++) win.lower[j] -= slack, win.upper[j] += slack;
-    for (int i = 0; i < count; i++) {
-        double away = INFINITY;
-        int number = -1;
-        for (int mask = likely;; mask = 255) {
-            Branches b;
-            closed_form(&a->form, goals + 12 * i, &win, 0, mask, &b);
-            for (int k = 0; k < BRANCHES; k++)
-                if (b.exists >> k & 1 && apart(b.q[k], near, 6) < away) {
-                    away = apart(b.q[k], near, 6), number = k;
-                    COPY(q + 6 * i, b.q[k], 6);
-                }
-            if (mask == 255 || away < 0.2) break;
-        }
-        found[i] = number >= 0;
-        if (number >= 0) likely = 1 << number;
+    State w;
+    COPY(near, q, 6), COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12);
+    for (int i = 0; i < points * points * points; i++) {
+        const int step[3] = {i / (points * points), i / points % points, i % points};
+        double command_[6];
+        for (int k = 0; k < 3; k++) goal[9 + k] = centre[9 + k] + side * ((double)step[k] / (points - 1) - 0.5);
+        int number = nearest_branch(&drawn->form, goal, near, &win, likely, command_);
+        if (likely != 255 && (number < 0 || apart(command_, near, 6) >= 0.2))
+            number = nearest_branch(&drawn->form, goal, near, &win, 255, command_);
+        if (number < 0) continue;
+        likely = 1 << number;
+        COPY(there, slots, a->slots);
+        for (int j = 0; j < 6; j++) there[a->joint[j]] += command_[j] - last[j];
+        if (settle(a, command_, unknown, tolerance, there, &w) < 0) continue;
+        COPY(slots, there, a->slots), COPY(last, command_, 6);
+        place(a, there, &w, NULL);
+        const double off[3] = {w.tcp[9] - target[0], w.tcp[10] - target[1], w.tcp[11] - target[2]};
+        if (dot(off, off) < best) best = dot(off, off), COPY(q, command_, 6), COPY(s, there, a->slots);
     }
+    return best < INFINITY;
 }
