@@ -123,21 +123,6 @@ class FlatArm:
         kernel().ik_settle(self.address, len(q), *args)
         return slots, tcp, iterations
 
-    def joint_errors(self, q: Array, side: Array, tau: Array) -> Array:
-        """(K, n), true joint angles less commands (K, n) from sides (K, n), under gravity loads (K, V)."""
-        commands, loads = np.ascontiguousarray(q), np.ascontiguousarray(tau)
-        sides = np.ascontiguousarray(side, np.int32)
-        out = np.empty((len(q), self.joints))
-        kernel().ik_joint_errors(self.address, len(q), _at(commands), _at(sides), _at(loads), _at(out))
-        return out
-
-    def commands(self, slots: Array, tau: Array, side: Array) -> Array:
-        """(K, n), commands from sides (K, n) that hold slot amounts (K, V) under gravity loads (K, V)."""
-        s, loads, sides = np.ascontiguousarray(slots), np.ascontiguousarray(tau), np.ascontiguousarray(side, np.int32)
-        q = np.empty((len(s), self.joints))
-        kernel().ik_commands(self.address, len(s), _at(s), _at(loads), _at(sides), _at(q))
-        return q
-
     def frames(self, slots: Array) -> Array:
         """(K, n + 2, 4, 4), frames of the base, after joint 1 … n, and of the tool, at slot amounts (K, V); m."""
         s, after = np.ascontiguousarray(slots, dtype=np.float64), np.empty((len(slots), self.slots + 1, 12))

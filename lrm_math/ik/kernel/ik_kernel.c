@@ -9,6 +9,7 @@
  *   3 Derivatives                   7 Singular directions                  11 Nearest reachable goal
  *   4 Joint laws, equilibrium       8 Library of poses                     12 Batches
  */
+#include <complex.h>
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
@@ -483,69 +484,46 @@ static double into_window(const Window *win, int j, double q) {
     return !(q >= win->lower[j] - ROUND_OFF) ? NAN : lesser(larger(q, win->lower[j]), win->upper[j]);
 }
 
-/* mean + c cos t + s sin t + cc cos 2t + ss sin 2t */
-typedef struct { double mean, c, s, cc, ss; } Wave;
-static Wave product(Wave f, Wave g) {
-    Wave out = {f.mean * g.mean + 0.5 * (f.c * g.c + f.s * g.s), f.mean * g.c + f.c * g.mean, f.mean * g.s + f.s * g.mean,
-                0.5 * (f.c * g.c - f.s * g.s), 0.5 * (f.c * g.s + f.s * g.c)};
-    return out;
-}
-static Wave combined(Wave f, double by, Wave g) {
-    Wave out = {f.mean + by * g.mean, f.c + by * g.c, f.s + by * g.s, f.cc + by * g.cc, f.ss + by * g.ss};
-    return out;
-}
-static double wave_at(Wave f, double t) {
-    return f.mean + f.c * cos(t) + f.s * sin(t) + f.cc * cos(2 * t) + f.ss * sin(2 * t);
+/* |u|^2 - |v|^2 across the second axis at an elbow angle t, where the first two axes are skew: zero at a solution, and a
+ * sum of cosines and sines of t and 2t. */
+static double skew_miss(const Form *f, double height, double square, double t) {
+    double v[3];
+    for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos(t) + f->vs[i] * sin(t);
+    const double ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a), uy = (height - f->links[0][0] * v[2]) / f->links[0][1];
+    return ux * ux + uy * uy + v[2] * v[2] - dot(v, v);
 }
 
-/* Zeros of a wave: with z = exp(it) a polynomial of degree four, whose roots on the unit circle are found all at once
- * (Weierstrass 1891, Durand 1960, Kerner 1966) and then polished. Real and imaginary parts apart: C99 without complex.h. */
-static int zeros(Wave f, double scale, double *t) {
-    double p[5][2] = {{0.5 * f.cc, 0.5 * f.ss}, {0.5 * f.c, 0.5 * f.s}, {f.mean, 0}, {0.5 * f.c, -0.5 * f.s}, {0.5 * f.cc, -0.5 * f.ss}};
-    double z[4][2] = {{1, 0}, {0.4, 0.9}, {-0.65, 0.72}, {-0.908, -0.297}};
-    if (p[4][0] * p[4][0] + p[4][1] * p[4][1] < 1e-28 * scale * scale) p[4][0] = 1e-14 * scale, p[4][1] = 0;
-    for (int it = 0; it < 120; it++) {
-        double moved = 0;
-        for (int k = 0; k < 4; k++) {
-            double v[2] = {p[4][0], p[4][1]}, d[2] = {p[4][0], p[4][1]};
-            for (int i = 3; i >= 0; i--) {
-                const double x = v[0] * z[k][0] - v[1] * z[k][1] + p[i][0];
-                v[1] = v[0] * z[k][1] + v[1] * z[k][0] + p[i][1], v[0] = x;
-            }
-            for (int i = 0; i < 4; i++) {
-                if (i == k) continue;
-                const double x = z[k][0] - z[i][0], y = z[k][1] - z[i][1], old = d[0];
-                d[0] = old * x - d[1] * y, d[1] = old * y + d[1] * x;
-            }
-            const double size = larger(d[0] * d[0] + d[1] * d[1], 1e-300);
-            const double x = (v[0] * d[0] + v[1] * d[1]) / size, y = (v[1] * d[0] - v[0] * d[1]) / size;
-            z[k][0] -= x, z[k][1] -= y, moved = larger(moved, fabs(x) + fabs(y));
-        }
-        if (moved < 1e-15) break;
-    }
+/* Its zeros: with z = exp(it) a polynomial of degree four, interpolated at five angles, whose roots on the unit circle are
+ * found all at once (Weierstrass 1891, Durand 1960, Kerner 1966) and then polished. */
+static int skew_elbow(const Form *f, double height, double square, double *t) {
+    const double scale = f->length * f->length, h = 1e-4;
+    double complex p[5] = {0}, z[4] = {1, 0.4 + 0.9 * I, -0.65 + 0.72 * I, -0.908 - 0.297 * I};
     int count = 0;
-    for (int k = 0; k < 4; k++) {
-        if (!(fabs(hypot(z[k][0], z[k][1]) - 1) < 1e-2)) continue;
-        double x = atan2(z[k][1], z[k][0]);
-        for (int it = 0; it < 6; it++) {
-            const double slope = -f.c * sin(x) + f.s * cos(x) - 2 * f.cc * sin(2 * x) + 2 * f.ss * cos(2 * x);
-            const double step = slope != 0 ? lesser(larger(-wave_at(f, x) / slope, -1e-3), 1e-3) : 0;
-            if (fabs(wave_at(f, x + step)) < fabs(wave_at(f, x))) x += step;
+    for (int i = 0; i < 5; i++)
+        for (int k = 0; k < 5; k++) p[k] += 0.2 * skew_miss(f, height, square, i * TURN / 5) * cexp(I * (2 - k) * i * TURN / 5);
+    if (cabs(p[4]) < 1e-14 * scale) p[4] = 1e-14 * scale;
+    for (int it = 0, moving = 1; it < 120 && moving; it++) {
+        moving = 0;
+        for (int k = 0; k < 4; k++) {
+            double complex value = p[4], others = p[4];
+            for (int i = 3; i >= 0; i--) value = value * z[k] + p[i];
+            for (int i = 0; i < 4; i++) if (i != k) others *= z[k] - z[i];
+            const double complex step = cabs(others) > 1e-150 ? value / others : 0;
+            z[k] -= step, moving |= cabs(step) > 1e-15;
         }
-        if (fabs(wave_at(f, x)) < 1e-12 * scale) t[count++] = x;
+    }
+    for (int k = 0; k < 4; k++) {
+        if (!(fabs(cabs(z[k]) - 1) < 1e-2)) continue;
+        double x = carg(z[k]), miss = skew_miss(f, height, square, x);
+        for (int it = 0; it < 6; it++) {
+            const double slope = (skew_miss(f, height, square, x + h) - skew_miss(f, height, square, x - h)) / (2 * h);
+            const double next = x + (slope != 0 ? lesser(larger(-miss / slope, -1e-3), 1e-3) : 0);
+            const double there = skew_miss(f, height, square, next);
+            if (fabs(there) < fabs(miss)) x = next, miss = there;
+        }
+        if (fabs(miss) < 1e-12 * scale) t[count++] = x;
     }
     return count;
-}
-
-/* Elbow angles where the first two axes are skew: |u|^2 = |v|^2 across the second axis, a wave of degree two. */
-static int skew_elbow(const Form *f, double height, double square, double *t) {
-    const Wave one = {1, 0, 0, 0, 0}, vz = {f->v0[2], f->vc[2], f->vs[2], 0, 0};
-    const Wave norm = {dot(f->v0, f->v0) + dot(f->vc, f->vc), 2 * dot(f->v0, f->vc), 2 * dot(f->v0, f->vs), 0, 0};
-    const Wave nothing = {0, 0, 0, 0, 0}, far = {square - f->a * f->a, 0, 0, 0, 0}, high = {height, 0, 0, 0, 0};
-    const Wave ux = product(combined(far, -1, norm), combined(nothing, 0.5 / f->a, one));
-    const Wave uy = product(combined(high, -f->links[0][0], vz), combined(nothing, 1 / f->links[0][1], one));
-    const Wave F = combined(combined(combined(product(ux, ux), 1, product(uy, uy)), 1, product(vz, vz)), -1, norm);
-    return zeros(F, f->length * f->length, t);
 }
 
 /* A vector seen across one joint and its link: Rx(-alpha) Rz(-t) v. */
@@ -565,7 +543,7 @@ static double root_of(double square, double most, double round_off, double misse
 /* The branches of a pose (Pieper 1968), as pieper.py derives them, that lie in a window; `mask`: those asked for.
  * Bits 4, 2, 1 of a branch's number: signs of elbow, shoulder, wrist. */
 static void closed_form(const Form *f, const double *g, const Window *win, double missed, int mask, Branches *out) {
-    double r[3][3], p[3], c[3], C[3], K[3], I[3];
+    double r[3][3], p[3], c[3], C[3], K[3], X[3];
     const double L2 = f->length * f->length, *link = f->links[0];
     out->exists = out->degenerate = 0;
     for (int i = 0; i < 3; i++) {
@@ -574,7 +552,7 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
     }
     double seen[3][3];
     for (int i = 0; i < 3; i++) seen[0][i] = dot(r[i], c) + p[i], seen[1][i] = dot(r[i], f->tip_x), seen[2][i] = dot(r[i], f->tip_z);
-    for (int i = 0; i < 3; i++) C[i] = dot(f->frame[i], seen[0]) - f->foot[i], I[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
+    for (int i = 0; i < 3; i++) C[i] = dot(f->frame[i], seen[0]) - f->foot[i], X[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
     const int at[6] = {f->backwards ? 5 : 0, f->backwards ? 4 : 1, f->backwards ? 3 : 2, f->backwards ? 2 : 3, f->backwards ? 1 : 4, f->backwards ? 0 : 5};
     const double flat = C[0] * C[0] + C[1] * C[1], square = flat + C[2] * C[2];
     double elbows[4];
@@ -617,7 +595,7 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
             if (isnan(q1) || isnan(q2)) continue;
             const double turn[3][2] = {{cos(t1), sin(t1)}, {cos(t2), sin(t2)}, {cos3, sin3}};
             double m[3], n[3];
-            COPY(m, K, 3), COPY(n, I, 3);
+            COPY(m, K, 3), COPY(n, X, 3);
             for (int k = 0; k < 3; k++) across(turn[k][0], turn[k][1], f->links[k], m);
             const double *l4 = f->links[3], *l5 = f->links[4];
             double cos5 = (l4[0] * l5[0] - m[2]) / (l4[1] * l5[1]);
@@ -721,25 +699,19 @@ static void library_distances(const Arm *a, const double *goal, int rows, float 
     }
 }
 
-/* Numbers of the `count` least keys, unordered: a heap with the largest on top. Returns how many there are. */
-static int least(const float *key, int size, int count, int *heap) {
-    int held = 0;
-    for (int i = 0; i < size; i++) {
-        int k;
-        if (held < count) {
-            for (k = held++; k > 0 && key[heap[(k - 1) / 2]] < key[i]; k = (k - 1) / 2) heap[k] = heap[(k - 1) / 2];
-            heap[k] = i;
-        } else if (key[i] < key[heap[0]]) {
-            for (k = 0; 2 * k + 1 < held;) {
-                int child = 2 * k + 1;
-                if (child + 1 < held && key[heap[child + 1]] > key[heap[child]]) child++;
-                if (key[heap[child]] <= key[i]) break;
-                heap[k] = heap[child], k = child;
-            }
-            heap[k] = i;
-        }
-    }
-    return held;
+/* Inserts a number by its key into those with the least keys, ascending, at most `most`; returns how many there are. */
+static int ranked(double key, int number, int most, int count, double *keys, int *numbers) {
+    if (count == most && !(key < keys[count - 1])) return count;
+    int k = count < most ? count++ : count - 1;
+    for (; k > 0 && keys[k - 1] > key; k--) keys[k] = keys[k - 1], numbers[k] = numbers[k - 1];
+    keys[k] = key, numbers[k] = number;
+    return count;
+}
+static int least(const float *key, int size, int most, int *numbers) {
+    double keys[RANKED];
+    int count = 0;
+    for (int i = 0; i < size; i++) if (count < most || key[i] < keys[count - 1]) count = ranked(key[i], i, most, count, keys, numbers);
+    return count;
 }
 
 /* Newton's first step from a pose of the library to a goal, by its stored inverse; returns its largest turn. */
@@ -764,11 +736,7 @@ static int library_seeds(const Arm *a, const double *goal, int judged, int count
         double q[MAX_JOINTS];
         const double length = first_step(a, goal, close[i], w, q);
         for (int j = 0; j < a->joints; j++) q[j] += a->library_q[close[i] * a->joints + j];
-        const double s = length + larger(excess_of(a, q), 0);
-        if (kept == count && s >= score[kept - 1]) continue;
-        int k = kept < count ? kept++ : count - 1;
-        for (; k > 0 && score[k - 1] > s; k--) score[k] = score[k - 1], out[k] = out[k - 1];
-        score[k] = s, out[k] = close[i];
+        kept = ranked(length + larger(excess_of(a, q), 0), close[i], count, kept, score, out);
     }
     return kept;
 }
@@ -1101,15 +1069,13 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
     float far[2048];
     int close[RANKED], order[MOST_STARTS], went = 0;
     double q[MOST_STARTS][MAX_JOINTS], s[MOST_STARTS][MAX_SLOTS], f[MOST_STARTS], best = INFINITY;
+    int ordered = 0;
     found->count = found->steps = 0;
     library_distances(a, goal, rows, far);
     const int held = least(far, a->poses, starts < MOST_STARTS ? starts : MOST_STARTS, close);
     for (int k = 0; k < held; k++) {
-        int i = k;
         COPY(q[k], a->library_q + close[k] * a->joints, a->joints), COPY(s[k], a->library_slots + close[k] * a->slots, a->slots);
-        f[k] = descend(a, goal, rows, q[k], s[k], 6, found);
-        for (; i > 0 && f[order[i - 1]] > f[k]; i--) order[i] = order[i - 1];
-        order[i] = k;
+        ordered = ranked(descend(a, goal, rows, q[k], s[k], 6, found), k, held, ordered, f, order);
     }
     for (int k = -more; k < held && (k < 0 || went < kept); k++) {
         double command_[MAX_JOINTS], slots[MAX_SLOTS];
@@ -1121,7 +1087,7 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
         } else {
             COPY(command_, q[order[k]], a->joints), COPY(slots, s[order[k]], a->slots);
             for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
-            if (!new || !(f[order[k]] < INFINITY)) continue;
+            if (!new || !(f[k] < INFINITY)) continue;
             went++;
         }
         const double error = descend(a, goal, rows, command_, slots, 100, found);
@@ -1174,16 +1140,6 @@ API void ik_settle(const Arm *a, int count, const double *q, const int *side, do
         place(a, s + k * a->slots, &w, NULL);
         COPY(tcp + 12 * k, w.tcp, 12);
     }
-}
-/* Errors of the joints (K,n) by the laws for commands (K,n), sides (K,n) and loads (K,slots). */
-API void ik_joint_errors(const Arm *a, int count, const double *q, const int *side, const double *tau, double *out) {
-    for (int k = 0; k < count; k++) joint_errors(a, tau + k * a->slots, q + k * a->joints, side + k * a->joints, out + k * a->joints);
-}
-/* Commands (K,n) that hold slots (K,slots) under loads (K,slots), arriving from sides (K,n); how many do not settle. */
-API int ik_commands(const Arm *a, int count, const double *s, const double *tau, const int *side, double *q) {
-    int failed = 0;
-    for (int k = 0; k < count; k++) failed += !command(a, tau + k * a->slots, s + k * a->slots, side + k * a->joints, q + k * a->joints);
-    return failed;
 }
 /* Newton's method from slot amounts s, in place, without limits: 1 if it reaches the goal; the loads there in tau, the
  * command, unless it is far outside the limits, in found. */

@@ -25,8 +25,6 @@ ARGUMENTS: dict[str, list[type]] = {
     "ik_frames": [Pointer, Integer, Pointer, Pointer],
     "ik_load_derivatives": [Pointer] * 3,
     "ik_settle": [Pointer, Integer, Pointer, Pointer, Real, Pointer, Pointer, Pointer],
-    "ik_joint_errors": [Pointer, Integer, Pointer, Pointer, Pointer, Pointer],
-    "ik_commands": [Pointer, Integer, Pointer, Pointer, Pointer, Pointer],
     "ik_newton": [Pointer, Pointer, Integer, Pointer, Pointer, Pointer, Pointer],
     "ik_nominal": [Pointer, Integer, Pointer, Pointer, Integer, Pointer, Pointer],
     "ik_cube": [Pointer, Pointer, Pointer, Real, Integer, Pointer, Real, Pointer, Pointer],
