@@ -6,15 +6,14 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.direct import Direct
-from lrm_math.ik.kernel.flat_arm import matrices
-from lrm_math.ik.solver_context import SLACK, CommandBatch, IkQuery, SolverContext
+from lrm_math.ik.kernel.flat_arm import frames_as_numbers, matrices
+from lrm_math.ik.solver_context import CommandBatch, IkQuery, SolverContext
 
 REGION = 0.05
 """rad: rounding of known commands, so that the search starts beside them."""
@@ -38,7 +37,7 @@ class NominalPose:
     def at(cls, context: SolverContext, q: Sequence[float] | Array) -> NominalPose:
         """The nominal tool frame at some angles (n,)."""
         angles = np.asarray(q, dtype=np.float64)
-        tcp = context.nominal_solver.tool_at(angles)
+        tcp = context.nominal_solver.frames(angles[None])[0, -1]
         return cls(angles, tcp[:3, 3], tcp[:3, :3])
 
 
@@ -111,22 +110,22 @@ class Cube:
 
     def _search_from(self, context: SolverContext, query: IkQuery, nominal: NominalPose) -> CubeResult | None:
         best: CubeResult | None = None
-        goal, q = np.array(query.goal.position), nominal.q
-        here = context.at_rest(query, q[None], tolerance=COARSE)
+        arm, goal = context.arm(query.payload), np.array(query.goal.position)
+        here = context.at_rest(query, nominal.q[None])
         for move in range(self.moves + 1):
             if not len(here.rows):
                 break
-            centre, rotation = _corrected(query, nominal, matrices(here.tcp)[0])
-            positions = centre + self.side * SHRINK**move * _grid(self.points)
-            answers, exist = context.nominal_solver.nearest_branches(positions, rotation, q, -SLACK)
-            answers = answers[exist]
-            start = here.slots + context.stiff(answers) - context.stiff(q[None])
-            rest = context.at_rest(query, answers, start=start, tolerance=COARSE)
-            if not len(rest.rows):
+            centre = frames_as_numbers(*_corrected(query, nominal, matrices(here.tcp)[0]))
+            _, known, _ = arm.settle(nominal.q[None], np.zeros((1, arm.joints)), here.slots, COARSE)
+            target = goal + known[0, 9:] - here.tcp[0, 9:]
+            side = self.side * SHRINK**move
+            found = arm.cube(
+                context.nominal_solver.packed, centre, side, self.points, target, COARSE, nominal.q, here.slots[0]
+            )
+            if found is None:
                 break
-            k = int(np.linalg.norm(rest.tcp[:, 9:] - goal, axis=1).argmin())
-            q = answers[rest.rows[k]]
-            here = context.at_rest(query, q[None], start=rest.slots[k : k + 1])
+            q, slots = found
+            here = context.at_rest(query, q[None], start=slots[None])
             error = math.dist(here.tcp[0, 9:], goal) if len(here.rows) else math.inf
             if not math.isfinite(error) or (best is not None and error >= best.error):
                 break
@@ -169,14 +168,8 @@ def _starts(
 
 
 def _corrected(query: IkQuery, nominal: NominalPose, tcp: Array) -> tuple[Array, Array]:
-    """Position (3,) and orientation (3, 3) for the nominal arm, corrected by the error of the deflected tool (4, 4)."""
+    """Position (1, 3) and orientation (1, 3, 3) for the nominal arm, corrected by the error of the tool (4, 4)."""
     position = nominal.position + query.goal.position - tcp[:3, 3]
     if query.goal.rotation is None:
-        return position, nominal.rotation
-    return position, np.array(query.goal.rotation) @ tcp[:3, :3].T @ nominal.rotation
-
-
-@lru_cache(maxsize=8)
-def _grid(points: int) -> Array:
-    """(points³, 3), a cube of side 1 about zero."""
-    return np.array(list(itertools.product(np.linspace(-0.5, 0.5, points), repeat=3)))
+        return position[None], nominal.rotation[None]
+    return position[None], (np.array(query.goal.rotation) @ tcp[:3, :3].T @ nominal.rotation)[None]

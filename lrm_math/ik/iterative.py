@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.ik.cube import initial_guesses
+from lrm_math.ik.goal import pose
 from lrm_math.ik.solver_context import Command, CommandBatch, IkQuery, SolverContext, Stalled
 
 STILL = 1e-6
@@ -45,11 +46,10 @@ class Iterative:
                 angles, unknown = tuple(q.tolist()), (0,) * len(q)
                 margin = min(context.limits.margins(angles))
                 return CommandBatch((Command(angles, unknown, (), tuple(rest.slots[0].tolist()), margin),), step)
-            answer, valid = context.nominal_solver.nearest_branches(
-                (nominal.position - error)[None], nominal.rotation, q, 0.0
-            )
-            if settled or not valid[0]:
+            branches = context.nominal_solver.branches(pose(nominal.position - error, nominal.rotation), q.tolist())
+            if settled or not branches:
                 break
-            start = rest.slots + context.stiff(answer) - context.stiff(q[None])
-            q = answer[0]
+            answer = np.array(branches[0].q)
+            start = rest.slots + context.stiff(answer[None]) - context.stiff(q[None])
+            q = answer
         return Stalled(tuple(q.tolist()), tuple(errors)) if errors else None

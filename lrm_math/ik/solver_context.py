@@ -14,7 +14,7 @@ from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.joint_laws import JointLaws
-from lrm_math.ik.kernel.flat_arm import FlatArm, Twelve, goal_numbers, packed, with_form, with_laws
+from lrm_math.ik.kernel.flat_arm import FlatArm, Twelve, flat_arm, goal_numbers, with_form, with_laws
 from lrm_math.ik.kernel.linkage import Indices
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import KernelFound
@@ -147,7 +147,7 @@ class SolverContext:
     def _bare(self) -> FlatArm:
         laws, limits = self.joint_laws, self.limits
         moments = laws.linkage.moments(self.model.weights(0.0))
-        arm = packed(laws.linkage, moments, self.model.binding.reach, limits.lower, limits.upper)
+        arm = flat_arm(laws.linkage, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = with_form(arm, pieper_form(screw_axes_of(equivalent_arm(self.model))))
         return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.kernel_laws, 0.0)
 
@@ -210,8 +210,12 @@ class SolverContext:
         """The command at the goal by Newton's method from slot amounts (V,); none if it does not lead there."""
         if not self.joint_laws.others_are_linear:
             return self._corrected(query, slots, self.arm(query.payload).forward(slots[None])[1][0])
-        state = self.arm(query.payload).newton(query.goal, slots)
-        return [] if state is None else self._corrected(query, *state)
+        state = self.arm(query.payload).newton(query.goal, slots, query.near)
+        if state is None:
+            return []
+        if self.joint_laws.complete:
+            return self._unpacked(state[2], query.goal.constraints >= self.model.arm.dof)
+        return self._corrected(query, *state[:2])
 
     def _corrected(self, query: IkQuery, slots: Array, tau: Array) -> list[Command]:
         """The command for a state at the goal, (V,) each; other effects than the kernel's first linearised about it."""
@@ -224,7 +228,7 @@ class SolverContext:
             if state is None:
                 return []
             steady = bool(np.abs(state[0] - slots).max() < STEADY)
-            slots, tau = state
+            slots, tau, _ = state
             q, side, detour = self._command(query, slots, tau)
             if steady:
                 break

@@ -23,7 +23,6 @@ from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, Solved, Unsolved
 from lrm_math.ik.solver_context import IkQuery, Method, SolverContext
 from lrm_math.kinematics.chain import Number
-from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrmd.config import Config
 from lrmd.errors import RequestError
@@ -105,8 +104,8 @@ class FeasibilityCheck:
         rows, slots = rest.rows[same], rest.slots[same]
         feasible[rows] = True
         if len(rows) and self.scene is not None:
-            distance = self._clearance(self.scene, poses.q[rows], slots).distance.reshape(2, -1).min(axis=0)
-            feasible[rows] = distance >= self.scene.margin
+            near = self._clearance(self.scene, query.payload, poses.q[rows], slots)
+            feasible[rows] = near.distance.reshape(2, -1).min(axis=0) >= self.scene.margin
         return feasible
 
     @property
@@ -130,7 +129,7 @@ class FeasibilityCheck:
         command = np.array([q])
         rest = self.context.at_rest(IkQuery(Goal((0.0, 0.0, 0.0)), payload), command)
         if self.scene is not None and len(rest.rows):
-            near = self._clearance(self.scene, command, rest.slots)
+            near = self._clearance(self.scene, payload, command, rest.slots)
             k = int(near.distance.argmin())
             closest = ClosestPair(float(near.distance[k]), str(near.first[k]), str(near.second[k]))
             if closest.distance < self.scene.margin:
@@ -141,10 +140,10 @@ class FeasibilityCheck:
                 return text, closest
         return NO_EQUILIBRIUM, None
 
-    def _clearance(self, scene: Scene, q: Array, slots: Array) -> Clearance:
+    def _clearance(self, scene: Scene, payload: float, q: Array, slots: Array) -> Clearance:
         """Of twice as many arms: at rest, with slot amounts (K, V), then the rigid ones at the commands (K, n)."""
-        bent = frames(self.context.model.chain, self.context.chain_amounts(slots), len(q))
-        return clearance_of(scene, np.concatenate([bent, scene.frames(q)]))
+        bent, rigid = self.context.arm(payload).frames(slots), self.context.nominal_solver.frames(q)
+        return clearance_of(scene, np.concatenate([bent, rigid]))
 
 
 class IkService:

@@ -17,10 +17,10 @@ from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.goal import point
+from lrm_math.ik.goal import point, pose
 from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.kernel import shared_library
-from lrm_math.ik.kernel.flat_arm import FlatArm, packed, with_laws
+from lrm_math.ik.kernel.flat_arm import FlatArm, flat_arm, with_laws
 from lrm_math.ik.kernel.laws import KERNEL_LAWS
 from lrm_math.ik.solver_context import IkQuery, SolverContext
 from lrm_math.kinematics.chain import chain_of
@@ -48,7 +48,7 @@ def flat(model: Model, payload: float) -> FlatArm:
     """The packed model, without closed form and library."""
     laws, joints = JointLaws(model), model.arm.joints
     moments = laws.linkage.moments(model.weights(payload))
-    arm = packed(laws.linkage, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
+    arm = flat_arm(laws.linkage, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
     return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.known, 0.0)
 
 
@@ -66,6 +66,7 @@ def test_kinematics_loads_and_jacobian_equal_those_of_the_chain(arm: Arm, seed: 
     slots, kernel = moving(model, rest.slots, 3), flat(model, payload)
     tcp, tau, J = kernel.forward(slots)
     np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
+    np.testing.assert_allclose(kernel.frames(slots), frames(model.chain, rest.slots, 3), atol=1e-12)
     np.testing.assert_allclose(tau, rest.loads_on(JointLaws(model).linkage.slots.tolist()), atol=1e-11)
     h = 1e-6
     for v in range(slots.shape[1]):
@@ -136,15 +137,17 @@ def test_every_law_of_the_kernel_is_one_of_the_catalogue() -> None:
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
-    """Joint errors under any loads, commands and sides of arrival."""
-    arm = load_arm("lrm-rover")
+    """True joint angles at rest under any commands, sides of arrival and loads."""
+    arm, rng = load_arm("lrm-rover"), np.random.default_rng(seed)
     model = random_model(arm, ("compliance", name), seed, 1.5)
-    laws, kernel, rng = JointLaws(model), flat(model, 0.0), np.random.default_rng(seed)
+    laws, payload = JointLaws(model), rng.uniform(0.0, 0.3)
     assert laws.complete
-    q, tau = rng.uniform(-1.7, 1.7, (5, 6)), rng.uniform(-1.0, 1.0, (5, kernel.slots))
-    side = rng.integers(-1, 2, (5, 6))
-    expected = laws.slots_at(Poses(q, np.zeros(5), side.astype(float)), tau)[:, laws.linkage.joints] - q
-    np.testing.assert_allclose(kernel.joint_errors(q, side, tau), expected, atol=1e-12)
+    q, side = rng.uniform(-1.7, 1.7, (5, 6)), rng.integers(-1, 2, (5, 6))
+    rest = equilibrium(model, Poses(q, np.full(5, payload), side.astype(float)), tolerance=1e-14)
+    expected = moving(model, rest.slots, 5)
+    slots, _, iterations = flat(model, payload).settle(q, side, expected + 0.01, 1e-14)
+    assert (iterations > 0).all()
+    np.testing.assert_allclose(slots, expected, atol=1e-12)
 
 
 @settings(max_examples=10)
@@ -162,7 +165,12 @@ def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: floa
     np.testing.assert_allclose(slots, moving(model, rest.slots, 6), atol=1e-11)
     np.testing.assert_allclose(tcp[:, 9:], rest.true_tcp, atol=1e-11)
     _, tau, _ = kernel.forward(slots)
-    np.testing.assert_allclose(kernel.commands(slots, tau, side), q, atol=1e-10)
+    for frame, row, command in zip(tcp, slots, q, strict=True):
+        state = kernel.newton(pose(frame[9:], frame[:9].reshape(3, 3).T), row, command.tolist())
+        assert state is not None
+        found = state[2].at[0]
+        again, _, _ = kernel.settle(np.array([found.q[:6]]), np.array([found.side[:6]]), row[None], 1e-13)
+        np.testing.assert_allclose(again[0], row, atol=1e-10)
     np.testing.assert_allclose(
         laws.command(Poses(np.zeros_like(q), np.full(6, payload), side), tau, slots), q, atol=1e-10
     )

@@ -56,9 +56,18 @@ class FlatArm:
     """A packed model. `memory`: the kernel's structure; `kept`: arrays that it points to."""
 
     memory: KernelArm
-    slots: int
-    joints: int
+    linkage: Linkage
     kept: SeedLibrary | None = None
+
+    @property
+    def slots(self) -> int:
+        """Number of moving slots."""
+        return int(self.memory.slots)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return int(self.memory.joints)
 
     @property
     def address(self) -> int:
@@ -70,7 +79,7 @@ class FlatArm:
         memory = KernelArm.from_buffer_copy(self.memory)
         for name, values in numbers.items():
             put(memory, name, values)
-        return FlatArm(memory, self.slots, self.joints, self.kept)
+        return FlatArm(memory, self.linkage, self.kept)
 
     def with_library(self, library: SeedLibrary, start: Array) -> FlatArm:
         """A copy with seeds; `start` (V,): amounts of the slots other than joints from which searches begin."""
@@ -79,7 +88,7 @@ class FlatArm:
         for name in ("tcp", "inverse", "q", "slots", "columns"):
             setattr(memory, f"library_{name}", getattr(library, name).ctypes.data)
         put(memory, "start", start)
-        return FlatArm(memory, self.slots, self.joints, library)
+        return FlatArm(memory, self.linkage, library)
 
     def with_springs(self, zero: Array, compliances: Array) -> FlatArm:
         """A copy with other amounts without load (V,) and compliances (V, V), rad/N·m or m/N·m."""
@@ -114,26 +123,37 @@ class FlatArm:
         kernel().ik_settle(self.address, len(q), *args)
         return slots, tcp, iterations
 
-    def joint_errors(self, q: Array, side: Array, tau: Array) -> Array:
-        """(K, n), true joint angles less commands (K, n) from sides (K, n), under gravity loads (K, V)."""
-        commands, loads = np.ascontiguousarray(q), np.ascontiguousarray(tau)
-        sides = np.ascontiguousarray(side, np.int32)
-        out = np.empty((len(q), self.joints))
-        kernel().ik_joint_errors(self.address, len(q), _at(commands), _at(sides), _at(loads), _at(out))
-        return out
+    def frames(self, slots: Array) -> Array:
+        """(K, n + 2, 4, 4), frames of the base, after joint 1 … n, and of the tool, at slot amounts (K, V); m."""
+        s, after = np.ascontiguousarray(slots, dtype=np.float64), np.empty((len(slots), self.slots + 1, 12))
+        kernel().ik_frames(self.address, len(s), _at(s), _at(after))
+        moved = matrices(after[:, self.linkage.frame_inboard].reshape(-1, 12)).reshape(len(s), -1, 4, 4)
+        return np.asarray(moved @ self.linkage.frames)
 
-    def commands(self, slots: Array, tau: Array, side: Array) -> Array:
-        """(K, n), commands from sides (K, n) that hold slot amounts (K, V) under gravity loads (K, V)."""
-        s, loads, sides = np.ascontiguousarray(slots), np.ascontiguousarray(tau), np.ascontiguousarray(side, np.int32)
-        q = np.empty((len(s), self.joints))
-        kernel().ik_commands(self.address, len(s), _at(s), _at(loads), _at(sides), _at(q))
-        return q
+    def cube(
+        self, drawn: FlatArm, centre: Array, side: float, points: int, target: Array, tolerance: float, q: Array,
+        slots: Array,
+    ) -> tuple[Array, Array] | None:  # fmt: skip
+        """Of a cube of goals of the arm as drawn, the command (n,) whose equilibrium is nearest to `target` (3,), m.
 
-    def newton(self, goal: Goal, slots: Array) -> tuple[Array, Array] | None:
-        """Slots (V,) at the goal, from slots (V,), and the loads there; None if it is not reached."""
+        `centre`: (1, 12), frame by columns. `side`: m, of `points` goals. `q`, `slots`: a command (n,) and amounts (V,)
+        at rest to begin with. `tolerance`: m, of the equilibria. Returns slot amounts too; None if there is none, as of
+        an arm without a closed form.
+        """
+        if not drawn.memory.has_form:
+            return None
+        best, there, aim = np.array(q), np.array(slots), np.ascontiguousarray(target)
+        args = (_at(centre), side, points, _at(aim), tolerance, _at(best), _at(there))
+        return (best, there) if kernel().ik_cube(self.address, drawn.address, *args) else None
+
+    def newton(
+        self, goal: Goal, slots: Array, near: Sequence[float] | None = None
+    ) -> tuple[Array, Array, KernelFound] | None:
+        """Slots (V,) at the goal, from slots (V,), the loads, the command coming from `near`; None: not reached."""
         s, tau, found = np.array(slots), np.empty(self.slots), KernelFound()
-        args = (goal_numbers(goal), goal.constraints, _at(s), _at(tau), ctypes.addressof(found))
-        return (s, tau) if kernel().ik_newton(self.address, *args) else None
+        here = None if near is None else (ctypes.c_double * self.joints)(*near)
+        args = (goal_numbers(goal), goal.constraints, here, _at(s), _at(tau), ctypes.addressof(found))
+        return (s, tau, found) if kernel().ik_newton(self.address, *args) else None
 
     def nearest(self, goal: Goal, starts: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], Array] | None:
         """The nearest command (n,), rad, and the tool frame (4, 4) there; None if the arm does not settle.
@@ -149,7 +169,7 @@ class FlatArm:
         return tuple(found.at[0].q[: self.joints]), tcp[0]
 
 
-def packed(
+def flat_arm(
     linkage: Linkage, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]
 ) -> FlatArm:
     """An arm without springs, laws, closed form or library; limits (rad). Raises `LrmError` beyond a fixed maximum."""
@@ -169,7 +189,7 @@ def packed(
         if not np.isfinite(values).all():
             raise LrmError(f"the arm's {name} has a number that is not finite")
         put(memory, name, values)
-    return FlatArm(memory, V, n)
+    return FlatArm(memory, linkage)
 
 
 def with_laws(arm: FlatArm, laws: Sequence[KernelLaw] | None, nonlinear_bound: float) -> FlatArm:

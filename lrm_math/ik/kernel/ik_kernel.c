@@ -9,6 +9,7 @@
  *   3 Derivatives                   7 Singular directions                  11 Nearest reachable goal
  *   4 Joint laws, equilibrium       8 Library of poses                     12 Batches
  */
+#include <complex.h>
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
@@ -67,6 +68,7 @@ typedef struct { /* what belongs to one set of slot amounts */
     double lever[MAX_SLOTS][3], by_counted[MAX_SLOTS][3], by_moved[MAX_SLOTS][3];
     double mass[MAX_BODIES + 1], first[MAX_BODIES + 1][3]; /* mass and first moment of body b and all outboard */
     double J[6][MAX_SLOTS], e[6], total[6][MAX_JOINTS], follow[MAX_SLOTS][MAX_JOINTS + 1], lack[MAX_SLOTS];
+    int follower[MAX_SLOTS], followers;
 } State;
 
 static const double LEVER = 0.1;     /* m: weight of a turn by 1 rad against a distance (characteristic length) */
@@ -74,7 +76,7 @@ static const double CLOSE = 5e-11;   /* m: a goal is reached */
 static const double SLACK = 0.4;     /* rad: joints sag and play by less, so seeds further outside lead nowhere */
 static const double AT_LIMIT = 1e-9; /* rad: a command this far beyond a limit is at the limit */
 static const double SAME = 1e-6;     /* rad: commands no further apart are one solution */
-static const double FLAT_TURN = 1e-3; /* 1 + trace of a rotation below which it is taken for half a turn */
+static const double ONE_FAMILY = 0.02; /* rad: the same where the goal leaves motion free */
 static const double TURN = 6.283185307179586;
 
 static double larger(double a, double b) { return a > b ? a : b; } /* inline, as fmax is not */
@@ -105,11 +107,13 @@ static double excess_of(const Arm *a, const double *q) {
 /* ---------------------------------------------------------------- 2 Forward kinematics, loads ------------------- */
 
 /* Product of exponentials outwards (Brockett 1984), then gravity's load on each slot by its screw and the first mass
- * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin); m g . axis if it slides. */
-static void place(const Arm *a, const double *s, State *w) {
+ * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin); m g . axis if it slides.
+ * after: NULL, or the frames before the first slot and after each one, (slots + 1, 12). */
+static void place(const Arm *a, const double *s, State *w, double *after) {
     double f[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p[3] = {0, 0, 0};
     int body = 0;
     for (int v = 0; v <= a->slots; v++) {
+        if (after) COPY(after + 12 * v, f[0], 9), COPY(after + 12 * v + 9, p, 3);
         for (; body < a->bodies && a->inboard[body] == v; body++) {
             const double *m = a->moment[body];
             for (int i = 0; i < 3; i++) w->first[body][i] = f[0][i] * m[0] + f[1][i] * m[1] + f[2][i] * m[2] + p[i] * m[3];
@@ -140,7 +144,7 @@ static void place(const Arm *a, const double *s, State *w) {
     for (int i = 0; i < 3; i++) w->tcp[i] = f[0][i], w->tcp[3 + i] = f[1][i], w->tcp[6 + i] = f[2][i], w->tcp[9 + i] = p[i];
 }
 static void forward(const Arm *a, const double *s, State *w) {
-    place(a, s, w);
+    place(a, s, w, NULL);
     w->mass[a->bodies] = w->first[a->bodies][0] = w->first[a->bodies][1] = w->first[a->bodies][2] = 0;
     for (int b = a->bodies - 1; b >= 0; b--) {
         w->mass[b] = w->mass[b + 1] + a->moment[b][3];
@@ -332,26 +336,21 @@ static int too_soft(const Arm *a, const double *q, const int *side, const double
 
 /* ---------------------------------------------------------------- 5 Error of a goal, Newton's method ------------ */
 
-/* Displacement to the goal (m) and LEVER times the turn to it; returns its square. rows: 6 a pose, 5 a position and
- * the direction of z (the turn about the tool's x and y), 3 a position. A turn is counted by its Rodrigues vector. */
+/* Displacement to the goal (m) and LEVER times the rotation vector to it in w->e; returns the square of both (m^2).
+ * rows: 6 a pose, 5 a position and the direction of z (the turn about the tool's x and y), 3 a position. */
 static double goal_error(const double *g, int rows, State *w) {
-    const double *t = w->tcp;
-    double *e = w->e, turn[3], part[3];
+    const double *t = w->tcp, share = rows == 6 ? 0.5 : 1;
+    double *e = w->e, turn[3] = {0, 0, 0}, part[3], cosine = rows == 6 ? -0.5 : 0;
     for (int i = 0; i < 3; i++) e[i] = g[9 + i] - t[9 + i], e[3 + i] = 0;
-    if (rows == 6) {
-        double trace = 0;
-        for (int k = 0; k < 9; k++) trace += t[k] * g[k];
-        const double scale = 2 * LEVER / larger(1 + trace, FLAT_TURN);
-        for (int k = 0; k < 9; k += 3) {
-            cross(t + k, g + k, part);
-            for (int i = 0; i < 3; i++) e[3 + i] += scale * part[i];
-        }
-    } else if (rows == 5) {
-        cross(t + 6, g + 6, turn);
-        const double sine = sqrt(dot(turn, turn)), scale = LEVER * atan2(sine, dot(t + 6, g + 6)) / larger(sine, 1e-300);
-        e[3] = scale * dot(turn, t), e[4] = scale * dot(turn, t + 3);
+    if (rows == 3) return dot(e, e);
+    for (int k = rows == 6 ? 0 : 6; k < 9; k += 3) {
+        cross(t + k, g + k, part);
+        for (int i = 0; i < 3; i++) turn[i] += share * part[i];
+        cosine += share * dot(t + k, g + k);
     }
-    return dot(e, e) + dot(e + 3, e + 3);
+    const double sine = sqrt(dot(turn, turn)), angle = LEVER * atan2(sine, cosine), scale = angle / larger(sine, 1e-300);
+    for (int i = 0; i < 3; i++) e[3 + i] = scale * (rows == 6 ? turn[i] : i < 2 ? dot(turn, t + 3 * i) : 0);
+    return dot(e, e) + angle * angle;
 }
 
 /* How far the slots that are no joints are from where their loads would have them, w->lack; in m at the tool. */
@@ -365,27 +364,32 @@ static double lacking(const Arm *a, const double *s, State *w) {
     return out;
 }
 
-/* w->total: Jacobian (rows, joints), the other slots following their loads (w->follow; last column: what they lack).
- * (1 - M)^-1 of their mutual response M is cut after M: the deflection that a deflection causes. */
-static void total_jacobian(const Arm *a, int rows, State *w) {
-    const int n = a->joints, others = a->others;
+/* w->total: Jacobian (rows, joints) of a move of the joints, the followers after it by their loads (w->follow; last
+ * column: what they lack). (1 - M)^-1 of their mutual response M is cut after M: the deflection that a deflection causes.
+ * law_slope: NULL for true joint angles, which the other slots follow; for commands, which the joints follow too by
+ * springs and laws, the slopes of their laws (slots,). */
+static void total_jacobian(const Arm *a, int rows, const double *law_slope, State *w) {
+    const int n = a->joints, count = law_slope ? a->slots : a->others, *slot = w->follower;
+    for (int i = 0; i < count; i++) w->follower[i] = law_slope ? i : a->other[i];
+    w->followers = count;
     double M[MAX_SLOTS][MAX_SLOTS], first[MAX_SLOTS][MAX_JOINTS + 1], sum[6][MAX_JOINTS + 1];
     jacobian(a, w);
-    if (others) sweep(a, w);
-    for (int i = 0; i < others; i++) {
-        deflection_derivative(a, w, a->other[i], M[i]);
+    if (count) sweep(a, w);
+    for (int i = 0; i < count; i++) {
+        deflection_derivative(a, w, slot[i], M[i]);
+        if (law_slope && law_slope[slot[i]] != 0) add_load_derivatives(a, w, slot[i], law_slope[slot[i]], M[i]);
         for (int j = 0; j < n; j++) first[i][j] = M[i][a->joint[j]];
         first[i][n] = w->lack[i];
     }
-    for (int i = 0; i < others; i++) {
+    for (int i = 0; i < count; i++) {
         double *follow = w->follow[i];
         COPY(follow, first[i], n + 1);
-        for (int k = 0; k < others; k++) add(M[i][a->other[k]], first[k], n + 1, follow);
+        for (int k = 0; k < count; k++) add(M[i][slot[k]], first[k], n + 1, follow);
     }
     for (int r = 0; r < 6; r++) {
         for (int j = 0; j < n; j++) sum[r][j] = w->J[r][a->joint[j]];
         sum[r][n] = 0;
-        for (int i = 0; i < others; i++) add(w->J[r][a->other[i]], w->follow[i], n + 1, sum[r]);
+        for (int i = 0; i < count; i++) add(w->J[r][slot[i]], w->follow[i], n + 1, sum[r]);
     }
     for (int j = 0; j <= n && rows == 5; j++) {
         const double turn[3] = {sum[3][j], sum[4][j], sum[5][j]};
@@ -399,33 +403,25 @@ static void total_jacobian(const Arm *a, int rows, State *w) {
 
 static void move(const Arm *a, const State *w, const double *step, double *s) {
     for (int j = 0; j < a->joints; j++) s[a->joint[j]] += step[j];
-    for (int i = 0; i < a->others; i++) {
-        double x = w->follow[i][a->joints];
-        for (int j = 0; j < a->joints; j++) x += w->follow[i][j] * step[j];
-        s[a->other[i]] += x;
+    for (int i = 0; i < w->followers; i++) {
+        double *amount = s + w->follower[i];
+        *amount += w->follow[i][a->joints];
+        for (int j = 0; j < a->joints; j++) *amount += w->follow[i][j] * step[j];
     }
 }
 
-/* Least-squares step of the joints to w->e, damping in m^2, by the smaller of the two normal equations. */
+/* Least-squares step of the joints to w->e (Levenberg 1944), damping in m^2. */
 static void damped_step(const Arm *a, const State *w, int rows, double damping, double *step) {
-    const int n = a->joints, short_side = n < rows ? n : rows;
-    double N[MAX_JOINTS][MAX_JOINTS], y[MAX_JOINTS];
-    for (int i = 0; i < short_side; i++) {
+    double N[MAX_JOINTS][MAX_JOINTS];
+    for (int i = 0; i < a->joints; i++) {
+        step[i] = 0;
+        for (int r = 0; r < rows; r++) step[i] += w->total[r][i] * w->e[r];
         for (int j = 0; j <= i; j++) {
-            double x = 0;
-            if (n < rows) for (int r = 0; r < rows; r++) x += w->total[r][i] * w->total[r][j];
-            else for (int k = 0; k < n; k++) x += w->total[i][k] * w->total[j][k];
-            N[i][j] = x;
+            N[i][j] = i == j ? damping : 0;
+            for (int r = 0; r < rows; r++) N[i][j] += w->total[r][i] * w->total[r][j];
         }
-        N[i][i] += damping;
-        y[i] = n < rows ? 0 : w->e[i];
-        if (n < rows) for (int r = 0; r < rows; r++) y[i] += w->total[r][i] * w->e[r];
     }
-    factorise(N, short_side), substitute(N, y, short_side);
-    for (int j = 0; j < n; j++) {
-        step[j] = n < rows ? y[j] : 0;
-        if (n >= rows) for (int r = 0; r < rows; r++) step[j] += w->total[r][j] * y[r];
-    }
+    factorise(N, a->joints), substitute(N, step, a->joints);
 }
 
 enum { MOST_STEPS = 40, PATIENCE = 4 };
@@ -454,7 +450,7 @@ static Ending newton(const Arm *a, const double *goal, int rows, double *s, Stat
             }
         damping = miss > before ? 30 * damping : larger(0.3 * damping, least_damping);
         before = miss;
-        total_jacobian(a, rows, w);
+        total_jacobian(a, rows, NULL, w);
         damped_step(a, w, rows, damping * square + tiny, turns);
         const double size = largest(turns, a->joints), cut = size > longest ? longest / size : 1;
         for (int j = 0; j < a->joints; j++) turns[j] *= cut;
@@ -488,69 +484,46 @@ static double into_window(const Window *win, int j, double q) {
     return !(q >= win->lower[j] - ROUND_OFF) ? NAN : lesser(larger(q, win->lower[j]), win->upper[j]);
 }
 
-/* mean + c cos t + s sin t + cc cos 2t + ss sin 2t */
-typedef struct { double mean, c, s, cc, ss; } Wave;
-static Wave product(Wave f, Wave g) {
-    Wave out = {f.mean * g.mean + 0.5 * (f.c * g.c + f.s * g.s), f.mean * g.c + f.c * g.mean, f.mean * g.s + f.s * g.mean,
-                0.5 * (f.c * g.c - f.s * g.s), 0.5 * (f.c * g.s + f.s * g.c)};
-    return out;
-}
-static Wave combined(Wave f, double by, Wave g) {
-    Wave out = {f.mean + by * g.mean, f.c + by * g.c, f.s + by * g.s, f.cc + by * g.cc, f.ss + by * g.ss};
-    return out;
-}
-static double wave_at(Wave f, double t) {
-    return f.mean + f.c * cos(t) + f.s * sin(t) + f.cc * cos(2 * t) + f.ss * sin(2 * t);
+/* |u|^2 - |v|^2 across the second axis at an elbow angle t, where the first two axes are skew: zero at a solution, and a
+ * sum of cosines and sines of t and 2t. */
+static double skew_miss(const Form *f, double height, double square, double t) {
+    double v[3];
+    for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos(t) + f->vs[i] * sin(t);
+    const double ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a), uy = (height - f->links[0][0] * v[2]) / f->links[0][1];
+    return ux * ux + uy * uy + v[2] * v[2] - dot(v, v);
 }
 
-/* Zeros of a wave: with z = exp(it) a polynomial of degree four, whose roots on the unit circle are found all at once
- * (Weierstrass 1891, Durand 1960, Kerner 1966) and then polished. Real and imaginary parts apart: C99 without complex.h. */
-static int zeros(Wave f, double scale, double *t) {
-    double p[5][2] = {{0.5 * f.cc, 0.5 * f.ss}, {0.5 * f.c, 0.5 * f.s}, {f.mean, 0}, {0.5 * f.c, -0.5 * f.s}, {0.5 * f.cc, -0.5 * f.ss}};
-    double z[4][2] = {{1, 0}, {0.4, 0.9}, {-0.65, 0.72}, {-0.908, -0.297}};
-    if (p[4][0] * p[4][0] + p[4][1] * p[4][1] < 1e-28 * scale * scale) p[4][0] = 1e-14 * scale, p[4][1] = 0;
-    for (int it = 0; it < 120; it++) {
-        double moved = 0;
-        for (int k = 0; k < 4; k++) {
-            double v[2] = {p[4][0], p[4][1]}, d[2] = {p[4][0], p[4][1]};
-            for (int i = 3; i >= 0; i--) {
-                const double x = v[0] * z[k][0] - v[1] * z[k][1] + p[i][0];
-                v[1] = v[0] * z[k][1] + v[1] * z[k][0] + p[i][1], v[0] = x;
-            }
-            for (int i = 0; i < 4; i++) {
-                if (i == k) continue;
-                const double x = z[k][0] - z[i][0], y = z[k][1] - z[i][1], old = d[0];
-                d[0] = old * x - d[1] * y, d[1] = old * y + d[1] * x;
-            }
-            const double size = larger(d[0] * d[0] + d[1] * d[1], 1e-300);
-            const double x = (v[0] * d[0] + v[1] * d[1]) / size, y = (v[1] * d[0] - v[0] * d[1]) / size;
-            z[k][0] -= x, z[k][1] -= y, moved = larger(moved, fabs(x) + fabs(y));
-        }
-        if (moved < 1e-15) break;
-    }
+/* Its zeros: with z = exp(it) a polynomial of degree four, interpolated at five angles, whose roots on the unit circle are
+ * found all at once (Weierstrass 1891, Durand 1960, Kerner 1966) and then polished. */
+static int skew_elbow(const Form *f, double height, double square, double *t) {
+    const double scale = f->length * f->length, h = 1e-4;
+    double complex p[5] = {0}, z[4] = {1, 0.4 + 0.9 * I, -0.65 + 0.72 * I, -0.908 - 0.297 * I};
     int count = 0;
-    for (int k = 0; k < 4; k++) {
-        if (!(fabs(hypot(z[k][0], z[k][1]) - 1) < 1e-2)) continue;
-        double x = atan2(z[k][1], z[k][0]);
-        for (int it = 0; it < 6; it++) {
-            const double slope = -f.c * sin(x) + f.s * cos(x) - 2 * f.cc * sin(2 * x) + 2 * f.ss * cos(2 * x);
-            const double step = slope != 0 ? lesser(larger(-wave_at(f, x) / slope, -1e-3), 1e-3) : 0;
-            if (fabs(wave_at(f, x + step)) < fabs(wave_at(f, x))) x += step;
+    for (int i = 0; i < 5; i++)
+        for (int k = 0; k < 5; k++) p[k] += 0.2 * skew_miss(f, height, square, i * TURN / 5) * cexp(I * (2 - k) * i * TURN / 5);
+    if (cabs(p[4]) < 1e-14 * scale) p[4] = 1e-14 * scale;
+    for (int it = 0, moving = 1; it < 120 && moving; it++) {
+        moving = 0;
+        for (int k = 0; k < 4; k++) {
+            double complex value = p[4], others = p[4];
+            for (int i = 3; i >= 0; i--) value = value * z[k] + p[i];
+            for (int i = 0; i < 4; i++) if (i != k) others *= z[k] - z[i];
+            const double complex step = cabs(others) > 1e-150 ? value / others : 0;
+            z[k] -= step, moving |= cabs(step) > 1e-15;
         }
-        if (fabs(wave_at(f, x)) < 1e-12 * scale) t[count++] = x;
+    }
+    for (int k = 0; k < 4; k++) {
+        if (!(fabs(cabs(z[k]) - 1) < 1e-2)) continue;
+        double x = carg(z[k]), miss = skew_miss(f, height, square, x);
+        for (int it = 0; it < 6; it++) {
+            const double slope = (skew_miss(f, height, square, x + h) - skew_miss(f, height, square, x - h)) / (2 * h);
+            const double next = x + (slope != 0 ? lesser(larger(-miss / slope, -1e-3), 1e-3) : 0);
+            const double there = skew_miss(f, height, square, next);
+            if (fabs(there) < fabs(miss)) x = next, miss = there;
+        }
+        if (fabs(miss) < 1e-12 * scale) t[count++] = x;
     }
     return count;
-}
-
-/* Elbow angles where the first two axes are skew: |u|^2 = |v|^2 across the second axis, a wave of degree two. */
-static int skew_elbow(const Form *f, double height, double square, double *t) {
-    const Wave one = {1, 0, 0, 0, 0}, vz = {f->v0[2], f->vc[2], f->vs[2], 0, 0};
-    const Wave norm = {dot(f->v0, f->v0) + dot(f->vc, f->vc), 2 * dot(f->v0, f->vc), 2 * dot(f->v0, f->vs), 0, 0};
-    const Wave nothing = {0, 0, 0, 0, 0}, far = {square - f->a * f->a, 0, 0, 0, 0}, high = {height, 0, 0, 0, 0};
-    const Wave ux = product(combined(far, -1, norm), combined(nothing, 0.5 / f->a, one));
-    const Wave uy = product(combined(high, -f->links[0][0], vz), combined(nothing, 1 / f->links[0][1], one));
-    const Wave F = combined(combined(combined(product(ux, ux), 1, product(uy, uy)), 1, product(vz, vz)), -1, norm);
-    return zeros(F, f->length * f->length, t);
 }
 
 /* A vector seen across one joint and its link: Rx(-alpha) Rz(-t) v. */
@@ -570,7 +543,7 @@ static double root_of(double square, double most, double round_off, double misse
 /* The branches of a pose (Pieper 1968), as pieper.py derives them, that lie in a window; `mask`: those asked for.
  * Bits 4, 2, 1 of a branch's number: signs of elbow, shoulder, wrist. */
 static void closed_form(const Form *f, const double *g, const Window *win, double missed, int mask, Branches *out) {
-    double r[3][3], p[3], c[3], C[3], K[3], I[3];
+    double r[3][3], p[3], c[3], C[3], K[3], X[3];
     const double L2 = f->length * f->length, *link = f->links[0];
     out->exists = out->degenerate = 0;
     for (int i = 0; i < 3; i++) {
@@ -579,7 +552,7 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
     }
     double seen[3][3];
     for (int i = 0; i < 3; i++) seen[0][i] = dot(r[i], c) + p[i], seen[1][i] = dot(r[i], f->tip_x), seen[2][i] = dot(r[i], f->tip_z);
-    for (int i = 0; i < 3; i++) C[i] = dot(f->frame[i], seen[0]) - f->foot[i], I[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
+    for (int i = 0; i < 3; i++) C[i] = dot(f->frame[i], seen[0]) - f->foot[i], X[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
     const int at[6] = {f->backwards ? 5 : 0, f->backwards ? 4 : 1, f->backwards ? 3 : 2, f->backwards ? 2 : 3, f->backwards ? 1 : 4, f->backwards ? 0 : 5};
     const double flat = C[0] * C[0] + C[1] * C[1], square = flat + C[2] * C[2];
     double elbows[4];
@@ -622,7 +595,7 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
             if (isnan(q1) || isnan(q2)) continue;
             const double turn[3][2] = {{cos(t1), sin(t1)}, {cos(t2), sin(t2)}, {cos3, sin3}};
             double m[3], n[3];
-            COPY(m, K, 3), COPY(n, I, 3);
+            COPY(m, K, 3), COPY(n, X, 3);
             for (int k = 0; k < 3; k++) across(turn[k][0], turn[k][1], f->links[k], m);
             const double *l4 = f->links[3], *l5 = f->links[4];
             double cos5 = (l4[0] * l5[0] - m[2]) / (l4[1] * l5[1]);
@@ -726,25 +699,19 @@ static void library_distances(const Arm *a, const double *goal, int rows, float 
     }
 }
 
-/* Numbers of the `count` least keys, unordered: a heap with the largest on top. Returns how many there are. */
-static int least(const float *key, int size, int count, int *heap) {
-    int held = 0;
-    for (int i = 0; i < size; i++) {
-        int k;
-        if (held < count) {
-            for (k = held++; k > 0 && key[heap[(k - 1) / 2]] < key[i]; k = (k - 1) / 2) heap[k] = heap[(k - 1) / 2];
-            heap[k] = i;
-        } else if (key[i] < key[heap[0]]) {
-            for (k = 0; 2 * k + 1 < held;) {
-                int child = 2 * k + 1;
-                if (child + 1 < held && key[heap[child + 1]] > key[heap[child]]) child++;
-                if (key[heap[child]] <= key[i]) break;
-                heap[k] = heap[child], k = child;
-            }
-            heap[k] = i;
-        }
-    }
-    return held;
+/* Inserts a number by its key into those with the least keys, ascending, at most `most`; returns how many there are. */
+static int ranked(double key, int number, int most, int count, double *keys, int *numbers) {
+    if (count == most && !(key < keys[count - 1])) return count;
+    int k = count < most ? count++ : count - 1;
+    for (; k > 0 && keys[k - 1] > key; k--) keys[k] = keys[k - 1], numbers[k] = numbers[k - 1];
+    keys[k] = key, numbers[k] = number;
+    return count;
+}
+static int least(const float *key, int size, int most, int *numbers) {
+    double keys[RANKED];
+    int count = 0;
+    for (int i = 0; i < size; i++) if (count < most || key[i] < keys[count - 1]) count = ranked(key[i], i, most, count, keys, numbers);
+    return count;
 }
 
 /* Newton's first step from a pose of the library to a goal, by its stored inverse; returns its largest turn. */
@@ -769,11 +736,7 @@ static int library_seeds(const Arm *a, const double *goal, int judged, int count
         double q[MAX_JOINTS];
         const double length = first_step(a, goal, close[i], w, q);
         for (int j = 0; j < a->joints; j++) q[j] += a->library_q[close[i] * a->joints + j];
-        const double s = length + larger(excess_of(a, q), 0);
-        if (kept == count && s >= score[kept - 1]) continue;
-        int k = kept < count ? kept++ : count - 1;
-        for (; k > 0 && score[k - 1] > s; k--) score[k] = score[k - 1], out[k] = out[k - 1];
-        score[k] = s, out[k] = close[i];
+        kept = ranked(length + larger(excess_of(a, q), 0), close[i], count, kept, score, out);
     }
     return kept;
 }
@@ -952,7 +915,8 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
             for (int j = 0; j < n; j++) by_laws[j] -= q[j];
         }
         for (int j = 0; j < n; j++) q[j] += by_laws[j];
-        total_jacobian(a, rows, w);
+        for (int k = 0; k < found->count && miss < 1e-3; k++) if (apart(q, found->at[k].q, n) < ONE_FAMILY) return KNOWN;
+        total_jacobian(a, rows, NULL, w);
         double cost = 0;
         for (int j = 0; j < n; j++) cost += (towards[j] - q[j]) * (towards[j] - q[j]);
         share = cost + 100 * miss > before ? 0.5 * share : lesser(1, 1.5 * share);
@@ -1006,96 +970,71 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
         if (k >= 0) COPY(s, a->library_slots + close[k] * a->slots, a->slots);
         else if (from) start_at(a, from, s);
         else continue;
-        if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, near, 0.02, found);
+        if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, near, ONE_FAMILY, found);
     }
     return solved(found);
 }
 
 /* ---------------------------------------------------------------- 11 Nearest reachable goal --------------------- */
 
-/* Displacement and LEVER times the rotation vector to a goal, base frame, in w->e; returns its square. */
-static double rotation_error(const double *g, int rows, State *w) {
-    const double *t = w->tcp;
-    double turn[3] = {0, 0, 0}, part[3], cosine = rows == 6 ? -0.5 : 0;
-    goal_error(g, 3, w);
-    if (rows == 3) return dot(w->e, w->e);
-    for (int k = rows == 6 ? 0 : 6; k < 9; k += 3) {
-        const double share = rows == 6 ? 0.5 : 1;
-        cross(t + k, g + k, part);
-        for (int i = 0; i < 3; i++) turn[i] += share * part[i];
-        cosine += share * dot(t + k, g + k);
-    }
-    const double sine = sqrt(dot(turn, turn)), angle = atan2(sine, cosine);
-    for (int i = 0; i < 3; i++) w->e[3 + i] = LEVER * angle * turn[i] / larger(sine, 1e-12);
-    return dot(w->e, w->e) + LEVER * LEVER * angle * angle;
-}
-
 /* Square of the error (m^2) of a command's equilibrium, amounts s in place; infinite where there is none. */
 static double settled_error(const Arm *a, const double *goal, int rows, const double *q, double *s, State *w) {
     const int unknown[MAX_JOINTS] = {0};
-    if (settle(a, q, unknown, 1e-8, s, w) < 0) return INFINITY;
+    if (settle(a, q, unknown, 1e-7, s, w) < 0) return INFINITY;
     forward(a, s, w);
-    return rotation_error(goal, rows, w);
+    return goal_error(goal, rows, w);
 }
 
-/* Motion of the tool by commands through the equilibrium, (6, joints), springs and the slopes of the laws included. */
-static void command_jacobian(const Arm *a, const double *q, State *w, double J[6][MAX_JOINTS]) {
+/* w->total and w->follow of commands: all slots follow, the joints by their springs and the slopes of their laws. */
+static void command_jacobian(const Arm *a, int rows, const double *q, State *w) {
     const double h = 1e-5;
-    const int unknown[MAX_JOINTS] = {0}, n = a->joints;
-    double M[MAX_SLOTS][MAX_SLOTS], more[MAX_SLOTS], less[MAX_SLOTS], up[MAX_JOINTS], down[MAX_JOINTS];
-    jacobian(a, w), sweep(a, w);
-    for (int v = 0; v < a->slots; v++) deflection_derivative(a, w, v, M[v]), more[v] = w->tau[v] + h, less[v] = w->tau[v] - h;
-    if (a->laws) {
-        joint_errors(a, more, q, unknown, up), joint_errors(a, less, q, unknown, down);
-        for (int j = 0; j < n; j++) {
-            const int u = a->joint[j];
-            const double slope = (up[j] - down[j] - spring_rest(a, more, u) + spring_rest(a, less, u)) / (2 * h);
-            add_load_derivatives(a, w, u, slope, M[u]);
-        }
+    const int unknown[MAX_JOINTS] = {0};
+    double more[MAX_SLOTS], less[MAX_SLOTS], up[MAX_JOINTS], down[MAX_JOINTS], law_slope[MAX_SLOTS] = {0};
+    for (int v = 0; v < a->slots; v++) w->lack[v] = 0, more[v] = w->tau[v] + h, less[v] = w->tau[v] - h;
+    joint_errors(a, more, q, unknown, up), joint_errors(a, less, q, unknown, down);
+    for (int j = 0; j < a->joints && a->laws; j++) {
+        const int v = a->joint[j];
+        law_slope[v] = (up[j] - down[j] - spring_rest(a, more, v) + spring_rest(a, less, v)) / (2 * h);
     }
-    for (int j = 0; j < n; j++) {
-        double moved[MAX_SLOTS], next[MAX_SLOTS];
-        const int u = a->joint[j];
-        for (int v = 0; v < a->slots; v++) moved[v] = M[v][u] + (v == u);
-        for (int it = 0; it < 2; it++) {
-            for (int v = 0; v < a->slots; v++) {
-                next[v] = v == u;
-                for (int k = 0; k < a->slots; k++) next[v] += M[v][k] * moved[k];
-            }
-            COPY(moved, next, a->slots);
-        }
-        for (int r = 0; r < 6; r++) {
-            J[r][j] = 0;
-            for (int v = 0; v < a->slots; v++) J[r][j] += w->J[r][v] * moved[v];
-        }
-    }
+    total_jacobian(a, rows, law_slope, w);
 }
 
-/* Damped Newton descent (Levenberg 1944) of the squared error over the commands q within the limits, in place. The
- * curvature has the term by which an inner joint turns the screw of an outer one. Returns the square (m^2). */
+/* Second derivatives of half the squared error by joints i <= j, beside the product of their Jacobian's columns: an inner
+ * joint turns the screw of an outer one, and a large rotation vector turns with a small rotation (Bullo & Murray 1995). */
+static double bend(const State *w, int rows, const double *u, int i, int j) {
+    double v[3], T[2][3], turned[3], theta[3];
+    for (int r = 0; r < 3; r++) v[r] = w->total[r][j];
+    cross(u, v, turned);
+    const double straight = -dot(w->e, turned);
+    if (rows < 6) return straight;
+    for (int r = 0; r < 3; r++) T[0][r] = w->total[3 + r][i], T[1][r] = w->total[3 + r][j], theta[r] = w->e[3 + r] / LEVER;
+    const double square = larger(dot(theta, theta), 1e-6), half = 0.5 * sqrt(square), c = (1 - half / tan(half)) / square;
+    cross(T[0], T[1], turned);
+    return straight - 0.5 * dot(theta, turned) - c * (square * dot(T[0], T[1]) - dot(theta, T[0]) * dot(theta, T[1]));
+}
+
+/* Damped Newton descent (Levenberg 1944) of the squared error over the commands q within the limits, in place. Returns
+ * the square (m^2). */
 static double descend(const Arm *a, const double *goal, int rows, double *q, double *s, int steps, Found *found) {
     const int n = a->joints;
-    State w;
+    State w, next;
     double damping = 1e-2, f = settled_error(a, goal, rows, q, s, &w);
     for (int it = 0; it < steps && f < INFINITY; it++) {
-        double J[6][MAX_JOINTS], e[6], gradient[MAX_JOINTS], curvature[MAX_JOINTS][MAX_JOINTS], top = 0;
+        double gradient[MAX_JOINTS], curvature[MAX_JOINTS][MAX_JOINTS], top = 0;
         double moved[MAX_JOINTS], there[MAX_SLOTS], new = INFINITY;
-        COPY(e, w.e, 6);
-        command_jacobian(a, q, &w, J);
+        command_jacobian(a, rows, q, &w);
         for (int i = 0; i < n; i++) {
             gradient[i] = 0;
-            for (int r = 0; r < (rows == 3 ? 3 : 6); r++) gradient[i] += J[r][i] * e[r];
+            for (int r = 0; r < rows; r++) gradient[i] += w.total[r][i] * w.e[r];
             for (int j = i; j < n; j++) {
-                const double *u = w.axis[a->joint[i]], v[3] = {J[0][j], J[1][j], J[2][j]};
-                double turned[3], x = 0;
-                for (int r = 0; r < (rows == 3 ? 3 : 6); r++) x += J[r][i] * J[r][j];
+                double x = 0;
+                for (int r = 0; r < rows; r++) x += w.total[r][i] * w.total[r][j];
                 if (i == j) top = larger(top, x);
-                cross(u, v, turned);
-                curvature[j][i] = x - dot(e, turned);
+                curvature[j][i] = x + bend(&w, rows, w.axis[a->joint[i]], i, j);
             }
         }
-        for (int tries = 0; tries < 14 && !(new < f); tries++) {
-            double H[MAX_JOINTS][MAX_JOINTS], p[MAX_JOINTS];
+        for (int tries = 0; tries < 20 && !(new < f); tries++) {
+            double H[MAX_JOINTS][MAX_JOINTS], p[MAX_JOINTS], step[MAX_JOINTS], gain = 0;
             for (int i = 0; i < n; i++) {
                 const int stuck = (q[i] <= a->lower[i] && gradient[i] < 0) || (q[i] >= a->upper[i] && gradient[i] > 0);
                 for (int j = 0; j <= i; j++) H[i][j] = stuck ? 0 : curvature[i][j];
@@ -1103,21 +1042,22 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
                 H[i][i] = stuck ? 1e30 : curvature[i][i] + damping * top;
                 p[i] = stuck ? 0 : gradient[i];
             }
-            if (!factorise(H, n)) { damping = larger(5 * damping, 1e-2); continue; }
+            if (!factorise(H, n)) { damping = larger(3 * damping, 1e-3); continue; }
             substitute(H, p, n);
             const double size = largest(p, n), cut = size > 0.7 ? 0.7 / size : 1;
-            for (int j = 0; j < n; j++) moved[j] = lesser(larger(q[j] + cut * p[j], a->lower[j]), a->upper[j]);
-            if (apart(moved, q, n) < 1e-9) return f;
+            for (int j = 0; j < n; j++) {
+                moved[j] = lesser(larger(q[j] + cut * p[j], a->lower[j]), a->upper[j]), step[j] = moved[j] - q[j];
+                gain += step[j] * gradient[j];
+            }
+            if (gain < 1e-11 * f || largest(step, n) < 1e-9) return f;
             COPY(there, s, a->slots);
-            for (int j = 0; j < n; j++) there[a->joint[j]] += moved[j] - q[j];
-            new = settled_error(a, goal, rows, moved, there, &w), found->steps++;
-            damping = new < f ? 0.1 * damping : larger(6 * damping, 1e-3);
+            move(a, &w, step, there);
+            new = settled_error(a, goal, rows, moved, there, &next), found->steps++;
+            damping = new < f ? 0.1 * damping : larger(5 * damping, 1e-3);
         }
         if (!(new < f)) return f;
-        const double gain = f - new;
         COPY(q, moved, n), COPY(s, there, a->slots);
-        f = new;
-        if (gain < 1e-13 * f) return f;
+        f = new, w = next;
     }
     return f;
 }
@@ -1129,15 +1069,13 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
     float far[2048];
     int close[RANKED], order[MOST_STARTS], went = 0;
     double q[MOST_STARTS][MAX_JOINTS], s[MOST_STARTS][MAX_SLOTS], f[MOST_STARTS], best = INFINITY;
+    int ordered = 0;
     found->count = found->steps = 0;
     library_distances(a, goal, rows, far);
     const int held = least(far, a->poses, starts < MOST_STARTS ? starts : MOST_STARTS, close);
     for (int k = 0; k < held; k++) {
-        int i = k;
         COPY(q[k], a->library_q + close[k] * a->joints, a->joints), COPY(s[k], a->library_slots + close[k] * a->slots, a->slots);
-        f[k] = descend(a, goal, rows, q[k], s[k], 6, found);
-        for (; i > 0 && f[order[i - 1]] > f[k]; i--) order[i] = order[i - 1];
-        order[i] = k;
+        ordered = ranked(descend(a, goal, rows, q[k], s[k], 6, found), k, held, ordered, f, order);
     }
     for (int k = -more; k < held && (k < 0 || went < kept); k++) {
         double command_[MAX_JOINTS], slots[MAX_SLOTS];
@@ -1149,7 +1087,7 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
         } else {
             COPY(command_, q[order[k]], a->joints), COPY(slots, s[order[k]], a->slots);
             for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
-            if (!new || !(f[order[k]] < INFINITY)) continue;
+            if (!new || !(f[k] < INFINITY)) continue;
             went++;
         }
         const double error = descend(a, goal, rows, command_, slots, 100, found);
@@ -1178,6 +1116,11 @@ API void ik_forward(const Arm *a, int count, const double *s, double *tcp, doubl
             for (int v = 0; v < a->slots; v++) J[(6 * k + r) * a->slots + v] = w.J[r][v] / (r < 3 ? 1 : LEVER);
     }
 }
+/* Frames before the first slot and after each one (K,slots+1,12) at slot amounts (K,slots). */
+API void ik_frames(const Arm *a, int count, const double *s, double *after) {
+    State w;
+    for (int k = 0; k < count; k++) place(a, s + k * a->slots, &w, after + 12 * (a->slots + 1) * k);
+}
 /* Derivatives of the loads, (slots, slots), at slot amounts. */
 API void ik_load_derivatives(const Arm *a, const double *s, double *out) {
     State w;
@@ -1194,27 +1137,20 @@ API void ik_settle(const Arm *a, int count, const double *q, const int *side, do
         const int n = a->joints;
         iterations[k] = settle(a, q + k * n, side + k * n, tolerance, s + k * a->slots, &w);
         if (iterations[k] > 0 && too_soft(a, q + k * n, side + k * n, s + k * a->slots)) iterations[k] = -1;
-        place(a, s + k * a->slots, &w);
+        place(a, s + k * a->slots, &w, NULL);
         COPY(tcp + 12 * k, w.tcp, 12);
     }
 }
-/* Errors of the joints (K,n) by the laws for commands (K,n), sides (K,n) and loads (K,slots). */
-API void ik_joint_errors(const Arm *a, int count, const double *q, const int *side, const double *tau, double *out) {
-    for (int k = 0; k < count; k++) joint_errors(a, tau + k * a->slots, q + k * a->joints, side + k * a->joints, out + k * a->joints);
-}
-/* Commands (K,n) that hold slots (K,slots) under loads (K,slots), arriving from sides (K,n); how many do not settle. */
-API int ik_commands(const Arm *a, int count, const double *s, const double *tau, const int *side, double *q) {
-    int failed = 0;
-    for (int k = 0; k < count; k++) failed += !command(a, tau + k * a->slots, s + k * a->slots, side + k * a->joints, q + k * a->joints);
-    return failed;
-}
-/* Newton's method from slot amounts s, in place, without limits: 1 if it reaches the goal; the loads there in tau. */
-API int ik_newton(const Arm *a, const double *goal, int rows, double *s, double *tau, Found *found) {
+/* Newton's method from slot amounts s, in place, without limits: 1 if it reaches the goal; the loads there in tau, the
+ * command, unless it is far outside the limits, in found. */
+API int ik_newton(const Arm *a, const double *goal, int rows, const double *near, double *s, double *tau, Found *found) {
     State w;
+    double along[MAX_JOINTS], direction[6];
     found->count = found->steps = 0;
-    const Ending end = newton(a, goal, rows, s, &w, found, 0);
+    if (newton(a, goal, rows, s, &w, found, 0) != REACHED) return 0;
     COPY(tau, w.tau, a->slots);
-    return end == REACHED;
+    if (keep(a, &w, s, near, SAME, found)) found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
+    return 1;
 }
 /* One pose of an arm that nothing deflects: its branches q (8,6) and kind (8,): -1 none, 0 alone, else the joint from 1
  * that is free along the branch's family. Beyond the limits too unless `limited`. Where a root is nearly double or a
@@ -1253,26 +1189,44 @@ API void ik_nominal(const Arm *a, int count, const double *goals, const double *
     for (int k = 0; k < count; k++) nominal_pose(a, goals + 12 * k, towards, limited, q + 48 * k, kind + 8 * k);
 }
 
-/* For each of `count` positions with one orientation, the nominal branch (K,6) nearest to `near` within the limits widened
- * by slack (rad), and whether there is one. The number of the last nearest branch is tried first. */
-API void ik_nearest_branches(const Arm *a, int count, const double *goals, const double *near, double slack, double *q, int *found) {
-    Window win = window_of(a, near, 1);
+/* The nominal branch q nearest to `near` in a window: its number, or -1 if there is none. */
+static int nearest_branch(const Form *f, const double *goal, const double *near, const Window *win, int mask, double *q) {
+    Branches b;
+    double least = INFINITY;
+    int number = -1;
+    closed_form(f, goal, win, 0, mask, &b);
+    for (int k = 0; k < BRANCHES; k++)
+        if (b.exists >> k & 1 && apart(b.q[k], near, 6) < least) least = apart(b.q[k], near, 6), number = k;
+    if (number >= 0) COPY(q, b.q[number], 6);
+    return number;
+}
+
+/* Of a cube of points^3 goals about `centre` for the arm as drawn, within the limits of the deflected one, that whose
+ * equilibrium is nearest to `target` (Conenna 2024, section 7.2). q, s: a command and its slots at rest, in place; every
+ * goal starts from the one before. 1, or 0 where no goal has both. */
+API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double side, int points, const double *target, double tolerance, double *q, double *s) {
+    const int unknown[MAX_JOINTS] = {0};
+    const Window win = window_of(a, q, 1);
+    double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], best = INFINITY;
     int likely = 255;
-    for (int j = 0; j < 6; j++) win.lower[j] -= slack, win.upper[j] += slack;
-    for (int i = 0; i < count; i++) {
-        double away = INFINITY;
-        int number = -1;
-        for (int mask = likely;; mask = 255) {
-            Branches b;
-            closed_form(&a->form, goals + 12 * i, &win, 0, mask, &b);
-            for (int k = 0; k < BRANCHES; k++)
-                if (b.exists >> k & 1 && apart(b.q[k], near, 6) < away) {
-                    away = apart(b.q[k], near, 6), number = k;
-                    COPY(q + 6 * i, b.q[k], 6);
-                }
-            if (mask == 255 || away < 0.2) break;
-        }
-        found[i] = number >= 0;
-        if (number >= 0) likely = 1 << number;
+    State w;
+    COPY(near, q, 6), COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12);
+    for (int i = 0; i < points * points * points; i++) {
+        const int step[3] = {i / (points * points), i / points % points, i % points};
+        double command_[6];
+        for (int k = 0; k < 3; k++) goal[9 + k] = centre[9 + k] + side * ((double)step[k] / (points - 1) - 0.5);
+        int number = nearest_branch(&drawn->form, goal, near, &win, likely, command_);
+        if (likely != 255 && (number < 0 || apart(command_, near, 6) >= 0.2))
+            number = nearest_branch(&drawn->form, goal, near, &win, 255, command_);
+        if (number < 0) continue;
+        likely = 1 << number;
+        COPY(there, slots, a->slots);
+        for (int j = 0; j < 6; j++) there[a->joint[j]] += command_[j] - last[j];
+        if (settle(a, command_, unknown, tolerance, there, &w) < 0) continue;
+        COPY(slots, there, a->slots), COPY(last, command_, 6);
+        place(a, there, &w, NULL);
+        const double off[3] = {w.tcp[9] - target[0], w.tcp[10] - target[1], w.tcp[11] - target[2]};
+        if (dot(off, off) < best) best = dot(off, off), COPY(q, command_, 6), COPY(s, there, a->slots);
     }
+    return best < INFINITY;
 }

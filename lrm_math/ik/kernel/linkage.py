@@ -26,6 +26,7 @@ class Linkage:
         axes: (V,), 0 to 2 for a turn about x, y, z, 3 to 5 for a translation.
         welds: (V + 1, 4, 4), the transform to each slot, and from the last one to the TCP (m).
         inboard: (B,), number of moving slots inboard of each body; `body_frames`: (B, 4, 4), its frame there.
+        frame_inboard, frames: the same of the base, after joint 1 … n, and of the tool, (n + 2,) and (n + 2, 4, 4).
         counted, moved: (V,), the first body that a slot's load counts, and that the slot moves.
         gravity: (3,), m/s².
     """
@@ -37,6 +38,8 @@ class Linkage:
     welds: Array
     inboard: Indices
     body_frames: Array
+    frame_inboard: Indices
+    frames: Array
     counted: Indices
     moved: Indices
     gravity: Array
@@ -55,16 +58,25 @@ def linkage_of(chain: Chain, constants: Sequence[float], also: Sequence[int]) ->
     """A chain whose slots keep the amounts `constants` (rad, m), except the joints and those in `also`."""
     slots = sorted({*chain.joint_slots, *also})
     edges = [-1, *slots, len(chain.slots)]
-    inboard = [sum(k < body.before for k in slots) for body in chain.bodies]
-    body_frames = [_weld(chain, constants, edges[n] + 1, b.before) for n, b in zip(inboard, chain.bodies, strict=True)]
+
+    def fixed(ends: Sequence[int]) -> tuple[Indices, Array]:
+        """Numbers of moving slots inboard of some places before slots `ends`, and the places' frames there."""
+        inboard = [sum(k < end for k in slots) for end in ends]
+        welds = [_weld(chain, constants, edges[n] + 1, end) for n, end in zip(inboard, ends, strict=True)]
+        return np.array(inboard, dtype=np.int64), np.array(welds).reshape(-1, 4, 4)
+
+    inboard, body_frames = fixed([body.before for body in chain.bodies])
+    frame_inboard, frames = fixed(chain.frame_ends)
     return Linkage(
         slots=np.array(slots),
         joints=np.array([slots.index(k) for k in chain.joint_slots]),
         others=np.array([v for v, k in enumerate(slots) if chain.slots[k].joint is None], dtype=np.int64),
         axes=np.array([chain.slots[k].axis + (0 if chain.slots[k].rotates else 3) for k in slots]),
         welds=np.array([_weld(chain, constants, a + 1, b) for a, b in pairwise(edges)]),
-        inboard=np.array(inboard, dtype=np.int64),
-        body_frames=np.array(body_frames).reshape(-1, 4, 4),
+        inboard=inboard,
+        body_frames=body_frames,
+        frame_inboard=frame_inboard,
+        frames=frames,
         counted=np.array([chain.counted[k] for k in slots]),
         moved=np.array([chain.moved[k] for k in slots]),
         gravity=np.array(chain.gravity),

@@ -18,7 +18,7 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.joint_laws import JointLaws
-from lrm_math.ik.kernel.flat_arm import FlatArm, frames_as_numbers, goal_numbers, packed, with_form
+from lrm_math.ik.kernel.flat_arm import FlatArm, flat_arm, frames_as_numbers, goal_numbers, with_form
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import BRANCHES, KernelFound
 from lrm_math.ik.library import PoseLibrary
@@ -102,10 +102,9 @@ class NominalSolver:
             return tuple(sorted(found, key=MARGIN, reverse=True))
         return tuple(sorted(found, key=lambda branch: branch.distance(near)))
 
-    def tool_at(self, q: Array) -> Array:
-        """(4, 4), tool frame at angles (n,)."""
-        flat = self._flat
-        return np.asarray(flat.forward((np.array(flat.memory.zero[: flat.slots]) + q)[None])[0][0])
+    def frames(self, q: Array) -> Array:
+        """(K, n + 2, 4, 4), frames of the base, after joint 1 … n, and of the tool, at angles (K, n); m."""
+        return self.packed.frames(np.array(self.packed.memory.zero[: self.arm.dof]) + q)
 
     @cached_property
     def second_axis(self) -> Vector3:
@@ -125,7 +124,7 @@ class NominalSolver:
         if self.form is not None:
             middle = (ctypes.c_double * n)(*self.limits.middle)
             args = (goals.ctypes.data, middle, 1, q.ctypes.data, kind.ctypes.data)
-            kernel().ik_nominal(self._flat.address, count, *args)
+            kernel().ik_nominal(self.packed.address, count, *args)
             return BatchAnswer(q, kind >= 0, kind > 0)
         for i, row in enumerate(goals):
             found = KernelFound()
@@ -135,42 +134,31 @@ class NominalSolver:
                 q[i, k], kind[i, k] = at.q[:n], 0
         return BatchAnswer(q, kind >= 0, kind > 0)
 
-    def nearest_branches(self, positions: Array, rotation: Array, near: Array, slack: float) -> tuple[Array, Mask]:
-        """Solutions (N, n) for positions (N, 3) with one orientation, nearest to `near` (rad); and which exist (N,).
-
-        They keep the limits with a tolerance `slack` (rad).
-        """
-        goals = frames_as_numbers(positions, np.broadcast_to(rotation, (len(positions), 3, 3)))
-        q, found = np.zeros((len(goals), self.arm.dof)), np.zeros(len(goals), dtype=np.int32)
-        here = np.ascontiguousarray(near, dtype=np.float64)
-        args = (goals.ctypes.data, here.ctypes.data, slack, q.ctypes.data, found.ctypes.data)
-        kernel().ik_nearest_branches(self._flat.address, len(goals), *args)
-        return q, found > 0
-
     @cached_property
     def _middle(self) -> ctypes.Array[ctypes.c_double]:
         return Six(*self.limits.middle)
 
     @cached_property
     def _address(self) -> int:
-        return self._flat.address
+        return self.packed.address
 
     @cached_property
     def _model(self) -> Model:
         return model_of(self.arm, ())
 
     @cached_property
-    def _flat(self) -> FlatArm:
+    def packed(self) -> FlatArm:
+        """The arm without seeds."""
         laws = JointLaws(self._model)
         moments = laws.linkage.moments(self._model.weights(0.0))
-        arm = packed(laws.linkage, moments, self._model.binding.reach, self.limits.lower, self.limits.upper)
+        arm = flat_arm(laws.linkage, moments, self._model.binding.reach, self.limits.lower, self.limits.upper)
         return with_form(arm.with_springs(laws.constants, laws.compliances), self.form)
 
     @cached_property
     def _ready(self) -> FlatArm:
         """With seeds."""
-        library = PoseLibrary.of(JointLaws(self._model), self._flat)
-        return self._flat.with_library(library.seeds, library.slots.mean(axis=0))
+        library = PoseLibrary.of(JointLaws(self._model), self.packed)
+        return self.packed.with_library(library.seeds, library.slots.mean(axis=0))
 
     @cached_property
     def _all_round(self) -> NominalSolver:
