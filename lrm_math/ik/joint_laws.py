@@ -15,7 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws
+from lrm_math.effects.backlash import AxialPlay
+from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, nonlinear_effects
 from lrm_math.ik.kernel.linkage import Linkage, linkage_of
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses, poses_of
@@ -70,11 +71,13 @@ class JointLaws:
 
     @cached_property
     def others_are_linear(self) -> bool:
-        """Whether the slots other than joints follow gravity's loads in proportion, and nothing else."""
+        """Whether the slots other than joints follow gravity's loads by springs and axial play, and nothing else."""
         joints, binding = set(self.model.chain.joint_slots), self.model.binding
-        nonlinear = (*binding.rigid, *(bound for bound in binding.elastic if not bound.effect.linear))
-        moved = {k for bound in nonlinear for k in bound.moves} | {k for k, _, _ in binding.gears}
+        moved = {k for bound in nonlinear_effects(binding) for k in bound.moves} | {k for k, _, _ in binding.gears}
         pushed = [self._row[k] for bound in binding.pushing for k in bound.pushes if k in self._row]
+        slides = {k for bound in binding.elastic if isinstance(bound.effect, AxialPlay) for k in bound.moves}
+        if any(k in slides for bound in binding.pushing for k in bound.pushes):
+            return False
         return moved <= joints and not self.compliances[self.linkage.others][:, pushed].any()
 
     @cached_property
@@ -86,6 +89,15 @@ class JointLaws:
     def complete(self) -> bool:
         """Whether the kernel alone computes the model."""
         return self.kernel_laws is not None
+
+    @cached_property
+    def axial_play(self) -> tuple[Array, Array]:
+        """Play of the moving slots from end to end (V,), m, zero of most, and the force that takes it up (V,), N."""
+        play, force = np.zeros(len(self._row)), np.ones(len(self._row))
+        for bound in self.model.binding.elastic:
+            if isinstance(bound.effect, AxialPlay) and self.others_are_linear:
+                play[self._row[bound.moves[0]]], force[self._row[bound.moves[0]]] = bound.p
+        return play, force
 
     def slots_at(self, poses: Poses, tau: Array) -> Array:
         """(K, V), amounts that the moving slots are due for commands under gravity loads (K, V): rad, m."""

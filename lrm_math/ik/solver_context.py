@@ -149,7 +149,8 @@ class SolverContext:
         moments = laws.linkage.moments(self.model.weights(0.0))
         arm = flat_arm(laws.linkage, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = with_form(arm, pieper_form(screw_axes_of(equivalent_arm(self.model))))
-        return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.kernel_laws, 0.0)
+        arm = arm.with_springs(laws.constants, laws.compliances).with_axial_play(*laws.axial_play)
+        return with_laws(arm, laws.kernel_laws, 0.0)
 
     @cached_property
     def library(self) -> PoseLibrary:

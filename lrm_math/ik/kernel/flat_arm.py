@@ -99,6 +99,10 @@ class FlatArm:
             zero=zero, spring_from=[0, *counts.tolist()], spring_load=columns, spring=compliances[rows, columns]
         )
 
+    def with_axial_play(self, play: Array, force: Array) -> FlatArm:
+        """A copy whose sliding slots have play, from end to end (V,), m, taken up by forces (V,), N."""
+        return self.with_(play=play, play_force=force)
+
     def forward(self, slots: Array) -> tuple[Array, Array, Array]:
         """Tool frames (K, 4, 4), gravity loads (K, V) and Jacobians (K, 6, V) at slot amounts (K, V)."""
         s = np.ascontiguousarray(slots, dtype=np.float64)

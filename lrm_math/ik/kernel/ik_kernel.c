@@ -45,7 +45,7 @@ typedef struct { /* a model with one payload; linkage.py says what slots, welds 
     int joint[MAX_JOINTS], other[MAX_SLOTS], inboard[MAX_BODIES], counted[MAX_SLOTS], moved[MAX_SLOTS];
     double zero[MAX_SLOTS], start[MAX_SLOTS], lower[MAX_JOINTS], upper[MAX_JOINTS]; /* unloaded; mean; limits */
     int spring_from[MAX_SLOTS + 1], spring_load[MAX_SPRINGS]; /* compliances, sparse by rows: slot, load's slot */
-    double spring[MAX_SPRINGS];
+    double spring[MAX_SPRINGS], play[MAX_SLOTS], play_force[MAX_SLOTS]; /* axial play: m from end to end, N */
     int law[MAX_LAWS], law_joint[MAX_LAWS];
     double law_p[MAX_LAWS][4];
     Form form; /* of the arm itself if nothing deflects, else of one that looks like it: seeds */
@@ -203,6 +203,9 @@ static void deflection_derivative(const Arm *a, const State *w, int row, double 
     for (int v = 0; v < a->slots; v++) out[v] = 0;
     for (int k = a->spring_from[row]; k < a->spring_from[row + 1]; k++)
         add_load_derivatives(a, w, a->spring_load[k], a->spring[k], out);
+    if (a->play[row] == 0) return;
+    const double taken = tanh(w->tau[row] / a->play_force[row]);
+    add_load_derivatives(a, w, row, 0.5 * a->play[row] / a->play_force[row] * (1 - taken * taken), out);
 }
 
 /* Cholesky factorisation in place of the lower triangle, reciprocal pivots; a pivot that is not positive becomes 0. */
@@ -230,10 +233,11 @@ static void substitute(double N[][MAX_JOINTS], double *y, int m) {
 
 /* ---------------------------------------------------------------- 4 Joint laws, equilibrium --------------------- */
 
-/* Amount of a slot under the loads tau, springs alone; joints at command zero. */
+/* Amount of a slot under the loads tau, by springs and axial play alone; joints at command zero. */
 static double spring_rest(const Arm *a, const double *tau, int v) {
     double x = a->zero[v];
     for (int k = a->spring_from[v]; k < a->spring_from[v + 1]; k++) x += a->spring[k] * tau[a->spring_load[k]];
+    if (a->play[v] != 0) x += 0.5 * a->play[v] * tanh(tau[v] / a->play_force[v]);
     return x;
 }
 static void linear_command(const Arm *a, const State *w, const double *s, double *q) {

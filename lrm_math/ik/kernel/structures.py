@@ -33,7 +33,7 @@ class KernelArm(ctypes.Structure):
         ("zero", Real * MAX_SLOTS), ("start", Real * MAX_SLOTS),
         ("lower", Real * MAX_JOINTS), ("upper", Real * MAX_JOINTS),
         ("spring_from", Integer * (MAX_SLOTS + 1)), ("spring_load", Integer * MAX_SPRINGS),
-        ("spring", Real * MAX_SPRINGS),
+        ("spring", Real * MAX_SPRINGS), ("play", Real * MAX_SLOTS), ("play_force", Real * MAX_SLOTS),
         ("law", Integer * MAX_LAWS), ("law_joint", Integer * MAX_LAWS), ("law_p", Real * (4 * MAX_LAWS)),
         ("form", KernelForm),
         *((f"library_{name}", Pointer) for name in ("tcp", "inverse", "q", "slots", "columns")),
