@@ -14,7 +14,6 @@ from dataclasses import replace
 from functools import singledispatch
 from pathlib import Path
 
-from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import arm_for
@@ -30,6 +29,7 @@ from lrm_ident.estimation.loss import SQUARED, Loss, loss_named
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_model, nominal_model
 from lrm_ident.estimation.model_history import arm_name_for, model_file, model_text
 from lrm_ident.estimation.priors import load_prior
+from lrm_ident.examples import EXAMPLE
 from lrm_ident.plots.comparison import draw_comparison
 from lrm_ident.plots.diagnosis import draw_report
 from lrm_ident.registration.anchor import with_anchor
@@ -41,7 +41,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import load_model
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 
 __all__ = [
     "EXAMPLE",
@@ -57,9 +57,6 @@ __all__ = [
     "predict",
     "save",
 ]
-
-EXAMPLE = Path(__file__).resolve().parent / "examples" / "hidden-play.csv"
-"""The shipped data set: 300 synthetic poses of the arm `lrm-lab` with 2.3 degrees of play hidden in joint 2."""
 
 
 def load(path: str | Path, arm: str | None = None, reading: Reading = AS_NAMED) -> Measurements:

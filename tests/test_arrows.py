@@ -19,9 +19,9 @@ ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
     "lrm_math": "errors arrays toml_file arm kinematics collision effects model ik",
-    "lrm_ident": "synthetic progress executors digits description weights tracker data recordings registration "
-    "effect_plugins nonparametric estimation camera diagnosis laws design thesis workspace views report workflow fleet "
-    "plots api page campaign cli demo",
+    "lrm_ident": "examples synthetic progress executors digits description weights tracker data recordings "
+    "registration effect_plugins nonparametric estimation camera diagnosis laws design thesis workspace views "
+    "report workflow fleet plots api page campaign cli demo",
     "lrmd": "errors log config persistence link messages ramp safety control sim ik api client cli main demo",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""

@@ -11,9 +11,8 @@ from typing import Annotated, Any, get_type_hints
 from pydantic import ValidationError
 from typer import Option, Typer
 
-from lrm_ident.cli.common import app
-from lrm_ident.data.measurement_file.metadata import is_something_else
-from lrm_ident.data.output_files import check_outputs
+from lrm_ident.cli.application import app
+from lrm_ident.data.output_files import check_outputs, is_something_else
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import Reading
 

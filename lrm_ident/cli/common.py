@@ -1,4 +1,4 @@
-"""What all commands share: the application, the consoles, reading of inputs, and the one writer of results."""
+"""What all commands share: the consoles, reading of inputs, and the one writer of results."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
-import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.effect_plugins import Catalogue
@@ -26,15 +24,8 @@ from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, load_model
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    help="Identify the model of a robot arm from measured TCP positions, see where it fails, find what is missing.\n\n"
-    "Start with: lrm-ident fit DATA.csv --arm lrm-lab -o model.toml, then lrm-ident diagnose model.toml DATA.csv",
-)
 out = Console(width=None if sys.stdout.isatty() else 100)
 log = Console(stderr=True)
 LISTED = 15  # lines of a list without --all

@@ -23,7 +23,6 @@ from lrm_ident.cli.common import (
     show,
     start_model,
 )
-from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import arm_for
@@ -44,7 +43,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 
 MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
 

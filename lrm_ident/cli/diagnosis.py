@@ -20,7 +20,6 @@ from lrm_ident.cli.common import (
     read_identifiable,
     show,
 )
-from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_poses
@@ -49,7 +48,7 @@ from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.effects import FORMS, effects_at
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.model_file import ModelFile
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 
 

@@ -23,7 +23,6 @@ from lrm_ident.cli.common import (
     read_model,
     show,
 )
-from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_poses
@@ -47,7 +46,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 
 
 @command

@@ -11,14 +11,13 @@ from typer import Argument, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import out, progress, publish, publish_figure, read_measurements, show
-from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_ident.plots.thesis import draw_crossed, draw_method
 from lrm_ident.report.thesis import crossed_rows, method_blocks, options_document
 from lrm_ident.thesis.thesis_options import OPTIONS, POSES, cross_apply, option_named, run_options
 from lrm_ident.thesis.thesis_results import campaign_named
 from lrm_math.errors import LrmError
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 
 
 @command

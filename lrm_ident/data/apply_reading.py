@@ -8,8 +8,6 @@ from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.model.reading import AXES, FrameTable, Reading
 
-AS_NAMED = Reading()
-"""As the columns' names say."""
 LENGTH_UNITS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0}
 """Metres of each unit of positions."""
 ANGLE_UNITS = {"deg": float(np.radians(1.0)), "rad": 1.0}

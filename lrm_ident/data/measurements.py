@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.weights.rotations import rotation_vectors, turned_covariance
 from lrm_ident.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.model.sensed import Sensed, encoder_angles, from_anchor, tool_rotation
 
 

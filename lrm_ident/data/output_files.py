@@ -44,3 +44,9 @@ def _check_writable(option: str, path: Path, target: Path) -> None:
     schema = schema_of(target) if target.suffix == ".toml" and target.exists() else None
     if schema is not None and not schema.startswith(REPLACEABLE):
         raise FileError(path, "", f"{option} would overwrite a file of schema {schema}", "write to another file")
+
+
+def is_something_else(sidecar: Path) -> bool:
+    """Whether a TOML file says by its schema that it is a model, an arm, or anything but metadata."""
+    schema = schema_of(sidecar)
+    return schema is not None and not schema.startswith("lrm/measurements/")

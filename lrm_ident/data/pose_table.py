@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, AS_NAMED, LENGTH_UNITS, read_joints
+from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints
 from lrm_ident.data.csv_table import CsvTable
 from lrm_ident.data.measurement_table import ANGLES, POSITION
 from lrm_math.arm.arm import Arm
@@ -14,7 +14,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 
 LIMIT_TOLERANCE = np.radians(1e-6)
 

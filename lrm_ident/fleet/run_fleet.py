@@ -10,7 +10,8 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurement_file.metadata import is_something_else, metadata_of
+from lrm_ident.data.measurement_file.metadata import metadata_of
+from lrm_ident.data.output_files import is_something_else
 from lrm_ident.estimation.model_history import arm_name_for
 from lrm_ident.executors import as_finished
 from lrm_ident.fleet.identify_arm import ArmRecord, ArmTask, identify_arm

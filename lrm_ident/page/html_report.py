@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from lrm_ident.plots.interactive.assets import LIBRARY, SCRIPT, STYLE
+from lrm_ident.plots.interactive.assets import LIBRARY, STYLE, scripts
 from lrm_ident.plots.interactive.values import figure_values, values_text
 from lrm_ident.report.document import Block, Document
 from lrm_ident.report.document_html import blocks_html, table_html
@@ -15,8 +15,8 @@ PAGE = """<!doctype html>
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval';
- style-src 'unsafe-inline'; img-src data: blob:; connect-src blob: data:; worker-src blob:">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline';
+ style-src 'unsafe-inline'; img-src data: blob:">
 <title>{title}</title>
 <script>
 document.documentElement.dataset.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
@@ -43,10 +43,9 @@ document.documentElement.dataset.theme = window.matchMedia("(prefers-color-schem
 <select id="lrm-marked" aria-label="mark poses"></select><button type="button" id="lrm-clear">clear the marks</button>
 <span id="lrm-brushed"></span>
 </div>
-<div class="lrm-fields screen-only"><div id="lrm-field" class="lrm-figure tall"></div>
+<div class="lrm-fields"><div id="lrm-field" class="lrm-figure tall"></div>
 <div id="lrm-field-b" class="lrm-figure tall"></div></div>
 <div id="lrm-arm"></div>
-<img id="lrm-field-print" class="print-only" alt="The error field: an arrow at every measured TCP.">
 <p class="lrm-soft">nominal arm dashed, bent arm solid, measured tool circled</p>
 <p id="lrm-pose-note" class="lrm-soft"></p>
 </section>
@@ -81,14 +80,16 @@ document.documentElement.dataset.theme = window.matchMedia("(prefers-color-schem
 </main>
 <script type="application/json" id="lrm-values">{values}</script>
 <script type="application/json" id="lrm-result">{result}</script>
-<script>{library}</script>
 <script>{script}</script>
 <script>
 document.getElementById("lrm-theme").onclick = () =>
   lrm.theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
 lrm.show(JSON.parse(document.getElementById("lrm-values").textContent));
-window.addEventListener("beforeprint", () => lrm.print());
+window.addEventListener("beforeprint", () => lrm.print(true));
+window.addEventListener("afterprint", () => lrm.print(false));
 </script>
+<script>{library}</script>
+<script>lrm.ready();</script>
 </body>
 </html>
 """
@@ -104,12 +105,11 @@ caption { text-align: left; font-weight: 600; padding: 4px 0; }
 th, td { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--grid); }
 th.right, td.right { text-align: right; white-space: nowrap; }
 td { overflow-wrap: anywhere; } ul { margin: 4px 0 8px; padding-left: 20px; } h4 { margin: 12px 0 2px; }
-.print-only { display: none; }
 @media print {
   :root { color-scheme: light; }
   @page { size: A4; margin: 14mm; }
   body { max-width: none; padding: 0; font-size: 10pt; }
-  .screen-only { display: none !important; } .print-only { display: block; width: 100%; }
+  .screen-only { display: none !important; }
   h2, h3, h4, caption { break-after: avoid; } tr, .lrm-figure, img { break-inside: avoid; }
   .medium { height: 300px; } .modebar { display: none; } details > * { display: block; }
 }
@@ -125,7 +125,7 @@ def html_report(found: Findings) -> str:
         style=STYLE.read_text(encoding="utf-8"),
         own_style=OWN_STYLE,
         library=LIBRARY.read_text(encoding="utf-8"),
-        script=SCRIPT.read_text(encoding="utf-8"),
+        script=scripts(),
         verdict=escape(found.verdict),
         summary=escape(_summary(found)),
         comparison=blocks_html(_blocks(found.comparison)),

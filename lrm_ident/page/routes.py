@@ -10,58 +10,67 @@ from fastapi.responses import HTMLResponse, JSONResponse, PlainTextResponse, Res
 from nicegui.app import App
 from starlette.datastructures import UploadFile
 
-from lrm_ident.estimation.model_history import model_text
-from lrm_ident.page.dropped import keep_dropped, task_for
 from lrm_ident.page.session import WorkbenchSession
-from lrm_ident.plots.interactive import assets
-from lrm_ident.plots.interactive.values import figure_values, values_text
+from lrm_ident.page.tab.head import FILES
+from lrm_ident.page.work.dropped import keep_dropped, task_for
 from lrm_math.errors import LrmError
+
+NOTHING_OPEN = "no model is open yet"
 
 
 def add_routes(app: App, session: WorkbenchSession) -> None:
-    """Static files, the figures' values, the report, the model file, and the place that dropped files go to."""
-    here = Path(__file__).parent
-    for prefix, files in (
-        ("/lrm/static", (assets.LIBRARY, assets.SCRIPT, assets.STYLE)),
-        ("/lrm/page", (here / "workbench.css", here / "workbench.js")),
-    ):
+    """Static files, and the answers of `PageRoutes`."""
+    for folder, files in FILES.items():
         for file in files:
-            app.add_static_file(local_file=file, url_path=f"{prefix}/{file.name}", max_cache_age=0)
+            app.add_static_file(local_file=file, url_path=f"{folder}/{file.name}", max_cache_age=0)
+    routes = PageRoutes(session)
+    for path, answer in (("values", routes.values), ("report", routes.report), ("model", routes.model)):
+        app.add_api_route(f"/lrm/{path}", answer, methods=["GET"], response_model=None)
+    app.add_api_route("/lrm/drop", routes.drop, methods=["POST"], response_model=None)
 
-    @app.get("/lrm/values")
-    def values() -> Response:
-        findings = session.findings
-        if findings is None:
-            return PlainTextResponse("nothing is open yet", status_code=404)
-        return Response(values_text(figure_values(findings)), media_type="application/json")
 
-    @app.get("/lrm/report")
-    def report() -> Response:
-        try:
-            return HTMLResponse(session.report())
-        except LrmError as error:
-            return PlainTextResponse(str(error), status_code=409)
+class PageRoutes:
+    """The answers to what the page fetches."""
 
-    @app.get("/lrm/model")
-    def model() -> Response:
-        findings = session.findings
-        if findings is None:
-            return PlainTextResponse("no model is open yet", status_code=404)
+    def __init__(self, session: WorkbenchSession) -> None:
+        self.session = session
+
+    def values(self) -> Response:
+        """The values of the figures, JSON; 404 if nothing is open."""
+        shown = self.session.shown
+        if shown is None:
+            return PlainTextResponse(NOTHING_OPEN, status_code=404)
+        return Response(shown.values, media_type="application/json")
+
+    def report(self) -> Response:
+        """The report of the last step; 404 if nothing is open. In a thread of its own, since it loads what computes."""
+        step = self.session.step
+        if step is None:
+            return PlainTextResponse(NOTHING_OPEN, status_code=404)
+        from lrm_ident.page.html_report import html_report
+
+        return HTMLResponse(html_report(step.findings))
+
+    def model(self) -> Response:
+        """The model file, to be saved; 404 if nothing is open."""
+        shown = self.session.shown
+        if shown is None:
+            return PlainTextResponse(NOTHING_OPEN, status_code=404)
         headers = {"content-disposition": 'attachment; filename="model.toml"'}
-        return Response(model_text(findings.file), media_type="application/toml", headers=headers)
+        return Response(shown.model, media_type="application/toml", headers=headers)
 
-    @app.post("/lrm/drop")
-    async def drop(request: Request) -> Response:
+    async def drop(self, request: Request) -> Response:
+        """Opens dropped files; 400 with the reason if they cannot be opened."""
         form = await request.form()
         files = [file for file in form.getlist("files") if isinstance(file, UploadFile)]
         contents = {str(file.filename): await file.read() for file in files}
+        session = self.session
         try:
             if session.busy:
                 raise LrmError("still at work; wait, or press Cancel, before you open other files")
             folder = Path(tempfile.mkdtemp(prefix="dropped-", dir=session.folder))
             dropped = keep_dropped(folder, contents)
-            now = session.step.files if session.step else None
-            session.open(task_for(dropped, now))
+            session.open(task_for(dropped, session.step.files if session.step else None))
         except LrmError as error:
             session.fail(str(error))
             return JSONResponse({"error": str(error)}, status_code=400)

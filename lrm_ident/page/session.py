@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.output_files import check_outputs
-from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.estimation.model_history import model_text, undo_step
-from lrm_ident.page.commands import DoneCommand
-from lrm_ident.page.followed_file import FollowedFile, follow_file
-from lrm_ident.page.html_report import html_report
-from lrm_ident.page.tasks import (
+from lrm_ident.page.taken_steps import TakenSteps, with_law, with_step, without_last
+from lrm_ident.page.work.commands import DoneCommand
+from lrm_ident.page.work.followed_file import FollowedFile, follow_file
+from lrm_ident.page.work.tasks import (
     AddTask,
     AutoTask,
     DiagnoseTask,
@@ -22,21 +21,23 @@ from lrm_ident.page.tasks import (
     OpenTask,
     ProposeTask,
     StepFound,
+    StepShown,
+    WorkTask,
     kept_name,
 )
-from lrm_ident.page.worker import (
+from lrm_ident.page.work.worker import (
     WorkDone,
     WorkFailure,
+    WorkMessage,
     WorkNotice,
     WorkProcess,
     WorkProgress,
     WorkResult,
-    WorkTask,
 )
-from lrm_ident.workflow.findings import Findings
 from lrm_math.errors import LrmError
-from lrm_math.model.model import Model
-from lrm_math.model.model_file import load_model
+
+if TYPE_CHECKING:
+    from lrm_ident.workflow.findings import Findings
 
 NOTICES_KEPT = 8
 
@@ -47,39 +48,54 @@ class WorkbenchSession:
 
     Attributes:
         folder: where every step is kept as a file as soon as it is taken.
-        steps: those taken, the last one being the model. law: the last proposed law.
-        followed: the growing file that is shown, or None.
+        taken: the steps. followed: the growing file that is shown, or None.
         progress: of the work going on, or None. failure: why the last work ended without a result, or "".
         version: grows with every change of the state, `drawn` with every change of what the figures show.
     """
 
     folder: Path
     worker: WorkProcess
-    steps: list[StepFound] = field(default_factory=list)
-    law: LawFound | None = None
+    taken: TakenSteps = field(default_factory=TakenSteps)
     progress: WorkProgress | None = None
     failure: str = ""
     notices: list[str] = field(default_factory=list)
-    done: list[DoneCommand] = field(default_factory=list)
     followed: FollowedFile | None = None
     version: int = 0
     drawn: int = 0
-    _count: int = 0
     _next: WorkTask | None = None
     _at_work: WorkTask | None = None
-    _model: tuple[Path, Model] | None = None
 
     # ---- what there is
 
     @property
+    def steps(self) -> Sequence[StepFound]:
+        """All steps, the last one being the model."""
+        return self.taken.steps
+
+    @property
+    def done(self) -> Sequence[DoneCommand]:
+        """What was done, as commands."""
+        return self.taken.done
+
+    @property
+    def law(self) -> LawFound | None:
+        """The last proposed law."""
+        return self.taken.law
+
+    @property
     def step(self) -> StepFound | None:
         """The last step."""
-        return self.steps[-1] if self.steps else None
+        return self.taken.last
+
+    @property
+    def shown(self) -> StepShown | None:
+        """What the page shows of the last step."""
+        return self.step.shown if self.step else None
 
     @property
     def findings(self) -> Findings | None:
-        """What is known of the last step."""
-        return self.steps[-1].findings if self.steps else None
+        """All that is known of the last step."""
+        return self.step.findings if self.step else None
 
     @property
     def busy(self) -> bool:
@@ -89,13 +105,12 @@ class WorkbenchSession:
     @property
     def can_diagnose(self) -> bool:
         """Whether the last step has no diagnosis, and none is under way."""
-        findings = self.findings
-        return findings is not None and findings.diagnosis is None and self.worker.task is None
+        return self.shown is not None and not self.shown.diagnosed and self.worker.task is None
 
     @property
     def can_undo(self) -> bool:
         """Whether the model has a step to take back."""
-        return not self.busy and self.findings is not None and len(self.findings.file.history) > 1
+        return not self.busy and self.shown is not None and self.shown.before is not None
 
     # ---- what a person does
 
@@ -106,8 +121,8 @@ class WorkbenchSession:
 
     def new_file(self) -> Path:
         """Where the next step is kept."""
-        self._count += 1
-        return self.folder / kept_name(self._count - 1)
+        self.taken = replace(self.taken, count=self.taken.count + 1)
+        return self.folder / kept_name(self.taken.count - 1)
 
     def add(self, effect: str) -> None:
         """Adds an effect at a place; waits for a diagnosis of this step that is under way, which it needs."""
@@ -118,7 +133,7 @@ class WorkbenchSession:
         """Follows the advice until it says stop."""
         step = self._ready()
         self._give_way()
-        self._begin(AutoTask(step.files, self.folder, self._count))
+        self._begin(AutoTask(step.files, self.folder, self.taken.count))
 
     def propose(self) -> None:
         """Looks for a law."""
@@ -140,20 +155,17 @@ class WorkbenchSession:
     def undo(self) -> None:
         """Takes the last step back, exactly. Raises `LrmError` if there is none."""
         step = self._ready()
-        file = undo_step(step.findings.file)
+        if step.shown.before is None:
+            raise LrmError("nothing to undo: the model's history has no step before this one")
         self._give_way()
         kept = self.new_file()
-        write_text(kept, model_text(file))
-        self.done.append(DoneCommand(("undo", step.files.model, "-o", kept)))
-        files = replace(step.files, model=kept)
-        before = self.steps[-2] if len(self.steps) > 1 else None
-        if before is not None and before.findings.file == file:
-            self.steps[-2:] = [StepFound(files, before.findings)]
-            self._changed(drawn=True)
+        write_text(kept, step.shown.before)
+        self.taken = without_last(self.taken, kept)
+        self._changed(drawn=True)
+        if self.step is not None and self.step.files.model == kept:
             self._diagnose()
         else:
-            self.steps.pop()
-            self._begin(LookTask(files))
+            self._begin(LookTask(replace(step.files, model=kept)))
 
     def follow(self, source: Path) -> None:
         """Shows a file of measurements as it grows; nothing is diagnosed meanwhile. Raises `FileError`."""
@@ -189,21 +201,7 @@ class WorkbenchSession:
         """Writes the model, with the checks of the commands. Raises `FileError`."""
         step = self._ready()
         check_outputs({"the model": path}, [step.files.data])
-        write_text(path, model_text(step.findings.file))
-
-    def report(self) -> str:
-        """The report of the last step, as HTML. Raises `LrmError` if there is none yet."""
-        return html_report(self._ready().findings)
-
-    def model(self) -> Model:
-        """The model of the last step. Raises `LrmError`."""
-        step = self.step
-        if step is None:
-            raise LrmError("no model is open yet")
-        if self._model is None or self._model[0] != step.files.model:
-            catalogue = catalogue_with(step.files.effects_file)
-            self._model = (step.files.model, load_model(step.files.model, catalogue))
-        return self._model[1]
+        write_text(path, step.shown.model)
 
     # ---- what comes back
 
@@ -217,7 +215,7 @@ class WorkbenchSession:
             task, self._next = self._next, None
             self._begin(task)
 
-    def _take(self, message: Any) -> None:
+    def _take(self, message: WorkMessage) -> None:
         if isinstance(message, WorkProgress):
             self.progress = message
         elif isinstance(message, WorkNotice):
@@ -231,40 +229,15 @@ class WorkbenchSession:
                 self._diagnose()
         elif isinstance(message, WorkDone):
             self.progress = None
-            findings = self.findings
-            if self._next is None and findings is not None and findings.diagnosis is None:
+            if self._next is None:
                 self._diagnose()
         self._changed()
 
     def _take_result(self, value: StepFound | LawFound) -> None:
-        task = self._at_work
         if isinstance(value, LawFound):
-            self.law = value
-            files = self.steps[-1].files
-            kept = () if value.file is None else ("-o", value.file)
-            words = ("propose", files.model, files.data, *kept)
-            self.done.append(DoneCommand(words, files.effects_file, files.reading))
-            self._changed(drawn=True)
-            return
-        if isinstance(task, OpenTask):
-            self.steps, self.law, self.done = [], None, [_opened(task, value)]
-        elif isinstance(task, AddTask):
-            self._did(value, "add", *self._model_and_data(), task.effect, "-o", value.files.model)
-        elif isinstance(task, AutoTask):
-            taken = int(value.files.model.stem.split("-")[1]) - task.number + 1
-            if taken > 1:
-                self.done.pop()
-            words = ("auto", task.files.model, task.files.data, "-o", value.files.model)
-            self._did(value, *words, "--max-effects", str(taken), "--no-nested")
-            self._count = task.number + taken
-        if isinstance(task, DiagnoseTask):
-            if not self.steps or self.steps[-1].files != value.files:
-                return
-            self.steps[-1] = value
-        elif isinstance(task, LookTask) and self.steps and self.steps[-1].files.model == value.files.model:
-            self.steps[-1] = value
+            self.taken = with_law(self.taken, value)
         else:
-            self.steps.append(value)
+            self.taken = with_step(self.taken, self._at_work, value)
         self._changed(drawn=True)
 
     # ---- inside
@@ -293,8 +266,8 @@ class WorkbenchSession:
 
     def _diagnose(self) -> None:
         step = self.step
-        if step is not None and self.followed is None and step.findings.diagnosis is None and self.worker.task is None:
-            self._begin(DiagnoseTask(step.files, step.findings))
+        if step is not None and self.followed is None and not step.shown.diagnosed and self.worker.task is None:
+            self._begin(DiagnoseTask(step.files, step.packed))
 
     def _give_way(self) -> None:
         """Ends a diagnosis under way that nobody waits for."""
@@ -309,22 +282,6 @@ class WorkbenchSession:
             raise LrmError("still at work; wait, or press Cancel")
         return self.step
 
-    def _did(self, value: StepFound, *words: str | Path) -> None:
-        self.law = None
-        self.done.append(DoneCommand(words, value.files.effects_file, value.files.reading))
-
-    def _model_and_data(self) -> tuple[Path, Path]:
-        files = self.steps[-1].files
-        return files.model, files.data
-
     def _changed(self, drawn: bool = False) -> None:
         self.version += 1
         self.drawn += drawn
-
-
-def _opened(task: OpenTask, value: StepFound) -> DoneCommand:
-    """A fit, or a copy of the model that was opened: steps are taken from that."""
-    if task.model is not None:
-        return DoneCommand(("compare", value.files.model, task.data), task.effects_file, task.reading)
-    words: tuple[str | Path, ...] = ("fit", task.data, "-o", task.kept)
-    return DoneCommand(words if task.arm is None else (*words, "--arm", task.arm), None, task.reading)

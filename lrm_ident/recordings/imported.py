@@ -12,8 +12,9 @@ from lrm_ident.data.apply_reading import read_positions
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.csv_table import csv_text
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.data.measurement_file.metadata import is_something_else, metadata_of
+from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurement_table import numbered, read_measurement_table
+from lrm_ident.data.output_files import is_something_else
 from lrm_ident.data.pose_table import read_whole
 from lrm_ident.recordings.cells import read_cells
 from lrm_ident.recordings.motive_csv import is_motive, read_motive

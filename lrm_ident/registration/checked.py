@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import AS_NAMED, frame_table, rigid_motion
+from lrm_ident.data.apply_reading import frame_table, rigid_motion
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurements import Measurements
@@ -18,7 +18,7 @@ from lrm_ident.registration.question import MOST_POSES, Answer, Scored, ask, reg
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 
 
 class Misread(FileError):

@@ -35,15 +35,17 @@ MARKS = {"supported": "● supported", "indistinguishable": "◐ one of a class"
 
 def diagnosis_document(report: DiagnosisReport) -> Document:
     """Result of `lrm-ident diagnose`, schema `lrm/diagnosis/1`."""
+    return Document(_blocks(report), "lrm/diagnosis/1", _values(report))
+
+
+def _values(report: DiagnosisReport) -> dict[str, object]:
+    """For machines."""
     found = report.diagnosis
-    floor = None if found.floor.rms is None else found.floor.rms * 1e3
-    ranking = [(function, rms * 1e3) for function, rms in found.unexplained.ranking]
-    noise = noise_words(floor, found.floor.source, report.left)
-    values = {
+    return {
         "poses": len(found.data),
         "parameters": len(found.fit.model.free),
         "error": {"fit": report.fit, "held_out": report.held_out},
-        "noise_floor_rms_mm": floor,
+        "noise_floor_rms_mm": _floor_mm(report),
         "noise_floor_source": found.floor.source,
         **left_values(report.left),
         "structure": {
@@ -58,23 +60,21 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
             for function in found.unexplained.functions
         ],
         "anatomy": [
-            {"joint": function.joint + 1, "follows": function.covariates, "held_out_rms_mm": rms}
-            for function, rms in ranking
+            {"joint": function.joint + 1, "follows": function.covariates, "held_out_rms_mm": rms * 1e3}
+            for function, rms in found.unexplained.ranking
         ],
         "outliers": found.outliers,
         "audit": report.limitations,
         "hints": report.hints,
-        "not_testable": [
-            {
-                "effect": effect.id,
-                "place": effect.place,
-                "reason": reason,
-                "would_need": effect.needs or "poses where it moves the TCP more",
-            }
-            for effect, reason in found.not_testable
-        ],
+        "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
         "next_poses_hint": report.hint,
     }
+
+
+def _blocks(report: DiagnosisReport) -> list[Block]:
+    """For a person."""
+    found = report.diagnosis
+    noise = noise_words(_floor_mm(report), found.floor.source, report.left)
     blocks: list[Block] = [
         heading(_verdict(report)),
         f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {in_mm(report.fit.rms)} mm in the "
@@ -84,14 +84,25 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
         _ranking_table(report),
     ]
     if report.verdict == "unexplained_structure":
-        lines = (f"{function.name} would leave {in_mm(rms * 1e-3)} mm held out" for function, rms in ranking)
+        ranking = found.unexplained.ranking
+        lines = (f"{function.name} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
         blocks += section("\nIts anatomy: what it acts like, and what that follows", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}")
     blocks += section("\nHints that are no effects", report.hints)
     blocks += section("\nWhat these data cannot show", report.limitations)
     blocks += section("\nNot testable", _untestable(found.not_testable))
-    return Document([*blocks, f"\nNext poses: {report.hint}"], "lrm/diagnosis/1", values)
+    return [*blocks, f"\nNext poses: {report.hint}"]
+
+
+def _floor_mm(report: DiagnosisReport) -> float | None:
+    floor = report.diagnosis.floor.rms
+    return None if floor is None else floor * 1e3
+
+
+def _refusal(effect: Effect, reason: str) -> dict[str, str]:
+    needs = effect.needs or "poses where it moves the TCP more"
+    return {"effect": effect.id, "place": effect.place, "reason": reason, "would_need": needs}
 
 
 def _verdict(report: DiagnosisReport) -> str:

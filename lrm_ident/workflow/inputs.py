@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from lrm_ident.data.apply_reading import AS_NAMED
 from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
@@ -18,7 +17,7 @@ from lrm_ident.report.fit import fit_words
 from lrm_math.arm.arm import Arm
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, arm_of, to_model
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 
 OnNotice = Callable[[str], object]

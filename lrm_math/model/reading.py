@@ -69,3 +69,7 @@ class Reading(StrictSchema):
     def said(self) -> dict[str, Any]:
         """The fields that are not None."""
         return {name: value for name in Reading.model_fields if (value := getattr(self, name)) is not None}
+
+
+AS_NAMED = Reading()
+"""As the columns' names say."""

@@ -30,6 +30,15 @@ ONE_STEP, TWO_STEPS = "lrm.state.values.steps.length === 1", "lrm.state.values.s
 RANKED = "lrm.state.values.ranking.length > 0"
 ARROWS = "Math.max(...lrm.state.values.steps[lrm.state.step].residual.map((r) => Math.hypot(...r)))"
 
+LONELY_DOT = """(() => {
+  const { dots, canvas } = lrm.scenes.field, frame = canvas.getBoundingClientRect();
+  const apart = (p, q) => p === q ? Infinity : Math.hypot(p[0] - q[0], p[1] - q[1]);
+  const space = dots.map((p) => Math.min(...dots.map((q) => apart(p, q))));
+  const row = space.indexOf(Math.max(...space));
+  return [row, frame.left + dots[row][0], frame.top + dots[row][1]];
+})()"""
+"""The dot of the error field that is farthest from its neighbours: its row, and where it is on the screen."""
+
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
@@ -102,8 +111,11 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
         page.click("[data-name=report]")
     report = other.value
     seen.listen(report)
-    report.wait_for_selector("#lrm-history .main-svg")
+    report.wait_for_selector("#lrm-field canvas")
     assert "An effect is missing" in report.inner_text("#lrm-verdict")
+    report.pdf(path=SHOTS / "report.pdf")
+    for figure in ("turn", "form", "added", "history"):
+        assert report.query_selector(f"#lrm-{figure} .main-svg"), f"{figure} is not on paper"
     page.context.close()
     assert not seen.errors, seen.errors
     assert not seen.foreign(running.origin)
@@ -125,13 +137,19 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     dark.keyboard.press("ArrowDown")
     chosen = dark.evaluate("lrm.state.candidate")
     says(dark, "[data-name=add]", chosen)
+    row, x, y = dark.evaluate(LONELY_DOT)
+    dark.mouse.move(x, y)
+    wait_for(dark, f"lrm.state.pose === lrm.state.values.pose[{row}]")
+    dark.focus("#lrm-field canvas")
+    before = dark.evaluate(f"lrm.scenes.field.dots[{row}][0]")
+    dark.keyboard.press("ArrowLeft")
+    wait_for(dark, f"Math.abs(lrm.scenes.field.dots[{row}][0] - {before}) > 1")
     dark.evaluate("lrm.brush(new Set([3, 7]))")
     dark.wait_for_timeout(500)
     rows = dark.evaluate("[3, 7].map((pose) => lrm.state.values.pose.indexOf(pose))")
     for figure in ("turn", "form", "added"):
         assert dark.evaluate(f"document.getElementById('lrm-{figure}').data[0].selectedpoints") == rows
-    symbols = dark.evaluate("document.getElementById('lrm-field').data[1].marker.symbol")
-    assert [row for row, symbol in enumerate(symbols) if symbol == "diamond"] == rows
+    assert dark.evaluate("[...lrm.scenes.field.content.marked]") == rows
     dark.context.close()
     tablet = opened(browser, running, {"width": 820, "height": 1180})
     tablet.wait_for_timeout(1500)

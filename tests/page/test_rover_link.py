@@ -15,7 +15,7 @@ import zenoh
 
 import lrm_ident as lrm
 from lrm_ident.estimation.model_fit import nominal_model
-from lrm_ident.page.rover_link import RoverLink
+from lrm_ident.page.tab.rover_link import RoverLink
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of

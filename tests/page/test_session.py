@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import subprocess
+import sys
 import time
 import tomllib
 from collections.abc import Callable, Iterator
@@ -13,13 +15,13 @@ from typing import Any
 
 import pytest
 
-from lrm_ident.page.commands import commands_text
-from lrm_ident.page.dropped import keep_dropped, task_for
-from lrm_ident.page.followed_file import follow_file
 from lrm_ident.page.gate import Gate
 from lrm_ident.page.session import WorkbenchSession
-from lrm_ident.page.tasks import DiagnoseTask, OpenTask
-from lrm_ident.page.worker import WorkProcess
+from lrm_ident.page.work.commands import commands_text
+from lrm_ident.page.work.dropped import keep_dropped, task_for
+from lrm_ident.page.work.followed_file import follow_file
+from lrm_ident.page.work.tasks import DiagnoseTask, OpenTask
+from lrm_ident.page.work.worker import WorkProcess
 from lrm_math.errors import FileError, LrmError
 from tests.conftest import EXAMPLE
 from tests.support.commands import part_of_example, stdout_of
@@ -174,3 +176,17 @@ def test_the_gate(kind: str, headers: dict[str, str], query: str, let_in: bool) 
     if not let_in:
         assert sent[0].get("status", sent[0].get("code")) in (403, 1008)
         assert b"terminal" in sent[-1].get("body", b"terminal")
+
+
+def test_what_computes_is_not_loaded_before_the_page_is_served() -> None:
+    """The page's process would wait for it; the other process loads it meanwhile."""
+    code = "import sys, lrm_ident.cli.page.workbench, lrm_ident.page.application; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"scipy", "numpy", "rich", "zenoh"} & set(loaded)
+
+
+def test_no_command_waits_for_scipy_stats() -> None:
+    code = "import sys, lrm_ident.cli.app; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "lrm_ident.diagnosis.diagnose" in loaded
+    assert "scipy.stats" not in loaded

@@ -21,7 +21,7 @@ import pytest
 from tests.conftest import ROOT
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+ARGUMENTS = ["--no-sandbox"]
 PATIENCE_MS, POLLING_MS = 120_000, 100
 """How long a test waits, and how often it looks; a tab in the background draws no frames to look at."""
 SHOTS = ROOT / "out" / "workbench"
@@ -86,6 +86,7 @@ def workbench(*words: object, cwd: Path) -> Iterator[RunningWorkbench]:
     command = [sys.executable, "-m", "lrm_ident", "workbench", "--no-open", *map(str, words)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
     started = time.monotonic()
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package is compiled
     environment.pop("PYTEST_CURRENT_TEST", None)  # NiceGUI would take itself to be under test
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd, env=environment

@@ -15,8 +15,9 @@ from lrm_ident.camera.capture import photos_in, take_photos
 from lrm_ident.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.camera.lens import Lens, LensFile, calibrate_lens
 from lrm_ident.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
+from lrm_ident.cli.application import app
 from lrm_ident.cli.command import command_of
-from lrm_ident.cli.common import app, notice, progress, show
+from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, AS_NAMED, LENGTH_UNITS, read_joints, read_positions
+from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions
 from lrm_ident.data.csv_table import CsvTable, require
 from lrm_ident.data.measurement_file.distance_columns import (
     DISTANCE,
@@ -21,7 +21,7 @@ from lrm_ident.data.measurement_file.distance_columns import (
     read_distance_sd,
     read_tcp,
 )
-from lrm_ident.data.measurement_file.metadata import Metadata, is_something_else, metadata_of
+from lrm_ident.data.measurement_file.metadata import Metadata, metadata_of
 from lrm_ident.data.measurement_file.pose_columns import (
     QUATERNION,
     SCATTER,
@@ -32,6 +32,7 @@ from lrm_ident.data.measurement_file.pose_columns import (
 )
 from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_measurement_table
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.output_files import is_something_else
 from lrm_ident.data.pose_table import in_units, poses_of_table, read_angles, read_whole
 from lrm_ident.weights.rotations import turned_covariance
 from lrm_math.arm.arm import Arm
@@ -39,7 +40,7 @@ from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.reading import Reading
+from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import schema_of
 
 OPTIONAL = ("t_s", "session", "payload_g", "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")

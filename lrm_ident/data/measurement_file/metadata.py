@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat
 
+from lrm_ident.data.output_files import is_something_else
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
-from lrm_math.toml_file import read_toml, schema_of
+from lrm_math.toml_file import read_toml
 
 
 class Metadata(Reading):
@@ -43,12 +44,6 @@ def metadata_of(path: Path) -> Metadata | None:
     if not file.is_file() or is_something_else(file):
         return None
     return read_toml(file, Metadata)
-
-
-def is_something_else(sidecar: Path) -> bool:
-    """Whether a TOML file says by its schema that it is a model, an arm, or anything but metadata."""
-    schema = schema_of(sidecar)
-    return schema is not None and not schema.startswith("lrm/measurements/")
 
 
 def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:

@@ -2,8 +2,9 @@
 // lrm.show(values) draws all that has a place (an element with the figure's id) on the page.
 "use strict";
 const lrm = (() => {
-  const BINS = 12, AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
+  const BINS = 12, PAPER_RATIO = 3, AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
   const state = { values: null, step: 0, beside: null, joint: 0, driver: "", candidate: null, brushed: null, pose: null };
+  const scenes = {};
   const place = (id) => document.getElementById("lrm-" + id);
   const emit = (name, value) => { if (window.lrmEmit) window.lrmEmit(name, value); };
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
@@ -26,25 +27,42 @@ const lrm = (() => {
 
   const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["toImage", "sendDataToCloud"] };
 
+  // Charts in view are drawn first, the others when there is nothing else to do; each in a task of its own, so that the
+  // page answers in between.
+  const waiting = new Map(), inView = new Set();
+  const watcher = new IntersectionObserver((entries) => {
+    for (const one of entries) inView[one.isIntersecting ? "add" : "delete"](one.target);
+    soon();
+  }, { rootMargin: "200px" });
+
   function draw(id, traces, options, wire) {
     const element = place(id);
-    if (!element || !window.Plotly) return;
-    Plotly.react(element, traces, layout(options), CONFIG).then(() => {
+    if (!element) return;
+    watcher.observe(element);
+    waiting.set(element, () => Plotly.react(element, traces, layout(options), CONFIG).then(() => {
       if (element.dataset.wired) return;
       element.dataset.wired = "yes";
       if (wire) wire(element);
+    }));
+    soon();
+  }
+
+  const whenIdle = window.requestIdleCallback || ((run) => setTimeout(run, 500)); // Safari has none
+
+  function soon() {
+    if (!soon.asked) soon.asked = setTimeout(() => {
+      soon.asked = 0;
+      if (drawWaiting((one) => inView.has(one), 1)) soon();
+      else if (waiting.size) whenIdle(() => { if (drawWaiting(() => true, 1)) soon(); });
     });
   }
 
-  function discrete(count) { // steps of one hue from light to dark that keep their order without colour
-    const scale = [], ends = [[253, 231, 37], [33, 145, 140], [68, 1, 84]].reverse();
-    if (document.documentElement.dataset.theme !== "dark") ends.reverse();
-    for (let i = 0; i < count; i++) {
-      const t = 2 * i / (count - 1), k = Math.min(Math.floor(t), 1), f = t - k;
-      const rgb = ends[k].map((c, j) => Math.round(c + f * (ends[k + 1][j] - c)));
-      scale.push([i / count, `rgb(${rgb})`], [(i + 1) / count, `rgb(${rgb})`]);
-    }
-    return scale;
+  // Draws charts that wait, `most` of them, and says whether it drew any.
+  function drawWaiting(which, most = Infinity) {
+    if (!window.Plotly || !state.values) return false;
+    const now = [...waiting].filter(([one]) => which(one)).slice(0, most);
+    for (const [element, run] of now) { waiting.delete(element); run(); }
+    return now.length > 0;
   }
 
   const selected = () => {
@@ -68,69 +86,35 @@ const lrm = (() => {
   // ---- the error field
 
   function drawField() {
-    const both = state.beside !== null;
+    const both = state.beside !== null, scale = place("scale"), v = state.values;
     document.documentElement.classList.toggle("lrm-beside", both);
-    drawStep("field", state.step);
-    if (both) drawStep("field-b", state.beside);
-    const scale = place("scale"), v = state.values;
+    drawStep("field", state.step, !both);
+    if (both) drawStep("field-b", state.beside, true);
     if (scale) scale.textContent = v.scale.words + (v.thinned ? "; " + v.thinned : "");
   }
 
-  function drawStep(id, number) {
-    const v = state.values, step = v.steps[number], element = place(id);
-    if (!element || !step) return;
-    const m = v.scale.magnification, arrows = [[], [], []], sizes = [], lengths = [];
-    step.residual.forEach((r, row) => {
-      const size = norm(r), head = arrowHead(r, size);
-      sizes.push(size);
-      AXES.forEach((_, k) => {
-        const foot = v.tcp[row][k], tip = foot + m * r[k];
-        arrows[k].push(foot, tip, tip + m * head[0][k], tip, tip + m * head[1][k], null);
-      });
-      lengths.push(size, size, size, size, size, size);
-    });
-    const chosen = selected(), is = new Set(chosen || []);
-    const shown = (row) => !chosen || is.has(row);
-    const traces = [
-      { type: "scatter3d", mode: "lines", x: arrows[0], y: arrows[1], z: arrows[2], hoverinfo: "skip", showlegend: false,
-        line: { width: 4, color: lengths, colorscale: discrete(v.scale.colours), cmin: 0, cmax: v.scale.largest,
-          showscale: id === "field" && state.beside === null,
-          colorbar: { title: { text: "mm", side: "top" }, thickness: 10, len: 0.55, y: 0.68, x: 1, xanchor: "right" } } },
-      { type: "scatter3d", mode: "markers", name: "measured TCP", x: v.tcp.map((p) => p[0]), y: v.tcp.map((p) => p[1]),
-        z: v.tcp.map((p) => p[2]), customdata: v.pose.map((_, row) => row), showlegend: false,
-        hovertext: v.pose.map((pose, row) => `pose ${pose}: ${words(sizes[row])} mm`), hoverinfo: "text",
-        marker: { size: v.pose.map((_, row) => is.has(row) ? 7 : 3), line: { width: 0 },
-          symbol: v.pose.map((_, row) => is.has(row) ? "diamond" : "circle"),
-          color: v.pose.map((_, row) => is.has(row) ? colour("accent") : shown(row) ? colour("ink") : colour("grid")) } },
-      ...armTraces(),
-    ];
-    const scene = (title) => ({ title: { text: title }, color: colour("soft"), gridcolor: colour("grid"),
-      backgroundcolor: "rgba(0,0,0,0)", zerolinecolor: colour("line"), nticks: 5, tickfont: { size: 10 } });
-    const summary = `${number} ${step.name.split(",")[0]}: RMS ${step.rms} mm`;
-    draw(id, traces, {
-      margin: { l: 0, r: 0, t: 24, b: 0 }, dragmode: "orbit", title: { text: summary, font: { size: 12 }, x: 0.02, y: 0.98 },
-      scene: { xaxis: scene("x mm"), yaxis: scene("y mm"), zaxis: scene("z mm"), aspectmode: "data",
-        camera: { eye: { x: 1.2, y: -1.2, z: 0.7 }, center: { x: 0, y: 0, z: -0.18 } }, uirevision: "kept" },
-      showlegend: false,
-    }, (figure) => {
-      figure.on("plotly_hover", (event) => hover(event.points[0].customdata));
-      figure.on("plotly_click", (event) => toggle(event.points[0].customdata));
-    });
+  function drawStep(id, number, bar) {
+    const v = state.values, step = v.steps[number], box = place(id), chosen = selected();
+    if (!box || !step) return;
+    const deed = { hover, toggle, mark: (rows) => brush(new Set(rows.map((row) => v.pose[row]))) };
+    scenes[id] = scenes[id] || lrmScene(box, deed);
+    scenes[id].show({ title: `${number} ${step.name.split(",")[0]}: RMS ${step.rms} mm`, box: boxOfField(), bar,
+      tcp: v.tcp, residual: step.residual, magnification: v.scale.magnification, largest: v.scale.largest,
+      colours: v.scale.colours, marked: chosen && new Set(chosen), row: rowOfPose(), arms: arms() });
   }
 
-  // The two strokes of an arrow's head, from its tip: a third of its length back, to either side.
-  function arrowHead(r, size) {
-    if (!size) return [[0, 0, 0], [0, 0, 0]];
-    const flat = Math.hypot(r[0], r[1]), side = flat > 0.1 * size ? [-r[1] / flat, r[0] / flat, 0] : [1, 0, 0];
-    return [-1, 1].map((sign) => r.map((c, k) => -0.3 * c + sign * 0.15 * size * side[k]));
+  // The same for all steps and poses: the measured positions, the arms, and all but the longest arrows of the first step.
+  function boxOfField() {
+    const v = state.values, m = v.scale.magnification, ends = v.steps[0].residual.map((r, row) => norm(r) > v.scale.largest
+      ? v.tcp[row] : v.tcp[row].map((p, k) => p + m * r[k]));
+    if (boxOfField.of !== v) [boxOfField.of, boxOfField.box] = [v, lrmScene.boxOf([...v.tcp, ...v.nominal.flat(), ...ends])];
+    return boxOfField.box;
   }
 
-  function armTraces() {
+  function arms() {
     const v = state.values, row = rowOfPose();
-    const line = (points, name, dash, ink, width) => ({ type: "scatter3d", mode: "lines", name, hoverinfo: "skip",
-      x: points.map((p) => p[0]), y: points.map((p) => p[1]), z: points.map((p) => p[2]), line: { dash, color: ink, width } });
-    return [line(v.nominal[row], "nominal arm", "dash", colour("soft"), 5),
-      line(v.bent[row], "bent arm (model)", "solid", colour("model"), 7)];
+    return [{ points: v.nominal[row], dash: [6, 4], colour: colour("soft"), width: 2.5 },
+      { points: v.bent[row], dash: [], colour: colour("model"), width: 4 }];
   }
 
   const rowOfPose = () => Math.max(state.values.pose.indexOf(state.pose), 0);
@@ -140,17 +124,9 @@ const lrm = (() => {
     state.pose = state.values.pose[row];
     tell();
     drawArm();
-    clearTimeout(hover.timer);
-    hover.timer = setTimeout(moveArms, 250); // the scene follows when the pointer rests
-  }
-
-  function moveArms() {
-    const arms = armTraces();
-    for (const id of state.beside === null ? ["field"] : ["field", "field-b"]) {
-      const element = place(id);
-      if (element && element.data) {
-        Plotly.restyle(element, { x: arms.map((a) => a.x), y: arms.map((a) => a.y), z: arms.map((a) => a.z) }, [2, 3]);
-      }
+    for (const one of Object.values(scenes)) {
+      Object.assign(one.content, { row, arms: arms() });
+      one.later();
     }
   }
 
@@ -167,39 +143,7 @@ const lrm = (() => {
   // through its TCP, and from above.
   function drawArm() {
     const box = place("arm"), v = state.values, row = rowOfPose();
-    if (box) box.replaceChildren(...armViews(v.nominal[row], v.bent[row], v.tcp[row]));
-  }
-
-  function armViews(nominal, bent, measured) {
-    const base = nominal[0], tip = nominal[nominal.length - 1];
-    const reach = Math.hypot(tip[0] - base[0], tip[1] - base[1]) || 1;
-    const along = [(tip[0] - base[0]) / reach, (tip[1] - base[1]) / reach];
-    const views = [["from the side", (p) => [(p[0] - base[0]) * along[0] + (p[1] - base[1]) * along[1], -p[2]]],
-      ["from above", (p) => [p[0], -p[1]]]];
-    const make = (tag, attributes) => {
-      const out = document.createElementNS("http://www.w3.org/2000/svg", tag);
-      for (const key in attributes) out.setAttribute(key, attributes[key]);
-      return out;
-    };
-    return views.map(([name, flat]) => {
-      const arms = [nominal.map(flat), bent.map(flat)], seen = measured ? [flat(measured)] : [];
-      const all = [...arms[0], ...arms[1], ...seen], xs = all.map((p) => p[0]), ys = all.map((p) => p[1]);
-      const size = Math.max(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys), 1), pad = 0.12 * size;
-      const middle = [(Math.max(...xs) + Math.min(...xs)) / 2, (Math.max(...ys) + Math.min(...ys)) / 2];
-      const svg = make("svg", { role: "img", "aria-label": `nominal and bent arm ${name}`,
-        viewBox: [middle[0] - size / 2 - pad, middle[1] - size / 2 - pad, size + 2 * pad, size + 2 * pad].join(" ") });
-      const line = (points, ink, dash, width) => svg.append(make("polyline", { points: points.map((p) => p.join()).join(" "),
-        fill: "none", stroke: ink, "stroke-width": width * size, "stroke-dasharray": dash * size, "stroke-linecap": "round" }));
-      line(arms[0], colour("soft"), 0.03, 0.014);
-      line(arms[1], colour("model"), 0, 0.02);
-      for (const at of seen) {
-        svg.append(make("circle", { cx: at[0], cy: at[1], r: 0.03 * size, fill: "none", stroke: colour("held"),
-          "stroke-width": 0.015 * size }));
-      }
-      const figure = element("figure", "", "lrm-arm-view");
-      figure.append(svg, element("figcaption", name));
-      return figure;
-    });
+    if (box) box.replaceChildren(...lrmArmViews(v.nominal[row], v.bent[row], v.tcp[row]));
   }
 
   // A running daemon: both arms and words; null: no daemon any longer.
@@ -209,16 +153,17 @@ const lrm = (() => {
     panel.hidden = !told;
     if (!told) return;
     place("rover-words").textContent = told.words;
-    arms.replaceChildren(...(told.bent ? armViews(told.nominal, told.bent, null) : []));
+    arms.replaceChildren(...(told.bent ? lrmArmViews(told.nominal, told.bent, null) : []));
   }
 
-  // A WebGL canvas prints blank: paper gets a picture of the scene as it stands.
-  function print() {
-    theme("light");
+  // Paper is light, and gets every figure in full, also those that were not in view yet.
+  function print(begin) {
+    if (begin) print.theme = document.documentElement.dataset.theme;
+    for (const one of Object.values(scenes)) one.ratio = begin ? PAPER_RATIO : 0;
+    theme(begin ? "light" : print.theme);
+    drawWaiting(() => true);
     resize();
-    const picture = place("field-print"), figure = place("field");
-    const scene = figure && figure._fullLayout && figure._fullLayout.scene && figure._fullLayout.scene._scene;
-    if (picture && scene) picture.src = scene.toImage("png");
+    for (const one of Object.values(scenes)) one.draw();
   }
 
   // ---- where it fails: the residual as a turn of one joint against a driver
@@ -454,13 +399,7 @@ const lrm = (() => {
 
   function redraw() {
     if (!state.values) return;
-    fill(); drawRanking(); drawHistory(); drawTurn(); drawCandidate(); drawArm(); tell();
-    const v = state.values, marks = [...(state.brushed || [])];
-    const now = JSON.stringify([v.data, v.poses, v.steps.map((step) => [step.name, step.rms]), state.step, state.beside,
-      marks, document.documentElement.dataset.theme]);
-    if (now === redraw.field) return; // a diagnosis changes nothing of the scene, which takes longest
-    redraw.field = now;
-    requestAnimationFrame(() => setTimeout(drawField)); // what is flat is on the screen before it
+    fill(); drawRanking(); drawField(); drawArm(); tell(); drawTurn(); drawHistory(); drawCandidate();
   }
 
   function show(values) {
@@ -501,6 +440,6 @@ const lrm = (() => {
     redraw();
   }
 
-  return { show, load, theme, print, rover, redraw, resize, choose, showStep, brush, hover, state };
+  return { show, load, theme, print, rover, ready: soon, resize, choose, showStep, brush, hover, state, scenes };
 })();
 window.lrm = lrm;

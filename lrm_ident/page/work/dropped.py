@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from lrm_ident.data.measurement_file.metadata import metadata_of
-from lrm_ident.page.tasks import OpenFiles, OpenTask
+from lrm_ident.page.work.tasks import OpenFiles, OpenTask
 from lrm_math.errors import FileError
 from lrm_math.toml_file import schema_of
 
@@ -44,6 +43,10 @@ def task_for(dropped: DroppedFiles, now: OpenFiles | None) -> OpenTask:
     if data is None:
         raise FileError(dropped.model or dropped.arm, "", "there are no measurements yet", "drop a .csv with it")
     if dropped.data is not None and dropped.model is None and dropped.arm is None and now is not None:
+        from lrm_ident.data.measurement_file.metadata import (
+            metadata_of,  # here, since the page would wait for all that it needs
+        )
+
         metadata = metadata_of(dropped.data)
         if metadata is None or metadata.arm is None:
             return OpenTask(data, now.model)

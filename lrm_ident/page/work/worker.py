@@ -12,8 +12,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Any
 
+from lrm_ident.page.work.tasks import WorkTask
 from lrm_math.errors import LrmError
 
 SMALLEST_PAUSE = 0.05
@@ -57,14 +58,6 @@ class WorkFailure:
 
 WorkMessage = WorkProgress | WorkNotice | WorkResult | WorkDone | WorkFailure
 Say = Callable[[WorkMessage], None]
-
-
-class WorkTask(Protocol):
-    """A task: goes to the process as a value; says how far it is, and its results."""
-
-    def run(self, say: Say) -> None:
-        """Does the work. Raises `LrmError`."""
-        ...
 
 
 @dataclass
@@ -133,7 +126,7 @@ def work_process() -> WorkProcess:
 
 def _work(pipe: Connection) -> None:
     """Takes tasks until the other end closes."""
-    import_module("lrm_ident.page.tasks")  # before the first task comes
+    do = import_module("lrm_ident.page.work.doing").do  # here: only this process needs what computes
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
     said = 0.0
 
@@ -151,7 +144,7 @@ def _work(pipe: Connection) -> None:
         except (EOFError, OSError):
             return
         try:
-            task.run(say)
+            do(task, say)
             pipe.send(WorkDone())
         except LrmError as error:
             pipe.send(WorkFailure(str(error)))

@@ -20,7 +20,7 @@ TOUR = (
         "1 of 6: the error field",
         "Every dot is a measured tool position of a printed arm; every arrow points from where the model says the tool "
         "should be to where it was measured, magnified as printed below. The model was fitted already, yet the arrows "
-        "follow a pattern. Turn the scene with the mouse; point at a dot to see its pose.",
+        "follow a pattern. Drag to turn the scene; point at a dot to see its pose.",
     ),
     TourStop(
         "panel-turn",

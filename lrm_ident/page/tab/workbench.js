@@ -37,6 +37,26 @@
     if (event.key === "Escape") window.lrmEmit("lrm_key", "escape");
   });
 
+  // A click is answered at once, before the server has heard of it; its answer takes the mark away.
+  const SLOW = { add: "adding", undo: "undoing", auto: "auto", diagnose: "diagnosing", "propose a law": "looking for a law" };
+  const asked = (words) => {
+    const box = document.getElementById("lrm-asked");
+    if (!box) return;
+    box.textContent = words ? words + "…" : "";
+    box.hidden = !words;
+  };
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest && event.target.closest("[data-name]");
+    if (button && !button.disabled && SLOW[button.dataset.name]) asked(SLOW[button.dataset.name]);
+  }, true);
+  window.lrmAnswered = () => asked("");
+
+  window.lrmTurnDark = () => {
+    const dark = document.documentElement.dataset.theme !== "dark";
+    lrm.theme(dark ? "dark" : "light");
+    Quasar.Dark.set(dark);
+  };
+
   window.lrmTour = (id) => {
     for (const one of document.querySelectorAll(".lrm-toured")) one.classList.remove("lrm-toured");
     const panel = id && document.getElementById(id);

@@ -1,0 +1,51 @@
+"""The command that opens the workbench. It loads in a moment: the page's other process loads what computes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.command import command
+from lrm_ident.examples import EXAMPLE
+from lrm_ident.page.place import new_place
+from lrm_ident.page.server import serve
+from lrm_ident.page.work.tasks import OpenTask
+from lrm_math.errors import FileError, LrmError
+from lrm_math.model.reading import AS_NAMED, Reading
+
+
+@command
+def workbench(
+    files: Annotated[
+        list[Path] | None,
+        Argument(metavar="[MODEL] [DATA]", help="A model file, measurements, or both. Neither: the shipped data set."),
+    ] = None,
+    arm: arg.ArmName = None,
+    port: Annotated[int | None, Option(min=1, max=65535, help="Of this machine. Default: a free one.")] = None,
+    show_page: Annotated[bool, Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
+) -> None:
+    """Compare, diagnose and extend a model on a page in the browser, on this machine only.
+
+    Without files it opens the shipped data set and shows around. With measurements alone it fits a model first.
+    """
+    model, data = _model_and_data(files or [])
+    place = new_place(port)
+    task = OpenTask(data or EXAMPLE, model, arm, effects_file, reading)
+    serve(place, task, tour=data is None, show=show_page)
+
+
+def _model_and_data(files: list[Path]) -> tuple[Path | None, Path | None]:
+    """The model (.toml) and the measurements (.csv) among some files. Raises `LrmError`."""
+    models = [path for path in files if path.suffix == ".toml"]
+    data = [path for path in files if path.suffix != ".toml"]
+    if len(models) > 1 or len(data) > 1 or (models and not data):
+        raise LrmError("give a model (.toml) and measurements (.csv), or measurements alone")
+    for path in files:
+        if not path.is_file():
+            raise FileError(path, "", "no such file")
+    return next(iter(models), None), next(iter(data), None)

@@ -1,0 +1,1 @@
+"""What one browser tab of the workbench shows."""
