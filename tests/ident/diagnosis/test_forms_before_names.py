@@ -19,9 +19,11 @@ from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.parameter_hints import parameter_hints
 from lrm_ident.synthetic import (
     ArmDescription,
+    AxialFloat,
     GroundTruth,
     HiddenEffect,
     JointLoad,
+    RadialFloat,
     SkewTracker,
     SoftPlay,
     WarmUp,
@@ -120,6 +122,20 @@ def test_five_waves_a_turn_are_eccentricity_in_another_form(lab: Arm, described:
     names = {first.name, *first.candidate.effect.refined}
     assert names & {"eccentricity@joint2", "angle_curve@joint2"}
     assert add_effects(found.fit.model, data, effects_at(lab, "angle_curve@joint2")).sigma < 1.06 * NOISE
+
+
+@pytest.mark.slow
+def test_play_along_an_axis_has_a_name_and_play_across_it_has_none(lab: Arm, described: ArmDescription) -> None:
+    """Before: both were called bending links, play and springs of other joints."""
+    along = hidden(described, 6, AxialFloat(3, 0.002, 0.5, 3e-5))
+    found = diagnose(base_fit(lab, along), along)
+    assert [one.name for one in found.supported][:1] == ["axial_play@joint4"]
+    across = hidden(described, 6, RadialFloat(3, 0.0025, 0.5))
+    found = diagnose(base_fit(lab, across), across)
+    assert found.verdict == "unexplained_structure"
+    assert found.supported == ()
+    [function] = found.unexplained.functions
+    assert (function.joint, function.covariates) == (3, ("the force across its axis",))
 
 
 @pytest.mark.slow
