@@ -29,6 +29,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.description.rigid_motion import inverse
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.model_fit import nominal_model
+from lrm_ident.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import BASE, Arm, Placement
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -38,6 +39,7 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
 from lrm_math.model.reading import FrameTable
+from lrm_math.model.sensed import Sensed
 from lrm_math.toml_file import StrictSchema, read_toml
 
 LEVELLINGS, ENOUGH_TO_LEVEL = 3, 40
@@ -197,6 +199,13 @@ def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array
     seen = inverse(camera) @ tool_poses(arm, poses) @ mount
     own = np.array([np.linalg.inv(information_of(board, corners, lens)) for board in seen]) * lens.noise**2
     return measured_covariance_of(camera, mount, seen, own)
+
+
+def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitening:
+    """Weights with which photos at commanded poses would give the tool's pose, orientation included."""
+    covariance = expected_covariance(session, arm, poses)
+    sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
+    return whitening_of(sd, covariance, np.empty((len(poses), 0)), Sensed(attitude=True))
 
 
 def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:

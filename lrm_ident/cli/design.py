@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from typer import Option
 
-from lrm_ident.camera.session import CameraSession, expected_covariance, read_session, visible
+from lrm_ident.camera.session import CameraSession, expected_weights, read_session, visible
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
@@ -24,25 +25,30 @@ from lrm_ident.cli.common import (
     start_model,
 )
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.load import load_poses, says_measured
 from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, candidate_grid, parse_levels
 from lrm_ident.design.observability import INDICES
+from lrm_ident.design.parameter_elimination import fittable
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
 from lrm_ident.design.pose_design import design as run_design
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.estimation.parameter_sets import TABLE_4_5, select_parameters
 from lrm_ident.executors import executor_for, in_this_process
 from lrm_ident.plots.design import draw_choice, draw_design
+from lrm_ident.registration.anchor import with_anchor
 from lrm_ident.report.design import choice_document, design_document, pose_table
+from lrm_ident.weights.whitening import PLAIN, Whitening, measured_alike
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
-from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.model import Model
 from lrm_math.model.reading import AS_NAMED, Reading
 
 MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
@@ -54,8 +60,12 @@ def choose_poses(
     arm: arg.ArmName = None,
     count: arg.Count = 50,
     parameters: Annotated[
-        str, Option(help="Which parameters: option1 to option5 of the thesis, or names and patterns by commas.")
-    ] = "option1",
+        str,
+        Option(
+            help="Which parameters: 'identifiable' (all that these data can tell), option1 to option5 of the thesis, "
+            "or names and patterns by commas. Default: option1 if the arm has its parameters, else identifiable."
+        ),
+    ] = "",
     index: arg.IndexName = "O1",
     physical: Annotated[
         bool,
@@ -80,8 +90,9 @@ def choose_poses(
     kind = one_of("index", index.upper(), INDICES)
     if physical and kind != "O1":
         raise LrmError("--physical follows the identification along the determinant: it goes with --index O1 only")
-    nominal = start_model(the_arm, None)
-    model = replace(nominal, free=select_parameters(nominal, parameters))
+    nominal = with_anchor(start_model(the_arm, None), measured)
+    keys = _parameters_of(nominal, parameters, measured)
+    model = replace(nominal, free=(*keys, *(key for key in nominal.free if key not in keys)))
     with progress("exchanging poses") as tick:
         found = select_poses(model, measured, count, kind, physical, seed, tick)
     publish(choice_document(model, found, measured), json, figure, partial(draw_choice, found, measured))
@@ -110,7 +121,18 @@ def design(
         ),
     ] = "identifiable",
     index: arg.IndexName = "O1",
-    have: Annotated[Path | None, Option(metavar="CSV", help="Poses measured already, in the order measured.")] = None,
+    have: Annotated[
+        Path | None,
+        Option(
+            metavar="CSV",
+            help="Poses measured already, in the order measured. If the file says what was measured of them, they "
+            "weigh by it: standard deviations, orientations, joint feedback, distances.",
+        ),
+    ] = None,
+    like: Annotated[
+        Path | None,
+        Option(metavar="DATA", help="The poses will be measured as these were: weigh them so. Default: as --have."),
+    ] = None,
     camera: Annotated[
         Path | None,
         Option(metavar="SESSION", help="Only poses that show the board to this camera (DATA.camera.toml)."),
@@ -136,10 +158,15 @@ def design(
     Writes a pose file in the order to measure: from which side to approach each pose, a few of them twice. Prints what
     it will tell, beside as many poses drawn blindly.
     """
-    check_distinct(figure, output, json, poses, have)
+    check_distinct(figure, output, json, poses, have, like)
     the_arm = load_arm(arm)
     start = start_model(the_arm, model)
+    if camera is not None and like is not None:
+        raise LrmError("--camera says how poses will be measured: leave out --like")
+    known, alike = (None if path is None else _measured(path, the_arm, arm) for path in (have, like or have))
     measured = None if have is None else load_poses(have, the_arm)
+    for one in (known, alike):
+        start = start if one is None else with_anchor(start, one)
     catalogue = catalogue_with(effects_file)
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, None if floor_mm is None else floor_mm * MM)
@@ -159,7 +186,8 @@ def design(
         repeats=repeats,
         first_number=1 if measured is None else max(measured.names(np.arange(len(measured)))) + 1,
         seed=seed,
-        covariance=None if session is None else partial(_position_covariance, session, the_arm),
+        weights=_weights(session, alike, the_arm),
+        measured_weights=None if known is None else known.whitening,
     )
     with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
         found = run_design(task, offer.poses, tick, pool)
@@ -171,9 +199,25 @@ def design(
         show("Not saved; give -o POSES.csv to keep it.")
 
 
-def _position_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array:
-    """(N, 3, 3), m², of the tool's position from a photo."""
-    return expected_covariance(session, arm, poses)[:, :3, :3]
+def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[str, ...]:
+    """The parameters to choose poses for. Raises `UnknownName`."""
+    if not parameters:
+        parameters = "option1" if set(TABLE_4_5) <= set(model.keys) else "identifiable"
+    if parameters != "identifiable":
+        return select_parameters(model, parameters)
+    return fit_identifiable(model, data, fittable(model)).fit.model.free
+
+
+def _measured(path: Path, arm: Arm, arm_name: str) -> Measurements | None:
+    """What a file says of measured poses; None if it has commands alone. Raises `FileError`."""
+    return read_measurements(path, arm, arm_name) if says_measured(path) else None
+
+
+def _weights(camera: CameraSession | None, alike: Measurements | None, arm: Arm) -> Callable[[Poses], Whitening]:
+    """The weights with which poses will be measured: by the camera, as others were, or all alike."""
+    if camera is not None:
+        return partial(expected_weights, camera, arm)
+    return measured_alike(PLAIN if alike is None else alike.whitening)
 
 
 def _offer(

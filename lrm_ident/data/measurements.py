@@ -99,6 +99,12 @@ class Measurements:
         return np.zeros(3) if self.distance_from is None else self.distance_from
 
     @property
+    def several_kinds(self) -> bool:
+        """Whether numbers of several kinds are weighed together: positions and orientations, feedback or distances."""
+        beside = self.attitude is not None or self.feedback is not None
+        return beside or (self.distance is not None and len(self.positions) > 0)
+
+    @property
     def measured_rows(self) -> int:
         """Number of all numbers that were measured and are used."""
         return int((self.whitening.measured * np.ones(len(self))).sum())

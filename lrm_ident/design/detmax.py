@@ -49,22 +49,25 @@ def exchange(
     """The n poses that maximise an index.
 
     Args:
-        columns: (N, 3, m), Jacobian of every candidate pose (`identification_jacobian`). The set that is best for O1
+        columns: (N, R, m), Jacobian of every candidate pose (`identification_jacobian`). The set that is best for O1
             does not depend on the units; for the other indices scaled columns have a meaning.
         prior_information: (m, m), information JᵀJ of poses measured already, in the same units, or None.
 
     Raises:
         RankDeficient: the candidates do not determine all parameters. LrmError: an impossible n.
     """
-    check_count(n, len(columns), columns.shape[2] if prior_information is None else 1)
+    check_count(n, len(columns), columns.shape[2] if prior_information is None else 1, rows=columns.shape[1])
     return maximise_criterion(criterion_of(columns, index, prior_information), n, starts, seed, progress)
 
 
-def check_count(n: int, candidates: int, parameters: int, measured: int = 0) -> None:
-    """Raises `LrmError` unless n of the candidates, with poses measured already, can determine the parameters."""
+def check_count(n: int, candidates: int, parameters: int, measured: int = 0, rows: int = 3) -> None:
+    """Raises `LrmError` unless n of the candidates, with poses measured already, can determine the parameters.
+
+    `rows`: how many numbers are measured of a pose.
+    """
     if n > candidates:
         raise LrmError(f"{n} poses asked for, but there are only {candidates} candidates")
-    least = max(1, -(-parameters // 3) - measured)
+    least = max(1, -(-parameters // rows) - measured)
     if n < least:
         raise LrmError(f"{n + measured} poses cannot tell {parameters} parameters; ask for at least {least} (-n)")
 

@@ -24,6 +24,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.sensed import TCP_ONLY, Sensed
 
 TEST_LEVEL, TARGET_POWER = 0.01, 0.9  # of the F test
 CERTAIN_NONCENTRALITY = 1e4  # at which the power is one
@@ -54,17 +55,20 @@ class Discrimination:
     cosine: float
 
 
-def check_testable(rest: Equilibrium, effects: Sequence[Effect]) -> None:
-    """Raises `LrmError` if an effect is not testable at the poses of an equilibrium."""
-    excitation = Excitation(rest.poses, rest.joint_torque)
+def check_testable(rest: Equilibrium, effects: Sequence[Effect], sensed: Sensed = TCP_ONLY) -> None:
+    """Raises `LrmError` if an effect is not testable at the poses of an equilibrium, by what is measured there."""
+    excitation = Excitation(rest.poses, rest.joint_torque, sensed.feedback, sensed.distance_from is not None)
     for effect in effects:
         reason = effect.missing_excitation(excitation)
         if reason is not None:
             raise LrmError(f"{effect.id}@{effect.place} cannot show at any of the candidate poses: {reason}")
 
 
-def rival_columns(model: Model, poses: Poses, effects: Sequence[Effect], fitted: Sequence[str]) -> list[Array]:
-    """(N, 3, m_k) of each effect: motion of the TCP for parameters of their typical size, pose by pose (mm).
+def rival_columns(
+    model: Model, poses: Poses, effects: Sequence[Effect], fitted: Sequence[str], sensed: Sensed = TCP_ONLY
+) -> list[Array]:
+    """(N, R, m_k) of each effect: motion of the TCP for parameters of their typical size, pose by pose (mm), and of
+    what else is `sensed`.
 
     Shape parameters have their default values. Raises `LrmError` for an effect that is fitted already.
     """
@@ -75,8 +79,9 @@ def rival_columns(model: Model, poses: Poses, effects: Sequence[Effect], fitted:
         if not rows:
             name = f"{effect.id}@{effect.place}"
             raise LrmError(f"{name} has nothing that is not fitted already; name effects that the model lacks")
-    found = differentiate_candidates(model, poses, wanted)[1]
-    return [(_default_columns(candidate) * MM_PER_M).reshape(len(poses), 3, -1) for candidate in found]
+    found = differentiate_candidates(model, poses, wanted, sensed)[1]
+    each = sensed.rows(model.arm.dof)
+    return [(_default_columns(candidate) * MM_PER_M).reshape(len(poses), each, -1) for candidate in found]
 
 
 def _default_columns(candidate: Candidate) -> Array:

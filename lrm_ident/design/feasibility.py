@@ -20,7 +20,8 @@ class FeasibleCriterion:
     below all that keep them, the less they break it the higher.
 
     Attributes:
-        residual: (N, 3), measured − predicted TCP at the parameters that the columns are taken at.
+        residual: (N, R), what was measured less what is predicted, weighted as the columns, at the parameters that
+            these are taken at.
         lower, upper: (m,), bounds of the change of each parameter, in the columns' units.
     """
 
@@ -71,7 +72,7 @@ class FeasibleScore:
         J = self.criterion.columns.columns[:, among].transpose(1, 0, 2)
         innovation = (self.criterion.residual[among] - J @ self.theta)[regular]
         V, J = self.information.tcp_covariance_of(among)[regular], J[regular]
-        gain = np.linalg.solve(np.eye(3) + sign * V, innovation[:, :, None])
+        gain = np.linalg.solve(np.eye(V.shape[1]) + sign * V, innovation[:, :, None])
         theta = self.theta + sign * ((J.transpose(0, 2, 1) @ gain)[:, :, 0] @ self.information.inverse)
         out = np.full(len(among), -np.inf)
         out[regular] = self._penalised(log_det[regular], theta)
@@ -80,7 +81,7 @@ class FeasibleScore:
     def updated(self, row: int, sign: int) -> FeasibleScore:
         """With one candidate added (+1) or removed (−1)."""
         J, [V] = self.criterion.columns.columns[:, row], self.information.tcp_covariance_of(np.array([row]))
-        gain = np.linalg.solve(np.eye(3) + sign * V, self.criterion.residual[row] - J @ self.theta)
+        gain = np.linalg.solve(np.eye(len(V)) + sign * V, self.criterion.residual[row] - J @ self.theta)
         theta = self.theta + sign * (self.information.inverse @ (J.T @ gain))
         return replace(self, information=self.information.updated(row, sign), theta=theta)
 

@@ -1,13 +1,15 @@
-"""Fisher information of a set of poses, with its determinant and rank-3 updates instead of decompositions.
+"""Fisher information of a set of poses, with its determinant and low-rank updates instead of decompositions.
 
 With M = Σ JᵀJ over the set and V_i = J_i M⁻¹ J_iᵀ, adding or removing pose i multiplies det M by det(I ± V_i)
-(Sylvester) and changes M⁻¹ and every V by matrices of rank 3 (Woodbury). Columns are whitened first, so that the
-information of all candidates together is the identity; that only shifts log det M, and keeps the updates accurate.
+(Sylvester) and changes M⁻¹ and every V by matrices of rank R (Woodbury), R being the numbers measured of a pose.
+Columns are whitened first, so that the information of all candidates together is the identity; that only shifts
+log det M, and keeps the updates accurate.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +21,6 @@ Rows = NDArray[np.int64]
 RIDGE = 1e-9  # of the information of all candidates: keeps a poor random start invertible
 SINGULAR = 1e-7  # of the largest singular value of columns of equal length: below it a parameter is not identifiable
 MIN_DETERMINANT = 1e-12  # part of the determinant that removing a pose must leave
-FIRST, SECOND = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]  # axes of the components xx, yy, zz, xy, xz, yz
-COMPONENT = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])  # which component each element of the matrix is
 
 
 class RankDeficient(LrmError):
@@ -39,7 +39,7 @@ class WhitenedColumns:
     """Columns for which all candidates and the prior information together make the identity.
 
     Attributes:
-        columns: (3, N, m), the TCP's motion along x, y, z.
+        columns: (R, N, m), the TCP's motion along x, y, z, or R weighted numbers that are measured of each pose.
         unwhiten: (m, m), turns a solution in whitened columns into one in the units given.
         prior_information: (m, m), ridge included. log_det_offset: log det M in the units given, less the whitened one.
     """
@@ -51,7 +51,7 @@ class WhitenedColumns:
 
 
 def whiten(columns: Array, prior_information: Array | None = None) -> WhitenedColumns:
-    """Whitens columns (N, 3, m), with prior information (m, m) in the same units. Raises `RankDeficient`."""
+    """Whitens columns (N, R, m), with prior information (m, m) in the same units. Raises `RankDeficient`."""
     m = columns.shape[2]
     stacked = columns.reshape(-1, m)
     if prior_information is not None:
@@ -78,8 +78,8 @@ class FisherInformation:
     Attributes:
         candidates: all of them.
         inverse: (m, m), M⁻¹ of the set, whitened.
-        tcp_covariance: (6, N), xx, yy, zz, xy, xz, yz of every candidate's V: the covariance of its predicted TCP in
-            units of the noise.
+        tcp_covariance: (K, N), components of every candidate's V: the covariance of its predicted TCP (or of what else
+            is measured) in units of the noise; for R = 3 these are xx, yy, zz, xy, xz, yz.
         log_det: of M, in the units given.
     """
 
@@ -89,19 +89,21 @@ class FisherInformation:
     log_det: float
 
     def tcp_covariance_of(self, among: Rows) -> Array:
-        """(len(among), 3, 3), V of some candidates."""
-        return np.asarray(self.tcp_covariance[:, among][COMPONENT].transpose(2, 0, 1))
+        """(len(among), R, R), V of some candidates."""
+        component = _pairs(len(self.candidates.columns))[2]
+        return np.asarray(self.tcp_covariance[:, among][component].transpose(2, 0, 1))
 
     def log_dets(self, sign: int, among: Rows) -> Array:
         """log det M with each of `among` added (+1) or removed (−1); −inf where it would be singular."""
-        factor = _determinant(sign * self.tcp_covariance[:, among])
+        factor = _determinant(sign * self.tcp_covariance[:, among], len(self.candidates.columns))
         with np.errstate(divide="ignore", invalid="ignore"):
             log_det = self.log_det + np.log(np.maximum(factor, MIN_DETERMINANT))
             return np.where(factor > MIN_DETERMINANT, log_det, -np.inf)
 
     def updated(self, i: int, sign: int) -> FisherInformation:
         """With candidate i added (+1) or removed (−1)."""
-        root = np.linalg.cholesky(np.linalg.inv(np.eye(3) + sign * self.tcp_covariance[COMPONENT, i]))
+        V = self.tcp_covariance_of(np.array([i]))[0]
+        root = np.linalg.cholesky(np.linalg.inv(np.eye(len(V)) + sign * V))
         gain = self.inverse @ self.candidates.columns[:, i].T @ root
         across = self.candidates.columns @ gain
         return replace(
@@ -122,13 +124,28 @@ def fisher_information(candidates: WhitenedColumns, rows: Rows) -> FisherInforma
     return FisherInformation(candidates, inverse, tcp_covariance, log_det)
 
 
+@cache
+def _pairs(rows: int) -> tuple[list[int], list[int], NDArray[np.int64]]:
+    """Row and column of each component of a symmetric (rows, rows) matrix, the diagonal first, and the component of
+    each of its elements.
+    """
+    upper = np.triu_indices(rows, 1)
+    first, second = [*range(rows), *upper[0].tolist()], [*range(rows), *upper[1].tolist()]
+    component = np.empty((rows, rows), dtype=np.int64)
+    component[first, second] = component[second, first] = np.arange(len(first))
+    return first, second, component
+
+
 def _components(a: Array, b: Array) -> Array:
-    """xx, yy, zz, xy, xz, yz of Σ a bᵀ over the last axis of (3, N, k): (6, N)."""
-    return np.asarray(np.einsum("pnk,pnk->pn", a[FIRST], b[SECOND]))
+    """Components of Σ a bᵀ over the last axis of (R, N, k): (K, N)."""
+    first, second, _ = _pairs(len(a))
+    return np.asarray(np.einsum("pnk,pnk->pn", a[first], b[second]))
 
 
-def _determinant(V: Array) -> Array:
-    """det(I + V) of symmetric 3 × 3 matrices by their six components (6, N): (N,)."""
+def _determinant(V: Array, rows: int) -> Array:
+    """det(I + V) of symmetric (rows, rows) matrices by their components (K, N): (N,)."""
+    if rows != 3:
+        return np.asarray(np.linalg.det(np.eye(rows) + V[_pairs(rows)[2]].transpose(2, 0, 1)))
     a, b, c = 1.0 + V[:3]
     d, e, f = V[3:]
     return np.asarray(a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e))

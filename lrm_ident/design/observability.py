@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.weights.whitening import PLAIN, Whitening
 from lrm_math.arrays import Array
 from lrm_math.effects import Parameter
-from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium
 
 Units = Literal["thesis", "scaled"]
@@ -35,15 +35,20 @@ def _thesis_unit(word: str) -> float:
     return float({"mm": 1e-3, "Nm": 1e-3, "g": 1e-3}.get(word.rstrip("0123456789"), 1.0) ** power)
 
 
-def identification_jacobian(rest: Equilibrium, keys: Sequence[str], units: Units = "scaled") -> Array:
+def identification_jacobian(
+    rest: Equilibrium, keys: Sequence[str], units: Units = "scaled", whitening: Whitening = PLAIN
+) -> Array:
     """(N, 3, P), motion of the TCP (mm) for one unit of each parameter, through the equilibrium (thesis Eq 4.1).
+
+    (N, R, P) of all that is measured where `whitening` says so, each number weighted by its noise: as if it were a
+    position with the mean noise.
 
     Args:
         units: "thesis" for mm/rad, mm/mm and mm/(rad/N·mm), "scaled" for mm per typical size of the parameter.
     """
     chosen = [rest.model.parameters[rest.model.position(key)] for key in keys]
     per_unit = np.array([unit_of(p, units) for p in chosen]) * MM_PER_M
-    return np.asarray(parameter_jacobian(rest, keys) * per_unit)
+    return np.asarray(whitening.unit * whitening.jacobian(rest, keys) * per_unit)
 
 
 def singular_values(jacobian: Array) -> Array:
@@ -77,11 +82,11 @@ class Observability:
 
 
 def observability(jacobian: Array) -> Observability:
-    """All five indices of a Jacobian (n, 3, m); zero where the Jacobian is rank deficient."""
-    n, _, m = jacobian.shape
+    """All five indices of a Jacobian (n, R, m); zero where the Jacobian is rank deficient."""
+    n, rows, m = jacobian.shape
     sigma = singular_values(jacobian)
-    sigma[sigma <= np.finfo(np.float64).eps * 3 * n * sigma[0]] = 0.0
-    if 3 * n < m:
+    sigma[sigma <= np.finfo(np.float64).eps * rows * n * sigma[0]] = 0.0
+    if rows * n < m:
         return Observability(0.0, 0.0, 0.0, 0.0, 0.0)
     return Observability(*(float(observability_index(sigma**2, name, n)) for name in INDICES))
 

@@ -21,7 +21,7 @@ from lrm_ident.design.parameter_elimination import fittable
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD
 from lrm_ident.estimation.identifiability import select_identifiable
 from lrm_ident.progress import OnProgress, silent
-from lrm_ident.weights.whitening import PLAIN, Whitening, root_of
+from lrm_ident.weights.whitening import PLAIN, Whitening
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
@@ -92,7 +92,8 @@ class DesignProblem:
             at the candidates with this noise.
         rivals: effects to discriminate. noise: m per axis. measured: poses measured already, or None.
         repeats: how many of the poses to measure twice. first_number: of the first new pose.
-        covariance: (N, 3, 3), m², with which positions will be measured; None: `noise`, the same for all.
+        weights: with which poses will be measured; without a stated standard deviation: `noise`, the same for all.
+        measured_weights: with which those that are measured already were; None: as the others will be.
     """
 
     model: Model
@@ -105,11 +106,12 @@ class DesignProblem:
     repeats: int
     first_number: int
     seed: int
-    covariance: Callable[[Poses], Array] | None = None
+    weights: Callable[[Poses], Whitening] = lambda _: PLAIN
+    measured_weights: Whitening | None = None
 
 
 Columns = list[Array]
-"""Columns of poses: of the fitted parameters (N, 3, m), then of each rival (N, 3, m_k); of typical sizes, in mm."""
+"""Columns of poses: of the fitted parameters (N, R, m), then of each rival (N, R, m_k); of typical sizes, in mm."""
 
 
 def design(
@@ -127,23 +129,23 @@ def design(
     else:  # random, so that other parameters do not absorb hysteresis
         sided = _sided(candidates, rng.choice([1.0, -1.0], len(candidates)))
     rest = equilibrium(problem.model, sided)
-    check_testable(rest, problem.rivals)
-    whitening = _whitening(problem, sided)
-    noise = problem.noise if problem.covariance is None else whitening.unit
+    whitening = problem.weights(sided)
+    check_testable(rest, problem.rivals, whitening.sensed)
+    noise = problem.noise if whitening.sd is None else whitening.unit
     keys = problem.keys or select_identifiable(rest, fittable(problem.model), noise, whitening).kept
-    columns, measured = _columns(problem, rest, keys), None
+    moved, measured = identification_jacobian(rest, keys), None
     if problem.measured is not None:
-        own = _whitening(problem, problem.measured)
-        measured = _weighted(problem, own, _columns(problem, equilibrium(problem.model, problem.measured), keys))
-    weighted = _weighted(problem, whitening, columns)
-    width, already = sum(part.shape[2] for part in columns), 0 if problem.measured is None else len(problem.measured)
-    check_count(problem.count, len(sided), width, already)
+        own = problem.weights(problem.measured) if problem.measured_weights is None else problem.measured_weights
+        measured = _weighted(problem, own, equilibrium(problem.model, problem.measured), keys)
+    weighted = _weighted(problem, whitening, rest, keys)
+    width, already = sum(part.shape[2] for part in weighted), 0 if problem.measured is None else len(problem.measured)
+    check_count(problem.count, len(sided), width, already, int(np.max(whitening.measured)))
     criterion = _criterion(problem, weighted, measured)
     chosen = maximise_criterion(criterion, problem.count, STARTS, problem.seed, progress, executor).rows
     draws = [rng.choice(len(sided), problem.count, replace=False) for _ in range(RANDOM_DRAWS)]
     order, *random_orders = (_order(sided, rows, problem.repeats, rng) for rows in (chosen, *draws))
     after, *random_after = (
-        _accuracy(problem, columns, _stack(weighted, rows, measured)) for rows in (order, *random_orders)
+        _accuracy(problem, moved, _stack(weighted, rows, measured)) for rows in (order, *random_orders)
     )
     number = np.arange(problem.first_number, problem.first_number + len(order))
     first = {int(row): int(number[k]) for k, row in reversed(list(enumerate(order)))}
@@ -153,9 +155,9 @@ def design(
         repeat_of=np.array([first[int(row)] for row in order]),
         rows=chosen,
         keys=keys,
-        observability=observability(columns[0][chosen]),
-        random_baseline=Observability.median(columns[0], draws),
-        before=None if measured is None else _accuracy(problem, columns, measured),
+        observability=observability(weighted[0][chosen]),
+        random_baseline=Observability.median(weighted[0], draws),
+        before=None if measured is None else _accuracy(problem, moved, measured),
         after=after,
         random_after=sorted(random_after, key=_uncertainty)[RANDOM_DRAWS // 2],
     )
@@ -178,27 +180,20 @@ def _side_matters(problem: DesignProblem, candidates: Poses) -> bool:
     return any(not np.allclose(columns[0::2], columns[1::2]) for columns in moved)
 
 
-def _whitening(problem: DesignProblem, poses: Poses) -> Whitening:
-    """Weights of positions measured at poses."""
-    if problem.covariance is None:
-        return PLAIN
-    covariance = problem.covariance(poses)
-    return Whitening(np.sqrt(np.einsum("nii->n", covariance) / 3.0), root_of(covariance))
-
-
-def _weighted(problem: DesignProblem, whitening: Whitening, columns: Columns) -> Columns:
-    """Columns as if all positions had the problem's noise."""
-    return columns if problem.covariance is None else [problem.noise * whitening(part) for part in columns]
-
-
-def _columns(problem: DesignProblem, rest: Equilibrium, keys: Sequence[str]) -> Columns:
-    return [identification_jacobian(rest, keys), *rival_columns(problem.model, rest.poses, problem.rivals, keys)]
+def _weighted(problem: DesignProblem, whitening: Whitening, rest: Equilibrium, keys: Sequence[str]) -> Columns:
+    """Columns as if all that is measured were positions with the problem's noise."""
+    scale = 1.0 if whitening.sd is None else problem.noise / whitening.unit
+    rivals = rival_columns(problem.model, rest.poses, problem.rivals, keys, whitening.sensed)
+    fitted = identification_jacobian(rest, keys, whitening=whitening)
+    return [scale * fitted, *(scale * whitening.unit * whitening(part) for part in rivals)]
 
 
 def _stack(columns: Columns, rows: Rows, measured: Columns | None) -> Columns:
-    """Columns of some rows, and of the poses measured already."""
-    chosen = [part[rows] for part in columns]
-    return chosen if measured is None else [np.concatenate(pair) for pair in zip(chosen, measured, strict=True)]
+    """Columns of some rows, and of the poses measured already: (1, K, m), K numbers of all poses together."""
+    both = [[part[rows]] for part in columns]
+    for parts, more in zip(both, measured or [], strict=False):
+        parts.append(more)
+    return [np.concatenate([part.reshape(-1, part.shape[2]) for part in parts])[None] for parts in both]
 
 
 def _criterion(problem: DesignProblem, columns: Columns, measured: Columns | None) -> Criterion:
@@ -226,13 +221,13 @@ def _information(columns: Array) -> Array:
     return np.asarray(stacked.T @ stacked)
 
 
-def _accuracy(problem: DesignProblem, candidates: Columns, measured: Columns) -> ExpectedAccuracy:
-    """Expected accuracy of a fit to measured poses, over all candidates."""
+def _accuracy(problem: DesignProblem, moved: Array, measured: Columns) -> ExpectedAccuracy:
+    """Expected accuracy of a fit to measured poses, over all candidates, whose TCP the parameters move (N, 3, m)."""
     noise = problem.noise * MM_PER_M
     prior = (noise / PRIOR_SD) ** 2 * np.eye(measured[0].shape[2])
     covariance = np.linalg.inv(_information(measured[0]) + prior) * noise**2
-    motion = np.sqrt((candidates[0] ** 2).sum(axis=1).mean(axis=0))
-    variance = np.einsum("nci,ij,ncj->n", candidates[0], covariance, candidates[0], optimize=True)
+    motion = np.sqrt((moved**2).sum(axis=1).mean(axis=0))
+    variance = np.einsum("nci,ij,ncj->n", moved, covariance, moved, optimize=True)
     discrimination = None
     if problem.rivals:
         fitted, *rivals = (columns.reshape(-1, columns.shape[2]) for columns in measured)

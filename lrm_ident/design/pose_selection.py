@@ -54,7 +54,7 @@ def select_poses(
     seed: int = 0,
     progress: OnProgress = silent,
 ) -> PoseSelection:
-    """The poses that maximise an index of the model's free parameters, and the fits to them.
+    """The poses that maximise an index of the model's free parameters, weighed as in the fit; and the fits to them.
 
     Args:
         physical: only sets whose own unbounded identification keeps the parameters' bounds (thesis Figure 6.3).
@@ -65,7 +65,7 @@ def select_poses(
     """
     if count < len(model.free):
         raise LrmError(f"{count} poses for {len(model.free)} parameters; choose at least {len(model.free)} (-n)")
-    columns = identification_jacobian(equilibrium(model, data.poses), model.free)
+    columns = identification_jacobian(equilibrium(model, data.poses), model.free, whitening=data.whitening)
     if physical:
         rows = _select_feasible(model, data, count, seed, progress)
     else:
@@ -87,13 +87,14 @@ def _select_feasible(model: Model, data: Measurements, count: int, seed: int, pr
     """The set of best O1 whose own identification, linear about the bounded fit to all poses, keeps the bounds."""
     bounds = bounds_of(model, model.free)
     fitted = fit(model, data, bounds)
-    columns = identification_jacobian(fitted.rest, model.free)
-    check_count(count, len(columns), columns.shape[2])
+    columns = identification_jacobian(fitted.rest, model.free, whitening=data.whitening)
+    check_count(count, len(columns), columns.shape[2], rows=columns.shape[1])
     position = [model.position(key) for key in model.free]
     typical = np.array([model.parameters[j].typical for j in position])
     values = fitted.model.values[position]
     limits = (bounds.lower - values) / typical, (bounds.upper - values) / typical
-    criterion = FeasibleCriterion(whiten(columns), fitted.residual * MM_PER_M, *limits)
+    residual = data.whitening.unit * data.whitening(data.residual(fitted.rest)) * MM_PER_M
+    criterion = FeasibleCriterion(whiten(columns), residual, *limits)
     rows = maximise_criterion(criterion, count, STARTS, seed, progress).rows
     if not criterion.evaluate(rows).feasible:
         raise LrmError(

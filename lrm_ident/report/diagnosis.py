@@ -54,6 +54,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
             "order_p_value": found.structure.order_p_value,
         },
         "verdict": report.verdict,
+        "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
         "unexplained": [
             {"acts_like": function.name, "joint": function.joint + 1, "follows": function.covariates}
@@ -83,6 +84,11 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         *left_blocks(report.left),
         _ranking_table(report),
     ]
+    if found.data.several_kinds:
+        blocks.append(
+            "≈ stands for all that was measured of a pose, each number weighed by its noise, as if it were a position: "
+            "compare such figures with one another only. Figures without it are errors of the TCP."
+        )
     if report.verdict == "unexplained_structure":
         ranking = found.unexplained.ranking
         lines = (f"{function.name} would leave {in_mm(rms)} mm held out" for function, rms in ranking)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.sensed import TCP_ONLY, Sensed
@@ -100,3 +101,21 @@ def whitening_of(sd: Array | None, covariance: Array, alone: Array, sensed: Sens
     diagonal = np.arange(size, size + k)
     root[:, diagonal, diagonal] = np.where(np.isnan(alone), 0.0, 1.0 / alone)
     return Whitening(sd, root, sensed)
+
+
+def measured_alike(known: Whitening) -> Callable[[Poses], Whitening]:
+    """Weights of poses that are measured as others were: each tells as much as one of those on average (information).
+
+    `known`: weights of N poses. Parts that some of them lack count accordingly.
+    """
+    root = None
+    if known.root is not None:
+        values, vectors = np.linalg.eigh(np.einsum("nrs,nrt->st", known.root, known.root) / len(known.root))
+        root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+
+    def weights(poses: Poses) -> Whitening:
+        n = len(poses)
+        sd = None if known.sd is None else np.full(n, known.unit)
+        return Whitening(sd, None if root is None else np.broadcast_to(root, (n, *root.shape)), known.sensed)
+
+    return weights

@@ -210,6 +210,11 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Po
     return poses_of_table(table, read_angles(table, arm, how), known, number, None, how)
 
 
+def says_measured(path: Path) -> bool:
+    """Whether a file has columns of positions or distances, not commands alone. Raises `FileError`."""
+    return bool({*POSITION, DISTANCE} & set(read_measurement_table(path).header))
+
+
 def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:
     """What the encoders read at the poses of a file, (N, n) in rad, and its standard deviation as stated (deg).
 

@@ -95,7 +95,7 @@ def _ranking(found: Findings, values: Mapping[str, Any]) -> list[dict[str, Any]]
                     "name": name,
                     "verdict": advice["verdict"],
                     "mark": MARKS[advice["verdict"]],
-                    "held": ("≈ " if advice["approximate"] else "") + in_mm(advice["held_out_rms_mm"] * 1e-3),
+                    "held": _held(advice, found.poses.several_kinds),
                     "heldOut": advice["held_out_rms_mm"],
                     "why": advice["why"],
                     "online": advice["online"],
@@ -109,6 +109,12 @@ def _ranking(found: Findings, values: Mapping[str, Any]) -> list[dict[str, Any]]
                 }
             )
     return out
+
+
+def _held(advice: Mapping[str, Any], weighted: bool) -> str:
+    """A held-out error in mm; ≈ if not refitted, then of all that was measured where that is more than positions."""
+    value = in_mm(advice["held_out_rms_mm"] * 1e-3)
+    return value if not advice["approximate"] else f"≈ {value} {'(all, weighted)' if weighted else ''}".rstrip()
 
 
 def _candidate(view: CandidateView) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import zlib
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,14 @@ from lrm_ident.camera.board_pose import BoardPose, board_pose
 from lrm_ident.camera.detection import Corners, RejectedPhoto, find_corners
 from lrm_ident.camera.lens import LensFile
 from lrm_ident.camera.opencv import opencv
-from lrm_ident.camera.session import CameraMeasurements, PhotoSet, expected_covariance, measure, visible
+from lrm_ident.camera.session import (
+    CameraMeasurements,
+    PhotoSet,
+    expected_covariance,
+    expected_weights,
+    measure,
+    visible,
+)
 from validation.camera.rendered_photos import WEBCAM, PhotoScene
 from validation.camera.scene import (
     BOARD,
@@ -187,8 +195,7 @@ def test_design_weighs_poses_as_the_camera_measures_them() -> None:
     ratio = np.trace(covariance, axis1=1, axis2=2) / np.trace(stated, axis1=1, axis2=2)
     assert np.abs(np.log(ratio)).mean() < 0.5
     model = nominal_model(arm)
-    positions = lambda poses: expected_covariance(found.session, arm, poses)[:, :3, :3]  # noqa: E731
-    task = DesignProblem(model, None, (), 34, "O1", 1e-3, None, 0, 1, 0, positions)
+    task = DesignProblem(model, None, (), 34, "O1", 1e-3, None, 0, 1, 0, partial(expected_weights, found.session, arm))
     some = poses_in_view(rig(2, {}), 120, 7)
     chosen = design(task, some)
     assert chosen.after.tcp < chosen.random_after.tcp
