@@ -21,7 +21,7 @@ from typing import Any
 from lrm_ident.cli.common import show
 from lrm_ident.demo.hidden import hidden_arm
 from lrm_ident.demo.simulated_tracker import FRAME_SD_M, REST_SD_M
-from lrm_ident.demo.story import NamedEffect, Story
+from lrm_ident.demo.steps import DemoSteps, NamedEffect
 from lrm_ident.demo.world import SPEED, STEP_US, simulated_world
 from lrm_ident.report.document import ResultTable, heading
 from lrm_ident.synthetic import load_arm
@@ -57,20 +57,20 @@ def tell(folder: Path, seed: int) -> None:
     began = time.monotonic()
     show(heading(f"Seed {seed}: `make demo SEED={seed}` tells the same story again."), TIME)
     with tempfile.TemporaryDirectory(prefix="lrm-demo-") as private, simulated_world(Path(private), seed) as world:
-        story = Story(folder, world, seed)
-        story.measure()
-        results = {"nominal": story.verify("nominal")}
-        story.fit()
-        story.compare()
-        story.deploy("fitted.toml")
-        results["fitted"] = story.verify("fitted")
-        named = story.diagnose()
+        steps = DemoSteps(folder, world, seed)
+        steps.measure()
+        results = {"nominal": steps.verify("nominal")}
+        steps.fit()
+        steps.compare()
+        steps.deploy("fitted.toml")
+        results["fitted"] = steps.verify("fitted")
+        named = steps.diagnose()
         last = "fitted.toml"
         if named.verdict == "effect_missing":
-            story.add(named.name)
-            story.deploy("better.toml")
-            results["with the effect"], last = story.verify("better"), "better.toml"
-        story.report(last)
+            steps.add(named.name)
+            steps.deploy("better.toml")
+            results["with the effect"], last = steps.verify("better"), "better.toml"
+        steps.report(last)
     conclude(folder, seed, named, results, time.monotonic() - began)
 
 

@@ -46,7 +46,7 @@ class NamedEffect:
 
 
 @dataclass(frozen=True)
-class Story:
+class DemoSteps:
     """A demo in a folder, on a simulated rover."""
 
     folder: Path
