@@ -20,7 +20,7 @@ from lrm_math.ik.cube import Cube
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, PositionUncertainty, Solved, Unsolved
-from lrm_math.ik.solver_context import Command, CommandBatch, IkQuery, Method, SolverContext, Stalled
+from lrm_math.ik.solver_context import IkQuery, IkSolution, IkSolutions, Method, SolverContext, Stalled
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
@@ -158,22 +158,23 @@ class CalibratedSolver:
             _triple(rest.true_tcp[0]), rotation, tuple(rest.joint_torque[0].tolist()), self._uncertainty(rest)
         )
 
-    def _ordered(self, query: IkQuery, found: CommandBatch) -> list[Command]:
+    def _ordered(self, query: IkQuery, found: IkSolutions) -> list[IkSolution]:
         """Commands within the limits, best first, each branch once."""
         near, commands = query.near, found.within
         if near is None:
             commands.sort(key=lambda command: -command.margin)
         else:
             commands.sort(key=lambda command: _apart(command.q, near))
-        kept: list[Command] = []
+        kept: list[IkSolution] = []
         for command in commands:
             if all(_apart(command.q, other.q) > SAME for other in kept):
                 kept.append(command)
         return kept
 
     def _solved(
-        self, query: IkQuery, found: CommandBatch, order: list[Command], method: str, rounding: Rounding, started: float
-    ) -> Solved | None:
+        self, query: IkQuery, found: IkSolutions, order: list[IkSolution], method: str, rounding: Rounding,
+        started: float,
+    ) -> Solved | None:  # fmt: skip
         """The reply, the first branch checked by its equilibrium; None if the arm does not settle there."""
         first, branches = order[0], self._branches(order)
         tool = self.context.tool_at(query, branches[0].q, first)
@@ -200,12 +201,12 @@ class CalibratedSolver:
             elapsed=time.perf_counter() - started,
         )
 
-    def _branches(self, commands: Sequence[Command]) -> tuple[Branch, ...]:
+    def _branches(self, commands: Sequence[IkSolution]) -> tuple[Branch, ...]:
         """Without the round-off that leads beyond a limit."""
         limits = self.context.limits
         return tuple([Branch(limits.clipped(command.q), -1, limits, command.free) for command in commands])
 
-    def _unsolved(self, query: IkQuery, found: CommandBatch | None, method: str, started: float) -> Unsolved:
+    def _unsolved(self, query: IkQuery, found: IkSolutions | None, method: str, started: float) -> Unsolved:
         limits = self.context.limits
         beyond = [] if found is None else found.beyond
         branches = tuple(Branch(command.q, -1, limits, command.free) for command in beyond)
@@ -215,17 +216,17 @@ class CalibratedSolver:
         elapsed = time.perf_counter() - started
         return Unsolved(query.goal, verdict, closest, branches, violation, method, self.left_out, elapsed)
 
-    def _near_rest(self, query: IkQuery, commands: list[Command]) -> tuple[Poses, list[Number]]:
+    def _near_rest(self, query: IkQuery, commands: list[IkSolution]) -> tuple[Poses, list[Number]]:
         """Commands as poses, and amounts of all slots of the chain near rest there."""
         q = np.array([self.context.limits.clipped(command.q) for command in commands])
         poses = self.context.poses(query, q, np.array([command.direction for command in commands], dtype=np.float64))
         return poses, self.context.chain_amounts(np.array([command.slots for command in commands]))
 
-    def _equilibrium(self, query: IkQuery, q: tuple[float, ...], command: Command) -> Equilibrium:
+    def _equilibrium(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> Equilibrium:
         poses = self.context.poses(query, np.array([q]), np.array([command.direction], dtype=np.float64))
         return solve_equilibrium(self.context.model, poses, self.context.chain_amounts(np.array([command.slots])))
 
-    def _uncertainty_of(self, query: IkQuery, q: tuple[float, ...], command: Command) -> PositionUncertainty | None:
+    def _uncertainty_of(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
             return None
         return self._uncertainty(self._equilibrium(query, q, command))
@@ -237,19 +238,21 @@ class CalibratedSolver:
         return PositionUncertainty(rotation_rows(covariance[0]), math.sqrt(float(np.trace(covariance[0]))))
 
     def _rounded(
-        self, query: IkQuery, q: tuple[float, ...], command: Command, rounding: Rounding
+        self, query: IkQuery, q: tuple[float, ...], command: IkSolution, rounding: Rounding
     ) -> RoundedCommand | None:
         if self.servos is None:
             return None
         context = self.context
 
         def position_error(angles: tuple[float, ...]) -> float:
+            """m, distance of the tool at rest from the goal. Raises `NoEquilibrium`."""
             tool = context.tool_at(query, angles, command)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
             return math.dist(tool[9:], query.goal.position)
 
         def jacobian() -> Array:
+            """(3, n), m/rad, of the tool by commands through the equilibrium."""
             return np.asarray(joint_jacobian(self._equilibrium(query, q, command))[0])
 
         return round_to_counts(self.servos, q, rounding, position_error, jacobian)

@@ -13,7 +13,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.kernel.flat_arm import frames_as_numbers, matrices
-from lrm_math.ik.solver_context import CommandBatch, IkQuery, SolverContext
+from lrm_math.ik.solver_context import IkQuery, IkSolutions, SolverContext
 
 REGION = 0.05
 """rad: rounding of known commands, so that the search starts beside them."""
@@ -77,7 +77,7 @@ class Cube:
                 "should be a side above 0, 2 or more points, 0 or more moves and 1 or more guesses"
             )
 
-    def find(self, context: SolverContext, query: IkQuery) -> CommandBatch | None:
+    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | None:
         """The best of the cube refined by Newton, and all other branches of the direct method."""
         others = Direct().find(context, query)
         result = self.search(context, query, [] if others is None else [command.q for command in others.within])
@@ -85,7 +85,7 @@ class Cube:
             return others
         polished = tuple(context.at_goal(query, result.slots))
         if others is None:
-            return CommandBatch(polished, 0, result.error) if polished else None
+            return IkSolutions(polished, 0, result.error) if polished else None
         return replace(others, commands=(*polished, *others.commands), error=result.error)
 
     def search(

@@ -8,7 +8,7 @@ import numpy as np
 
 from lrm_math.errors import LrmError
 from lrm_math.ik.nearest import error_of, nearest
-from lrm_math.ik.solver_context import Command, CommandBatch, IkQuery, SolverContext
+from lrm_math.ik.solver_context import IkQuery, IkSolution, IkSolutions, SolverContext
 
 REACHED = 0.01
 """m: a goal that the nearest command misses by less is tried once more from there."""
@@ -25,7 +25,7 @@ class Direct:
 
     name: str = "direct"
 
-    def find(self, context: SolverContext, query: IkQuery) -> CommandBatch | None:
+    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | None:
         """All branches that the seeds lead to, or commands nearest to `near`; None if no seed leads to the goal."""
         if not context.library.reach_ball.contains(query.goal.position):
             return None
@@ -35,7 +35,7 @@ class Direct:
         return found if found.commands else None
 
 
-def _from_the_nearest(context: SolverContext, query: IkQuery, found: CommandBatch) -> tuple[Command, ...]:
+def _from_the_nearest(context: SolverContext, query: IkQuery, found: IkSolutions) -> tuple[IkSolution, ...]:
     try:
         closest = nearest(context, query, [command.q for command in found.beyond])
     except LrmError:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lrm_math.ik.cube import initial_guesses
 from lrm_math.ik.goal import pose
-from lrm_math.ik.solver_context import Command, CommandBatch, IkQuery, SolverContext, Stalled
+from lrm_math.ik.solver_context import IkQuery, IkSolution, IkSolutions, SolverContext, Stalled
 
 STILL = 1e-6
 """m: the error has settled when it changes by less."""
@@ -29,7 +29,7 @@ class Iterative:
     most: int = 100
     name: str = "iterative"
 
-    def find(self, context: SolverContext, query: IkQuery) -> CommandBatch | Stalled | None:
+    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | Stalled | None:
         """Where it ended; None if the arm does not settle at the start."""
         nominal = next(initial_guesses(context, query))
         goal = np.array(query.goal.position)
@@ -45,7 +45,7 @@ class Iterative:
             if errors[-1] <= self.enough:
                 angles, unknown = tuple(q.tolist()), (0,) * len(q)
                 margin = min(context.limits.margins(angles))
-                return CommandBatch((Command(angles, unknown, (), tuple(rest.slots[0].tolist()), margin),), step)
+                return IkSolutions((IkSolution(angles, unknown, (), tuple(rest.slots[0].tolist()), margin),), step)
             branches = context.nominal_solver.branches(pose(nominal.position - error, nominal.rotation), q.tolist())
             if settled or not branches:
                 break

@@ -51,7 +51,7 @@ class IkQuery:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class IkSolution:
     """One command that reaches a goal.
 
     Attributes:
@@ -72,20 +72,20 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
-class CommandBatch:
+class IkSolutions:
     """Commands that a method found, and its steps; `error`: m, before the final Newton's method, if it has one."""
 
-    commands: tuple[Command, ...]
+    commands: tuple[IkSolution, ...]
     steps: int
     error: float | None = None
 
     @property
-    def within(self) -> list[Command]:
+    def within(self) -> list[IkSolution]:
         """Those within the limits."""
         return [command for command in self.commands if command.margin >= -AT_LIMIT]
 
     @property
-    def beyond(self) -> list[Command]:
+    def beyond(self) -> list[IkSolution]:
         """Those beyond, the least excess first."""
         return sorted((c for c in self.commands if c.margin < -AT_LIMIT), key=lambda command: -command.margin)
 
@@ -108,7 +108,7 @@ class Method(Protocol):
     def name(self) -> str:
         """Name in replies."""
 
-    def find(self, context: SolverContext, query: IkQuery) -> CommandBatch | Stalled | None:
+    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | Stalled | None:
         """Commands for one goal; None where the method finds none."""
 
 
@@ -179,7 +179,7 @@ class SolverContext:
         """Commands q (K, n) with the payload of a query."""
         return Poses(q, np.full(len(q), query.payload), direction)
 
-    def branches(self, query: IkQuery) -> CommandBatch:
+    def branches(self, query: IkQuery) -> IkSolutions:
         """All branches of a pose; commands nearest to `near`, or to the middle of the limits, of any other goal."""
         arm, found, goal = self.arm(query.payload), KernelFound(), query.goal
         numbers, n, at = goal_numbers(goal), self.model.arm.dof, ctypes.addressof(found)
@@ -192,22 +192,22 @@ class SolverContext:
                 if kernel().ik_free(arm.address, numbers, goal.constraints, towards, near, starts, at):
                     break
         if self.joint_laws.complete:
-            return CommandBatch(tuple(self._unpacked(found, goal.constraints >= n)), found.steps)
+            return IkSolutions(tuple(self._unpacked(found, goal.constraints >= n)), found.steps)
         V = arm.slots
         states = [(np.array(x.slots[:V]), np.array(x.tau[:V])) for x in found.at[: found.count]]
-        return CommandBatch(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), found.steps)
+        return IkSolutions(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), found.steps)
 
-    def _unpacked(self, found: KernelFound, determined: bool) -> list[Command]:
+    def _unpacked(self, found: KernelFound, determined: bool) -> list[IkSolution]:
         """The kernel's solutions."""
         n, V, out = self.model.arm.dof, len(self.joint_laws.linkage.slots), []
         for k in range(found.count):
             at = found.at[k]
             detour = tuple(j for j, wrong in enumerate(at.detour[:n], 1) if wrong)
             margin, free = -at.excess - AT_LIMIT, at.free if determined and 0.0 <= at.slope < ALIGNED else None
-            out.append(Command(tuple(at.q[:n]), tuple(at.side[:n]), detour, tuple(at.slots[:V]), margin, free))
+            out.append(IkSolution(tuple(at.q[:n]), tuple(at.side[:n]), detour, tuple(at.slots[:V]), margin, free))
         return out
 
-    def at_goal(self, query: IkQuery, slots: Array) -> list[Command]:
+    def at_goal(self, query: IkQuery, slots: Array) -> list[IkSolution]:
         """The command at the goal by Newton's method from slot amounts (V,); none if it does not lead there."""
         if not self.joint_laws.others_are_linear:
             return self._corrected(query, slots, self.arm(query.payload).forward(slots[None])[1][0])
@@ -218,7 +218,7 @@ class SolverContext:
             return self._unpacked(state[2], query.goal.constraints >= self.model.arm.dof)
         return self._corrected(query, *state[:2])
 
-    def _corrected(self, query: IkQuery, slots: Array, tau: Array) -> list[Command]:
+    def _corrected(self, query: IkQuery, slots: Array, tau: Array) -> list[IkSolution]:
         """The command for a state at the goal, (V,) each; other effects than the kernel's first linearised about it."""
         laws = self.joint_laws
         q, side, detour = self._command(query, slots, tau)
@@ -238,7 +238,7 @@ class SolverContext:
         angles = tuple(q.tolist())
         margin = min(self.limits.margins(angles))
         turned = tuple(int(j) + 1 for j in np.flatnonzero(detour))
-        return [Command(angles, tuple(side.astype(int).tolist()), turned, tuple(slots.tolist()), margin)]
+        return [IkSolution(angles, tuple(side.astype(int).tolist()), turned, tuple(slots.tolist()), margin)]
 
     def _command(self, query: IkQuery, slots: Array, tau: Array) -> tuple[Array, Array, Array]:
         """Command (n,), sides of arrival, and 1 where coming straight from `near` contradicts them, else 0."""
@@ -284,7 +284,7 @@ class SolverContext:
         frames = arm.forward(slots)[0]
         return ArmAtRest(rows, slots, frames[:, :3].transpose(0, 2, 1).reshape(-1, 12))
 
-    def tool_at(self, query: IkQuery, q: tuple[float, ...], command: Command) -> list[float] | None:
+    def tool_at(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> list[float] | None:
         """Tool frame by columns, twelve numbers, at rest at a command near one that was found; None: it has none."""
         if not self.joint_laws.complete:
             rest = self.at_rest(query, np.array([q]), np.array([command.direction]), np.array([command.slots]))

@@ -123,6 +123,8 @@ def ik_text(answer: IkAnswer, names: Sequence[str]) -> str:
     if answer.detours:
         joints = ", ".join(f"joint{j}" for j in answer.detours)
         lines.append(f"{joints}: the error depends on the side it comes from; come from the other one")
+    if any(answer.free_joints[:1]):
+        lines.append(f"singular pose: joint{answer.free_joints[0]} can turn while the tool hardly moves")
     lines += [_angles(f"branch {i} (deg)", q, names) for i, q in enumerate(answer.branches_rad[1:], start=2)]
     return "\n".join(lines)
 

@@ -236,7 +236,8 @@ class IkService:
 def _solved(reply: Solved) -> dict[str, Any]:
     content = {
         "verdict": "solved", "text": str(reply), "q_rad": list(reply.q), "tcp_m": list(reply.tcp), "sd_m": reply.sd,
-        "branches_rad": [list(b.q) for b in reply.branches], "predicted_error_m": reply.predicted_error,
+        "branches_rad": [list(b.q) for b in reply.branches], "free_joints": [b.free or 0 for b in reply.branches],
+        "predicted_error_m": reply.predicted_error,
         "predicted_turn_rad": reply.predicted_turn, "direction": list(reply.direction), "detours": list(reply.detours),
         "cube_error_m": reply.cube_error,
     }  # fmt: skip

@@ -100,14 +100,17 @@ class IkAnswer(Part):
     If solved: `q_rad` are the commands, `branches_rad` all solutions within the limits and free of collision, `tcp_m`
     the predicted tool position, `sd_m` its standard deviation (None without covariance), `counts` the PWM counts with
     `rounded_error_m`, `direction` the side from which each joint has to arrive (0: either), `detours` the joints that
-    would not, `cube_error_m` the error before the polish. Else `nearest_rad`, the command nearest to the goal, or the
-    two `bodies` of a collision and their `clearance_m` (overlap below 0).
+    would not, `cube_error_m` the error before the polish. `free_joints`: for each branch the joint, from 1, that can
+    turn while the tool hardly moves, the others following: a singular pose, the branch is one of a family; 0: none.
+    Else `nearest_rad`, the command nearest to the goal, or the two `bodies` of a collision and their `clearance_m`
+    (overlap below 0).
     """
 
     verdict: Literal["solved", "out_of_reach", "outside_limits", "not_converged", "collision"]
     text: str
     q_rad: list[float] | None = None
     branches_rad: list[list[float]] = []
+    free_joints: list[int] = []
     tcp_m: list[float] | None = None
     predicted_error_m: float | None = None
     predicted_turn_rad: float | None = None

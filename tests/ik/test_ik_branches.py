@@ -12,7 +12,7 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.library import CHAR_LENGTH
-from lrm_math.ik.solver_context import CommandBatch, IkQuery
+from lrm_math.ik.solver_context import IkQuery, IkSolutions
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -37,14 +37,14 @@ def commands_beside_folds(name: str, count: int) -> tuple[Array, Array]:
     return q[near], tools[near]
 
 
-def is_among(q: Array, found: CommandBatch | None) -> bool:
+def is_among(q: Array, found: IkSolutions | None) -> bool:
     """Whether a command (n,) is among those found within the limits."""
     if found is None:
         return False
     return any(np.abs(np.array(command.q) - q).max() < 1e-4 for command in found.within)
 
 
-def missed(q: Array, found: list[CommandBatch | None]) -> int:
+def missed(q: Array, found: list[IkSolutions | None]) -> int:
     """Number of commands (N, n) that the answers lack."""
     return sum(not is_among(own, some) for own, some in zip(q, found, strict=True))
 

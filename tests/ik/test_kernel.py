@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
@@ -22,10 +24,14 @@ from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.kernel import shared_library
 from lrm_math.ik.kernel.flat_arm import FlatArm, flat_arm, with_laws
 from lrm_math.ik.kernel.laws import KERNEL_LAWS
+from lrm_math.ik.kernel.structures import KernelArm
+from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
+from lrm_math.ik.nominal.pieper import pieper_form
 from lrm_math.ik.solver_context import IkQuery, SolverContext
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms, random_arm
@@ -76,6 +82,50 @@ def test_kinematics_loads_and_jacobian_equal_those_of_the_chain(arm: Arm, seed: 
         spin = ((up - down)[:, :3, :3] / (2 * h)) @ tcp[:, :3, :3].transpose(0, 2, 1)
         turn = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
         np.testing.assert_allclose(J[:, 3:, v], turn, atol=1e-8)
+
+
+def hayati_arm(beta: float) -> Arm:
+    """The laboratory arm, whose second and third axes are nearly parallel and drawn at an angle beta (Hayati 1983)."""
+    arm = load_arm("lrm-lab")
+    links = list(arm.joints)
+    links[1] = replace(links[1], alpha=0.01, beta=beta)
+    return replace(arm, joints=tuple(links))
+
+
+def turned(axis: int, angle: float) -> Array:
+    """Homogeneous rotation about x, y or z."""
+    out = np.eye(4)
+    out[:3, :3] = Rotation.from_euler("xyz"[axis], angle).as_matrix()
+    return out
+
+
+def shifted(x: float, y: float, z: float) -> Array:
+    """Homogeneous translation."""
+    out = np.eye(4)
+    out[:3, 3] = x, y, z
+    return out
+
+
+def test_a_drawn_hayati_angle_is_in_the_kernel_and_in_its_seeds() -> None:
+    """Frames against a product of matrices; from the equivalent arm, without the angle, every branch leads there."""
+    arm = hayati_arm(0.03)
+    model = model_of(arm, effects_at(arm, "offsets"), {"offsets.joint2.beta_rad": 0.007})
+    q = np.array([0.3, -0.5, 0.9, 0.4, -0.7, 0.2])
+    b, t = arm.base, arm.tool
+    tool = shifted(b.x, b.y, b.z) @ turned(0, b.alpha) @ turned(1, b.beta) @ turned(2, b.gamma)
+    for number, (joint, angle) in enumerate(zip(arm.joints, q, strict=True), 1):
+        tool = tool @ turned(2, joint.theta + angle) @ shifted(joint.a, 0, joint.d) @ turned(0, joint.alpha)
+        tool = tool @ turned(1, joint.beta + (0.007 if number == 2 else 0.0))
+        tool = tool @ shifted(0, 0, joint.extra_z or 0.0)
+    tool = tool @ turned(0, t.alpha) @ turned(1, t.beta) @ turned(2, t.gamma) @ shifted(t.x, t.y, t.z)
+    kernel, home = flat(model, 0.0), JointLaws(model).constants
+    np.testing.assert_allclose(kernel.forward((home + q)[None])[0][0], tool, atol=1e-12)
+    assert pieper_form(screw_axes_of(equivalent_arm(model))) is not None
+    solver = CalibratedSolver.of(model)
+    found = solver.context.branches(IkQuery(pose(tool[:3, 3], tool[:3, :3])))
+    assert any(np.abs(np.array(command.q) - q).max() < 1e-8 for command in found.within)
+    for command in found.within:
+        np.testing.assert_allclose(kernel.forward((home + command.q)[None])[0][0], tool, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["lrm-rover", "lrm-lab"])
@@ -181,6 +231,28 @@ def test_an_arm_beyond_the_fixed_maxima_is_one_clear_error() -> None:
         flat(model_of(random_arm(0, 11), ()), 0.0)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"joint": [48]}, "joint has numbers from 48 to 48; packed wrongly"),
+        ({"counted": [-1]}, "counted has numbers"),
+        ({"inboard": [0, 10**6]}, "inboard has numbers"),
+        ({"axis": [6]}, "axis has numbers"),
+        ({"spring_load": [99]}, "spring_load has numbers"),
+        ({"law": [7]}, "law has numbers"),
+        ({"law_joint": [6]}, "law_joint has numbers"),
+        ({"moment": [np.nan]}, "moment has a number that is not finite"),
+        ({"zero": [np.inf]}, "zero has a number that is not finite"),
+        ({"lower": [0.0] * 11}, "11 numbers in lower; the kernel .* has room for 10"),
+    ],
+)
+def test_a_model_packed_wrongly_is_one_clear_error(wrong: dict[str, list[float]], says: str) -> None:
+    """Of every array that the kernel finds its way by."""
+    arm = flat(random_model(load_arm("lrm-rover"), ON_JOINTS, 0), 0.0)
+    with pytest.raises(LrmError, match=says):
+        arm.with_(**wrong)
+
+
 @pytest.mark.filterwarnings("ignore:invalid value")
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
@@ -200,6 +272,14 @@ def test_a_missing_stale_or_foreign_library_is_one_clear_error(tmp_path: Path, m
     edited.write_bytes(shared_library.SOURCE.read_bytes() + b"/* edited */\n")
     copied = shutil.copy(shared_library.BUILT, tmp_path / "copy.so")
     monkeypatch.setattr(shared_library, "SOURCE", edited)
+    with pytest.raises(LrmError, match="built from another version"):
+        shared_library.loaded(Path(copied))
+    monkeypatch.undo()
+
+    class Longer(KernelArm):
+        _fields_ = [("more", ctypes.c_int)]
+
+    monkeypatch.setattr(shared_library, "KernelArm", Longer)
     with pytest.raises(LrmError, match="built from another version"):
         shared_library.loaded(Path(copied))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -12,9 +13,13 @@ import venv
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.kernel import shared_library
+from lrm_math.model.model import model_of
 from tests.conftest import EXAMPLE, ROOT
 
 PIP = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile", "-c", ROOT / "constraints.txt")
@@ -61,6 +66,25 @@ def test_a_wheel_for_an_unknown_machine_is_refused() -> None:
     )
     assert done.returncode != 0
     assert done.stderr.startswith("LRM_WHEEL_TARGET = abacus; should be one of manylinux_2_17_x86_64")
+
+
+def test_without_a_compiler_ziglang_builds_the_same_kernel(tmp_path: Path) -> None:
+    """PATH has no cc; a command's forward kinematics agrees to round-off."""
+    pytest.importorskip("hatchling", reason="hatchling is not installed")
+    pytest.importorskip("ziglang", reason="ziglang is not installed; pip fetches it where there is no compiler")
+    source = tmp_path / shared_library.SOURCE.relative_to(ROOT)
+    source.parent.mkdir(parents=True)
+    shutil.copy(shared_library.SOURCE, source)
+    script = shutil.copy(ROOT / "hatch_build.py", tmp_path)
+    environment = {key: value for key, value in os.environ.items() if key != "CC"} | {"PATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    library = shared_library.loaded(source.with_name(shared_library.BUILT.name))
+    arm = CalibratedSolver.of(model_of(load_arm("lrm-rover"), ())).context.arm(0.0)
+    s, frames = np.full(arm.slots, 0.3), [np.empty(12 * (arm.slots + 1)) for _ in range(2)]
+    for functions, out in zip((library, shared_library.kernel()), frames, strict=True):
+        functions.ik_frames(arm.address, 1, s.ctypes.data, out.ctypes.data)
+    np.testing.assert_allclose(*frames, atol=1e-14)
 
 
 def installed(folder: Path, *requirements: str) -> Path:

@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.goal import Goal
-from lrm_math.ik.kernel.laws import KernelLaw
+from lrm_math.ik.kernel.laws import KERNEL_LAWS, KernelLaw
 from lrm_math.ik.kernel.linkage import Linkage
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import (
     MAX_BODIES,
     MAX_JOINTS,
     MAX_LAWS,
+    MAX_POSES,
     MAX_SLOTS,
     MAX_SPRINGS,
     KernelArm,
@@ -31,6 +32,12 @@ from lrm_math.ik.nominal.pieper import AxisPair, PieperForm
 Integers = NDArray[np.int32]
 DESCENTS, KEPT = 24, 4
 """Poses of the library from which descents to the nearest goal start, and how many of these go on to the end."""
+BELOW = {
+    "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
+    "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
+    "law": ("", len(KERNEL_LAWS) + 1), "spring_from": ("", MAX_SPRINGS + 1),
+}  # fmt: skip
+"""What the numbers of an array, places in other arrays, are below: how many of these the arm has, and a number."""
 SHAPES = (AxisPair.MEETING, AxisPair.PARALLEL, AxisPair.SKEW)
 
 
@@ -83,6 +90,7 @@ class FlatArm:
 
     def with_library(self, library: SeedLibrary, start: Array) -> FlatArm:
         """A copy with seeds; `start` (V,): amounts of the slots other than joints from which searches begin."""
+        fits("library poses", len(library.q), MAX_POSES)
         memory = KernelArm.from_buffer_copy(self.memory)
         memory.poses = len(library.q)
         for name in ("tcp", "inverse", "q", "slots", "columns"):
@@ -184,16 +192,11 @@ def flat_arm(
     memory.slots, memory.joints, memory.others, memory.bodies = V, n, len(linkage.others), B
     memory.laws_known, memory.reach = 1, reach
     turned = [not np.array_equal(weld[:3, :3], np.eye(3)) for weld in linkage.welds]
-    numbers: dict[str, ArrayLike] = {
-        "gravity": linkage.gravity, "weld": linkage.welds[:, :3], "welded_turn": turned, "moment": moments,
-        "axis": linkage.axes, "joint": linkage.joints, "other": linkage.others, "inboard": linkage.inboard,
-        "counted": linkage.counted, "moved": linkage.moved, "lower": lower, "upper": upper,
-    }  # fmt: skip
-    for name, values in numbers.items():
-        if not np.isfinite(values).all():
-            raise LrmError(f"the arm's {name} has a number that is not finite")
-        put(memory, name, values)
-    return FlatArm(memory, linkage)
+    return FlatArm(memory, linkage).with_(
+        gravity=linkage.gravity, weld=linkage.welds[:, :3], welded_turn=turned, moment=moments, axis=linkage.axes,
+        joint=linkage.joints, other=linkage.others, inboard=linkage.inboard, counted=linkage.counted,
+        moved=linkage.moved, lower=lower, upper=upper,
+    )  # fmt: skip
 
 
 def with_laws(arm: FlatArm, laws: Sequence[KernelLaw] | None, nonlinear_bound: float) -> FlatArm:
@@ -222,9 +225,16 @@ def with_form(arm: FlatArm, form: PieperForm | None) -> FlatArm:
 
 
 def put(memory: Any, name: str, values: ArrayLike) -> None:
-    """Fills the beginning of an array in a structure."""
+    """Fills the beginning of an array in a structure. Raises `LrmError` for what the kernel must not read."""
     field = np.ctypeslib.as_array(getattr(memory, name))
     flat = np.asarray(values).ravel()
+    fits(f"numbers in {name}", flat.size, field.size)
+    if not np.isfinite(flat).all():
+        raise LrmError(f"the arm's {name} has a number that is not finite")
+    count, more = BELOW.get(name, ("", 0))
+    below = more + (getattr(memory, count) if count else 0)
+    if name in BELOW and flat.size and not 0 <= flat.min() <= flat.max() < below:
+        raise LrmError(f"the arm's {name} has numbers from {flat.min()} to {flat.max()}; packed wrongly")
     field[: flat.size] = flat
 
 

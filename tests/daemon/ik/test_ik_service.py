@@ -185,6 +185,40 @@ def test_where_the_first_branch_collides_a_free_one_is_the_answer_with_figures_o
     assert found >= 3, "too few goals of this kind among these to say anything"
 
 
+@pytest.mark.parametrize("method", ["cube", "direct"])
+def test_a_singular_pose_names_a_joint_that_can_turn(method: str) -> None:
+    """Axes 1 and 3 in line, of the arm as drawn: the smallest singular value is zero; elsewhere no joint is named."""
+    model = drawn_service().deployed.model
+
+    def tool(q: Array) -> Array:
+        return frames(model.chain, equilibrium(model, poses_of(q[None])).slots, 1)[0, -1]
+
+    def turning(q: Array) -> tuple[float, Array]:
+        """Smallest singular value of the Jacobian by differences, turns weighed by 0.1 m, and its joint motion."""
+        h, rows = 1e-6, []
+        for step in h * np.eye(6):
+            up, down = tool(q + step), tool(q - step)
+            spin = (up - down)[:3, :3] @ tool(q)[:3, :3].T / (2 * h)
+            rows.append([*(up - down)[:3, 3] / (2 * h), *(0.1 * np.array([spin[2, 1], spin[0, 2], spin[1, 0]]))])
+        _, values, motions = np.linalg.svd(np.array(rows).T)
+        return float(values[-1]), motions[-1]
+
+    aligned = np.array([0.3, 0.0, -0.6, 0.3, 0.5, 0.2])
+    sizes = [turning(aligned + angle * np.eye(6)[1])[0] for angle in (0.0, 0.5)]
+    assert sizes[0] < 1e-6 < 1e-3 < sizes[1]
+    for angle, singular in ((0.0, True), (0.5, False)):
+        goal = pose_goal(tool(aligned + angle * np.eye(6)[1]))
+        (answer,) = drawn_service().inverse(IkRequest(goals=[goal], method=method))  # type: ignore[arg-type]
+        assert answer.verdict == "solved"
+        assert len(answer.free_joints) == len(answer.branches_rad)
+        assert any(answer.free_joints) == singular
+        for q, free in zip(answer.branches_rad, answer.free_joints, strict=True):
+            if free:
+                size, motion = turning(np.array(q))
+                assert size < 2e-4
+                assert abs(motion[free - 1]) > 0.6 * abs(motion).max()
+
+
 def test_a_collision_names_two_bodies_and_their_distance() -> None:
     answers = [a for a in solve_goals(*map(reached_goal, range(80)), method="direct") if a.verdict == "collision"]
     assert answers
