@@ -58,7 +58,7 @@ class FleetOutlier:
         how = f"{ratio:.2g} times that of its sisters" if ratio >= 1.5 else "unlike its sisters"
         look = "check its screws and its servo" if what == "compliance" else "check how it is screwed together"
         return (
-            f"arm {self.arm}: {place}'s {what} {name} is {self.value:.3g}, {how} "
+            f"{self.arm}: {place}'s {what} {name} is {self.value:.3g}, {how} "
             f"({self.sisters:.3g} ± {self.sisters_sd:.2g}): {look}"
         )
 

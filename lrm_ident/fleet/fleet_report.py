@@ -52,7 +52,11 @@ def fleet_document(result: FleetResult) -> Document:
     if isinstance(result.known, str):
         blocks.append(f"\nNo prior: {result.known}")
         return Document(blocks, "lrm/fleet/1", {**values, "rates": [], "population": {}, "reason": result.known})
-    blocks += [_rates_table(result.known), _population_table(result.known)]
+    rates = _rates_table(result.known)
+    blocks += [
+        rates if rates.cells else "\nNo arm has an effect beyond the plain model.",
+        _population_table(result.known),
+    ]
     return Document(blocks, "lrm/fleet/1", {**values, "rates": result.known.rates, "population": _values(result.known)})
 
 
@@ -123,7 +127,8 @@ def _arms_table(result: FleetResult) -> ResultTable:
         found = ", ".join(" or ".join(step[:2]) + (" or …" if len(step) > 2 else "") for step in record.steps)
         cells = (record.nominal_rms_mm, record.held_out_rms_mm)
         rms = [None if value is None else f"{value:.2f}" for value in cells]
-        rows.append((record.name, *(own.get(tag, "") for tag in tags), str(record.poses or ""), *rms, found or "–"))
+        missing = "not identified" if record.reason else found or "nothing"
+        rows.append((record.name, *(own.get(tag, "") for tag in tags), str(record.poses or ""), *rms, missing))
     columns = ("arm", *tags, "poses|", "nominal RMS mm|", "held out mm|", "what is missing in the plain model")
     return ResultTable(columns, rows, "Arms")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from lrm_ident.page.html_report import OWN_STYLE
+from lrm_ident.page.html_report import OWN_STYLE, THEME
 from lrm_ident.plots.interactive.assets import STYLE
 from lrm_ident.report.document import Document
 from lrm_ident.report.document_html import blocks_html
@@ -14,8 +14,11 @@ PAGE_OF_FLEET = """<!doctype html>
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline';
+ style-src 'unsafe-inline'">
 <title>{title}</title>
+{theme}
+<script>window.addEventListener("beforeprint", () => {{ document.documentElement.dataset.theme = "light"; }});</script>
 <style>
 {style}
 {own_style}
@@ -36,6 +39,7 @@ def fleet_page(document: Document, name: str) -> str:
     """The page's text; `name`: of the manifest."""
     return PAGE_OF_FLEET.format(
         title=escape(f"Fleet: {name}"),
+        theme=THEME,
         style=STYLE.read_text(encoding="utf-8"),
         own_style=OWN_STYLE,
         blocks=blocks_html(document.blocks),

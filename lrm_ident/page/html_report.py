@@ -18,9 +18,7 @@ PAGE = """<!doctype html>
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline';
  style-src 'unsafe-inline'; img-src data: blob:">
 <title>{title}</title>
-<script>
-document.documentElement.dataset.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
-</script>
+{theme}
 <style>
 {style}
 {own_style}
@@ -93,6 +91,10 @@ window.addEventListener("afterprint", () => lrm.print(false));
 </body>
 </html>
 """
+THEME = """<script>
+document.documentElement.dataset.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+</script>"""
+"""Light or dark, as the browser asks for."""
 OWN_STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 1200px; padding: 16px; }
 h1 { font-size: 22px; margin: 0; } h2 { font-size: 18px; border-bottom: 1px solid var(--grid); } h3 { font-size: 15px; }
@@ -122,6 +124,7 @@ def html_report(found: Findings) -> str:
     document = found.document()
     return PAGE.format(
         title=escape(title),
+        theme=THEME,
         style=STYLE.read_text(encoding="utf-8"),
         own_style=OWN_STYLE,
         library=LIBRARY.read_text(encoding="utf-8"),

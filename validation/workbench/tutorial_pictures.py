@@ -12,7 +12,7 @@ from tests.conftest import ROOT
 from tests.support.browser import PATIENCE_MS, RunningWorkbench, chromium, idle, wait_for, workbench
 
 PICTURES = ROOT / "docs" / "pictures" / "workbench"
-RANKED, SETTLE_MS, COLOURS = "lrm.state.values.ranking.length > 0", 4000, 96
+RANKED, SETTLE_MS, COLOURS = "lrm.state.values.ranking.length > 0", 4000, 256
 
 
 def main() -> None:
@@ -51,7 +51,9 @@ def _take(page: Any, name: str) -> None:
     page.wait_for_timeout(SETTLE_MS)
     path = PICTURES / f"{name}.png"
     page.screenshot(path=path)
-    Image.open(path).quantize(COLOURS).save(path, optimize=True)
+    Image.open(path).convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+        path, optimize=True
+    )
     print(f"{name}.png")
 
 

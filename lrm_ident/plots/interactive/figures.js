@@ -327,9 +327,10 @@ const lrm = (() => {
         text: v.floor !== null ? `noise floor ${words(floor)} mm` : `noise at most ${words(floor)} mm` });
     }
     const most = Math.max(...h.map((one) => Math.max(one.fit, one.held || 0)));
+    const fits = Math.min(22, Math.max(5, Math.floor((place("history") || document.body).clientWidth / 8 / h.length) - 2)); // letters
     draw("history", traces, { shapes, annotations: notes, dragmode: false,
-      xaxis: { tickvals: x, ticktext: names.map((name) => name.length > 22 ? name.slice(0, 21) + "…" : name),
-        range: [-0.3, Math.max(h.length - 0.7, 1.3)], fixedrange: true },
+      xaxis: { tickvals: x, ticktext: names.map((name) => name.length > fits ? name.slice(0, fits - 1) + "…" : name),
+        range: [-0.4, Math.max(h.length - 0.6, 1.4)], fixedrange: true },
       yaxis: { title: { text: "RMS error, mm", standoff: 4 }, range: [0, 1.15 * most], fixedrange: true } },
     (figure) => figure.on("plotly_click", (event) => showStep(event.points[0].customdata)));
   }

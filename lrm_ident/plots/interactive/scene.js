@@ -48,7 +48,7 @@ const lrmScene = (() => {
     const up = [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)];
     const [low, high] = box, middle = low.map((l, k) => (l + high[k]) / 2), size = low.map((l, k) => high[k] - l);
     const across = Math.hypot(size[0], size[1]), tall = size[2] * Math.cos(steep) + across * Math.sin(steep);
-    const scale = view.zoom * Math.min((width - 64) / across, (height - 56) / tall);
+    const scale = view.zoom * Math.min((width - Math.min(64, 0.18 * width)) / across, (height - 56) / tall);
     return (p) => {
       const q = p.map((c, k) => c - middle[k]);
       return [width / 2 + scale * (dot(q, right) + view.shift[0] * across), height / 2 + 6 - scale * (dot(q, up) + view.shift[1] * across),

@@ -88,7 +88,7 @@ def test_fleet_from_manifest_to_prior(manifest: Path, tmp_path: Path) -> None:
     assert f"{ARMS} of {ARMS + 1} arms identified" in text
     assert "gone: " in text
     assert "no such file" in text
-    assert f"arm arm{ODD}: joint1's compliance" in text
+    assert f"arm{ODD}: joint1's compliance" in text
     result = json.loads(found.read_text())
     assert {one["arm"] for one in result["outliers"]} == {f"arm{ODD}"}
     assert result["population"][SOFT]["arms"] == ARMS - 1
