@@ -94,8 +94,7 @@ def maximise_criterion(
 
 
 def _climb(criterion: Criterion, rows: Rows) -> tuple[Rows, float, float]:
-    """Excursions from one set until none raises the score; its score before, and anew without the updates' round-off.
-    """
+    """Excursions from one set until none raises the score; its score before, and anew without round-off."""
     scored = criterion.evaluate(rows)
     before = scored.score
     inside = np.zeros(criterion.count, dtype=np.bool_)

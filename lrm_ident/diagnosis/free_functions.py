@@ -51,13 +51,25 @@ def _scaled(values: Array) -> Array:
     return np.where(span < CONSTANT, 0.0, 2.0 * (values - least) / np.where(span < CONSTANT, 1.0, span) - 1.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class RadialShift:
+    """The weight across a joint's axis, `force` (N,) in N, and where it points, `direction` (3, N), world axes."""
+
+    force: Array
+    direction: Array
+
+
+@dataclass(frozen=True, eq=False)
 class FreeFunction:
-    """A motion of joint `joint` (from 0) as a function of one or two covariates; `columns`: (3 N, m), in m."""
+    """A motion of joint `joint` (from 0) as a function of one or two covariates; `columns`: (3 N, m), in m.
+
+    A rotation about its axis, or a `shift` across it.
+    """
 
     joint: int
     covariates: tuple[str, ...]
     columns: Array
+    shift: RadialShift | None = None
 
     @property
     def in_catalogue(self) -> bool:
@@ -124,7 +136,10 @@ def _radial(joint_jacobian: Array, rest: Equilibrium) -> list[FreeFunction]:
             motion = np.zeros_like(joint_jacobian[joint])
             motion[:3] = axis * (TYPICAL_SHIFT / TYPICAL_SIZE)
             columns.append(_columns(motion, basis))
-        found.append(FreeFunction(joint, ("the force across its axis",), np.concatenate(columns, axis=1)))
+        world = np.einsum("nck,nk->cn", axes[:, joint], force)
+        size = np.linalg.norm(world, axis=0)
+        shift = RadialShift(size, world / np.maximum(size, CONSTANT))
+        found.append(FreeFunction(joint, ("the force across its axis",), np.concatenate(columns, axis=1), shift))
     return found
 
 

@@ -86,24 +86,28 @@ def _draw_form(axes: Axes, curve: DriverCurve) -> None:
 
 
 def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
-    """The turn of one joint that each residual acts like, against what it follows; a second quantity in three bands."""
-    turn, residual = found.joint_jacobian[function.joint], found.fit.residual[found.screened]
-    length = np.maximum((turn**2).sum(axis=0), 1e-12)
-    equivalent_rotation = np.degrees((residual.T * turn).sum(axis=0) / length)
-    name, values = function.covariates[0], _values(found, function.covariates[0])
+    """The motion of a joint that each residual acts like, against what it follows; a second quantity in three bands."""
+    shift, number = function.shift, function.joint + 1
+    motion = found.joint_jacobian[function.joint] if shift is None else shift.direction
+    length = np.maximum((motion**2).sum(axis=0), 1e-12)
+    amount = (found.fit.residual[found.screened].T * motion).sum(axis=0) / length
+    amount = np.degrees(amount) if shift is None else amount * 1e3
+    name = function.covariates[0] if shift is None else f"{function.covariates[0]}, N"
+    values = _values(found, function.covariates[0]) if shift is None else shift.force
     if len(function.covariates) == 1:
-        axes.scatter(values, equivalent_rotation, s=12, color=MODEL)
+        axes.scatter(values, amount, s=12, color=MODEL)
     else:
         second, other = function.covariates[1], _values(found, function.covariates[1])
         edges = np.quantile(other, [0, 1 / 3, 2 / 3, 1])
         for (colour, marker), low, high in zip(BANDS, edges, edges[1:], strict=False):
             band = (other >= low) & (other <= high)
             label = f"{_with_unit(second)} from {low:.3g} to {high:.3g}"
-            axes.scatter(values[band], equivalent_rotation[band], s=14, color=colour, marker=marker, label=label)
-    limit = float(np.quantile(np.abs(equivalent_rotation), 0.98))
+            axes.scatter(values[band], amount[band], s=14, color=colour, marker=marker, label=label)
+    limit = float(np.quantile(np.abs(amount), 0.98))
     axes.set_ylim(-1.3 * limit, 1.3 * limit)
-    turned, title = f"acts like a turn of joint {function.joint + 1}, deg", f"Anatomy: {function.name}"
-    finish(axes, name, turned, title, legend=len(function.covariates) > 1)
+    acts_like = f"turn of joint {number}, deg" if shift is None else f"shift of joint {number} along that force, mm"
+    title = f"Anatomy: {function.name}"
+    finish(axes, name, f"acts like a {acts_like}", title, legend=len(function.covariates) > 1)
 
 
 def _with_unit(name: str) -> str:

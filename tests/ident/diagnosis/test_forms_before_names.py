@@ -13,10 +13,12 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects, free_base_parameters
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.diagnosis.forward_selection import MIN_GAIN
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.parameter_hints import parameter_hints
+from lrm_ident.plots.diagnosis import draw_report
 from lrm_ident.synthetic import (
     ArmDescription,
     AxialFloat,
@@ -125,7 +127,9 @@ def test_five_waves_a_turn_are_eccentricity_in_another_form(lab: Arm, described:
 
 
 @pytest.mark.slow
-def test_play_along_an_axis_has_a_name_and_play_across_it_has_none(lab: Arm, described: ArmDescription) -> None:
+def test_play_along_an_axis_has_a_name_and_play_across_it_has_none(
+    lab: Arm, described: ArmDescription, tmp_path: Path
+) -> None:
     """Before: both were called bending links, play and springs of other joints."""
     along = hidden(described, 6, AxialFloat(3, 0.002, 0.5, 3e-5))
     found = diagnose(base_fit(lab, along), along)
@@ -136,6 +140,8 @@ def test_play_along_an_axis_has_a_name_and_play_across_it_has_none(lab: Arm, des
     assert found.supported == ()
     [function] = found.unexplained.functions
     assert (function.joint, function.covariates) == (3, ("the force across its axis",))
+    draw_report(build_report(found), tmp_path / "why.png")
+    assert (tmp_path / "why.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
