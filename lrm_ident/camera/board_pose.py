@@ -14,6 +14,7 @@ from lrm_ident.camera.board import CharucoBoard
 from lrm_ident.camera.detection import Corners, RejectedPhoto
 from lrm_ident.camera.lens import Lens
 from lrm_ident.camera.opencv import opencv
+from lrm_ident.description.rigid_motion import homogeneous
 from lrm_math.arrays import Array
 
 STEPS = 20
@@ -40,9 +41,7 @@ class BoardPose:
     @property
     def matrix(self) -> Array:
         """(4, 4), board to camera."""
-        out = np.eye(4)
-        out[:3, :3], out[:3, 3] = self.rotation, self.position
-        return out
+        return homogeneous(self.rotation, self.position)
 
 
 def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:

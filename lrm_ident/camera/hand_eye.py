@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from lrm_ident.camera.board_pose import BoardPose
 from lrm_ident.camera.opencv import opencv
-from lrm_ident.description.rigid_motion import inverse
+from lrm_ident.description.rigid_motion import homogeneous, inverse
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
@@ -46,7 +46,7 @@ def hand_eye(tool: Array, boards: Sequence[BoardPose]) -> HandEye:
     R, t, S, u = cv2.calibrateRobotWorldHandEye(
         list(seen[:, :3, :3]), list(seen[:, :3, 3]), list(tool[:, :3, :3]), list(tool[:, :3, 3])
     )
-    camera, mount = inverse(_matrix(S, u)), inverse(_matrix(R, t))
+    camera, mount = inverse(homogeneous(S, u)), inverse(homogeneous(R, t))
     start = np.concatenate([_twist(camera), _twist(mount)])
     found = least_squares(_left, start, loss="soft_l1", f_scale=ROBUST, args=(tool, seen)).x
     camera, mount = _motion(found[:6]), _motion(found[6:])
@@ -72,14 +72,8 @@ def _left(z: Array, tool: Array, seen: Array) -> Array:
     return np.asarray(left.ravel())
 
 
-def _matrix(R: Array, t: Array) -> Array:
-    out = np.eye(4)
-    out[:3, :3], out[:3, 3] = R, np.asarray(t).ravel()
-    return out
-
-
 def _motion(z: Array) -> Array:
-    return _matrix(Rotation.from_rotvec(z[3:]).as_matrix(), z[:3])
+    return homogeneous(Rotation.from_rotvec(z[3:]).as_matrix(), z[:3])
 
 
 def _twist(T: Array) -> Array:

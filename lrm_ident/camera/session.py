@@ -26,7 +26,7 @@ from lrm_ident.camera.hand_eye import HandEye, hand_eye
 from lrm_ident.camera.lens import Lens, LensFile
 from lrm_ident.data.apply_reading import frame_table, rigid_motion
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.description.rigid_motion import inverse
+from lrm_ident.description.rigid_motion import homogeneous, inverse
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.model_fit import nominal_model
 from lrm_ident.weights.whitening import Whitening, whitening_of
@@ -140,7 +140,7 @@ def _placed(p: Placement) -> Array:
         x_mm=p.x / MM, y_mm=p.y / MM, z_mm=p.z / MM,
         alpha_deg=np.degrees(p.alpha), beta_deg=np.degrees(p.beta), gamma_deg=np.degrees(p.gamma),
     )  # fmt: skip
-    return _matrix(*rigid_motion(table))
+    return homogeneous(*rigid_motion(table))
 
 
 def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) -> Measurements:
@@ -195,7 +195,7 @@ def _table(T: Array) -> FrameTable:
 def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array:
     """(N, 6, 6), covariance with which a photo at commanded poses would give the tool's pose (m, rad)."""
     lens, corners = Lens.of(session.lens), CharucoBoard(session.lens.board).corners
-    camera, mount = (_matrix(*rigid_motion(table)) for table in (session.camera, session.mount))
+    camera, mount = (homogeneous(*rigid_motion(table)) for table in (session.camera, session.mount))
     seen = inverse(camera) @ tool_poses(arm, poses) @ mount
     own = np.array([np.linalg.inv(information_of(board, corners, lens)) for board in seen]) * lens.noise**2
     return measured_covariance_of(camera, mount, seen, own)
@@ -211,7 +211,7 @@ def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitenin
 def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:
     """(N,), whether the camera sees the whole board, not too much from the side, at commanded poses."""
     lens, board = Lens.of(session.lens), CharucoBoard(session.lens.board)
-    camera, mount = (_matrix(*rigid_motion(table)) for table in (session.camera, session.mount))
+    camera, mount = (homogeneous(*rigid_motion(table)) for table in (session.camera, session.mount))
     seen = inverse(camera) @ tool_poses(arm, poses) @ mount
     corners = board.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
     ahead = np.min(corners[:, :, 2], axis=1) > NEAREST
@@ -220,9 +220,3 @@ def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]
     towards = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) / np.linalg.norm(seen[:, :3, 3], axis=1)
     good: NDArray[np.bool_] = ahead & (margin > EDGE) & (towards > FACING)
     return good
-
-
-def _matrix(R: Array, t: Array) -> Array:
-    out = np.eye(4)
-    out[:3, :3], out[:3, 3] = R, t
-    return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lrm_ident.description.rigid_motion import to_xyz_angles
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.model.reading import AXES, FrameTable, Reading
@@ -32,11 +33,8 @@ def axes_words(matrix: Array) -> str:
 
 def frame_table(rotation: Array, translation: Array) -> FrameTable:
     """The table of a rigid motion: rotation (3, 3) and translation (3,), m."""
-    alpha = np.arctan2(-rotation[1, 2], rotation[2, 2])
-    beta = np.arctan2(rotation[0, 2], np.hypot(rotation[0, 0], rotation[0, 1]))
-    gamma = np.arctan2(-rotation[0, 1], rotation[0, 0])
     x, y, z = (translation / MM).tolist()
-    a, b, c = np.degrees([alpha, beta, gamma]).tolist()
+    a, b, c = np.degrees(to_xyz_angles(rotation)).tolist()
     return FrameTable(x_mm=x, y_mm=y, z_mm=z, alpha_deg=a, beta_deg=b, gamma_deg=c)
 
 

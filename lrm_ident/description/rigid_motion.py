@@ -30,6 +30,13 @@ def shift(vector: Sequence[float]) -> Array:
     return out
 
 
+def homogeneous(R: Array, t: Array) -> Array:
+    """(4, 4), rotation R (3, 3) and then translation t (3,), m."""
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = R, np.asarray(t).ravel()
+    return out
+
+
 def inverse(T: Array) -> Array:
     """(4, 4), inverse of a rigid motion."""
     out = np.eye(4)
