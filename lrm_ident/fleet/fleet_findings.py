@@ -148,7 +148,6 @@ def _of_effects(
 def _of_parameters(
     tag: str, levels: Sequence[tuple[str, list[int]]], told: Sequence[ArmEstimates]
 ) -> Iterator[TagLink]:
-
     for key, known in _by_key(told).items():
         value = {arm: estimate for arm, estimate, error in known if error < TELLS}
         groups = [[value[arm] for arm in group if arm in value] for _, group in levels]

@@ -57,7 +57,7 @@ def test_the_softer_joint_goes_with_the_batch_and_nothing_else_does(two_batches:
 
 def test_the_broken_arm_is_named_and_the_batch_is_no_outlier(two_batches: FleetResult) -> None:
     assert [(one.arm, one.key) for one in two_batches.outliers] == [(f"arm{BROKEN}", LOOSE)]
-    assert two_batches.outliers[0].sentence.startswith(f"arm arm{BROKEN}: joint2's compliance")
+    assert two_batches.outliers[0].sentence.startswith(f"arm{BROKEN}: joint2's compliance")
 
 
 def test_where_no_batch_differs_none_is_named(tmp_path: Path) -> None:
