@@ -1,8 +1,8 @@
-"""Inverse kinematics over zenoh: `python -m validation.daemon_performance.ik_queries [SECONDS]`.
+"""Inverse kinematics over zenoh: `python -m validation.daemon_performance.ik_queries [SECONDS] [QUERIES_PER_S]`.
 
 The daemon with the thesis's model (option 1) on the rover's arm, on a simulated board; the arm moves, and a client asks
-200 times a second for poses that it can reach, by each method in turn: how long an answer takes, and how late the ticks
-of the ramp are meanwhile.
+200 times a second (or as given) for poses that it can reach, by each method in turn: how long an answer takes, and how
+late the ticks of the ramp are meanwhile.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Method = Literal["direct", "cube"]
 METHODS: tuple[Method, ...] = ("direct", "cube")
 
 
-def figures(method: Method, seconds: float) -> Iterator[PerformanceFigure]:
+def figures(method: Method, seconds: float, per_s: float) -> Iterator[PerformanceFigure]:
     """One daemon, asked by one method."""
     with TemporaryDirectory() as folder:
         setup = DaemonSetup.make(Path(folder), {'# model = "/etc/lrm/model.toml"': f'model = "{TABLE_B2}"'})
@@ -54,7 +54,7 @@ def figures(method: Method, seconds: float) -> Iterator[PerformanceFigure]:
             with rover.control("bench"):
                 rover.arm("given", HOME)
                 rover.move(REST)
-                with QueryLoad(session, setup, requests) as load:
+                with QueryLoad(session, setup, requests, per_s) as load:
                     swing_joint6(rover, seconds)
                 time.sleep(1.1)
                 metrics = rover.metrics()
@@ -66,11 +66,12 @@ def figures(method: Method, seconds: float) -> Iterator[PerformanceFigure]:
 def main() -> None:
     """Prints a table."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
-    table = Table(title=f"{QUERIES_PER_S} reachable_queries/s for {seconds:g} s", title_justify="left")
+    per_s = float(sys.argv[2]) if len(sys.argv) > 2 else QUERIES_PER_S
+    table = Table(title=f"{per_s:g} queries/s for {seconds:g} s", title_justify="left")
     for column in ("method", "what", "measured", "goal", "unit"):
         table.add_column(column, justify="right" if column in ("measured", "goal") else "left")
     for method in METHODS:
-        for figure in figures(method, seconds):
+        for figure in figures(method, seconds, per_s):
             goal = "" if figure.goal is None else f"{figure.goal:g}"
             table.add_row(method, figure.what, f"{figure.values[0]:.4g}", goal, figure.unit)
         table.add_section()

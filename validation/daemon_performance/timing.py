@@ -138,9 +138,12 @@ def _goal(answer: FkAnswer) -> GoalEntry:
 
 
 class QueryLoad:
-    """A client that asks 200 times a second, whether answers come or not. `took`: ms, of those that were answered."""
+    """A client that asks `per_s` times a second, whether answers come or not. `took`: ms, of those answered."""
 
-    def __init__(self, session: zenoh.Session, setup: DaemonSetup, requests: list[bytes]) -> None:
+    def __init__(
+        self, session: zenoh.Session, setup: DaemonSetup, requests: list[bytes], per_s: float = QUERIES_PER_S
+    ) -> None:
+        self._period = 1 / per_s
         self._session, self._key, self._requests = session, setup.key("rpc/ik"), requests
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -173,7 +176,7 @@ class QueryLoad:
         due, n = time.monotonic(), 0
         while not self._over.wait(max(0.0, due - time.monotonic())):
             self._ask(self._requests[n % len(self._requests)])
-            due, n = due + 1 / QUERIES_PER_S, n + 1
+            due, n = due + self._period, n + 1
 
     def _ask(self, request: bytes) -> None:
         asked = time.monotonic_ns()
