@@ -124,10 +124,7 @@ const lrm = (() => {
     state.pose = state.values.pose[row];
     tell();
     drawArm();
-    for (const one of Object.values(scenes)) {
-      Object.assign(one.content, { row, arms: arms() });
-      one.later();
-    }
+    for (const one of Object.values(scenes)) one.point(row, arms());
   }
 
   function tell() {
