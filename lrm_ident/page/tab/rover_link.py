@@ -72,9 +72,8 @@ class RoverLink:
             for key, value in settings.items():
                 config.insert_json5(key, json.dumps(value))
             self._session = zenoh.open(config)
-        except zenoh.ZError as error:
-            reason = str(error).split(" at /")[0]
-            self.failure = f"no connection to {self.endpoint} ({reason}); is lrmd running?"
+        except zenoh.ZError:
+            self.failure = f"no connection to {self.endpoint}; is lrmd running, and is the endpoint written so?"
             return
         for name, store in (("joints", self.joints), ("mode", self.mode)):
             self._session.declare_subscriber(f"lrm/{self.robot}/state/{name}", lambda s, of=store: self._take(of, s))

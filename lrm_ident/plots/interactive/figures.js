@@ -124,10 +124,7 @@ const lrm = (() => {
     state.pose = state.values.pose[row];
     tell();
     drawArm();
-    for (const one of Object.values(scenes)) {
-      Object.assign(one.content, { row, arms: arms() });
-      one.later();
-    }
+    for (const one of Object.values(scenes)) one.point(row, arms());
   }
 
   function tell() {
@@ -211,7 +208,7 @@ const lrm = (() => {
     const beyond = seen.beyond ? ` (${seen.beyond} beyond)` : "";
     draw("turn", traces, {
       xaxis: { title: { text: driver.label, standoff: 4 } },
-      yaxis: { title: { text: `acts like a turn of joint ${state.joint + 1}, deg${beyond}`, standoff: 4 }, range: seen.limits },
+      yaxis: { title: { text: `turn of joint ${state.joint + 1}, deg${beyond}`, standoff: 4 }, range: seen.limits },
     }, wireScatter);
   }
 

@@ -128,28 +128,51 @@ const lrmScene = (() => {
 
   // A scene in an element. `on.hover(row)`, `on.toggle(row)`, `on.mark(rows)`: what a person does with its dots.
   function scene(element, on) {
-    const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
+    const canvas = document.createElement("canvas"), still = document.createElement("canvas");
+    const screen = canvas.getContext("2d"), behind = still.getContext("2d");
     canvas.tabIndex = 0;
     canvas.className = "lrm-canvas";
     canvas.setAttribute("role", "img");
     element.replaceChildren(canvas);
-    const self = { canvas, content: null, dots: [], drag: null, draw, show, ratio: 0 };
-    let asked = 0;
+    const self = { canvas, content: null, dots: [], drag: null, draw, show, later, point, ratio: 0 };
+    let asked = 0, stale = true, at = null, pen = behind;
     scenes.add(self);
 
     function show(content) { self.content = content; draw(); }
-    function later() { if (!asked) asked = requestAnimationFrame(() => { asked = 0; draw(); }); }
-    self.later = later;
+    function later() { stale = true; soon(); }
+    function soon() { if (!asked) asked = requestAnimationFrame(() => { asked = 0; paint(); }); }
 
-    function draw() {
+    // Another pose: what does not move is kept, so that it costs the same for any number of arrows.
+    function point(row, arms) { Object.assign(self.content, { row, arms }); soon(); }
+
+    function draw() { stale = true; paint(); }
+
+    function paint() {
       const width = element.clientWidth, height = element.clientHeight, c = self.content;
       if (!c || !width || !height) return;
       const ratio = self.ratio || Math.max(window.devicePixelRatio || 1, 1);
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(height * ratio);
+      const size = [Math.round(width * ratio), Math.round(height * ratio)];
+      if (stale || still.width !== size[0] || still.height !== size[1]) paintStill(width, height, size, ratio);
+      if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
+      pen = screen;
+      pen.setTransform(1, 0, 0, 1, 0, 0);
+      pen.clearRect(0, 0, ...size);
+      pen.drawImage(still, 0, 0);
+      pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+      for (const arm of c.arms) stroke(arm.points.map(at), arm.colour, arm.width, arm.dash);
+      ring(self.dots[c.row]);
+      if (self.drag && self.drag.box) frame(...self.drag.box);
+    }
+
+    // All but the arms of the pose.
+    function paintStill(width, height, size, ratio) {
+      const c = self.content, colours = steps(c.colours), things = [];
+      [still.width, still.height] = size;
+      stale = false;
+      pen = behind;
       pen.setTransform(ratio, 0, 0, ratio, 0, 0);
       canvas.setAttribute("aria-label", `${c.title}; arrow keys turn it, plus and minus zoom, 0 resets`);
-      const at = projection(c.box, width, height), colours = steps(c.colours), things = [];
+      at = projection(c.box, width, height);
       axes(pen, c.box, at);
       self.dots = c.tcp.map(at);
       const ink = colour("ink"), pale = colour("grid"), accent = colour("accent");
@@ -161,32 +184,23 @@ const lrmScene = (() => {
         things.push([(foot[2] + end[2]) / 2, () => stroke([foot, end, ...heads.flatMap((h) => [h, end])], hue, 1.8, [])]);
         things.push([foot[2] + 0.01, () => (is ? diamond(foot, accent) : disc(foot, dim ? pale : ink, 1.7))]);
       });
-      for (const arm of c.arms) {
-        const points = arm.points.map(at);
-        for (let i = 1; i < points.length; i++) {
-          const [a, b] = [points[i - 1], points[i]];
-          things.push([(a[2] + b[2]) / 2, () => stroke([a, b], arm.colour, arm.width, arm.dash)]);
-        }
-      }
       things.sort((a, b) => a[0] - b[0]);
-      for (const [, paint] of things) paint();
-      ring(self.dots[c.row]);
+      for (const [, put] of things) put();
       if (c.bar) bar(pen, width, height, c.largest, colours);
       pen.font = "12px system-ui, sans-serif";
       pen.fillStyle = ink;
       pen.textAlign = "left";
       pen.textBaseline = "top";
       pen.fillText(c.title, 6, 4);
-      if (self.drag && self.drag.box) {
-        const [x, y, w, h] = self.drag.box;
-        pen.strokeStyle = ink;
-        pen.setLineDash([4, 3]);
-        pen.lineWidth = 1;
-        pen.strokeRect(x, y, w, h);
-        pen.setLineDash([]);
-      }
     }
 
+    function frame(x, y, w, h) {
+      pen.strokeStyle = colour("ink");
+      pen.setLineDash([4, 3]);
+      pen.lineWidth = 1;
+      pen.strokeRect(x, y, w, h);
+      pen.setLineDash([]);
+    }
     function stroke(points, ink, width, dash) {
       pen.strokeStyle = ink;
       pen.lineWidth = width;
