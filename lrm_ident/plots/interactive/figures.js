@@ -383,7 +383,7 @@ const lrm = (() => {
     on("joint", (value) => { state.joint = Number(value); drawTurn(); });
     on("driver", (value) => { state.driver = value; drawTurn(); });
     on("step", (value) => showStep(Number(value)));
-    on("beside", (value) => { state.beside = value === "" ? null : Number(value); drawField(); resize(); });
+    on("beside", (value) => { state.beside = value === "" ? null : Number(value); drawField(); resize(); drawHistory(); });
     on("marked", (value) => brush(value ? new Set(state.values.marked[value]) : null));
     on("pose", (value) => { const row = state.values.pose.indexOf(Number(value)); if (row >= 0) hover(row); });
     if (place("clear")) place("clear").onclick = () => brush(null);
