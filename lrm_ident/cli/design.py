@@ -48,6 +48,7 @@ from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.reading import AS_NAMED, Reading
 
@@ -95,7 +96,8 @@ def choose_poses(
     model = replace(nominal, free=(*keys, *(key for key in nominal.free if key not in keys)))
     with progress("exchanging poses") as tick:
         found = select_poses(model, measured, count, kind, physical, seed, tick)
-    publish(choice_document(model, found, measured), json, figure, partial(draw_choice, found, measured))
+    placed = replace(measured, tcp=measured.places(equilibrium(model, measured.poses)))
+    publish(choice_document(model, found, placed), json, figure, partial(draw_choice, found, placed))
     if output:
         write_text(output, measurements_csv(measured.take(found.rows)))
         show(f"{count} measurements written to {output}")
