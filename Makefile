@@ -23,7 +23,7 @@ setup: $(VENV)/.ready ## a virtual environment with everything but the peers of 
 $(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel/ik_kernel.c
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "needs Python 3.11 or later; set PYTHON=")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,camera,lerobot,cluster,xacro,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,cluster,xacro,dev]'
 	@touch $@
 
 demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; or on your own DATA= (ARM=)
@@ -70,7 +70,7 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it has not seen (ARMS=, ten minutes)
 	$(ONE_THREAD) $(BIN)/python -m validation.fleet --arms $(or $(ARMS),12)
 
-soak: setup ## all laws with ten times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, a million IK queries under sanitizers, attacks for MINUTES=10, a campaign killed 50 times
+soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, a million IK queries under sanitizers, attacks for MINUTES=10, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link

@@ -19,7 +19,7 @@ TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
 EXAMPLE = ROOT / "lrm_ident" / "examples" / "hidden-play.csv"
 
 _LAWS = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
-settings.register_profile("lrm", _LAWS, max_examples=30)
+settings.register_profile("lrm", _LAWS, max_examples=20)
 settings.register_profile("thorough", _LAWS, max_examples=300, derandomize=False)  # make soak
 settings.load_profile("lrm")
 

@@ -22,7 +22,7 @@ from lrm_math.ik.kernel import shared_library
 from lrm_math.model.model import model_of
 from tests.conftest import EXAMPLE, ROOT
 
-PIP = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile", "-c", ROOT / "constraints.txt")
+PIP = ("install", "--quiet", "--disable-pip-version-check", "--no-compile", "-c", ROOT / "constraints.txt")
 READY = 60.0
 
 
@@ -89,8 +89,9 @@ def test_without_a_compiler_ziglang_builds_the_same_kernel(tmp_path: Path) -> No
 
 def installed(folder: Path, *requirements: str) -> Path:
     """The folder of programs of a new environment with these requirements and nothing else."""
-    venv.create(folder, with_pip=True)
-    subprocess.run([folder / "bin" / "python", *PIP, *requirements], check=True)
+    venv.create(folder)
+    own = folder / "bin" / "python"
+    subprocess.run([sys.executable, "-m", "pip", "--python", own, *PIP, *requirements], check=True)
     return folder / "bin"
 
 
