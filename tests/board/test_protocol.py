@@ -247,6 +247,7 @@ def test_noise_and_damage_are_handled_without_undetected_errors() -> None:
     assert result.counts["forged"] <= 12, "damage passes far more often than a checksum of 16 bits lets it"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bits", [1, 2, 3, 8])
 def test_flipped_bits_are_found_as_often_as_the_checksum_promises(bits: int) -> None:
     result = flips(10_000, bits, seed=bits)

@@ -356,6 +356,7 @@ def test_overloaded_wrist_servo_burns_out(rover: Arm) -> None:
     assert rig.arm.q[3] != held
 
 
+@pytest.mark.slow
 def test_tracker_noise_has_the_given_deviation_and_the_true_tcp_none(rover: Arm) -> None:
     truth = model_of(rover, effects_at(rover, "measurement_frame"), {"measurement_frame.frame.scale_z_mm_per_m": 0.01})
     rig = BoardOnBench(truth)

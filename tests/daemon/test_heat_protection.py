@@ -267,6 +267,7 @@ def test_requests_to_move_are_refused_while_the_arm_goes_to_rest(sim: HeatingDae
         assert refused.value.code == "too_warm"
 
 
+@pytest.mark.slow
 def test_a_hold_stops_the_way_to_rest_for_ten_seconds(sim: HeatingDaemon) -> None:
     """Somebody may be in the way; the documentation says so."""
     under_way_to_rest(sim)

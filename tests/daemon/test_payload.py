@@ -135,6 +135,7 @@ def test_the_way_to_rest_is_checked_with_the_load(config, deployed) -> None:
         assert ("rest_blocked" in [event.code for event in sim.core.events]) is blocked
 
 
+@pytest.mark.slow
 def test_the_planner_refuses_what_the_guard_refuses_and_its_path_is_accepted(config, deployed) -> None:
     planner = Planner(config, Scene.of(config.arm), deployed.model, HEAVY)
     high, side, low = ({**ABOVE, "joint2": 0.7}, {**ABOVE, "joint1": -0.3, "joint2": 0.7}, LOW)

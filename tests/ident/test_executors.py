@@ -50,6 +50,7 @@ def test_results_come_with_their_numbers_and_progress() -> None:
             in_order(executor, refused, range(3))
 
 
+@pytest.mark.slow
 def test_local_processes_and_what_they_raise() -> None:
     with executor_for(most=1) as executor:
         assert in_order(executor, squared, range(4)) == [0, 1, 4, 9]
@@ -57,6 +58,7 @@ def test_local_processes_and_what_they_raise() -> None:
             in_order(executor, refused, range(2))
 
 
+@pytest.mark.slow
 def test_a_dead_local_process_is_one_line(tmp_path: Path) -> None:
     with executor_for(most=1) as executor, pytest.raises(LrmError, match="a worker process died"):
         in_order(executor, dies_once, [str(tmp_path / "marker")])
@@ -99,6 +101,7 @@ def test_the_missing_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "pip install 'lrm-arm[cluster]'" in stderr_of(*words)
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_and_retries_a_dead_worker(two_workers: str, tmp_path: Path) -> None:
     with executor_for(two_workers) as executor:
         assert in_order(executor, squared, range(20)) == [k * k for k in range(20)]
@@ -107,6 +110,7 @@ def test_a_cluster_gives_the_same_and_retries_a_dead_worker(two_workers: str, tm
         assert in_order(executor, dies_once, [str(tmp_path / "marker")]) == ["done"]
 
 
+@pytest.mark.slow
 def test_no_scheduler_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     monkeypatch.setattr("lrm_ident.executors.CONNECT_S", 0.5)

@@ -32,6 +32,7 @@ def test_the_notebook_of_the_docs_names_the_hidden_effect(capsys: pytest.Capture
     assert "nothing_missing" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_reference_shows_every_public_function(tmp_path: Path) -> None:
     pdoc("lrm_ident.api", "lrmd.client", output_directory=tmp_path)
     page = (tmp_path / "lrm_ident" / "api.html").read_text()

@@ -306,6 +306,7 @@ def test_quantisation_gives_the_clock_and_is_not_compensated() -> None:
     assert reply.rounded.error > 1e-5
 
 
+@pytest.mark.slow
 def test_uncertainty_matches_monte_carlo() -> None:
     model = table_b2()
     keys = ("compliance.joint2.k_rad_per_Nm", "offsets.joint1.theta_rad", "offsets.base.x_mm")

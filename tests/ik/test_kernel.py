@@ -63,6 +63,7 @@ def moving(model: Model, slots: tuple[float | Array, ...], count: int) -> Array:
     return np.stack([np.broadcast_to(slots[k], count) for k in JointLaws(model).linkage.slots], axis=1)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(arms, st.integers(0, 100), st.floats(0.0, 0.1))
 def test_kinematics_loads_and_jacobian_equal_those_of_the_chain(arm: Arm, seed: int, payload: float) -> None:
@@ -183,6 +184,7 @@ def test_every_law_of_the_kernel_is_one_of_the_catalogue() -> None:
     assert sorted(KERNEL_LAWS.values()) == list(range(len(KERNEL_LAWS)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NONLINEAR)
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))

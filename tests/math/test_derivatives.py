@@ -68,6 +68,7 @@ def test_parameters_of_any_arm(arm: Arm, seed: int) -> None:
     assert_parameter_derivatives(smaller, some_poses(arm, seed, 4), seed, 8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_joint_angles(lab: Arm, seed: int) -> None:
     model, poses = full_model(lab, seed), some_poses(lab, seed, 40)

@@ -45,6 +45,7 @@ def test_a_form_explains_itself_and_refines_effects_of_the_catalogue(lab: Arm, k
         effect.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["bending_ends@link2", "torque_curve@joint3", "angle_curve@joint2",

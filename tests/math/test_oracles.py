@@ -49,6 +49,7 @@ def random_values(model: Model, seed: int) -> dict[str, float]:
     return values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm_name", ["lrm-lab", "lrm-rover"])
 @pytest.mark.parametrize("seed", range(5))
 def test_the_generator_with_screws_and_world_frame_torques(arm_name: str, seed: int) -> None:

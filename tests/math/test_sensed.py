@@ -39,6 +39,7 @@ def seen(model: Model, q: Array, origin: Array) -> Array:
     return np.concatenate([rest.tcp, turned, encoder_angles(rest)], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_attitude_and_feedback(seed: int) -> None:
     model = soft_model(seed)

@@ -178,6 +178,7 @@ def test_the_gate(kind: str, headers: dict[str, str], query: str, let_in: bool) 
         assert b"terminal" in sent[-1].get("body", b"terminal")
 
 
+@pytest.mark.slow
 def test_what_computes_is_not_loaded_before_the_page_is_served() -> None:
     """The page's process would wait for it; the other process loads it meanwhile."""
     code = "import sys, lrm_ident.cli.page.workbench, lrm_ident.page.application; print(*sys.modules)"
@@ -185,6 +186,7 @@ def test_what_computes_is_not_loaded_before_the_page_is_served() -> None:
     assert not {"scipy", "numpy", "rich", "zenoh"} & set(loaded)
 
 
+@pytest.mark.slow
 def test_no_command_waits_for_scipy_stats() -> None:
     code = "import sys, lrm_ident.cli.app; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

@@ -100,6 +100,7 @@ def test_several_angles_stand_between_commas(values: list[float]) -> None:
     assert parse_angles(",".join(f"{v!r}" for v in values)) == [math.radians(v) for v in values]
 
 
+@pytest.mark.slow
 @given(text=st.text(max_size=12))
 def test_a_word_is_a_finite_angle_or_an_error_that_shows_how(text: str) -> None:
     try:

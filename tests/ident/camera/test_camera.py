@@ -80,6 +80,7 @@ def error_of(found: BoardPose, board: Array) -> Array:
     return np.concatenate([found.position - board[:3, 3], turned])
 
 
+@pytest.mark.slow
 def test_the_detector_finds_the_rendered_board() -> None:
     pixel_errors = []
     for seed in range(3):
@@ -160,6 +161,7 @@ def moved(shift: list[float], turn: list[float]) -> Array:
     return out
 
 
+@pytest.mark.slow
 def test_the_tip_is_known_and_the_residual_is_the_noise() -> None:
     true = rig(2, {})
     found = simulated(2)
@@ -168,6 +170,7 @@ def test_the_tip_is_known_and_the_residual_is_the_noise() -> None:
     assert visible(found.session, true.model.arm, found.data.poses).mean() > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -185,6 +188,7 @@ def test_what_does_not_belong_together_is_said(change: dict[str, object], words:
         simulated(1, **change)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_design_weighs_poses_as_the_camera_measures_them() -> None:
     """Of candidates that show the board, those chosen with the camera's covariance make the tip better known."""
     found = simulated(2)

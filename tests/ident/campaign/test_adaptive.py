@@ -85,6 +85,7 @@ def run(rig: TwoJointRig, path: Path, goal: StoppingGoal) -> list[str]:
     return told
 
 
+@pytest.mark.slow
 def test_it_stops_when_the_error_is_surely_small_and_says_what_that_saved(tmp_path: Path) -> None:
     told = run(rig := TwoJointRig(), path := tmp_path / "data.csv", StoppingGoal(error=0.7e-3))
     data = load_measurements(path, ARM)
@@ -96,6 +97,7 @@ def test_it_stops_when_the_error_is_surely_small_and_says_what_that_saved(tmp_pa
     assert run(TwoJointRig(lives=0), path, StoppingGoal(error=0.7e-3))[-1] == told[-1], "nothing is left to measure"
 
 
+@pytest.mark.slow
 def test_killed_it_goes_on_where_it_was(tmp_path: Path) -> None:
     path, rig = tmp_path / "data.csv", TwoJointRig(lives=7)
     with pytest.raises(KeyboardInterrupt):
@@ -130,6 +132,7 @@ def test_a_name_is_sure_when_it_is_the_only_one_twice(monkeypatch: pytest.Monkey
     assert "poses are enough" in told[-1]
 
 
+@pytest.mark.slow
 def test_what_is_never_enough_measures_all_and_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     given(monkeypatch, unsure())
     rig = TwoJointRig(refused=(5, 9))
@@ -138,6 +141,7 @@ def test_what_is_never_enough_measures_all_and_says_so(monkeypatch: pytest.Monke
     assert {number for number in rig.visited if number <= len(PLAN)} == set(range(1, 121)) - {5, 9}
 
 
+@pytest.mark.slow
 def test_a_fit_that_fails_is_said_and_more_is_measured(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def fails(_: object) -> AdaptiveFindings:
         raise LrmError("no convergence")

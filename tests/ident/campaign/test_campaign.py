@@ -116,6 +116,7 @@ def check_complete(path: Path) -> None:
     assert np.all(np.diff(data.poses.t) >= 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
 def test_killed_at_random_moments_and_resumed_it_is_complete(tmp_path: Path, seed: int) -> None:
     rng, path, world = np.random.default_rng(seed), tmp_path / "data.csv", FakeWorld()

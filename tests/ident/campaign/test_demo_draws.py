@@ -15,6 +15,7 @@ from lrm_math.effects import effects_at
 ARM = load_arm(ARM_FILE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(0, 30, 3))
 def test_a_hidden_effect_moves_the_tip_and_has_a_name(seed: int) -> None:
     hidden = hidden_arm(ARM, seed)

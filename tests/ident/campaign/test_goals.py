@@ -19,6 +19,7 @@ from lrm_math.errors import LrmError
 ROVER = load_arm("lrm-rover")
 
 
+@pytest.mark.slow
 def test_random_goals_are_the_same_by_their_seed() -> None:
     assert goals_named("7", ROVER, 3) == goals_named("7", ROVER, 3)
     assert goals_named("7", ROVER, 3) != goals_named("7", ROVER, 4)

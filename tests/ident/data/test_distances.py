@@ -94,6 +94,7 @@ def test_derivatives_are_those_of_central_differences(seed: int) -> None:
         assert np.abs(J[:, -1, j] - difference).max() <= 1e-6 * np.abs(difference).max() + 3e-15 / h, model.keys[j]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stated", [True, False])
 def test_distances_alone_identify_the_arm(lab: Arm, stated: bool) -> None:
     """The fitted arm predicts distances that were never measured, from that point, within the noise."""
@@ -116,6 +117,7 @@ def test_distances_alone_identify_the_arm(lab: Arm, stated: bool) -> None:
     assert np.linalg.norm(motion.apply(point[None])[0] - POINT) < 20.0 * SD
 
 
+@pytest.mark.slow
 def test_the_intervals_hold_the_truth_as_often_as_they_say(lab: Arm) -> None:
     names = ("offsets@joint2", "compliance", "anchor")
     truth = model_of(lab, [effect for name in names for effect in effects_at(lab, name)])
@@ -132,6 +134,7 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say(lab: Arm) -> None:
     assert 0.90 <= within <= 0.99
 
 
+@pytest.mark.slow
 def test_distances_help_positions_and_a_stated_point_may_be_wrong(lab: Arm) -> None:
     truth = true_model(lab)
     few = measured(truth, 90, 4, positions=45)

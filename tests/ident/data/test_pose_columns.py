@@ -148,6 +148,7 @@ def test_a_round_covariance_is_a_standard_deviation(so101: Arm) -> None:
     assert one.sigma == pytest.approx(other.sigma, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_depth_that_is_poorly_measured_is_weighted_down(so101: Arm) -> None:
     """With the covariance the tip is known better than with one standard deviation, with orientations better still."""
     truth = hidden(so101)
@@ -166,6 +167,7 @@ def test_depth_that_is_poorly_measured_is_weighted_down(so101: Arm) -> None:
     assert rms["pose"] < rms["covariance"]
 
 
+@pytest.mark.slow
 def test_droop_and_flex_are_told_apart_by_joint_feedback(so101: Arm) -> None:
     truth = hidden(so101, servo_droop__joint2__k_rad_per_Nm=0.06)
     start = model_of(so101, [effect for name in ("offsets", "compliance") for effect in effects_at(so101, name)])

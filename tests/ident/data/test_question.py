@@ -80,6 +80,7 @@ def test_the_real_two_joint_data_are_turned_by_half_a_turn() -> None:
         load_checked(TWO_JOINTS, load_arm("two-joint"))
 
 
+@pytest.mark.slow
 def test_both_spellings_of_the_real_two_joint_data_end_in_one_model(tmp_path: Path) -> None:
     if not TWO_JOINTS.exists():
         pytest.skip("the real measurements are not here")
@@ -123,6 +124,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", MISTAKES)
 def test_the_option_that_is_named_mends_the_reading(tmp_path: Path, healthy: Measurements, option: str) -> None:
     reading, mistake = MISTAKES[option]

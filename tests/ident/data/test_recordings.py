@@ -112,6 +112,7 @@ WRITERS: dict[str, tuple[Callable[[Path], Path], list[str]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [[], ["--every", "4", "--first", "2.9"]], ids=["found", "regular"])
 @pytest.mark.parametrize("kind", WRITERS)
 def test_the_tip_at_every_rest_comes_out_of_the_recording(tmp_path: Path, kind: str, times: list[str]) -> None:

@@ -98,6 +98,7 @@ def test_torque_from_load_and_lever(tmp_path: Path) -> None:
         load_servo_test(path)
 
 
+@pytest.mark.slow
 def test_the_shipped_example_is_read_within_its_errors(tmp_path: Path) -> None:
     truth = tomllib.loads((EXAMPLES / "one-servo.truth.toml").read_text())
     found = stiffness(load_servo_test(EXAMPLES / "one-servo.csv"))
@@ -175,6 +176,7 @@ def test_align_is_a_command(tmp_path: Path) -> None:
         assert stderr_of("align", fixture, *words)
 
 
+@pytest.mark.slow
 @settings(max_examples=5)
 @given(seed=st.integers(0, 1000))
 def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:

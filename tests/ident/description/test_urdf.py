@@ -214,6 +214,7 @@ def test_xacro(tmp_path: Path) -> None:
     assert "xacro" in stderr_of("arm", "import", path, "-o", tmp_path / "arm.toml")
 
 
+@pytest.mark.slow
 def test_commands(so101_urdf: Path, tmp_path: Path) -> None:
     arm, out = tmp_path / "arm.toml", tmp_path / "corrected.urdf"
     assert "5 joints" in stdout_of("arm", "import", so101_urdf, "--tip", TIP, "-o", arm)

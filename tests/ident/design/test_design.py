@@ -123,6 +123,7 @@ def test_loads_are_changed_once_each(lab: Arm) -> None:
     assert len(np.unique(found.poses.payload)) == 2
 
 
+@pytest.mark.slow
 def test_designed_poses_tell_more_than_blind_ones(lab: Arm, separating: PoseDesign) -> None:
     plain = design(task(lab), offered(lab))
     assert plain.after.tcp < plain.random_after.tcp
@@ -193,6 +194,7 @@ def test_effects_of_the_size_named_are_found_as_often_as_said(lab: Arm) -> None:
     assert hits / draws == pytest.approx(TARGET_POWER, abs=0.03)
 
 
+@pytest.mark.slow
 def test_rivals_that_nothing_can_tell_apart(lab: Arm) -> None:
     q = candidate_grid(lab, parse_levels(lab, MEASURED_LEVELS)).q
     with pytest.raises(LrmError, match="servo_gain@joint2 and eccentricity@joint2 apart; offer more levels"):

@@ -56,6 +56,7 @@ def problem(weights: Whitening | None, rivals: tuple[str, ...] = ()) -> DesignPr
     return task if weights is None else replace(task, weights=measured_alike(weights))
 
 
+@pytest.mark.slow
 def test_more_that_is_measured_makes_the_tip_better_known() -> None:
     offered = some_poses("so101", 80, 1)
     keys = design(problem(None), offered).keys
@@ -108,6 +109,7 @@ def written(path: Path, arm: str, count: int) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", ["so101", "two-joint"])
 def test_choose_poses_needs_no_six_joints(arm: str, tmp_path: Path) -> None:
     data = written(tmp_path / "data.csv", arm, 60)
@@ -116,6 +118,7 @@ def test_choose_poses_needs_no_six_joints(arm: str, tmp_path: Path) -> None:
     assert "30 of 60 poses" in done.output
 
 
+@pytest.mark.slow
 def test_design_command_weighs_as_the_file_it_has(tmp_path: Path) -> None:
     data = written(tmp_path / "data.csv", "so101", 40)
     poses = tmp_path / "offer.csv"

@@ -361,6 +361,7 @@ def test_the_thesis_study_can_be_read(rover: Arm) -> None:
     assert default_study("of my own").variants == ()
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: Path) -> None:
     result, picture = tmp_path / "reach.json", tmp_path / "reach.svg"
     words = ("--variant", "base_beta_deg=45", "--variant", "link2-10mm,link4-20mm", "--step-mm", 90, "--directions", 12)
@@ -394,6 +395,7 @@ def test_the_command_without_shapes_or_variants(tmp_path: Path, lab: Arm) -> Non
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "says"),
     [

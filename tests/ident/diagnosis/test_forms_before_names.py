@@ -186,6 +186,7 @@ def test_more_than_the_noise_is_never_called_nothing(lab: Arm, described: ArmDes
     assert diagnose(base_fit(lab, data), quieter).verdict == "unpredictable"
 
 
+@pytest.mark.slow
 def test_an_arm_without_masses_can_be_diagnosed(lab: Arm, described: ArmDescription) -> None:
     weightless = replace(lab, bodies=tuple(replace(body, mass=0.0) for body in lab.bodies))
     data = measured(described, GroundTruth.nominal(described), 8, 80)
@@ -193,6 +194,7 @@ def test_an_arm_without_masses_can_be_diagnosed(lab: Arm, described: ArmDescript
     assert diagnose(fit_identifiable(model, data, model.keys).fit.model, data).fit.sigma > 0.0
 
 
+@pytest.mark.slow
 def test_lengths_that_are_long_by_one_share_ask_for_the_trackers_scale(lab: Arm, described: ArmDescription) -> None:
     stretched = SkewTracker((0.0, 0.0, 0.0), (0.008, 0.008, 0.008), (0.0, 0.0, 0.0))
     soft = GroundTruth.random(described, 0).joint_compliance_rad_per_nm

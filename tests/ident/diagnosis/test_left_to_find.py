@@ -94,6 +94,7 @@ def test_a_search_finds_the_input_that_matters_and_the_noise() -> None:
     assert kernel.lengths[1] < 0.3 * min(kernel.lengths[0], kernel.lengths[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_can_be_predicted_of_noise(seed: int) -> None:
     found = predicted(seed, 0.0)

@@ -129,6 +129,7 @@ def test_the_halves_share_no_case_and_name_only_effects_of_the_tool() -> None:
             assert {name.partition("@")[0] for name in right} <= known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["play2, outliers/tune", "shaft2, five levels/tune", "nothing, one load/tune"])
 def test_data_are_as_the_case_asks(name: str) -> None:
     case = UNFAMILIAR[name]

@@ -46,6 +46,7 @@ def provenance(path: Path) -> ProvenanceTable:
     return ProvenanceTable.model_validate(tomllib.loads(path.read_text())["provenance"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["compare", "diagnose", "propose"])
 def test_reading_commands_say_and_do_as_the_fit(folder: Path, command: str) -> None:
     assert SAID in noticed(command, folder / "model.toml", folder / "data.csv", "--json", folder / "out.json")
@@ -53,6 +54,7 @@ def test_reading_commands_say_and_do_as_the_fit(folder: Path, command: str) -> N
         assert json.loads((folder / "out.json").read_text())["poses"] <= 57
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["add", "hysteresis@joint2"], ["auto", "--no-nested", "--max-effects", "1"]])
 def test_steps_keep_how_the_model_was_fitted(folder: Path, words: list[str]) -> None:
     model, data, after = folder / "model.toml", folder / "data.csv", folder / "after.toml"
@@ -65,6 +67,7 @@ def test_steps_keep_how_the_model_was_fitted(folder: Path, words: list[str]) -> 
         assert (folder / "before.toml").read_text() == model.read_text()
 
 
+@pytest.mark.slow
 def test_other_data_keep_the_loss_but_no_pose_is_left_out(folder: Path) -> None:
     data = lrm.load(folder / "data.csv", arm="two-joint")
     (folder / "other.csv").write_text(measurements_csv(data.take(np.arange(50))))
@@ -78,6 +81,7 @@ def data(folder: Path) -> Measurements:
     return lrm.load(folder / "data.csv", arm="two-joint").without(LEFT_OUT)
 
 
+@pytest.mark.slow
 def test_in_python_a_fit_brings_its_loss_along(data: Measurements) -> None:
     robust, plain = lrm.fit(data, loss="huber"), lrm.fit(data)
     assert robust.weight[data.pose == WRONG] < 0.2

@@ -69,6 +69,7 @@ def test_what_is_kept_is_independent_and_the_rest_is_not(arm: Arm, seed: int, un
             assert held.survival < 1e-6
 
 
+@pytest.mark.slow
 @given(st.permutations(range(45)))
 @settings(max_examples=10)
 def test_the_order_in_which_parameters_are_named_does_not_matter(order: list[int]) -> None:

@@ -96,6 +96,7 @@ def wrist_arm(target: float) -> Arm:
     return Arm("wrist", (0.0, 0.0, -9.81), Placement(), links, Placement(x=target, z=0.05), ())
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(st.floats(0.0, 0.02), st.integers(0, 99))
 def test_a_target_near_the_last_axis_is_an_offset_of_the_tool(distance: float, seed: int) -> None:
@@ -112,6 +113,7 @@ def test_a_target_near_the_last_axis_is_an_offset_of_the_tool(distance: float, s
     assert result.sigma < 1.3 * NOISE
 
 
+@pytest.mark.slow
 def test_where_least_squares_stall_weak_priors_help_and_say_so() -> None:
     drawn, rng = wrist_arm(0.0005), np.random.default_rng(0)
     q = rng.uniform(-1.6, 1.6, (80, 6))

@@ -74,6 +74,7 @@ def test_the_estimate_is_the_top_of_the_posterior(whole: Model, seed: int, sizes
     assert np.abs(to_data - to_prior).max() < 0.02 * max(1.0, np.abs(to_prior).max())
 
 
+@pytest.mark.slow
 def test_a_prior_far_too_narrow_still_ends(whole: Model) -> None:
     """The noise that a tenfold too narrow prior leaves follows slowly from itself; the estimate is its fixed point."""
     data = measured(500, 60)
@@ -114,6 +115,7 @@ def test_a_prior_that_knows_everything_is_believed(whole: Model) -> None:
     assert found.effective_parameters < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", ["huber", "cauchy"])
 def test_robust_losses_take_a_prior_too(whole: Model, loss: str) -> None:
     data = measured(8, 60)

@@ -139,6 +139,7 @@ def test_on_an_arm_as_the_model_says_option_1_reaches_the_noise(lab: Arm) -> Non
         assert found.of(name).on_rest.rms > 3 * found.of("option1").on_rest.rms
 
 
+@pytest.mark.slow
 def test_parameters_of_one_load_serve_another_if_springs_are_linear(method: OptionStudy, loaded: OptionStudy) -> None:
     crossed = cross_apply(method, loaded, "option1_2")
     for j, own in enumerate((method, loaded)):

@@ -49,6 +49,7 @@ def two_batches(tmp_path_factory: pytest.TempPathFactory) -> FleetResult:
     return fleet(1.8, tmp_path_factory.mktemp("batches"))
 
 
+@pytest.mark.slow
 def test_the_softer_joint_goes_with_the_batch_and_nothing_else_does(two_batches: FleetResult) -> None:
     assert [(link.what, link.tag) for link in two_batches.links] == [(SOFT, "batch")]
     medians = {level: float(words.split()[-1]) for level, words in two_batches.links[0].levels}
@@ -60,6 +61,7 @@ def test_the_broken_arm_is_named_and_the_batch_is_no_outlier(two_batches: FleetR
     assert two_batches.outliers[0].sentence.startswith(f"arm{BROKEN}: joint2's compliance")
 
 
+@pytest.mark.slow
 def test_where_no_batch_differs_none_is_named(tmp_path: Path) -> None:
     found = fleet(1.0, tmp_path)
     assert not found.links

@@ -79,6 +79,7 @@ def test_manifest_and_its_faults(tmp_path: Path) -> None:
     assert "no such file" in stderr_of("fleet", tmp_path / "none.csv", "-o", tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_fleet_from_manifest_to_prior(manifest: Path, tmp_path: Path) -> None:
     """Through the command, in this process: the same numbers, without the seconds of starting others."""
     out, found = tmp_path / "out", tmp_path / "fleet.json"
@@ -157,6 +158,7 @@ def test_a_broken_arm_is_a_reason(manifest: Path, tmp_path: Path) -> None:
     assert record.reason.startswith("arm0.csv: ")
 
 
+@pytest.mark.slow
 def test_a_cluster_of_two_workers_finds_the_same_bit_for_bit(manifest: Path, tmp_path: Path, two_workers: str) -> None:
     members = read_manifest(manifest)[:2]
     with executor_for(two_workers) as executor:
@@ -183,6 +185,7 @@ def test_rates_weigh_p_values_with_mean_one() -> None:
     assert rates.weights([]) == {}
 
 
+@pytest.mark.slow
 def test_rates_of_a_prior_file_reach_diagnose_and_auto(manifest: Path, tmp_path: Path) -> None:
     """Equal rates change nothing."""
     path = tmp_path / "prior.toml"

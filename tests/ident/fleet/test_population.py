@@ -35,6 +35,7 @@ def test_exact_arms_give_sample_mean_and_variance() -> None:
     assert found.freedom == pytest.approx([11.0, 11.0], rel=0.1)
 
 
+@pytest.mark.slow
 def test_intervals_of_mean_and_spread_hold_as_often_as_they_say() -> None:
     """40 populations of 8 parameters: 320 intervals of each kind, of which 95 % should hold (binomial, 4 sd)."""
     rng, mean, spread = np.random.default_rng(2), np.linspace(-1, 1, 8), np.geomspace(0.2, 1.0, 8)
