@@ -135,7 +135,7 @@ def test_an_answer_that_comes_too_late_is_not_reckoned_to_its_end(harness: IkHar
     with ThreadPoolExecutor(1) as pool:
         blocking = pool.submit(refusal, harness, LONG.model_copy(update={"deadline_ms": 400.0}))
         time.sleep(0.1)
-        behind = refusal(harness, IkRequest(goals=[GOAL], deadline_ms=50.0))
+        behind = refusal(harness, LONG.model_copy(update={"deadline_ms": 50.0}))
         assert (behind.code, blocking.result().code) == ("deadline", "deadline")
 
 
