@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.candidates import REFINEMENT, differentiate_candidates, split_testable, unfitted_effects
@@ -40,7 +39,7 @@ from lrm_math.model.model import Model
 FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
 MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
 MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
-NOT_NOISE = 1e-3  # p value of the chi-squared test below which the residual exceeds the floor surely
+NOT_NOISE = 1e-3  # p value of the lack-of-fit test below which the residual exceeds the floor surely
 Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable"]
 
 
@@ -100,11 +99,11 @@ class Diagnosis:
 
     @property
     def above_floor(self) -> bool:
-        """Whether the residual surely exceeds a known noise floor, by more than this may be misstated (χ² test)."""
-        floor, freedom = self.floor.sd, self.data.measured_rows - len(self.fit.model.free)
-        if floor is None or self.fit.sigma <= FLOOR_RATIO * floor:
+        """Whether the residual surely exceeds a known noise floor, by more than this may be misstated (F test)."""
+        floor, freedom = self.floor, self.data.measured_rows - len(self.fit.model.free)
+        if floor.sd is None or self.fit.sigma <= FLOOR_RATIO * floor.sd:
             return False
-        return bool(chdtrc(freedom, freedom * (self.fit.sigma / floor) ** 2) < NOT_NOISE)
+        return floor.p_value(self.fit.sigma, freedom) < NOT_NOISE
 
 
 def diagnose(
@@ -187,11 +186,10 @@ def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
 
 
 def _like_noise(fitted: Fit, data: Measurements, floor: NoiseFloor, structure: ResidualStructure) -> bool:
-    """Whether what is left is no larger than the known noise (χ² test) and shows no structure: no new cause."""
+    """Whether what is left is no larger than the known noise (F test) and shows no structure: no new cause."""
     if floor.sd is None or min(structure.p_value, structure.order_p_value) < SIGNIFICANCE:
         return False
-    freedom = data.measured_rows - len(fitted.model.free)
-    return bool(chdtrc(freedom, freedom * (fitted.sigma / floor.sd) ** 2) > SIGNIFICANCE)
+    return floor.p_value(fitted.sigma, data.measured_rows - len(fitted.model.free)) > SIGNIFICANCE
 
 
 def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> LinearisedFit:

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import chdtrc, fdtrc, ndtr
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
@@ -20,16 +20,32 @@ class NoiseFloor:
     """Standard deviation of the measurement per axis (m), or None, and where it is known from.
 
     `axes`: along how many of them a pose's position shows, three unless distances alone were measured.
+    `degrees_of_freedom`: of `sd` as an estimate; infinite where a file states it.
     """
 
     sd: float | None
     source: Literal["replicates", "metadata", "unknown"]
     axes: float = 3.0
+    degrees_of_freedom: float = np.inf
 
     @property
     def rms(self) -> float | None:
         """RMS of the 3-D distance that the noise alone makes (m)."""
         return None if self.sd is None else float(np.sqrt(self.axes) * self.sd)
+
+    def p_value(self, sigma: float, degrees_of_freedom: float) -> float:
+        """Lack-of-fit F test: how probable so large a residual (m per axis) is if the noise alone made it.
+
+        Of a floor from replicates the pure error is taken out of the residual first, and what is left is compared with
+        it; beside a stated floor this becomes the χ² test (Draper and Smith 1998, section 2.1). NaN without a floor.
+        """
+        if self.sd is None:
+            return np.nan
+        ratio, pure = (sigma / self.sd) ** 2, self.degrees_of_freedom
+        if np.isinf(pure):
+            return float(chdtrc(degrees_of_freedom, degrees_of_freedom * ratio))
+        lack = degrees_of_freedom - pure
+        return float(fdtrc(lack, pure, max(0.0, (degrees_of_freedom * ratio - pure) / lack))) if lack > 0 else 1.0
 
 
 def noise_floor(data: Measurements) -> NoiseFloor:
@@ -43,7 +59,7 @@ def noise_floor(data: Measurements) -> NoiseFloor:
     if repeats:
         squares = sum(float(((values[rows] - values[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
         degrees_of_freedom = axes * sum(len(rows) - 1 for rows in repeats)
-        return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates", axes)
+        return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates", axes, degrees_of_freedom)
     if data.sd is not None:
         return NoiseFloor(float(np.sqrt(np.mean(data.sd**2))), "metadata", axes)
     return NoiseFloor(data.noise_sd, "unknown" if data.noise_sd is None else "metadata", axes)

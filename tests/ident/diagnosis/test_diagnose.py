@@ -24,7 +24,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 from lrm_ident.diagnosis.linearised_fit import linearise, paired_z, principal_cosine
-from lrm_ident.diagnosis.residual_structure import noise_floor, residual_structure
+from lrm_ident.diagnosis.residual_structure import NoiseFloor, noise_floor, residual_structure
 from lrm_ident.effect_plugins import catalogue_with, effects_in
 from lrm_ident.estimation import identifiability
 from lrm_ident.estimation.cross_validation import held_out_residual, joint_space_folds
@@ -245,6 +245,21 @@ def test_paired_is_a_z_score() -> None:
     same = [paired_z(rng.normal(1, 0.1, 200), rng.normal(1, 0.1, 200)) for _ in range(300)]
     assert np.std(same) == pytest.approx(1.0, abs=0.15)
     assert paired_z(np.full(50, 1.0) + rng.normal(0, 0.1, 50), np.full(50, 2.0)) > 10
+
+
+def test_a_floor_from_few_replicates_is_uncertain_itself() -> None:
+    """Before: a chi-squared test took the floor as known, and of 24 degrees of freedom one in five was too low."""
+    rng = np.random.default_rng(1)
+    freedom, pure, p_values = 400.0, 24.0, []
+    for _ in range(2000):
+        replicates, lack = rng.chisquare(pure), rng.chisquare(freedom - pure)
+        floor = NoiseFloor(float(np.sqrt(replicates / pure)), "replicates", degrees_of_freedom=pure)
+        p_values.append(floor.p_value(float(np.sqrt((replicates + lack) / freedom)), freedom))
+    for level in (0.01, 0.1, 0.5):
+        assert np.mean(np.array(p_values) < level) == pytest.approx(level, abs=4 * np.sqrt(level / 2000))
+    assert floor.p_value(3.0 * float(floor.sd or 0), freedom) < 1e-6
+    assert NoiseFloor(1.0, "metadata").p_value(1.25, freedom) < 1e-6  # a stated floor is no estimate
+    assert NoiseFloor(1.0, "replicates", degrees_of_freedom=freedom).p_value(2.0, freedom) == 1.0  # repeats alone
 
 
 def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
