@@ -12,7 +12,7 @@ from lrm_ident.campaign.plan import PlannedPose
 from lrm_ident.campaign.run import Clock, Unreachable
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.errors import LrmError
-from lrmd.client import InfoState, PlanRequest, RequestRefused, Rover
+from lrmd.client import LEASE_LOST, InfoState, MotionInterrupted, PlanRequest, RequestRefused, Rover
 
 APPROACH = math.radians(3.0)
 """rad: how far on the stated side a joint stands before it arrives from there."""
@@ -23,6 +23,8 @@ LOOK = 1.0
 PLAN_MS = 20_000.0
 MOVED = 1e-9
 """rad; a joint that turns less has not moved."""
+ATTEMPTS, LEASE_BACK_S = 5, 1.0
+"""How often a motion is begun whose lease expires, and s until it is back: a busy computer, a slow network."""
 OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed")
 """Codes of refusals that end a campaign: the arm is somebody else's, or not armed any more."""
 
@@ -95,7 +97,20 @@ class RoverArm:
         return tuple(min(max(angle, low), high) for angle, (low, high) in zip(q, limits, strict=True))
 
     def _move(self, goal: Sequence[float], payload: float) -> None:
-        """Moves on a planned way. Raises `Unreachable`, or what ends the campaign."""
+        """Moves on planned ways, from where an expired lease stopped it. Raises `Unreachable`, or what ends all."""
+        for _ in range(ATTEMPTS - 1):
+            try:
+                self._try_to_move(goal, payload)
+            except (MotionInterrupted, RequestRefused) as error:
+                expired = error.why == LEASE_LOST if isinstance(error, MotionInterrupted) else error.code == "lease"
+                if not expired:
+                    raise
+                self.clock.sleep(LEASE_BACK_S)
+            else:
+                return
+        self._try_to_move(goal, payload)
+
+    def _try_to_move(self, goal: Sequence[float], payload: float) -> None:
         here = self.rover.commanded_q()
         if max(abs(a - b) for a, b in zip(here, goal, strict=True)) < MOVED:
             return

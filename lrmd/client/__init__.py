@@ -9,10 +9,11 @@ with Rover("rover") as rover, rover.control("my program"):
 """
 
 from lrmd.client.rover import MotionInterrupted, NoReply, RequestRefused, Rover
-from lrmd.messages.control import InfoState
+from lrmd.messages.control import LEASE_LOST, InfoState
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 
 __all__ = [
+    "LEASE_LOST",
     "FkRequest",
     "GoalEntry",
     "IkAnswer",

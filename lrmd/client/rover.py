@@ -47,7 +47,7 @@ from lrmd.messages.zenoh_session import client, key
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 ROBOT_NAME = r"[A-Za-z0-9_-]+"
-RELOAD_S = 10.0
+RELOAD_S, RENEWAL_S = 10.0, 0.3
 S = TypeVar("S", bound=Header)
 
 
@@ -64,10 +64,10 @@ class RequestRefused(LrmError):
 
 
 class MotionInterrupted(LrmError):
-    """A motion that ended before its goal; carries the final `mode`."""
+    """A motion that ended before its goal; carries the final `mode`, and `why`."""
 
     def __init__(self, mode: str, why: str) -> None:
-        self.mode = mode
+        self.mode, self.why = mode, why
         super().__init__(f"the motion ended before its goal: {mode} ({why})")
 
 
@@ -116,14 +116,16 @@ class Rover:
     def control(self, holder: str, take: bool = False) -> Iterator[Self]:
         """Holds the command lease during the block, renewed by a thread.
 
-        Raises `RequestRefused` if another client has it (unless `take`). Losing it ends a motion in hold.
+        Raises `RequestRefused` if another client has it (unless `take`). Losing it ends a motion in hold; a lease that
+        expired, because this computer was busy or the network slow, is acquired anew unless another client had it.
         """
         with field_named():
             request = LeaseRequest(action="acquire", holder=holder, take=take)
         reply = self._query(Reply, "rpc/lease", request)
         self._lease = reply.lease
         ended = threading.Event()
-        beat = threading.Thread(target=self._keep_alive, args=(ended, (reply.lease_ms or 400.0) / 4000), daemon=True)
+        period = (reply.lease_ms or 400.0) / 4000
+        beat = threading.Thread(target=self._keep_alive, args=(ended, period, holder), daemon=True)
         beat.start()
         try:
             yield self
@@ -132,16 +134,19 @@ class Rover:
             beat.join()
             lease, self._lease = self._lease, None
             if lease is not None:
-                self._update_lease(LeaseRequest(action="release", lease=lease))
+                with suppress(RequestRefused, NoReply):
+                    self._query(Reply, "rpc/lease", LeaseRequest(action="release", lease=lease), RENEWAL_S)
 
-    def _keep_alive(self, ended: threading.Event, period: float) -> None:
+    def _keep_alive(self, ended: threading.Event, period: float, holder: str) -> None:
         while not ended.wait(period):
-            if (lease := self._lease) is not None:
-                self._update_lease(LeaseRequest(action="renew", lease=lease))
-
-    def _update_lease(self, request: LeaseRequest) -> None:
-        with suppress(RequestRefused, NoReply):
-            self._query(Reply, "rpc/lease", request, timeout=0.3)
+            if (lease := self._lease) is None:
+                continue
+            with suppress(RequestRefused, NoReply):
+                try:
+                    self._query(Reply, "rpc/lease", LeaseRequest(action="renew", lease=lease), RENEWAL_S)
+                except RequestRefused:
+                    again = LeaseRequest(action="acquire", holder=holder, lease=lease)
+                    self._lease = self._query(Reply, "rpc/lease", again).lease
 
     def _token(self) -> str:
         if self._lease is None:

@@ -46,7 +46,10 @@ def _acquire(s: ControllerState, request: LeaseRequest, now: int) -> RequestResu
     if not request.holder:
         raise RequestError("no_holder", "holder is missing: name the client, for others to read")
     previous = s.lease
+    if request.lease is not None and (s.expired_lease is None or s.expired_lease.token != request.lease):
+        raise leases.LeaseError("this lease has not expired, or another client had one since: acquire without it")
     s.lease = leases.acquire(previous, request.holder, now, s.config.lease, request.take)
+    s.expired_lease = None
     if previous is not None and now < previous.until:
         s.emit("lease_taken", "warning", f"{request.holder} took the lease from {previous.holder}")
         s.stop_motion(now, f"{request.holder} took the lease")
@@ -60,7 +63,7 @@ def _hold(s: ControllerState, _: HoldRequest, now: int) -> RequestResult:
 
 
 def _arm(s: ControllerState, request: ArmRequest, now: int) -> RequestResult:
-    next_mode(s.mode, Trigger.ARM)
+    next_mode(s.mode, Trigger.ARM, s.why)
     if s.report.link is not LinkState.READY:
         why = s.port_trouble or s.board_trouble or f"link {s.report.link.name.lower()}"
         raise RequestError("link", f"the board is not ready ({why})", retryable=True)
@@ -75,7 +78,7 @@ def _arm(s: ControllerState, request: ArmRequest, now: int) -> RequestResult:
 
 
 def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
-    next_mode(s.mode, Trigger.MOVE)
+    next_mode(s.mode, Trigger.MOVE, s.why)
     thermal_protection.check_motion(s)
     payload = s.payload if request.payload_kg is None else request.payload_kg
     waypoints = [pulses_of(s.config, w, s.report.outputs) for w in request.waypoints]
@@ -89,7 +92,7 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
 
 
 def _jog(s: ControllerState, request: JogRequest, now: int) -> RequestResult:
-    next_mode(s.mode, Trigger.MOVE)
+    next_mode(s.mode, Trigger.MOVE, s.why)
     thermal_protection.check_motion(s)
     stride, target = list(s.order.stride), [HOLD_PULSE] * len(s.config.servos)
     for name, rate in request.rate_rad_per_s.items():
@@ -105,7 +108,7 @@ def _relax(s: ControllerState, request: RelaxRequest, now: int) -> RequestResult
     names = s.config.names if request.servos is None else request.servos
     remaining = s.report.outputs & ~sum({1 << s.config.index(name) for name in names})
     if remaining and s.mode not in LIVE:
-        raise InvalidTransition(s.mode, Trigger.HOLD)
+        raise InvalidTransition(s.mode, Trigger.HOLD, s.why)
     s.transition(Trigger.HOLD if remaining else Trigger.RELAX, "relax", now)
     s.orders.stop(now, remaining)
     return RequestResult()

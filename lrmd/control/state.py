@@ -27,10 +27,11 @@ from lrmd.safety.thermal_monitor import ThermalMonitor
 class ControllerState:
     """Everything that the controller knows.
 
-    Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, `lease`, `orders` for the ramp, `report` of the
-    ramp, `thermal` monitor, `motion_check`, `payload` (kg), unpublished `events`, and the state file as `stored`.
-    Of the thermal protection: `held_at`, `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest,
-    `rest_goal` (pulses, ns) of the last motion to rest, and `rest_blocked` while its path is not free.
+    Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, `lease`, the `expired_lease` that nobody had
+    after it, `orders` for the ramp, `report` of the ramp, `thermal` monitor, `motion_check`, `payload` (kg),
+    unpublished `events`, and the state file as `stored`. Of the thermal protection: `held_at`, `rest_tried_at`
+    (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last motion to rest, and
+    `rest_blocked` while its path is not free.
     """
 
     def __init__(
@@ -41,6 +42,7 @@ class ControllerState:
         self.faults: dict[str, LatchedFault] = {}
         self.events: list[ControllerEvent] = []
         self.lease: Lease | None = None
+        self.expired_lease: Lease | None = None
         self.report = RampReport()
         self.other_daemons: frozenset[str] = frozenset()
         self.payload = stored.payload_kg if stored else 0.0
@@ -123,7 +125,7 @@ class ControllerState:
 
     def transition(self, trigger: Trigger, why: str, now: int) -> None:
         """Changes the mode by the transition table. Raises `InvalidTransition`; then nothing has changed."""
-        mode = next_mode(self.mode, trigger)
+        mode = next_mode(self.mode, trigger, self.why)
         if mode is not self.mode:
             self.emit("mode", "info", f"{self.mode} -> {mode}: {why}", mode=mode.value, before=self.mode.value)
         if mode is not self.mode or why != self.why:

@@ -46,10 +46,10 @@ class Trigger(StrEnum):
 class InvalidTransition(RequestError):
     """A trigger that the present mode does not allow; carries `mode` and `trigger`."""
 
-    def __init__(self, mode: Mode, trigger: Trigger) -> None:
+    def __init__(self, mode: Mode, trigger: Trigger, why: str) -> None:
         self.mode, self.trigger = mode, trigger
         allowed = ", ".join(sorted(m for m, t in TABLE if t is trigger)) or "no mode"
-        text = f"{trigger} is not allowed while {mode}; it is while {allowed}"
+        text = f"{trigger} is not allowed while {mode}{f' ({why})' if why else ''}; it is while {allowed}"
         super().__init__("wrong_mode", text, mode=mode.value)
 
 
@@ -85,9 +85,12 @@ TABLE: dict[tuple[Mode, Trigger], Mode] = {
 }
 
 
-def next_mode(mode: Mode, trigger: Trigger) -> Mode:
-    """The mode after a trigger. Raises `InvalidTransition` for what is not in the table."""
+def next_mode(mode: Mode, trigger: Trigger, why: str = "") -> Mode:
+    """The mode after a trigger. `why`: the reason of the present mode, for the message of a refusal.
+
+    Raises `InvalidTransition` for what is not in the table.
+    """
     try:
         return TABLE[mode, trigger]
     except KeyError:
-        raise InvalidTransition(mode, trigger) from None
+        raise InvalidTransition(mode, trigger, why) from None

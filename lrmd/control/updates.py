@@ -12,6 +12,7 @@ from lrmd.control.state import ControllerState
 from lrmd.control.state_machine import LIVE, Mode, Trigger
 from lrmd.errors import RequestError
 from lrmd.link.protocol import VERSION as PROTOCOL
+from lrmd.messages.control import LEASE_LOST
 from lrmd.ramp.shared_memory import LinkState, RampFault, RampReport
 
 LOOK_AHEAD = SECOND // 4
@@ -143,8 +144,8 @@ def tick(s: ControllerState, now: int) -> None:
 def _check_lease(s: ControllerState, now: int) -> None:
     if s.lease is not None and now >= s.lease.until:
         s.emit("lease_lost", "warning", f"{s.lease.holder} gave no sign of life; its lease is over")
-        s.lease = None
-        s.stop_motion(now, "lease lost")
+        s.lease, s.expired_lease = None, s.lease
+        s.stop_motion(now, LEASE_LOST)
 
 
 def _check_jog(s: ControllerState, now: int) -> None:

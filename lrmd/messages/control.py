@@ -68,8 +68,15 @@ Token = Annotated[str, Field(min_length=1, max_length=64)]
 # ---- requests of clients
 
 
+LEASE_LOST = "lease lost"
+"""Reason of the mode `holding` after a motion whose client did not renew its lease."""
+
+
 class LeaseRequest(Message):
-    """`rpc/lease`: acquire (with `holder`, and `take` to take it over), renew or release (with `lease`)."""
+    """`rpc/lease`: acquire (with `holder`, and `take` to take it over), renew or release (with `lease`).
+
+    `acquire` with `lease`, one that expired: refused if another client has had the lease since.
+    """
 
     action: Literal["acquire", "renew", "release"]
     holder: Label = ""

@@ -14,6 +14,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from lrm_math.errors import LrmError
 from lrmd.control.state_machine import LIVE, TABLE, Mode, Trigger, next_mode
 from lrmd.messages.control import (
+    LEASE_LOST,
     ArmRequest,
     DisarmRequest,
     HoldRequest,
@@ -112,6 +113,26 @@ def test_a_lost_lease_holds_within_half_a_second(sim: SimulatedDaemon) -> None:
     assert sim.now - start <= SECOND // 2
     assert sim.core.mode is Mode.HOLDING
     assert 0 < commanded(sim, 1) < 1.5
+
+
+def test_a_late_client_gets_its_lease_back_unless_another_had_it(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
+    with pytest.raises(LrmError, match="has not expired"):
+        sim.core.handle(LeaseRequest(action="acquire", holder="test", lease=token, take=True), sim.now)
+    sim.run(200)
+    assert (sim.core.mode, sim.core.why) == (Mode.HOLDING, LEASE_LOST)
+    stopped = commanded(sim, 1)
+    again = sim.core.handle(LeaseRequest(action="acquire", holder="test", lease=token), sim.now).lease.token
+    sim.run(20)
+    assert commanded(sim, 1) == stopped
+    with pytest.raises(LrmError, match="lease"):  # what was under way with the old token stays refused
+        sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), sim.now)
+    sim.core.handle(MoveRequest(lease=again, waypoints=[{"joint1": 1.5}]), sim.now)
+    sim.run(200)
+    sim.core.handle(LeaseRequest(action="release", lease=lease(sim)), sim.now)
+    with pytest.raises(LrmError, match="another client had one since"):
+        sim.core.handle(LeaseRequest(action="acquire", holder="test", lease=again), sim.now)
 
 
 def test_a_jog_that_is_not_renewed_holds(sim: SimulatedDaemon) -> None:
