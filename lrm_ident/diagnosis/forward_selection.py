@@ -1,12 +1,15 @@
 """Forward selection of effects by held-out error, and which effects the data cannot distinguish from each.
 
 The ranking is by help. Of what prediction cannot separate, a refinement of what the model has comes before a plain
-effect, and that before another form of an effect that the model does not have.
+effect, and that before another form of an effect that the model does not have; but what needs so many parameters more
+than the most helpful one that Schwarz's criterion speaks very strongly against it is out (Kass and Raftery 1995).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
 from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, cosine_of_bases, paired_z
@@ -20,6 +23,7 @@ EQUIVALENCE_COSINE = 0.95  # principal cosine above which the data cannot distin
 EQUIVALENT_GAIN = 0.5  # part of an effect's gain that an equivalent must have
 SIMILAR_GAIN = 0.8  # part of an effect's gain that a simpler one must have to be taken instead
 MAX_EFFECTS = 8
+VERY_STRONG = 10.0  # difference of Schwarz's criterion that is very strong evidence
 Choice = tuple[Explanation, ScoredCandidate]
 
 
@@ -55,9 +59,12 @@ def forward_select(
                     choices.append((tried, one))
         progress(1 + len(selected), MAX_EFFECTS)
         standing = {one.name: _standing(one, selected) for one in ranked}
-        forms = [one.projected for one in ranked if _is_refinement(one, standing) and one not in selected]
+        refinements = [one for one in ranked if _is_refinement(one, standing) and one not in selected]
         while choices:
-            then, chosen = _choose(choices, now, standing, expected)
+            simple = _parsimonious(choices, len(linear.residual))
+            then, chosen = _choose(simple, now, standing, expected)
+            wasteful = [one for _, one in choices if all(one is not other for _, other in simple)]
+            forms = [one.projected for one in refinements if one not in wasteful]
             if standing[chosen.name] == REFINEMENT or not forms:
                 break
             beside = linear.explain(*taken, *forms), linear.explain(*taken, *forms, chosen.projected)
@@ -79,6 +86,17 @@ def _standing(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
 
 def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
     return standing[one.name] == REFINEMENT and bool(one.candidate.effect.refines)
+
+
+def _parsimonious(choices: Sequence[Choice], count: int) -> list[Choice]:
+    """The most helpful, and those that the Bayesian information criterion of `count` coordinates does not speak very
+    strongly against in its favour (Schwarz 1978)."""
+
+    def criterion(choice: Choice) -> float:
+        return float(count * np.log(choice[0].in_sample) + choice[1].size * np.log(count))
+
+    limit = criterion(min(choices, key=lambda choice: choice[0].rms)) + VERY_STRONG
+    return [choice for choice in choices if criterion(choice) < limit]
 
 
 def _choose(
