@@ -282,7 +282,7 @@ def test_words_that_are_wrong_without_a_daemon(refuses: Callable[..., str], word
         (["arm", "--q", ZERO, "--servo", "joint1"], "servos: goes with where = 'stored'"),
         (["arm", "--at", "joint9", "3"], "unknown servo 'joint9'"),
         (["relax", "wing"], "unknown servo 'wing'"),
-        (["reset"], "reset_fault with pulses on is not allowed while armed; it is while fault"),
+        (["reset"], "reset_fault with pulses on is not allowed while armed (all servos are on); it is while fault"),
         (["ik", "1e9", "0", "0"], "position_m.0: input should be less than or equal to 100"),
         (["ik", "nan", "0", "0"], "position_m.0"),
         (["ik", "1", "0", "0", "--rpy", "1,2"], "--rpy has 2 numbers"),
