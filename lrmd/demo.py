@@ -31,7 +31,7 @@ CONFIG = """\
 schema = "lrm/daemon/1"
 robot = "demo"
 arm = "{arm}"
-link = {{ port = "simulated", pwm_hz = 330.0, silence_ms = 10000, reply_ms = 2000 }}
+link = {{ port = "simulated", pwm_hz = 330.0, silence_ms = 10000, reply_ms = 4900 }}
 safety = {{ stagger_ms = 50 }}
 state = {{ directory = "{state}" }}
 zenoh = {{ listen = ["tcp/127.0.0.1:{port}"] }}

@@ -24,7 +24,7 @@ CONFIG = """\
 schema = "lrm/daemon/1"
 robot = "{robot}"
 arm = "{arm}"
-link = {{ port = "simulated", pwm_hz = 330.0, silence_ms = 10000, reply_ms = 2000 }}
+link = {{ port = "simulated", pwm_hz = 330.0, silence_ms = 10000, reply_ms = 4900 }}
 ramp = {{ step_us = {step} }}
 safety = {{ stagger_ms = 50 }}
 state = {{ directory = "{state}" }}

@@ -124,7 +124,8 @@ def _rank(scored: ScoredCandidate, judgement: Judgement, before: ErrorStats) -> 
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    why = f"alone it would leave {in_mm(rms)} mm, but with the effects above there is no need of it"
+    refused = "with the effects above there is no need of it" if supported else "no refit confirmed what was selected"
+    why = f"alone it would leave {in_mm(rms)} mm, but {refused}"
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
         fall = f"the held-out error falls from {in_mm(before.rms)} to {in_mm(rms)} mm"

@@ -58,6 +58,7 @@ PAGE = """<!doctype html>
 <section>
 <h2>Which effect</h2>
 <div class="two"><div><div id="lrm-ranking" aria-label="candidates"></div></div><div id="lrm-detail"></div></div>
+<p class="lrm-soft screen-only">Choose an effect to see what it would add to the model.</p>
 <div class="two"><div id="lrm-added" class="lrm-figure medium"></div>
 <div id="lrm-form" class="lrm-figure medium"></div></div>
 {diagnosis}
@@ -99,7 +100,7 @@ OWN_STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 1200px; padding: 16px; }
 h1 { font-size: 22px; margin: 0; } h2 { font-size: 18px; border-bottom: 1px solid var(--grid); } h3 { font-size: 15px; }
 .verdict { font-size: 18px; font-weight: 600; margin: 4px 0; }
-.tall { height: 560px; } .medium { height: 380px; }
+.tall { height: 560px; } .medium { height: 380px; } .two .lrm-empty { display: none; }
 .two { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(420px, 100%), 1fr)); gap: 16px; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; margin: 8px 0 16px; font-size: 13px; font-variant-numeric: tabular-nums; }
