@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
@@ -153,7 +154,8 @@ def _untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
     """One line for all places of an effect that the data cannot test for the same reason."""
     by_reason: dict[tuple[str, str], list[str]] = defaultdict(list)
     for effect, reason in refused:
-        general = reason.replace(f"@{effect.place}", "@the joint") + (f" (needs {effect.needs})" if effect.needs else "")
+        general = re.sub(rf"\b{re.escape(effect.place)}\b", "the joint", reason)
+        general += f" (needs {effect.needs})" if effect.needs else ""
         if "typical size" in reason:
             general = "its typical size would hardly show in what is left now"
         by_reason[effect.id, general].append(effect.place)
