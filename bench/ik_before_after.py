@@ -115,17 +115,17 @@ def compare(
     solver, tools = CalibratedSolver.of(model), goals(model, max(counts.values()), seed=7)
     print(name)
     for kind in KINDS:
-        asked = tools[: counts[kind]]
+        goals = tools[: counts[kind]]
         got: list[list[tuple[float, list[tuple[float, ...]], float]]] = [[], []]
-        for start in range(0, len(asked), TURN):
+        for start in range(0, len(goals), TURN):
             for rows, checkout in zip(got, (before, after), strict=True):
-                rows += checkout.ask(name, kind, asked[start : start + TURN])
+                rows += checkout.ask(name, kind, goals[start : start + TURN])
         line = f"  {kind:12s}{ratios([t for t, _, _ in got[0]], [t for t, _, _ in got[1]])}"
         solved = [100.0 * np.mean([bool(branches) for _, branches, _ in rows]) for rows in got]
         line += f"   solved {solved[0]:.2f} -> {solved[1]:.2f} %"
         if kind in ("direct", "cube"):
             found, known = [0, 0], 0
-            for k, tool in enumerate(asked[: counts["cube"]]):
+            for k, tool in enumerate(goals[: counts["cube"]]):
                 mine = [[np.array(q) for q in rows[k][1]] for rows in got]
                 query = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
                 every = distinct([*mine[1], *mine[0], *exhaustive(solver, query)])
@@ -133,7 +133,7 @@ def compare(
                 for i, answered in enumerate(mine):
                     found[i] += sum(any(np.abs(q - row).max() < 1e-3 for row in answered) for q in every)
             line += f"   branches {100 * found[0] / known:.1f} -> {100 * found[1] / known:.1f} %"
-            line += f"   worst {1e3 * worst(model, asked, [branches for _, branches, _ in got[1]]):.1e} mm"
+            line += f"   worst {1e3 * worst(model, goals, [branches for _, branches, _ in got[1]]):.1e} mm"
         if kind == "unreachable":
             nearer = np.array([[d for _, _, d in rows] for rows in got])
             line += f"   nearer in {np.sum(nearer[1] < nearer[0] - 1e-4)}, further in "

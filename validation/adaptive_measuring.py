@@ -78,15 +78,15 @@ def drawn(arm: Arm, count: int, seed: Sequence[int]) -> Poses:
     return poses_of(clear_poses(arm, count, rng), np.where(np.arange(count) % 2, LOAD_G * 1e-3, 0.0))
 
 
-def told(rig: SimulatedRig, every: Poses, rows: Sequence[int]) -> tuple[AdaptiveFindings, int]:
-    """What measuring some rows tells, and how many poses were measured."""
+def assessed(rig: SimulatedRig, every: Poses, rows: Sequence[int]) -> tuple[AdaptiveFindings, int]:
+    """Findings from measuring some rows, and how many poses were measured."""
     again, of = with_repeats(rows)
     return assess(rig.measure(every.take(again), of)), len(again)
 
 
 def random_run(rig: SimulatedRig, every: Poses, goals: Poses) -> tuple[float, int]:
     """Error at the goals (m) after a random plan, and its poses."""
-    found, count = told(rig, every, range(RANDOM_POSES * REPEAT_EVERY // (REPEAT_EVERY + 1)))
+    found, count = assessed(rig, every, range(RANDOM_POSES * REPEAT_EVERY // (REPEAT_EVERY + 1)))
     return rig.goal_error(found.model, goals), count
 
 
@@ -94,7 +94,7 @@ def adaptive_run(rig: SimulatedRig, every: Poses, goals: Poses, mark: float, see
     """Error at the goals (m) as soon as it is no larger than a mark, and the poses that took."""
     rows = first_rows(nominal_model(rig.arm), None, every, FIRST_BATCH, seed).tolist()
     while True:
-        found, count = told(rig, every, rows)
+        found, count = assessed(rig, every, rows)
         error = rig.goal_error(found.model, goals)
         if error <= mark or count > RANDOM_POSES:
             return error, count

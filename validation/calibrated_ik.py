@@ -108,7 +108,7 @@ def goals(model: Model, count: int, seed: int = 1) -> Array:
 
 
 def replies(solver: CalibratedSolver, tools: Array, method: Method) -> list[CalibratedReply]:
-    """One reply per goal; each tells what it took."""
+    """One reply per goal; each with the time it took."""
     solver.warm_up()
     return [solver.solve(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD, method=method) for tool in tools]
 

@@ -19,8 +19,8 @@ from lrm_math.errors import LrmError
 RATIO = 1.5
 
 
-def told(seed: int) -> dict[str, Any]:
-    """What one demo says of itself. Raises `LrmError` if it fails."""
+def demo_document(seed: int) -> dict[str, Any]:
+    """The results of one demo. Raises `LrmError` if it fails."""
     with tempfile.TemporaryDirectory(prefix="lrm-loop-") as folder:
         command = [sys.executable, "-m", "lrm_ident.demo", "--seed", str(seed), "--out", folder]
         done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
@@ -41,7 +41,7 @@ def main() -> int:
     print("|---|---|---|---|---|---|---|---|---|---|")
     for seed in range(options.first, options.first + options.seeds):
         try:
-            one = told(seed)
+            one = demo_document(seed)
         except LrmError as error:
             print(f"| {seed} | failed: {error} |", flush=True)
             continue

@@ -64,7 +64,7 @@ def cross_load(hidden: Sequence[synthetic.HiddenEffect]) -> list[list[float]]:
 
 
 def two_joints() -> tuple[int, int, float, float]:
-    """Parameters, those that ten by ten poses tell, and the mean error before and after (mm)."""
+    """Parameters, those that ten by ten poses determine, and the mean error before and after (mm)."""
     rig, model = synthetic.load_arm(shipped_arms()["two-joint"]), nominal_model(load_arm("two-joint"))
     levels = np.radians(np.linspace(-100, 100, 10))
     q = np.stack(np.meshgrid(levels, levels, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -97,7 +97,7 @@ def main() -> None:
         alone = "none" if eliminated is None else f"{eliminated:.2f}"
         print(f"{count} poses: with prior {with_prior:.2f}, elimination {alone} mm RMS, median of {ARMS} arms")
     print("cross-load, nothing hidden:", np.round(cross_load(()), 2).tolist())
-    print("two joints: {} parameters, {} told, mean {:.2f} to {:.2f} mm".format(*two_joints()))
+    print("two joints: {} parameters, {} determined, mean {:.2f} to {:.2f} mm".format(*two_joints()))
     if path:
         print("Table B.1, option 1: {:.2f} mm, base placed anew {:.2f} mm".format(*printed_parameters(path)))
 

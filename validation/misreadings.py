@@ -177,10 +177,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=1, help="of every misreading and arm")
     parser.add_argument("--half", choices=sorted(HALVES), default="report")
-    asked = parser.parse_args()
-    first = HALVES[asked.half]
-    print(f"{asked.half} (shares of the spread of the positions):")
-    print_misreadings(range(first, first + asked.seeds))
+    options = parser.parse_args()
+    first = HALVES[options.half]
+    print(f"{options.half} (shares of the spread of the positions):")
+    print_misreadings(range(first, first + options.seeds))
     print_healthy(range(first, first + HEALTHY_SEEDS))
 
 

@@ -31,7 +31,7 @@ ARM_ERROR = (5e-4, 2e-3)
 """m and rad: what effects that nobody has named yet leave of a pose."""
 ARM_EFFECTS = ("offsets", "compliance", "servo_gain")
 PART = 1e-3
-"""m: how far the length of a part is from its drawing; a board of another size is told by that."""
+"""m: how far the length of a part is from its drawing; a board of another size is recognised by that."""
 FEWEST_SIDE = 6  # photos on either side of a step
 SIGNIFICANT = 1e-6
 SMALLEST_STEP = 1e-3  # m, or m at a decimetre: a smaller step is not worth a word

@@ -92,9 +92,9 @@ class AdaptiveCampaign:
         random = random_poses_as_good(found, load_measurements(file.path, self.arm).poses, every, self.seed)
         words = f"{count} poses are enough, {len(plan)} were offered"
         if random is None:
-            return f"{words}; all of these, without this choice, would be expected to tell less"
+            return f"{words}; all of these, without this choice, would be expected to determine less"
         saved = f": {random - count} saved" if random > count else ""
-        return f"{words}; drawn at random, about {random} would be expected to tell as much{saved}"
+        return f"{words}; drawn at random, about {random} would be expected to determine as much{saved}"
 
 
 def findings_words(found: AdaptiveFindings) -> str:

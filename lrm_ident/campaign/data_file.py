@@ -29,7 +29,7 @@ DAY = 86_400.0
 
 @dataclass(frozen=True)
 class ArmState:
-    """What the arm was told at a pose.
+    """State commanded at a pose.
 
     `q`: angles of the pulses that the board puts out, rounded to its counts (rad). `direction`: last move of each
     joint (1, 0, −1). `temperature`: of the hottest winding, by the daemon's thermal model (degC). `session`: of the

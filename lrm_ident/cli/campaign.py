@@ -44,7 +44,8 @@ Dwell = Annotated[float, Option(min=0.05, help="Seconds at the end of the rest t
 LoadCommand = Annotated[
     str | None,
     Option(
-        metavar="COMMAND", help="Run to change the load, with the grams as its last word. Default: a person is asked."
+        metavar="COMMAND",
+        help="Changes the load, with the grams as its last word. Default: a question on the terminal.",
     ),
 ]
 Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]
@@ -80,7 +81,7 @@ def measure(
     The arm must be armed. It takes planned ways, and pauses when a servo is warm. A rest in which a target is hidden,
     the tracker is frozen, or a frame lies far off is repeated. Interrupted, it holds; the same command goes on.
 
-    Adaptive (--until, --explain), it takes of POSES those that tell most: after every batch it fits, diagnoses, and
+    Adaptive (--until, --explain), it takes the most informative of POSES: after every batch it fits, diagnoses, and
     chooses the next ones, until that is enough; some are measured twice.
     """
     from lrm_ident.campaign.plan import load_plan

@@ -155,10 +155,10 @@ def design(
     effects_file: arg.EffectsFile = None,
     cluster: arg.Cluster = None,
 ) -> None:
-    """Choose the poses to measure next: those that make parameters known, and tell rival effects apart.
+    """Choose the poses to measure next: those that determine parameters, and distinguish rival effects.
 
     Writes a pose file in the order to measure: from which side to approach each pose, a few of them twice. Prints what
-    it will tell, beside as many poses drawn blindly.
+    they will determine, beside as many poses drawn blindly.
     """
     check_distinct(figure, output, json, poses, have, like)
     the_arm = load_arm(arm)

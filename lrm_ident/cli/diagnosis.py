@@ -164,7 +164,7 @@ def auto(
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
     errors = ErrorSummary(nominal_error(the_model.arm, last.data), error_stats(last.fit.residual), held_out)
     show(f"Model written to {output}", *errors.blocks(title))
-    whole = HeldOutResidual(None, "not asked for (--no-nested)")
+    whole = HeldOutResidual(None, "not requested (--no-nested)")
     if nested:
         with executor_for(cluster, effects_file, FOLDS) as pool, progress("choosing anew in every fold") as tick:
             whole = nested_held_out(the_model, measured, pool, max_effects, catalogue, tick, loss, rates)

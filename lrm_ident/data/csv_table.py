@@ -84,7 +84,7 @@ def read_table(path: Path) -> CsvTable:
 
 
 def require(table: CsvTable, required: Sequence[str]) -> CsvTable:
-    """The table, its required columns named as asked for. Raises `FileError`: a missing or doubled column, no rows."""
+    """The table, its required columns named as requested. Raises `FileError`: a missing or doubled column, no rows."""
     ours = {name.lower(): name for name in required}
     header = tuple(ours.get(name.lower(), name) for name in table.header)
     missing = [name for name in required if name not in header]

@@ -102,7 +102,7 @@ def _tracked(table: CsvTable, least: int) -> TrackerReadings:
         what = f"the quaternion's length is {length[row]:.3g}"
         raise FileError(table.path, table.at(row, "base_qw"), what, "it must be one: qw, qx, qy, qz of a rotation")
     if len(base) < least:
-        raise FileError(table.path, "", f"{len(base)} reading", f"at least {least} are needed to tell the noise")
+        raise FileError(table.path, "", f"{len(base)} reading", f"at least {least} are needed to estimate the noise")
     return TrackerReadings(base * MM, turn / length[:, None], tcp * MM)
 
 

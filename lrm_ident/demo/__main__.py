@@ -45,17 +45,17 @@ def main(argv: list[str] | None = None) -> int:
         options.out.mkdir(parents=True, exist_ok=True)
         for name in ("measured.csv", "measured.toml"):
             (options.out / name).unlink(missing_ok=True)
-        tell(options.out, seed)
+        run_demo(options.out, seed)
     except (LrmError, OSError) as error:
         print(f"lrm_ident.demo: {error}", file=sys.stderr)
         return 2
     return 0
 
 
-def tell(folder: Path, seed: int) -> None:
-    """The story, ended by its table. Raises `LrmError`."""
+def run_demo(folder: Path, seed: int) -> None:
+    """Runs all steps and prints the table at the end. Raises `LrmError`."""
     began = time.monotonic()
-    show(heading(f"Seed {seed}: `make demo SEED={seed}` tells the same story again."), TIME)
+    show(heading(f"Seed {seed}: `make demo SEED={seed}` runs the same demo again."), TIME)
     with tempfile.TemporaryDirectory(prefix="lrm-demo-") as private, simulated_world(Path(private), seed) as world:
         steps = DemoSteps(folder, world, seed)
         steps.measure()
@@ -94,12 +94,12 @@ def conclude(folder: Path, seed: int, named: NamedEffect, results: Mapping[str, 
         f"Named by diagnose: {named.words}: {right}.",
         f"Report: {folder / 'report.html'}. All in {seconds:.0f} s.",
     )
-    told = {
+    document = {
         "schema": "lrm/demo/1", "seed": seed, "hidden": hidden.effect, "verdict": named.verdict, "named": named.name,
         "indistinguishable_from": named.rivals, "right": named.agrees(hidden.effect), "seconds": seconds,
         "rms_mm": {row[0]: row[2] for row in rows}, "floor_rms_mm": {row[0]: row[4] for row in rows},
     }  # fmt: skip
-    (folder / "demo.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    (folder / "demo.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Sequential experiment design: after every batch of poses fit, diagnose, and choose those that tell most next.
+"""Sequential experiment design: after every batch of poses fit, diagnose, and choose the most informative next.
 
 Chernoff 1959, Sequential Design of Experiments; batches are D-optimal for the parameters and, while effects cannot be
 told apart, Ds-optimal for these (`pose_design`).
@@ -53,7 +53,7 @@ class StoppingGoal:
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveFindings:
-    """What the poses so far tell.
+    """What is known from the poses so far.
 
     Attributes:
         model: after the last step of `auto`. named: for each effect added, its name and those it cannot be told from.

@@ -66,7 +66,7 @@ def check_count(n: int, candidates: int, parameters: int, measured: int = 0, row
     `rows`: how many numbers are measured of a pose.
     """
     if n > candidates:
-        raise LrmError(f"{n} poses asked for, but there are only {candidates} candidates")
+        raise LrmError(f"{n} poses requested, but there are only {candidates} candidates")
     least = max(1, -(-parameters // rows) - measured)
     if n < least:
         raise LrmError(f"{n + measured} poses cannot tell {parameters} parameters; ask for at least {least} (-n)")

@@ -29,7 +29,7 @@ class RankDeficient(LrmError):
     def __init__(self, poses: int, rank: int, parameters: int) -> None:
         self.rank, self.parameters = rank, parameters
         super().__init__(
-            f"all {poses} candidate poses together tell only {rank} of {parameters} parameters; offer more varied "
+            f"all {poses} candidate poses together determine only {rank} of {parameters} parameters; offer more varied "
             "poses or fit fewer parameters (lrm-ident identify-parameters names those that move the TCP alike)"
         )
 

@@ -1,4 +1,4 @@
-"""Adding effects to a model: everything is refitted, and what can then be told of the base parameters is freed."""
+"""Adding effects to a model: everything is refitted, and base parameters that can then be determined are freed."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss | None = No
     """Frees what the data can tell beside the free parameters, of `offsets`, `compliance` and effects that are fitted
     in part, and refits.
 
-    What could not be told while an effect was missing may be told once it is there.
+    What could not be determined while an effect was missing may be once it is there.
     """
     for _ in range(MAX_FREEINGS):
         model = fitted.model

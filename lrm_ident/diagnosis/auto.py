@@ -29,7 +29,7 @@ class AutoStep:
         fit: with it. held_out: (N, 3), held-out residual with it (m).
         data: the measurements that were fitted, outliers left out.
         equivalent: the rest of its class: effects that these data cannot distinguish from it.
-        freed: keys of base parameters that could be told with it.
+        freed: keys of base parameters that could be determined with it.
     """
 
     added: str

@@ -168,8 +168,8 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     if any(name in effect.claim for name in words):
         return claim
     surest = sorted(estimates, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
-    told = ", ".join(f"{name} {words[name]}" for name in words if name in {one[0] for one in surest})
-    return f"{claim} ({told}{f' and {len(words) - MOST_WORDS} more' if len(words) > MOST_WORDS else ''})"
+    surest_values = ", ".join(f"{name} {words[name]}" for name in words if name in {one[0] for one in surest})
+    return f"{claim} ({surest_values}{f' and {len(words) - MOST_WORDS} more' if len(words) > MOST_WORDS else ''})"
 
 
 def _with_unit(value: float, error: float, unit: str) -> str:
@@ -178,7 +178,7 @@ def _with_unit(value: float, error: float, unit: str) -> str:
 
 
 def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:
-    """One sentence on which poses would tell more."""
+    """One sentence on which poses would be informative."""
     kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
     names = [name for one in supported[:1] for name in (one.name, *diagnosis.equivalent[one.name])]
     if len(names) > 1:

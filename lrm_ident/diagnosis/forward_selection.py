@@ -167,7 +167,7 @@ def _same_form(
     ranked: Sequence[ScoredCandidate],
     linear: LinearisedFit,
 ) -> set[str]:
-    """Effects of which a form that `one` needs is a form too: where a formula is wrong, formulas do not tell."""
+    """Effects of which a form that `one` needs is a form too: where a formula is wrong, formulas do not distinguish."""
     found: set[str] = set()
     for form in ranked:
         if one.name in form.candidate.effect.refined:

@@ -23,7 +23,7 @@ from lrm_ident.fleet.manifest import FleetMember
 
 FEWEST_SISTERS, FEWEST_OF_A_LEVEL = 4, 2
 MOST_LEVELS = 8
-TELLS = 1.0  # typical sizes: a standard error above it says nothing of one arm
+DETERMINED = 1.0  # typical sizes: a standard error above it says nothing of one arm
 Estimated = tuple[int, float, float]
 """Number of an arm, its estimate and standard error (typical sizes)."""
 
@@ -67,7 +67,7 @@ class FleetOutlier:
 def tag_links(
     members: Sequence[FleetMember],
     records: Sequence[ArmRecord],
-    told: Sequence[ArmEstimates],
+    estimates: Sequence[ArmEstimates],
     rates: Sequence[EffectRate],
 ) -> tuple[TagLink, ...]:
     """What goes significantly with a tag, surest first."""
@@ -80,7 +80,7 @@ def tag_links(
             continue
         named = list(zip(levels, groups, strict=True))
         tried |= {(link.what, tag): link for link in _of_effects(tag, named, records, rates)}
-        tried |= {(link.what, tag): link for link in _of_parameters(tag, named, told)}
+        tried |= {(link.what, tag): link for link in _of_parameters(tag, named, estimates)}
     adjusted = benjamini_yekutieli({f"{what}\t{tag}": link.p_value for (what, tag), link in tried.items()})
     found = [
         TagLink(link.what, tag, adjusted[f"{what}\t{tag}"], link.levels)
@@ -90,12 +90,12 @@ def tag_links(
     return tuple(sorted(found, key=lambda link: link.p_value))
 
 
-def outliers(records: Sequence[ArmRecord], told: Sequence[ArmEstimates]) -> tuple[FleetOutlier, ...]:
+def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) -> tuple[FleetOutlier, ...]:
     """Parameters of arms that are farther from their sisters' than chance puts one of all, farthest first.
 
     The farthest is taken out and the rest looked at again, so that one cannot hide another.
     """
-    known = {key: [row for row in rows if row[2] < TELLS] for key, rows in _by_key(told).items()}
+    known = {key: [row for row in rows if row[2] < DETERMINED] for key, rows in _by_key(estimates).items()}
     tests = sum(len(rows) for rows in known.values() if len(rows) > FEWEST_SISTERS)
     found = []
     for key, rows in known.items():
@@ -105,7 +105,7 @@ def outliers(records: Sequence[ArmRecord], told: Sequence[ArmEstimates]) -> tupl
             if 2.0 * float(stdtr(len(rows) - 2, -distance)) * tests > SIGNIFICANCE:
                 break
             rows = [other for other in rows if other is not row]
-            parameter = told[row[0]].model.parameters[told[row[0]].model.position(key)]
+            parameter = estimates[row[0]].model.parameters[estimates[row[0]].model.position(key)]
             scale = parameter.typical / parameter.si
             numbers = row[1] * scale, middle * scale, spread * scale
             found.append(FleetOutlier(records[row[0]].name, key, *numbers, distance))
@@ -122,10 +122,10 @@ def _distance(row: Estimated, rows: Sequence[Estimated]) -> tuple[float, Estimat
     return abs(row[1] - middle) / max(sd, 1e-12), row, middle, spread
 
 
-def _by_key(told: Sequence[ArmEstimates]) -> dict[str, list[Estimated]]:
+def _by_key(estimates: Sequence[ArmEstimates]) -> dict[str, list[Estimated]]:
     """For each parameter: (arm, estimate, standard error) in typical sizes."""
     known: dict[str, list[Estimated]] = {}
-    for arm, one in enumerate(told):
+    for arm, one in enumerate(estimates):
         for key, value, variance in zip(one.keys, one.mean, np.diag(one.covariance), strict=True):
             known.setdefault(key, []).append((arm, float(value), float(np.sqrt(variance))))
     return known
@@ -146,14 +146,14 @@ def _of_effects(
 
 
 def _of_parameters(
-    tag: str, levels: Sequence[tuple[str, list[int]]], told: Sequence[ArmEstimates]
+    tag: str, levels: Sequence[tuple[str, list[int]]], estimates: Sequence[ArmEstimates]
 ) -> Iterator[TagLink]:
-    for key, known in _by_key(told).items():
-        value = {arm: estimate for arm, estimate, error in known if error < TELLS}
+    for key, known in _by_key(estimates).items():
+        value = {arm: estimate for arm, estimate, error in known if error < DETERMINED}
         groups = [[value[arm] for arm in group if arm in value] for _, group in levels]
         full = [group for group in groups if len(group) >= FEWEST_OF_A_LEVEL]
         if len(full) >= 2 and np.ptp(np.concatenate(full)) > 0:
-            model = told[known[0][0]].model
+            model = estimates[known[0][0]].model
             parameter = model.parameters[model.position(key)]
             scale = parameter.typical / parameter.si
             seen = ((level, group) for (level, _), group in zip(levels, groups, strict=True) if group)

@@ -59,7 +59,7 @@ class FleetKnowledge:
     arms: int
 
 
-def told_parameters(record: ArmRecord, models: Path) -> ArmEstimates:
+def arm_estimates(record: ArmRecord, models: Path) -> ArmEstimates:
     """An arm's estimates with the weak prior. `models`: folder that the paths of arm files are relative to."""
     file = validate(models / f"{record.name}.toml", tomllib.loads(record.evidence), ModelFile)
     model = to_model(models, file, arm_of(models / f"{record.name}.toml", file.arm))
@@ -71,30 +71,30 @@ def told_parameters(record: ArmRecord, models: Path) -> ArmEstimates:
     return ArmEstimates(model, known.keys, mean, known.matrix / np.outer(typical, typical))
 
 
-def fleet_knowledge(records: Sequence[ArmRecord], told: Sequence[ArmEstimates]) -> FleetKnowledge:
+def fleet_knowledge(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) -> FleetKnowledge:
     """Population and rates of arms of one kind. Raises `LrmError`: fewer than three arms.
 
     Parameters of an effect are those of the arms that have it.
     """
     if len(records) < FEWEST_ARMS:
-        raise LrmError(f"{len(records)} arms tell no spread; a fleet's prior needs at least {FEWEST_ARMS}")
-    keys = tuple(dict.fromkeys(key for one in told for key in one.keys))
-    by_key = {key: one.model.parameters[one.model.position(key)] for one in told for key in one.keys}
+        raise LrmError(f"{len(records)} arms determine no spread; a fleet's prior needs at least {FEWEST_ARMS}")
+    keys = tuple(dict.fromkeys(key for one in estimates for key in one.keys))
+    by_key = {key: one.model.parameters[one.model.position(key)] for one in estimates for key in one.keys}
     place = {key: number for number, key in enumerate(keys)}
-    evidence = [arm_evidence(one, place) for one in told]
+    evidence = [arm_evidence(one, place) for one in estimates]
     every = effect_rates([record.steps for record in records], [record.tested for record in records])
     rates = tuple(one for one in every if one.name.partition("@")[0] not in DEFAULT_EFFECTS)
     typical, units = (np.array([getattr(by_key[key], name) for key in keys]) for name in ("typical", "si"))
     return FleetKnowledge(keys, typical, units, fit_population(evidence, len(keys)), rates, len(records))
 
 
-def arm_evidence(told: ArmEstimates, place: dict[str, int]) -> ArmEvidence:
+def arm_evidence(estimates: ArmEstimates, place: dict[str, int]) -> ArmEvidence:
     """What the arm's poses alone say: the weak prior taken away from the posterior."""
-    posterior = np.linalg.inv(told.covariance)
-    information = posterior - np.eye(len(told.keys)) / WEAK_SD**2
+    posterior = np.linalg.inv(estimates.covariance)
+    information = posterior - np.eye(len(estimates.keys)) / WEAK_SD**2
     sizes, directions = np.linalg.eigh(0.5 * (information + information.T))
     information = (directions * np.maximum(sizes, 0.0)) @ directions.T
-    return ArmEvidence(np.array([place[key] for key in told.keys]), information, posterior @ told.mean)
+    return ArmEvidence(np.array([place[key] for key in estimates.keys]), information, posterior @ estimates.mean)
 
 
 def prior_text(known: FleetKnowledge, name: str, source: str) -> str:

@@ -24,13 +24,13 @@ class FleetResult:
     """A fleet that was identified.
 
     Attributes:
-        told: what each arm with a model says of its parameters, by name. known: what they have in common, or the reason
-            why nothing can be said. left_out: outliers, which are not part of what is common.
+        estimates: parameters of each arm with a model, by name. known: what they have in common, or the reason why
+            nothing can be said. left_out: outliers, which are not part of what is common.
     """
 
     members: tuple[FleetMember, ...]
     records: tuple[ArmRecord, ...]
-    told: dict[str, ArmEstimates]
+    estimates: dict[str, ArmEstimates]
     known: FleetKnowledge | str
     links: tuple[TagLink, ...]
     outliers: tuple[FleetOutlier, ...]
@@ -88,20 +88,20 @@ def fleet_columns(result: FleetResult) -> dict[str, list[Any]]:
     rows = [_row(member, record) for member, record in zip(result.members, result.records, strict=True)]
     columns = {name: [row.get(name) for row in rows] for name in dict.fromkeys(name for row in rows for name in row)}
     columns["effects"] = [" ".join(names or ()) for names in columns["effects"]]
-    keys = dict.fromkeys(key for told in result.told.values() for key in told.keys)
+    keys = dict.fromkeys(key for one in result.estimates.values() for key in one.keys)
     for key in keys:
-        pairs = [_estimate(result.told.get(record.name), key) for record in result.records]
+        pairs = [_estimate(result.estimates.get(record.name), key) for record in result.records]
         columns[key], columns[f"{key}_se"] = [value for value, _ in pairs], [error for _, error in pairs]
     return columns
 
 
-def _estimate(told: ArmEstimates | None, key: str) -> tuple[float | None, float | None]:
+def _estimate(estimates: ArmEstimates | None, key: str) -> tuple[float | None, float | None]:
     """Value and standard error in the unit of the key."""
-    if told is None or key not in told.keys:
+    if estimates is None or key not in estimates.keys:
         return None, None
-    j, parameter = told.keys.index(key), told.model.parameters[told.model.position(key)]
+    j, parameter = estimates.keys.index(key), estimates.model.parameters[estimates.model.position(key)]
     scale = parameter.typical / parameter.si
-    return float(told.mean[j] * scale), float(np.sqrt(told.covariance[j, j]) * scale)
+    return float(estimates.mean[j] * scale), float(np.sqrt(estimates.covariance[j, j]) * scale)
 
 
 def _row(member: FleetMember, record: ArmRecord) -> dict[str, Any]:

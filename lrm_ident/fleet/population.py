@@ -1,6 +1,6 @@
 """The population that arms of one kind are drawn from: empirical Bayes (Morris 1983), parameter by parameter.
 
-Arm i has parameters θ_i ~ N(μ, diag τ²), and its poses tell of them an information matrix Λ_i and a vector Λ_i θ̂_i: the
+Arm i has parameters θ_i ~ N(μ, diag τ²), and its poses determine an information matrix Λ_i and a vector Λ_i θ̂_i: the
 normal-normal hierarchical model with known standard errors, for all parameters together, so that what one arm cannot
 tell apart its sisters may. μ and τ maximise the restricted marginal likelihood (Patterson & Thompson 1971) by
 expectation-maximisation (Dempster, Laird & Rubin 1977; Laird & Ware 1982).
@@ -21,12 +21,12 @@ STEPS, TOLERANCE = 400, 1e-4  # of log τ
 SMALLEST, WIDEST = 1e-3, 3.0  # of τ, in typical sizes: what a model file's digits and the prior `vague` allow
 LEVEL = 0.95
 VAGUE_LOG_SD = 1.5
-"""Standard deviation of log τ before any arm: without it a spread that no arm tells would have no interval."""
+"""Standard deviation of log τ before any arm: without it a spread that no arm determines would have no interval."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmEvidence:
-    """What one arm tells, in typical sizes, of the parameters of its model.
+    """What one arm determines, in typical sizes, of the parameters of its model.
 
     Attributes:
         places: (P,), the parameters' numbers in the population. information: (P, P), Λ. along: (P,), Λ θ̂.
@@ -43,7 +43,7 @@ class Population:
 
     Attributes:
         mean, mean_error: (Q,), μ and its standard error. spread: (Q,), τ.
-        freedom: (Q,), equivalent number of arms less one that tell τ, as if their parameters were known exactly.
+        freedom: (Q,), equivalent number of arms less one that determine τ, as if their parameters were known exactly.
         mean_freedom: (Q,), the same of the mean's error: effective number of arms (Kish 1965) less one.
         arms: (Q,), how many have the parameter.
     """
@@ -76,18 +76,18 @@ class Population:
 
 def fit_population(arms: Sequence[ArmEvidence], count: int) -> Population:
     """Mean and spread of `count` parameters; one that no arm has is zero with the widest spread."""
-    told = _stacked(arms, count)
-    many = told.present.sum(axis=0).astype(np.float64)
+    stacked = _stacked(arms, count)
+    many = stacked.present.sum(axis=0).astype(np.float64)
     spread: Array = np.ones(count)
     for _ in range(STEPS):
-        squares = _expectation(told, spread)[2]
+        squares = _expectation(stacked, spread)[2]
         new = np.where(many > 0, np.sqrt(squares / np.maximum(many, 1)), WIDEST)
         new = np.clip(new, SMALLEST, WIDEST)
         change = float(np.abs(np.log(new / spread)).max(initial=0.0))
         spread = new
         if change < TOLERANCE:
             break
-    mean, error, _, precisions = _expectation(told, spread)
+    mean, error, _, precisions = _expectation(stacked, spread)
     own = np.einsum("nii->ni", precisions)
     effective = own.sum(axis=0) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)
     freedom = _freedom(precisions, spread, many)
@@ -113,18 +113,18 @@ def _stacked(arms: Sequence[ArmEvidence], count: int) -> _Stacked:
     return out
 
 
-def _expectation(told: _Stacked, spread: Array) -> tuple[Array, Array, Array, Array]:
+def _expectation(stacked: _Stacked, spread: Array) -> tuple[Array, Array, Array, Array]:
     """At these spreads: μ, its covariance, the expected sum of (θ_i − μ)² for each parameter, and each arm's precision
     of μ (n, Q, Q)."""
     inverse = spread**-2
-    covariance = np.linalg.inv(told.information + np.diag(inverse))
+    covariance = np.linalg.inv(stacked.information + np.diag(inverse))
     precision = np.diag(inverse) - inverse[:, None] * covariance * inverse
     error = np.asarray(np.linalg.inv(np.eye(len(spread)) / WIDEST**2 + precision.sum(axis=0)))
-    mean: Array = error @ (inverse * np.einsum("nij,nj->ni", covariance, told.along)).sum(axis=0)
-    deviation = np.einsum("nij,nj->ni", covariance, told.along + inverse * mean) - mean
+    mean: Array = error @ (inverse * np.einsum("nij,nj->ni", covariance, stacked.along)).sum(axis=0)
+    deviation = np.einsum("nij,nj->ni", covariance, stacked.along + inverse * mean) - mean
     lever = covariance * inverse - np.eye(len(spread))
     unsure = np.einsum("nii->ni", covariance) + ((lever @ error) * lever).sum(axis=2)
-    squares = np.where(told.present, deviation**2 + unsure, 0.0).sum(axis=0)
+    squares = np.where(stacked.present, deviation**2 + unsure, 0.0).sum(axis=0)
     return mean, error, squares, precision
 
 

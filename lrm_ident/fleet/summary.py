@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lrm_ident.fleet.fleet_findings import outliers, tag_links
-from lrm_ident.fleet.fleet_prior import FleetKnowledge, fleet_knowledge, told_parameters
+from lrm_ident.fleet.fleet_prior import FleetKnowledge, arm_estimates, fleet_knowledge
 from lrm_ident.fleet.fleet_report import FleetResult
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
@@ -20,11 +20,11 @@ def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], m
         models: folder of the model files.
     """
     done = [(member, record) for member, record in zip(members, records, strict=True) if not record.reason]
-    told = [told_parameters(record, models) for _, record in done]
-    found = outliers([record for _, record in done], told)
+    estimates = [arm_estimates(record, models) for _, record in done]
+    found = outliers([record for _, record in done], estimates)
     odd = {one.arm for one in found}
     kept = [number for number, (_, record) in enumerate(done) if record.name not in odd]
-    sisters, theirs = [done[number][1] for number in kept], [told[number] for number in kept]
+    sisters, theirs = [done[number][1] for number in kept], [estimates[number] for number in kept]
     known: FleetKnowledge | str
     try:
         known = fleet_knowledge(sisters, theirs)
@@ -34,7 +34,7 @@ def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], m
     return FleetResult(
         members=tuple(members),
         records=tuple(records),
-        told={record.name: one for (_, record), one in zip(done, told, strict=True)},
+        estimates={record.name: one for (_, record), one in zip(done, estimates, strict=True)},
         known=known,
         links=tag_links([done[number][0] for number in kept], sisters, theirs, rates) if sisters else (),
         outliers=found,

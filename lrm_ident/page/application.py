@@ -54,7 +54,7 @@ def _add_page(session: WorkbenchSession, gone: str, tour: bool) -> None:
 
 
 def _when_started(place: WorkbenchPlace, session: WorkbenchSession, show: bool) -> None:
-    """The session goes on, and a person is told where the page is."""
+    """The session goes on, and where the page is is printed."""
 
     async def ticking() -> None:
         """Takes what comes from the process that works."""

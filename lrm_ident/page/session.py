@@ -99,7 +99,7 @@ class WorkbenchSession:
 
     @property
     def busy(self) -> bool:
-        """Whether work is going on that a person asked for; the diagnosis of a step gives way to it."""
+        """Whether work is going on that a person requested; the diagnosis of a step gives way to it."""
         return self.worker.task is not None and not isinstance(self.worker.task, DiagnoseTask)
 
     @property

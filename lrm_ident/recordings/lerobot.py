@@ -64,8 +64,8 @@ def read_lerobot(folder: Path, arm: Arm, dwell: float) -> LeRobotRests:
         raise LrmError(f"{folder}: the arm never rests for {dwell:g} s; record it standing still at each pose")
     scatter = float(np.sqrt(np.mean([feedback[rows].var(axis=0).mean() for rows in rests])))
     middle = np.array([rows[len(rows) // 2] for rows in rests])
-    asked, read = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (command, feedback))
-    return LeRobotRests(asked, read, scatter, t[middle], episode[middle], middle)
+    commanded, read = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (command, feedback))
+    return LeRobotRests(commanded, read, scatter, t[middle], episode[middle], middle)
 
 
 def _rests(

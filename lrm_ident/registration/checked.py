@@ -38,7 +38,7 @@ class Misread(FileError):
 
 
 def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Reading | None = None) -> Measurements:
-    """Reads measurements and asks whether the arm can have made them.
+    """Reads measurements and tests whether the arm can have made them.
 
     Args:
         reading: how to read the numbers; then the file beside the data says, then `usual`, then the columns' names.
@@ -65,7 +65,7 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
     if not answer.right:
         raise Misread(data.path, answer, arm, data.stated)
     better = next((scored for scored in answer.found if scored.hypothesis.words), None)
-    if better is None or not answer.read.telling:
+    if better is None or not answer.read.overdetermined:
         return ()
     words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.stated)})"
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(answer.read)}",)
@@ -78,7 +78,7 @@ def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:
     rows = data.positions
     if not len(rows):
         right = "leave it out; state distance_from_mm in the arm's frame, or not at all"
-        raise FileError(data.path, "", "distances alone do not tell the frame that they are in", right)
+        raise FileError(data.path, "", "distances alone do not determine the frame that they are in", right)
     if len(rows) > MOST_POSES:
         rows = np.sort(np.random.default_rng(0).choice(rows, MOST_POSES, replace=False))
     motion = registered(arm, data.poses.take(rows), data.tcp[rows])[1]

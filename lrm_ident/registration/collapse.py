@@ -29,7 +29,7 @@ class DestroyedArm(LrmError):
 
 
 def check_arm(rest: Equilibrium, free: Sequence[str]) -> None:
-    """Raises `DestroyedArm` if a fit does not describe the arm that it was asked for.
+    """Raises `DestroyedArm` if a fit does not describe the arm of the question.
 
     Args:
         rest: equilibrium of the fitted model at the poses.

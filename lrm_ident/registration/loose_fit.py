@@ -21,7 +21,7 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
 STEPS, SETTLED = 10, 0.01  # relative change of the score
-TELLING = 2.0  # coordinates per parameter
+OVERDETERMINED = 2.0  # coordinates per parameter
 ANGLE_SD, ANGLE_BOUND = np.radians(5.0), np.radians(15.0)
 LENGTH_SD, LENGTH_BOUND = 0.010, 0.030  # m, or of the reach where that is more:
 RELATIVE_SD, RELATIVE_BOUND = 0.010, 0.030
@@ -36,12 +36,12 @@ TRUSTED = 0.8  # share of the poses, the nearest ones, that the score counts
 class LooseFit:
     """`tcp`: (N, 3), predicted with the fitted dimensions (m). `score`: `trimmed_rms` of the distances (m).
 
-    `telling`: whether there are so many coordinates that the fit cannot follow whatever was measured.
+    `overdetermined`: whether there are so many coordinates that the fit cannot follow whatever was measured.
     """
 
     tcp: Array
     score: float
-    telling: bool
+    overdetermined: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,9 @@ def loose_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> L
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
     sizes = _sizes(equilibrium(model, poses), fixed_base)
     columns = [model.position(key) for key in sizes.keys]
-    z, telling = np.zeros(len(columns)), tcp.size >= TELLING * len(columns)
+    z, overdetermined = np.zeros(len(columns)), tcp.size >= OVERDETERMINED * len(columns)
     best: LooseFit | None = None
-    robust = telling  # weights slow a fit that can follow anything, so such a one starts without
+    robust = overdetermined  # weights slow a fit that can follow anything, so such a one starts without
     for step in range(STEPS + 1):
         try:
             rest = equilibrium(_filled(model, columns, z), poses)
@@ -74,7 +74,7 @@ def loose_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> L
             break
         residual = tcp - rest.tcp
         distance = np.linalg.norm(residual, axis=1)
-        now = LooseFit(rest.tcp, trimmed_rms(distance), telling)
+        now = LooseFit(rest.tcp, trimmed_rms(distance), overdetermined)
         settled = best is not None and abs(now.score - best.score) < SETTLED * best.score
         best = now if best is None or now.score < best.score else best
         if settled and robust:

@@ -1,8 +1,8 @@
 """Is the question right? Whether an arm can have moved to the measured positions, as they were read or read otherwise.
 
 The measured cloud is compared with the nominal arm under few hypotheses. For each set of joint angles the best
-similarity (Umeyama 1991), proper and mirrored, tells unit, axes and frame; a loose fit of the arm's dimensions then
-scores them. Errors of a real arm fit loosely, a misreading does not.
+similarity (Umeyama 1991), proper and mirrored, determines unit, axes and frame; a loose fit of the arm's dimensions
+then scores them. Errors of a real arm fit loosely, a misreading does not.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ LOOKED_AT, WORTH = 10, 2.0
 FLOOR = 0.01
 """Share of the cloud's spread below which a score is as good as any."""
 BETTER = 0.5
-"""A misreading is told only if it brings the score below this part of it."""
+"""A misreading is reported only if it brings the score below this part of it."""
 GOOD = 0.02
 """Share of the spread below which no less simple reading is looked for."""
 PLAUSIBLE = 0.15
 """Share of the spread that a right reading stays below."""
 ALIKE = 1.5
-"""Readings whose scores differ by less cannot be told apart; the simplest of them is taken."""
+"""Readings whose scores differ by less cannot be distinguished; the simplest of them is taken."""
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
 REGISTRATIONS = 2
@@ -62,13 +62,13 @@ class Scored:
     Attributes:
         score: `trimmed_rms` of the distances (m).
         spread: RMS distance of the nominal arm's positions from their centre (m).
-        telling: whether there are enough poses for a loose fit to miss at all.
+        overdetermined: whether there are enough poses for a loose fit to miss at all.
     """
 
     hypothesis: Hypothesis
     score: float
     spread: float
-    telling: bool
+    overdetermined: bool
 
     @property
     def share(self) -> float:
@@ -92,7 +92,7 @@ class Answer:
     def right(self) -> bool:
         """Whether the data can be taken as they were read."""
         best = min((scored.share for scored in self.found), default=np.inf)
-        if not self.read.telling:
+        if not self.read.overdetermined:
             return self.read.share <= HOPELESS
         return self.read.share <= min(max(FLOOR, best / BETTER), HOPELESS)
 
@@ -112,7 +112,7 @@ class Cloud:
         seen = registered(self.arm, poses, tcp)[0] if free else tcp
         nominal = nominal_tcp(self.arm, poses)
         fit = loose_fit(self.arm, poses, seen, fixed_base=free)
-        return Scored(hypothesis, fit.score, _spread(nominal), fit.telling)
+        return Scored(hypothesis, fit.score, _spread(nominal), fit.overdetermined)
 
 
 def ask(arm: Arm, data: Measurements) -> Answer | None:

@@ -174,7 +174,7 @@ def step_blocks(number: int, step: AutoStep) -> Iterator[Block]:
     if step.refines:
         yield Text(f"       another form of {' or '.join(step.refines)}, no new cause", style="dim")
     if step.freed:
-        yield Text(f"       can be told now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
+        yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
 
 def step_words(step: AutoStep) -> str:

@@ -27,7 +27,7 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
     sets = {units: {"all": found.all_values[units], "kept": found.kept_values[units]} for units in UNITS}
     blocks: list[Block] = [
         heading(
-            f"{found.poses} poses tell {kept} of {len(found.keys)} parameters: every singular value reaches "
+            f"{found.poses} poses determine {kept} of {len(found.keys)} parameters: every singular value reaches "
             f"{found.threshold:g} ({UNIT_WORDS[found.units]})"
         )
     ]

@@ -1,4 +1,4 @@
-"""Report of `propose`: the proposed law, how it was judged, its class, and poses that would tell more."""
+"""Report of `propose`: the proposed law, how it was judged, its class, and poses that would be informative."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ class PriorComparison:
             )
             estimates = _estimate(self.fit, key, scale), from_data, _estimate(self.alone, key, scale)
             rows.append((name, prior, *estimates, unit))
-        columns = ("parameter", "prior|", "with prior|", "told by data|", "elimination|", "unit")
+        columns = ("parameter", "prior|", "with prior|", "from data|", "elimination|", "unit")
         return ResultTable(columns, rows, "With the prior, and by elimination")
 
     def _errors(self) -> ResultTable:

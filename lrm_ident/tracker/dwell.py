@@ -12,7 +12,7 @@ from lrm_ident.tracker.frames import TargetNumbers, TrackerFrame, tip_position
 from lrm_math.arrays import Array
 
 LEAST = 5
-"""Frames of a rest; fewer tell neither a spread nor an outlier."""
+"""Frames of a rest; fewer show neither a spread nor an outlier."""
 LOST_SHARE = 0.1
 """Share of the frames in which a target may be unseen: a wink of a camera, no occlusion."""
 FROZEN = 5

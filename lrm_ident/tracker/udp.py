@@ -35,7 +35,7 @@ class UdpTracker:
 
     @property
     def port(self) -> int:
-        """The port, also where 0 was asked for."""
+        """The port, also where 0 was requested."""
         return int(self._socket.getsockname()[1])
 
     def frames(self, seconds: float) -> list[TrackerFrame]:

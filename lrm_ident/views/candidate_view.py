@@ -21,7 +21,7 @@ from lrm_ident.weights.row_weights import RowWeights
 from lrm_math.arrays import Array
 
 SHARE = 0.2
-"""Part of a joint's lever below which a pose tells nothing of its turn, as a share of the RMS lever."""
+"""Part of a joint's lever below which its turn cannot be observed at a pose, as a share of the RMS lever."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class CandidateView:
         turns: (n, M), the same as a turn of each joint (rad).
         joint: from 0, the one whose turn its motion is most like. driver: name of what its form is a function of.
         form: (M,), the turn of that joint that the candidate says (rad). around: (M,), with what would then be left.
-        told: (M,), whether the joint's lever is long enough for a turn to be told.
+        observable: (M,), whether the joint's lever is long enough to observe a turn.
     """
 
     name: str
@@ -43,7 +43,7 @@ class CandidateView:
     driver: str
     form: Array
     around: Array
-    told: NDArray[np.bool_]
+    observable: NDArray[np.bool_]
 
 
 def candidate_view(
@@ -64,8 +64,8 @@ def candidate_view(
     lever = (found.joint_jacobian**2).sum(axis=1)
     joint = _own_joint(scored.candidate.effect.place, (turns**2 * lever).sum(axis=1))
     around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
-    told = lever[joint] > SHARE**2 * lever[joint].mean()
-    driver = _driver(turns[joint][told], known, joint, told)
+    observable = lever[joint] > SHARE**2 * lever[joint].mean()
+    driver = _driver(turns[joint][observable], known, joint, observable)
     return CandidateView(
         name=scored.name,
         added=_drawn(added, rows),
@@ -74,7 +74,7 @@ def candidate_view(
         driver=known[driver].name,
         form=_drawn(turns[joint], rows),
         around=_drawn(around, rows),
-        told=told[rows] & (rows >= 0),
+        observable=observable[rows] & (rows >= 0),
     )
 
 
@@ -90,13 +90,13 @@ def _own_joint(place: str, explained: Array) -> int:
     return int(number) - 1 if number.isdigit() else int(np.argmax(explained))
 
 
-def _driver(form: Array, known: Sequence[Driver], joint: int, told: NDArray[np.bool_]) -> int:
+def _driver(form: Array, known: Sequence[Driver], joint: int, observable: NDArray[np.bool_]) -> int:
     """The driver of which the form is a function most nearly: neighbours in its order differ least.
 
     Von Neumann's ratio (1941). Quantities of the joint itself come first where they do as well.
     """
     order = sorted(range(len(known)), key=lambda i: known[i].joint != joint)
-    ratios = [_roughness(form, known[i].values[told]) for i in order]
+    ratios = [_roughness(form, known[i].values[observable]) for i in order]
     least = min(ratios)
     return next(i for i, ratio in zip(order, ratios, strict=True) if ratio <= 1.05 * least + 1e-9)
 

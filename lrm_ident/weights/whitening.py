@@ -104,7 +104,7 @@ def whitening_of(sd: Array | None, covariance: Array, alone: Array, sensed: Sens
 
 
 def measured_alike(known: Whitening) -> Callable[[Poses], Whitening]:
-    """Weights of poses that are measured as others were: each tells as much as one of those on average (information).
+    """Weights of poses that are measured as others were: each has as much information as one of those on average.
 
     `known`: weights of N poses. Parts that some of them lack count accordingly.
     """

@@ -86,7 +86,7 @@ class CapabilityMap:
 def pose_solver(arm: Arm) -> NominalSolver:
     """The inverse kinematics of the map. Raises `LrmError` for an arm of fewer than six joints."""
     if arm.dof < 6:
-        raise LrmError(f"arm '{arm.name}' has {arm.dof} joints; a capability map asks for whole poses, which take six")
+        raise LrmError(f"arm '{arm.name}' has {arm.dof} joints; a capability map needs whole poses, which take six")
     return solver_of(arm)
 
 

@@ -58,7 +58,7 @@ class FrictionCurve(Curve, LoadedJointEffect):
 
     def basis(self, poses: Poses, tau: Amounts, slot: int = 0) -> Amounts:
         """The states, and direction · |τ|."""
-        return (*poses.slid(self.joint, len(TRAVELS_DEG)), poses.approach(self.joint) * magnitude(tau[0]))
+        return (*poses.friction_states(self.joint, len(TRAVELS_DEG)), poses.approach(self.joint) * magnitude(tau[0]))
 
     def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
         """d · direction · sign τ."""

@@ -68,7 +68,7 @@ class Poses:
         """Sign of the last move of joint number `joint` from 0, 0 where unknown: (N,), or a float for one pose."""
         return 0.0 if self.direction is None else _number(self.direction[:, joint])
 
-    def slid(self, joint: int, count: int) -> tuple[Number, ...]:
+    def friction_states(self, joint: int, count: int) -> tuple[Number, ...]:
         """States of the `count` friction elements of a joint; where its moves are unknown, as after a long move."""
         if self.friction is None:
             return (self.approach(joint),) * count

@@ -1,4 +1,4 @@
-"""What the router process is told at its start: its configuration, keys and replies, of the messages' kinds."""
+"""Setup of the router process: its configuration, keys and replies, of the messages' kinds."""
 
 from __future__ import annotations
 

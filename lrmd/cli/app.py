@@ -103,7 +103,7 @@ def parser() -> argparse.ArgumentParser:
     c.add_argument("--go", action="store_true", help="and move there")
     _motion(c)
     c = command("fk", cartesian.fk, "where the bent arm's tool is for joint angles (mm)")
-    c.add_argument("--q", metavar="Q1,Q2,...", help="default: where the arm was told to be")
+    c.add_argument("--q", metavar="Q1,Q2,...", help="default: the last commanded angles")
     _payload(c)
     command("hold", motion.hold, "stop where it is, with pulses on; anybody may")
     c = command("relax", motion.relax, "stop the pulses: what they carried falls")

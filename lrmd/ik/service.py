@@ -158,7 +158,7 @@ class IkService:
         self._solver.warm_up()
 
     def inverse(self, request: IkRequest) -> Iterator[IkAnswer]:
-        """One answer per goal, each computed when it is asked for. Raises `LrmError` for invalid goals."""
+        """One answer per goal, each computed when it is taken. Raises `LrmError` for invalid goals."""
         self._check_angles("near_rad", request.near_rad)
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         method, rounding = method_of(request), Rounding(request.round)
@@ -184,7 +184,7 @@ class IkService:
             raise MessageError(f"{name}: {len(q)} angles; {self._config.arm.name} has {n} joints")
 
     def forward(self, request: FkRequest) -> Iterator[FkAnswer]:
-        """One answer per row of angles, each computed when it is asked for. Raises `LrmError`."""
+        """One answer per row of angles, each computed when it is taken from the iterator. Raises `LrmError`."""
         self._check_angles("near_rad", request.near_rad)
         for number, q in enumerate(request.q_rad):
             self._check_angles(f"q_rad.{number}", q)

@@ -250,7 +250,7 @@ class SharedRecords:
 
     @property
     def estop_reason(self) -> str:
-        """Why the last emergency stop was asked for; empty if nobody said so."""
+        """Why the last emergency stop was requested; empty if nobody said so."""
         return (self._estop_reason.read() or b"").rstrip(b"\0").decode(errors="replace")
 
     @estop_reason.setter

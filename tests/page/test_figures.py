@@ -84,8 +84,8 @@ def test_the_form_of_the_hidden_play_lies_on_the_data(data: Measurements) -> Non
     assert report.first is not None
     view = candidate_view(report.first, report.diagnosis, known, np.arange(len(seen)))
     assert (view.name, view.joint, view.driver) == ("backlash@joint2", 1, "torque of joint 2")
-    left = view.around[view.told] - view.form[view.told]
-    assert left.std() < 0.2 * view.around[view.told].std()
+    left = view.around[view.observable] - view.form[view.observable]
+    assert left.std() < 0.2 * view.around[view.observable].std()
     explained = 1 - ((fitted.residual - view.added) ** 2).sum() / (fitted.residual**2).sum()
     assert explained > 0.9
 

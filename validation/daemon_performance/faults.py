@@ -46,24 +46,24 @@ from validation.daemon_performance.measurement import (
 
 def estops(n: int) -> list[PerformanceFigure]:
     """From a put on cmd/estop by a client without lease to the frame that switches everything off."""
-    asked = []
+    requested = []
     with running_harness() as h, h.rover.control("bench"), zenoh.open(client([h.setup.endpoint])) as stranger:
         stop = stranger.declare_publisher(h.setup.key("cmd/estop"), express=True)
         for _ in range(n):
             h.arm()
             h.rover.move(FAR, wait=False)
             time.sleep(random.uniform(0.1, 0.2))
-            asked.append(time.monotonic_ns())
+            requested.append(time.monotonic_ns())
             stop.put(pack(EstopCommand(why="bench")))
             wait_for(lambda: not any(h.rover.joints().on), "the pulses are off")
             h.rover.reset_fault()
         off = [line.t for line in h.frames() if not line.pulsing]
-        return [PerformanceFigure("e-stop to the frame that stops", delays(asked, off), "ms", 13), h.step()]
+        return [PerformanceFigure("e-stop to the frame that stops", delays(requested, off), "ms", 13), h.step()]
 
 
 def hang_ups(n: int) -> list[PerformanceFigure]:
-    """The device vanishes: until the ramp has closed it, until that is told, and from its return to frames again."""
-    closed, told, back = [], [], []
+    """The device vanishes: until the ramp has closed it, until the event, and from its return to frames again."""
+    closed, events_at, back = [], [], []
     with running_harness() as h, h.rover.control("bench"):
         events: list[Event] = []
         h.rover.watch(Event, "event/link_down", events.append)
@@ -76,12 +76,12 @@ def hang_ups(n: int) -> list[PerformanceFigure]:
             h.wait_for_mode("fault")
             wait_for_link(h.rover)
             closed.append((let_go - gone) / MS)
-            told.append((events[-1].t_mono_ns - gone) / MS)
+            events_at.append((events[-1].t_mono_ns - gone) / MS)
             h.rover.reset_fault()
         pulsing = [line.t for line in h.frames() if line.pulsing]
         return [
             PerformanceFigure("disconnect to the ramp's letting go", tuple(closed), "ms", 10),
-            PerformanceFigure("- to the event", tuple(told), "ms"),
+            PerformanceFigure("- to the event", tuple(events_at), "ms"),
             PerformanceFigure("port back to pulses streaming again", delays(back, pulsing), "ms", 100),
             h.step(),
         ]

@@ -179,12 +179,12 @@ class QueryLoad:
             due, n = due + self._period, n + 1
 
     def _ask(self, request: bytes) -> None:
-        asked = time.monotonic_ns()
+        sent = time.monotonic_ns()
 
         def answered(reply: zenoh.Reply) -> None:
             if reply.ok is None:
                 self.refused += 1
             else:
-                self.took.append((time.monotonic_ns() - asked) / MS)
+                self.took.append((time.monotonic_ns() - sent) / MS)
 
         self._session.get(self._key, answered, payload=request, timeout=2.0, express=True)

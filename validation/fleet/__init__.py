@@ -1,1 +1,1 @@
-"""Many simulated arms of one kind: what a fleet tells of its next arm."""
+"""Many simulated arms of one kind: the prior of a fleet on its next arm."""

@@ -18,7 +18,7 @@ from lrm_ident.estimation.loss import SQUARED
 from lrm_ident.estimation.model_fit import fit_model, nominal_model
 from lrm_ident.estimation.model_history import model_text
 from lrm_ident.estimation.priors import PriorFile, to_prior
-from lrm_ident.fleet.fleet_prior import fleet_knowledge, prior_file, told_parameters
+from lrm_ident.fleet.fleet_prior import arm_estimates, fleet_knowledge, prior_file
 from lrm_ident.fleet.identify_arm import ArmRecord, evidence_of
 from lrm_ident.registration.checked import load_checked
 from lrm_math.arm.arm_file import load_arm
@@ -58,8 +58,8 @@ def _prior(sisters: Sequence[ArmOfKind], folder: Path) -> PriorFile:
     for arm in sisters:
         evidence = model_text(evidence_of(start, _data(arm, FEW, folder), ARM))
         records.append(ArmRecord(name=arm.name, sha256="made", evidence=evidence))
-    told = [told_parameters(record, folder) for record in records]
-    return prior_file(fleet_knowledge(records, told), "simulated fleet", "validation.fleet.fits_only")
+    estimates = [arm_estimates(record, folder) for record in records]
+    return prior_file(fleet_knowledge(records, estimates), "simulated fleet", "validation.fleet.fits_only")
 
 
 def _tips(arm: ArmOfKind, prior: PriorFile, folder: Path) -> Iterator[float]:

@@ -1,4 +1,4 @@
-"""Arms of one kind from the independent generator, drawn from a population that the tool is not told.
+"""Arms of one kind from the independent generator, drawn from a population that the tool does not know.
 
 The kind has errors of its own (a wrong drawing, a way of mounting), the same in all arms; each arm adds its own, which
 are smaller. Compliances, play and friction are drawn about the kind's; each effect is there in a part of the arms.

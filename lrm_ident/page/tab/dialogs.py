@@ -1,4 +1,4 @@
-"""The dialogs of the workbench. Each calls back what it is given; `Do` does it, and tells why it cannot be done."""
+"""The dialogs of the workbench. Each calls back what it is given; `Do` does it, and shows why it cannot be done."""
 
 from __future__ import annotations
 

@@ -92,13 +92,13 @@ class WorkbenchPage:
     def _numbers(self, found: str) -> str:
         law = self.session.law
         notices = "".join(f"<p>{html.escape(words)}</p>" for words in self.session.notices)
-        told = section_html("What to know of the files", notices)
-        return told + section_html("Proposed law", "" if law is None else law.words) + found
+        notes = section_html("What to know of the files", notices)
+        return notes + section_html("Proposed law", "" if law is None else law.words) + found
 
     # ---- doing
 
     def _do(self, action: Callable[[], object]) -> None:
-        """Does what a button says; why it cannot be done is told."""
+        """Does what a button says; shows why it cannot be done."""
         try:
             action()
         except LrmError as error:

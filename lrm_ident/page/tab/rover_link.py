@@ -62,7 +62,7 @@ class RoverLink:
     _session: Any = None
 
     def start(self) -> None:
-        """Connects, without waiting for it: `tip` tells what came of it."""
+        """Connects, without waiting for it: `tip` has the result."""
         threading.Thread(target=self._open, daemon=True).start()
 
     def _open(self) -> None:
@@ -102,9 +102,9 @@ class RoverLink:
 
     def _take(self, store: dict[str, Any], sample: Any) -> None:
         try:
-            told = msgpack.unpackb(sample.payload.to_bytes())
+            state = msgpack.unpackb(sample.payload.to_bytes())
         except ValueError:
             return
-        if isinstance(told, dict):
-            store.update(told)
+        if isinstance(state, dict):
+            store.update(state)
             self.heard = time.monotonic()

@@ -53,8 +53,8 @@ class RoverPanel:
         except LrmError as error:
             ui.run_javascript(f"lrm.rover({json.dumps({'words': str(error)})})")
             return
-        told = {"words": tip.words, "nominal": rounded(tip.nominal * 1e3, 2), "bent": rounded(tip.bent * 1e3, 2)}
-        ui.run_javascript(f"lrm.rover({json.dumps(told)})")
+        values = {"words": tip.words, "nominal": rounded(tip.nominal * 1e3, 2), "bent": rounded(tip.bent * 1e3, 2)}
+        ui.run_javascript(f"lrm.rover({json.dumps(values)})")
 
     def _model_of(self, files: OpenFiles) -> Model:
         """The model of a step, read once. Raises `LrmError`."""

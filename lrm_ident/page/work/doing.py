@@ -143,7 +143,7 @@ def step_found(files: OpenFiles, found: Findings) -> StepFound:
 
 
 def silent_say(_: WorkMessage) -> None:
-    """For files that have been read, and told of, before."""
+    """For files that have been read, and reported, before."""
 
 
 def _inputs(files: OpenFiles, say: Say) -> ModelInputs:

@@ -118,12 +118,12 @@ def _held(advice: Mapping[str, Any], weighted: bool) -> str:
 
 
 def _candidate(view: CandidateView) -> dict[str, Any]:
-    told = view.told
+    observable = view.observable
     return {
         "added": rounded(view.added * 1e3, UM),
         "turns": rounded(np.degrees(view.turns), ANGLE),
         "joint": view.joint,
         "driver": view.driver,
-        "form": rounded(np.where(told, np.degrees(view.form), np.nan), ANGLE),
-        "around": rounded(np.where(told, np.degrees(view.around), np.nan), ANGLE),
+        "form": rounded(np.where(observable, np.degrees(view.form), np.nan), ANGLE),
+        "around": rounded(np.where(observable, np.degrees(view.around), np.nan), ANGLE),
     }

@@ -181,9 +181,7 @@ class FlatArm:
         return tuple(found.at[0].q[: self.joints]), tcp[0]
 
 
-def flat_arm(
-    linkage: Linkage, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]
-) -> FlatArm:
+def flat_arm(linkage: Linkage, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]) -> FlatArm:
     """An arm without springs, laws, closed form or library; limits (rad). Raises `LrmError` beyond a fixed maximum."""
     V, n, B = len(linkage.slots), len(linkage.joints), len(linkage.inboard)
     for name, count, most in (("moving slots", V, MAX_SLOTS), ("joints", n, MAX_JOINTS), ("bodies", B, MAX_BODIES)):
@@ -271,5 +269,3 @@ def matrices(tcp: Array) -> Array:
 
 def _at(array: NDArray[Any]) -> int:
     return array.ctypes.data
-
-

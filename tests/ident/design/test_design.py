@@ -276,7 +276,7 @@ def test_choosing_among_the_shipped_measurements(tmp_path: Path) -> None:
         (["design", "lrm-lab", "--levels", "3", "--loads-g", "heavy"], "loads in g"),
         (["design", "lrm-lab", "--levels", "3", "-n", "5"], "at least"),
         (["design", "lrm-lab", "--levels", "3", "--index", "O6"], "O1, O2, O3, O4, O5"),
-        (["design", "lrm-lab", "--levels", "3", "--parameters", "option1", "-n", "20"], "tell only 27 of 28"),
+        (["design", "lrm-lab", "--levels", "3", "--parameters", "option1", "-n", "20"], "determine only 27 of 28"),
         (
             ["design", "lrm-lab", "--levels", "3", "--figure", "{folder}/a.svg", "-o", "{folder}/a.csv"],
             "different names",

@@ -157,7 +157,7 @@ def test_the_poses_are_the_exchange_searchs(lab: Arm, method: OptionStudy) -> No
 def test_poses_that_cannot_tell_are_refused(lab: Arm) -> None:
     data = measured(1, 60)
     same = replace(data, poses=replace(data.poses, q=np.zeros_like(data.poses.q)))
-    with pytest.raises(LrmError, match="tell only"):
+    with pytest.raises(LrmError, match="determine only"):
         run_options(lab, same)
     with pytest.raises(LrmError, match="60"):
         run_options(lab, data, poses=100)

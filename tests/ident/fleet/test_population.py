@@ -18,10 +18,10 @@ from lrm_math.arrays import Array
 
 
 def drawn(rng: np.random.Generator, mean: Array, spread: Array, arms: int, error: float) -> list[ArmEvidence]:
-    """Arms whose every parameter is told with a standard error of `error`."""
-    places, told = np.arange(len(mean)), np.eye(len(mean)) / error**2
+    """Arms whose every parameter is estimates with a standard error of `error`."""
+    places, estimates = np.arange(len(mean)), np.eye(len(mean)) / error**2
     true = mean + spread * rng.normal(size=(arms, len(mean)))
-    return [ArmEvidence(places, told, told @ (one + error * rng.normal(size=len(mean)))) for one in true]
+    return [ArmEvidence(places, estimates, estimates @ (one + error * rng.normal(size=len(mean)))) for one in true]
 
 
 def test_exact_arms_give_sample_mean_and_variance() -> None:
