@@ -47,10 +47,11 @@ class CampaignPlan:
         """The poses whose numbers are not among those done."""
         return tuple(pose for pose in self.poses if pose.number not in set(done))
 
-    def lightest(self, arm: Arm) -> PlannedPose:
-        """The pose that loads the joints least: smallest sum of squared gravity torques of the nominal arm."""
-        torque = _torques(arm, np.array([pose.q for pose in self.poses]))
-        return self.poses[int(np.argmin((torque**2).sum(axis=1)))]
+
+def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
+    """The pose that loads the joints least: smallest sum of squared gravity torques of the nominal arm."""
+    torque = _torques(arm, np.array([pose.q for pose in poses]))
+    return poses[int(np.argmin((torque**2).sum(axis=1)))]
 
 
 def load_plan(path: Path, arm: Arm) -> CampaignPlan:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lrm_ident.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.campaign.data_file import CampaignHead, DataFile
-from lrm_ident.campaign.plan import CampaignPlan
+from lrm_ident.campaign.plan import CampaignPlan, lightest
 from lrm_ident.campaign.rover_arm import RoverArm
 from lrm_ident.campaign.run import CampaignProgress, CampaignResult, Clock, PoseCampaign, PoseTiming
 from lrm_ident.campaign.zenoh_tracker import ZenohTracker
@@ -77,7 +77,7 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
         source = f"lrm-ident measure: {arm.info.robot}, {order.tracker}"
         start = tuple(order.rover.commanded_q())
         file.begin(CampaignHead(order.arm_name, source, start, plan.sha256, first.t))
-        rest = plan.lightest(order.arm)
+        rest = lightest(plan.poses, order.arm)
         campaign = PoseCampaign(arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
         if goal is None:
             return campaign.run(plan.poses, file)

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_ident.campaign.goals import PlacedGoal
-from lrm_ident.campaign.plan import PlannedPose
+from lrm_ident.campaign.plan import PlannedPose, lightest
 from lrm_ident.campaign.rover_arm import RoverArm
 from lrm_ident.campaign.run import Clock, PoseTiming, Unreachable, rest_at
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.tracker.dwell import RestMean
 from lrm_ident.tracker.frames import TargetNumbers, Tracker
+from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 from lrmd.client import GoalEntry, IkAnswer, IkRequest
 
@@ -82,9 +83,10 @@ class Verification:
 
 @dataclass(frozen=True)
 class GoalRun:
-    """What goals are tried with."""
+    """What goals are tried with. `nominal`: the arm as drawn, for the pose to cool at."""
 
     arm: RoverArm
+    nominal: Arm
     tracker: Tracker
     numbers: TargetNumbers
     clock: Clock
@@ -92,11 +94,16 @@ class GoalRun:
     payload: float
 
     def visit(self, goals: Sequence[PlacedGoal], on_attained: Callable[[int, str], object]) -> Verification:
-        """Sends the tip to every goal, and measures where it lands."""
+        """Sends the tip to every goal, and measures where it lands. A servo that is too warm cools first."""
         attained, failed = [], {}
         model = self.arm.rover.info()
+        reached = [self._here()]
         for number, goal in enumerate(goals, start=1):
+            if why := self.arm.too_warm():
+                on_attained(number, f"{why}: cooling")
+                self.arm.cool(lightest(reached, self.nominal))
             found = self._land(number, goal)
+            reached.append(self._here())
             if isinstance(found, AttainedPosition):
                 attained.append(found)
                 on_attained(number, f"{found.error * 1e3:.2f} mm off")
@@ -104,6 +111,10 @@ class GoalRun:
                 failed[number] = found
                 on_attained(number, found)
         return Verification(model.model or "nominal", model.model_sha256, tuple(attained), failed)
+
+    def _here(self) -> PlannedPose:
+        q = self.arm.rover.commanded_q()
+        return PlannedPose(0, tuple(q), self.payload, 0, 0)
 
     def _land(self, number: int, goal: PlacedGoal) -> AttainedPosition | str:
         answer = self._solve(goal.position)

@@ -256,10 +256,11 @@ def verify(
     earlier = None if before is None else read_verification(before)
     numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
     with Rover(robot, connect.split(",") if connect else None) as rover:
-        wanted = goals_named(goals, load_arm(arm or rover.info().arm), seed)
+        nominal = load_arm(arm or rover.info().arm)
+        wanted = goals_named(goals, nominal, seed)
         with connected(rover, tracker, numbers) as opened, rover.control("lrm-ident verify", take):
             clock = RealClock()
             rover_arm = RoverArm(rover, clock, lambda _: None, 1)
-            run = GoalRun(rover_arm, opened, numbers, clock, PoseTiming(0.0, settle, dwell), payload_g * GRAM)
+            run = GoalRun(rover_arm, nominal, opened, numbers, clock, PoseTiming(0.0, settle, dwell), payload_g * GRAM)
             found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
     publish(verification_document(found, earlier), json)

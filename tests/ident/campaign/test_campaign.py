@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lrm_ident.campaign.data_file import ArmState, CampaignHead, DataFile, after_midnight
-from lrm_ident.campaign.plan import PlannedPose, load_plan
+from lrm_ident.campaign.plan import PlannedPose, lightest, load_plan
 from lrm_ident.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, Unreachable
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
@@ -199,7 +199,7 @@ def test_a_plan_is_read_as_design_writes_it(tmp_path: Path) -> None:
     assert [(p.number, p.approach, p.repeat_of) for p in plan.poses] == [(1, 1, 1), (2, -1, 1)]
     np.testing.assert_allclose(plan.poses[0].q, np.radians([0, 10, 20, 30, 40, 50]))
     assert plan.poses[0].payload == pytest.approx(0.0663)
-    assert plan.lightest(ARM) in plan.poses
+    assert lightest(plan.poses, ARM) in plan.poses
     path.write_text(head + "1,0,10,20,30,40,50,66.3,1,1\n1,0,10,20,30,40,51,66.3,-1,1\n")
     with pytest.raises(FileError, match="stands twice"):
         load_plan(path, ARM)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from lrm_ident.campaign.goals import PLACES, ROUNDS, TASK, goals_named
-from lrm_ident.campaign.verification import AttainedPosition, Verification
+from lrm_ident.campaign.goals import PLACES, ROUNDS, TASK, PlacedGoal, goals_named
+from lrm_ident.campaign.plan import PlannedPose
+from lrm_ident.campaign.run import PoseTiming, Unreachable
+from lrm_ident.campaign.verification import AttainedPosition, GoalRun, Verification
 from lrm_ident.campaign.verification_report import values, verification_document
 from lrm_ident.report.document import ResultTable
 from lrm_ident.workspace.presets import default_study
@@ -45,6 +49,41 @@ def test_what_names_no_goals_is_one_line(text: str) -> None:
     with pytest.raises(LrmError) as caught:
         goals_named(text, load_arm("lrm-lab"), 0)
     assert "\n" not in str(caught.value)
+
+
+class WarmArm:
+    """An arm that is too warm after its second goal; stretched out at first, then upright."""
+
+    def __init__(self) -> None:
+        self.q, self.log = [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], list[str]()
+        answer = SimpleNamespace(rounded_q_rad=[0.0] * 6, rounded_error_m=0.0, sd_m=None)
+        info = SimpleNamespace(model="", model_sha256="")
+        self.rover: Any = SimpleNamespace(
+            info=lambda: info, commanded_q=lambda: self.q, ik=lambda _: SimpleNamespace(answers=[answer])
+        )
+
+    def go(self, pose: PlannedPose) -> None:
+        self.q = list(pose.q)
+        self.log.append("goal")
+        raise Unreachable("no way back")
+
+    def too_warm(self) -> str:
+        return "joint2 is hot" if self.log.count("goal") == 2 and "cool" not in self.log else ""
+
+    def cool(self, rest: PlannedPose) -> None:
+        assert rest.q == (0.0,) * 6, "of the poses reached the one that loads the joints least"
+        self.log.append("cool")
+
+
+def test_a_warm_arm_cools_before_the_next_goal() -> None:
+    arm: Any = WarmArm()
+    nothing: Any = None
+    said: list[str] = []
+    run = GoalRun(arm, ROVER, nothing, nothing, nothing, PoseTiming(), 0.0)
+    found = run.visit([PlacedGoal((0.3, 0.0, 0.1))] * 4, lambda _, words: said.append(words))
+    assert arm.log == ["goal", "goal", "cool", "goal", "goal"]
+    assert said.count("joint2 is hot: cooling") == 1
+    assert len(found.failed) == 4
 
 
 def attained(number: int, place: str, error: float, sd: float | None = 3e-4) -> AttainedPosition:
