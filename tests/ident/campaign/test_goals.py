@@ -21,6 +21,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 
 ROVER = load_arm("lrm-rover")
+FOLDED = (0.0, 1.5, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.slow
@@ -52,11 +53,11 @@ def test_what_names_no_goals_is_one_line(text: str) -> None:
 
 
 class WarmArm:
-    """An arm that is too warm after its second goal; stretched out at first, then upright."""
+    """An arm that is too warm after its second goal; its first pose loads the joints more than the goals do."""
 
     def __init__(self) -> None:
-        self.q, self.log = [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], list[str]()
-        answer = SimpleNamespace(rounded_q_rad=[0.0] * 6, rounded_error_m=0.0, sd_m=None)
+        self.q, self.log = [0.0] * 6, list[str]()
+        answer = SimpleNamespace(rounded_q_rad=list(FOLDED), rounded_error_m=0.0, sd_m=None)
         info = SimpleNamespace(model="", model_sha256="")
         self.rover: Any = SimpleNamespace(
             info=lambda: info, commanded_q=lambda: self.q, ik=lambda _: SimpleNamespace(answers=[answer])
@@ -71,7 +72,7 @@ class WarmArm:
         return "joint2 is hot" if self.log.count("goal") == 2 and "cool" not in self.log else ""
 
     def cool(self, rest: PlannedPose) -> None:
-        assert rest.q == (0.0,) * 6, "of the poses reached the one that loads the joints least"
+        assert rest.q == FOLDED, "of the poses reached the one that loads the joints least"
         self.log.append("cool")
 
 
