@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.collision.rrt_connect import Check, NoPath, plan
 from lrm_math.collision.scene import Scene, clearance_of
-from lrm_math.collision.straight_move import MotionClearance, check_move
+from lrm_math.collision.straight_move import RESOLUTION, MotionClearance, check_move
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
@@ -24,6 +27,8 @@ SAMPLES = 40
 """Random poses of one attempt: most paths take fewer; a new attempt begins with new trees."""
 MARGIN_STEP, MAX_REJECTED = 0.002, 12
 """m: increase of the margin after a path that violates it between the samples; number of such paths to give up."""
+WAYS_OUT, FARTHEST_OUT = 200, np.radians(15.0)
+"""Random poses tried around an arm that stands within the margin, and how far a joint may turn to them (rad)."""
 MERGE = 1e-6
 """Fraction of a move: corners closer together are merged."""
 
@@ -61,8 +66,45 @@ class Planner:
         """A path from a pose (rad) to one of the goal poses, or the reason why the first goal was given up.
 
         Tries all goals in turn, repeatedly, until `check_cancelled` raises, which is called before every move that is
-        checked. Deterministic for one seed.
+        checked. Deterministic for one seed. An arm that stands within the margin, as a new model may say of it, leaves
+        it first, by a short move that the guard allows.
         """
+        found = self._find_from(start, goals, seed, check_cancelled)
+        if isinstance(found, JointPath):
+            return found
+        clear = self._clear(np.array([start, *goals]))
+        if clear[0] or not clear[1:].any():
+            return found
+        check_cancelled()
+        outside = self._way_out(np.array(start), np.random.default_rng([seed, len(goals)]))
+        if outside is None:
+            return found
+        onward = self._find_from(outside.tolist(), goals, seed, check_cancelled)
+        if isinstance(onward, str):
+            return onward
+        first = _with_corners(self.config, np.array([start, outside]))
+        return JointPath((*first[:-1], *onward.waypoints), onward.samples)
+
+    def _way_out(self, start: Array, rng: np.random.Generator) -> Array | None:
+        """The nearest of some random poses (n,) that is clear and that the guard lets the arm go to."""
+        guard = CollisionGuard(self.scene, self.model)
+        turns = rng.uniform(-1.0, 1.0, (WAYS_OUT, len(start))) * np.linspace(0.0, FARTHEST_OUT, WAYS_OUT + 1)[1:, None]
+        low, high = self.scene.limits
+        poses = np.clip(start + turns, low, high)
+        for pose in poses[self._clear(poses)]:
+            with suppress(ClearanceViolation, NoEquilibrium):
+                guard(start.tolist(), pose.tolist(), self.payload)
+                return np.asarray(pose)
+        return None
+
+    def _clear(self, q: Array) -> NDArray[np.bool_]:
+        """(N,), whether the rigid and the loaded arm keep the margin in poses (N, n), and a little more."""
+        rigid = clearance_of(self.scene, self.scene.frames(q)).distance
+        return (rigid >= self.scene.margin + RESOLUTION) & (self._loaded(q)[0] >= self.scene.margin + RESOLUTION)
+
+    def _find_from(
+        self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: Callable[[], None]
+    ) -> JointPath | str:
 
         def check(before: Array, after: Array, margin: float) -> MotionClearance:
             check_cancelled()
@@ -117,15 +159,20 @@ class Planner:
 
     def _check_poses(self, q: Array, at: Array, margin: float) -> MotionClearance:
         """Clearance of the loaded arm in poses q (N, n) in rad at fractions `at` (N,) of a move."""
+        distance, first, second = self._loaded(q)
+        blocked = np.flatnonzero(distance < margin)
+        k = int(blocked[0]) if len(blocked) else int(distance.argmin())
+        free, closest = not len(blocked), (float(distance[k]), str(first[k]), str(second[k]))
+        return MotionClearance(free, *closest, float(at[k]), 1.0 if free else float(at[max(k - 1, 0)]), margin)
+
+    def _loaded(self, q: Array) -> tuple[Array, NDArray[Any], NDArray[Any]]:
+        """Smallest distance (N,) of bodies of the loaded arm in poses (N, n), m, and these bodies' names."""
         rest, rows = batch_equilibrium(self.model, poses_of(q, self.payload))
         distance, first, second = np.full(len(q), -np.inf), *np.full((2, len(q)), "an arm not in equilibrium", object)
         if len(rows):
             near = clearance_of(self.scene, frames(self.model.chain, rest.slots, len(rows)))
             distance[rows], first[rows], second[rows] = near.distance, near.first, near.second
-        blocked = np.flatnonzero(distance < margin)
-        k = int(blocked[0]) if len(blocked) else int(distance.argmin())
-        free, closest = not len(blocked), (float(distance[k]), str(first[k]), str(second[k]))
-        return MotionClearance(free, *closest, float(at[k]), 1.0 if free else float(at[max(k - 1, 0)]), margin)
+        return distance, first, second
 
     def _violation(self, waypoints: Sequence[tuple[float, ...]]) -> str:
         """First violation found by the daemon's guard or for the loaded arm; empty if the path is free."""

@@ -208,22 +208,51 @@ def test_a_cancelled_search_ends(place: Workcell) -> None:
     assert caught.value.code == "deadline"
 
 
-@pytest.mark.slow
-def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(place: Workcell) -> None:
-    """With a margin between the distances that the rigid arm and the bent one have in some pose."""
+def with_margin(place: Workcell, margin: float) -> IkService:
+    """The same arm and model, with another safety margin (m)."""
+    shapes = replace(place.config.arm.shapes, margin=margin)
+    config = replace(place.config, arm=replace(place.config.arm, shapes=shapes))
+    return IkService(config, DeployedModel(place.model, None, "model.toml", "00" * 32, ()))
+
+
+def sagging_pose(place: Workcell) -> tuple[Array, float, float]:
+    """A pose where sag brings the arm much nearer to itself or to the post: angles, rigid and loaded distance (m)."""
     scene, rng = Scene.of(place.config.arm), np.random.default_rng(0)
     some = rng.uniform(*scene.limits, (300, place.config.dof))
     rigid, bent = clearance(scene, some).distance, place.sagging(some, LOAD)
-    end = some[int(np.argmax(np.where(bent > 0.0, rigid - bent, 0.0)))]
-    apart, sunk = scene.closest(end).distance, float(place.sagging(end[None], LOAD)[0])
+    pose = some[int(np.argmax(np.where(bent > 0.0, rigid - bent, 0.0)))]
+    apart, sunk = scene.closest(pose).distance, float(place.sagging(pose[None], LOAD)[0])
     assert sunk < apart - 5e-3
-    shapes = replace(place.config.arm.shapes, margin=0.5 * (apart + sunk))
-    config = replace(place.config, arm=replace(place.config.arm, shapes=shapes))
-    service = IkService(config, DeployedModel(place.model, None, "model.toml", "00" * 32, ()))
+    return pose, apart, sunk
+
+
+@pytest.mark.slow
+def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(place: Workcell) -> None:
+    """With a margin between the distances that the rigid arm and the bent one have in some pose."""
+    end, apart, sunk = sagging_pose(place)
     ask = PlanRequest(from_rad=end.tolist(), to_rad=end.tolist(), payload_kg=LOAD)
-    found = service.plan(ask, limited())
+    found = with_margin(place, 0.5 * (apart + sunk)).plan(ask, limited())
     assert isinstance(found, str)
     assert "as the arm sags" in found
+
+
+@pytest.mark.slow
+def test_an_arm_that_stands_within_the_margin_is_led_out_of_it(place: Workcell) -> None:
+    """As after a new model was deployed that knows more of the sag: before, it could go nowhere."""
+    pose, _, sunk = sagging_pose(place)
+    margin = sunk + 2e-3
+    service = with_margin(place, margin)
+    found = service.plan(PlanRequest(from_rad=pose.tolist(), to_rad=START.tolist(), payload_kg=LOAD), limited())
+    assert isinstance(found, JointPath), found
+    way = np.array(found.waypoints)
+    np.testing.assert_allclose(way[[0, -1]], [pose, START], atol=1e-12)
+    guard = guard_of(replace(place.config.arm, shapes=replace(place.config.arm.shapes, margin=margin)), place.model)
+    assert guard is not None
+    for before, after in pairwise(way.tolist()):
+        guard(before, after, LOAD)  # what the daemon allows
+    clear = np.cumsum(place.sagging(way, LOAD) >= margin)
+    assert clear[0] == 0, "it starts within the margin"
+    assert np.all(np.diff(clear)[int(np.argmax(clear > 0)) - 1 :] == 1), "and once it has left it, it keeps it"
 
 
 def test_a_plan_from_another_arm_is_refused(place: Workcell) -> None:
