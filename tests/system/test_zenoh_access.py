@@ -94,7 +94,9 @@ class Person:
         self.shown.append(sample.payload.to_string())
 
     def ask(self, key: str) -> list[str]:
-        replies = self.session.get(f"lrm/{self.robot}/{key}", timeout=TIMEOUT)
+        """Every answer; consolidated, that of one of two who answer on a key would be dropped."""
+        each = zenoh.ConsolidationMode.NONE
+        replies = self.session.get(f"lrm/{self.robot}/{key}", timeout=TIMEOUT, consolidation=each)
         return [reply.ok.payload.to_string() for reply in replies if reply.ok is not None]
 
     def send(self, key: str, payload: str) -> None:
