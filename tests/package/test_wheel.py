@@ -6,7 +6,6 @@ import importlib.metadata
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import sysconfig
@@ -25,6 +24,7 @@ from lrm_math.ik.kernel import shared_library
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.support.commands import part_of_example
+from tests.support.ports import free_port
 
 PIP = ("install", "--quiet", "--disable-pip-version-check", "--no-index", "-c", ROOT / "constraints.txt")
 READY = 60.0
@@ -121,13 +121,6 @@ def installed(folder: Path, wheel: Path, *extras: str) -> Path:
     own = folder / "bin" / "python"
     subprocess.run([sys.executable, "-m", "pip", "--python", own, *PIP, requirement], check=True)
     return folder / "bin"
-
-
-def free_port() -> int:
-    """A TCP port on loopback that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:

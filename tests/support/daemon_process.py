@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import IO, Any, Self
 
 from lrmd.client import Rover
-from lrmd.demo import free_port
 from lrmd.messages.zenoh_session import key
 from lrmd.sim.control_queries import QueryReply
 from lrmd.sim.control_socket import query_board
+from tests.support.ports import free_port
 
 ROOT = Path(__file__).resolve().parents[2]
 TIMEOUT, START_TIMEOUT = 10.0, 60.0

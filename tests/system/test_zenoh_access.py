@@ -21,16 +21,11 @@ from lrmd.api.presence import Presence
 from lrmd.config import ZenohTable
 from lrmd.messages.zenoh_session import client, own_endpoints
 from tests.conftest import ROOT
+from tests.support.ports import free_port
 
 SHIPPED = ROOT / "config" / "zenoh"
 TIMEOUT = 5.0
 """How long (s) a message on loopback may take; only a failing test waits this long."""
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def changed(name: str, changes: dict[str, str]) -> str:
