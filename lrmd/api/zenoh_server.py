@@ -11,6 +11,7 @@ import zenoh
 
 from lrm_math.errors import LrmError
 from lrmd.errors import RequestError
+from lrmd.messages.codec import Message, pack, unpack
 from lrmd.messages.control import (
     ArmRequest,
     DeployRequest,
@@ -18,14 +19,11 @@ from lrmd.messages.control import (
     HoldRequest,
     JogRequest,
     LeaseRequest,
-    Message,
     MoveRequest,
     RelaxRequest,
     ReloadRequest,
     ResetRequest,
     UndeployRequest,
-    pack,
-    unpack,
 )
 from lrmd.messages.zenoh_session import addresses, key, reply_error, serve
 

@@ -12,7 +12,7 @@ from typing import Any, NoReturn, TypeAlias
 from lrm_math.errors import LrmError
 from lrmd.cli import cartesian, motion, status
 from lrmd.client import MotionInterrupted
-from lrmd.messages.control import field_named
+from lrmd.messages.codec import field_named
 
 Handler: TypeAlias = Callable[[argparse.Namespace], int]
 OptionGroup: TypeAlias = Callable[[argparse.ArgumentParser], None]
