@@ -45,10 +45,17 @@ COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogR
 class RequestHandler(Protocol):
     """Handler of the messages that arrive; called from zenoh's threads."""
 
-    def handle(self, tail: str, request: Message) -> Message: ...
-    def report_refusal(self, tail: str, error: LrmError) -> None: ...
-    def state(self, tail: str) -> Message: ...
-    def events(self) -> list[bytes]: ...
+    def handle(self, tail: str, request: Message) -> Message:
+        """Carries a request out: the reply. Raises what `error_reply` makes a reply of."""
+
+    def report_refusal(self, tail: str, error: LrmError) -> None:
+        """Tells of a command that was refused; a command has no reply."""
+
+    def state(self, tail: str) -> Message:
+        """The present state of a key."""
+
+    def events(self) -> list[bytes]:
+        """The events that are kept, packed, oldest first."""
 
 
 class ZenohServer:
@@ -87,6 +94,7 @@ class ZenohServer:
         own = key(self._robot, tail)
 
         def handle(query: zenoh.Query, data: bytes) -> None:
+            """Computes the replies before the query is answered, so that an error can still be the answer."""
             replies = answer(data)
             with query:
                 for reply in replies:

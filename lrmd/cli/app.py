@@ -67,6 +67,7 @@ def parser() -> argparse.ArgumentParser:
     commands = p.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(name: str, run: Handler, text: str, *groups: OptionGroup) -> argparse.ArgumentParser:
+        """Adds a command with its help text and its groups of options."""
         sub = commands.add_parser(name, help=text, description=text)
         sub.set_defaults(run=run)
         for add_options in groups:

@@ -70,6 +70,7 @@ def serve(
     """
 
     def received(query: zenoh.Query) -> None:
+        """Handles one query; nothing leaves zenoh's callback."""
         try:
             if not wildcards and str(query.key_expr) != own:
                 raise wildcard_error(own)
