@@ -8,6 +8,8 @@ OUT ?= out
 MINUTES ?= 10
 HOURS ?= 24
 TARGETS ?= manylinux_2_17_x86_64 manylinux_2_17_aarch64 macosx_11_0_x86_64 macosx_11_0_arm64 win_amd64 win_arm64
+SIDE_BY_SIDE := -n 2 --dist worksteal
+UNITS := --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
@@ -38,12 +40,12 @@ else
 	$(BIN)/python -m lrmd.demo
 endif
 
-test: setup lint ## all tests, after the linters: unit tests side by side, then those of the system and in a browser one after the other
-	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py
-	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/system tests/package tests/page/test_in_browser.py
+test: setup lint ## all tests, two at a time, after the linters: first all that compute, then the system's, which wait
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --ignore tests/system
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs tests/system
 
 quick: setup ## the unit tests that are not marked slow, in about a minute
-	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py -m "not slow"
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
 
 browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/page/test_in_browser.py
@@ -71,7 +73,7 @@ fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it
 	$(ONE_THREAD) $(BIN)/python -m validation.fleet --arms $(or $(ARMS),12)
 
 soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, a million IK queries under sanitizers, attacks for MINUTES=10, a campaign killed 50 times
-	$(ONE_THREAD) $(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py --hypothesis-profile=thorough
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages

@@ -141,12 +141,14 @@ def _duration(seconds: float) -> str:
 
 def _loads(load_command: str | None) -> Callable[[float], None]:
     def by_command(payload: float) -> None:
+        """Runs the command with the load (g) as its last word."""
         words = [*shlex.split(load_command or ""), f"{payload / GRAM:.4g}"]
         done = subprocess.run(words, capture_output=True, text=True)
         if done.returncode:
             raise LrmError(f"--load-command: exit code {done.returncode} of {shlex.join(words)}: {done.stderr.strip()}")
 
     def by_person(payload: float) -> None:
+        """Asks at the terminal for the load (kg), and waits."""
         if not sys.stdin.isatty():
             raise LrmError(f"a load of {payload / GRAM:g} g is wanted, and nobody to put it on: give --load-command")
         input(f"Put {payload / GRAM:g} g on the tool, then press Enter. ")
@@ -156,6 +158,7 @@ def _loads(load_command: str | None) -> Callable[[float], None]:
     state = {"payload": 0.0}  # the first poses may need no load
 
     def when_changed(payload: float) -> None:
+        """Asks only if the load differs from the last one (kg)."""
         if payload != state["payload"]:
             by_person(payload)
             state["payload"] = payload

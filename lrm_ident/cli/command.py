@@ -38,6 +38,7 @@ def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[...,
     """As `command`, for a group of commands."""
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
+        """Adds the function to the group under its own name."""
         # `import_` is the command `import`
         group.command(name or function.__name__.rstrip("_").replace("_", "-"))(_checked(function))
         return function
@@ -57,6 +58,7 @@ def _checked(function: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(function)
     def run(**values: Any) -> None:
+        """Reads the options of reading, checks the files, and calls the command."""
         if reads:
             values["reading"] = stated_reading({name: values.pop(name) for name in READING_OPTIONS})
         check_outputs(_outputs(values), _inputs(values))

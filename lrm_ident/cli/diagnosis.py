@@ -152,6 +152,7 @@ def auto(
     rates = None if prior is None else load_rates(prior)
 
     def on_step(step: AutoStep) -> None:
+        """Prints a step as soon as it is taken."""
         show(*step_blocks(next(numbers), step))
 
     course = run_auto(the_model, measured, max_effects, catalogue, on_step, loss, rates=rates)

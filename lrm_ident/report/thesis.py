@@ -104,6 +104,7 @@ def _errors(
     """Errors of each option beside the nominal arm's on the same poses; `thesis`: the figures that it prints."""
 
     def published(name: str) -> tuple[float | None, ...]:
+        """Mean, maximum and SD (mm) that the thesis prints for an option; empty without its figures."""
         if thesis is None:
             return ()
         printed = thesis.get(name)

@@ -120,6 +120,7 @@ def _stretched(capsule: Capsule, distal: int, before: Array, after: Array) -> Ca
     has_length = abs(along) > NANOMETRE * float(np.linalg.norm(shift))
 
     def moved(end: Vector3) -> Vector3:
+        """An end of the capsule in its new frame (m)."""
         point = old[:3, :3] @ end + old[:3, 3]
         share = np.clip((point - near) @ shift / along, 0.0, 1.0) if has_length else beyond
         x, y, z = (new[:3, :3].T @ (point + share * shift - new[:3, 3])).tolist()

@@ -116,10 +116,12 @@ class EquilibriumSearch:
 
 
 def amount_at(amount: Number, row: int) -> float:
+    """An amount, a float or (N,), at one pose."""
     return amount if isinstance(amount, float) else float(amount[row if len(amount) > 1 else 0])
 
 
 def amounts_at(amount: Number, rows: NDArray[np.int64]) -> Number:
+    """An amount, a float or (N,), at some poses."""
     return amount[rows] if isinstance(amount, np.ndarray) and len(amount) > 1 else amount
 
 

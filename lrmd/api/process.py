@@ -30,7 +30,8 @@ from lrmd.control.events import ControllerEvent, Level
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.messages.control import DeployRequest, Message, ReloadRequest, UndeployRequest, error_reply, pack
+from lrmd.messages.codec import Message, error_reply, pack
+from lrmd.messages.control import DeployRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence import state_file
 from lrmd.persistence.arm_identity import of_this_arm

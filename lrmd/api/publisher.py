@@ -14,12 +14,11 @@ from lrmd.control.arming_pose import stored_angles
 from lrmd.control.controller import Controller
 from lrmd.control.events import ControllerEvent, RequestResult
 from lrmd.ik.deployed_model import DeployedModel
+from lrmd.messages.codec import Header, HeaderSource
 from lrmd.messages.control import (
     Event,
     FaultEntry,
     FaultsState,
-    Header,
-    HeaderSource,
     InfoState,
     JointsState,
     MetricsState,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import zenoh
 
 from lrmd.config import SECOND
-from lrmd.messages.control import pack
+from lrmd.messages.codec import pack
 from lrmd.messages.kinematics import CancelRequest
 from lrmd.messages.zenoh_session import key
 

@@ -6,7 +6,8 @@ from lrmd.api.router_process import EstopReplies, RouterSetup
 from lrmd.config import Config
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
-from lrmd.messages.control import HeaderSource, Reply, error_reply
+from lrmd.messages.codec import HeaderSource, error_reply
+from lrmd.messages.control import Reply
 from lrmd.messages.zenoh_session import key, router, wildcard_error
 from lrmd.ramp.shared_fd import SharedFd
 

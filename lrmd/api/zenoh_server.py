@@ -11,6 +11,7 @@ import zenoh
 
 from lrm_math.errors import LrmError
 from lrmd.errors import RequestError
+from lrmd.messages.codec import Message, pack, unpack
 from lrmd.messages.control import (
     ArmRequest,
     DeployRequest,
@@ -18,14 +19,11 @@ from lrmd.messages.control import (
     HoldRequest,
     JogRequest,
     LeaseRequest,
-    Message,
     MoveRequest,
     RelaxRequest,
     ReloadRequest,
     ResetRequest,
     UndeployRequest,
-    pack,
-    unpack,
 )
 from lrmd.messages.zenoh_session import addresses, key, reply_error, serve
 
@@ -47,10 +45,17 @@ COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogR
 class RequestHandler(Protocol):
     """Handler of the messages that arrive; called from zenoh's threads."""
 
-    def handle(self, tail: str, request: Message) -> Message: ...
-    def report_refusal(self, tail: str, error: LrmError) -> None: ...
-    def state(self, tail: str) -> Message: ...
-    def events(self) -> list[bytes]: ...
+    def handle(self, tail: str, request: Message) -> Message:
+        """Carries a request out: the reply. Raises what `error_reply` makes a reply of."""
+
+    def report_refusal(self, tail: str, error: LrmError) -> None:
+        """Tells of a command that was refused; a command has no reply."""
+
+    def state(self, tail: str) -> Message:
+        """The present state of a key."""
+
+    def events(self) -> list[bytes]:
+        """The events that are kept, packed, oldest first."""
 
 
 class ZenohServer:
@@ -89,6 +94,7 @@ class ZenohServer:
         own = key(self._robot, tail)
 
         def handle(query: zenoh.Query, data: bytes) -> None:
+            """Computes the replies before the query is answered, so that an error can still be the answer."""
             replies = answer(data)
             with query:
                 for reply in replies:

@@ -12,7 +12,7 @@ from typing import Any, NoReturn, TypeAlias
 from lrm_math.errors import LrmError
 from lrmd.cli import cartesian, motion, status
 from lrmd.client import MotionInterrupted
-from lrmd.messages.control import field_named
+from lrmd.messages.codec import field_named
 
 Handler: TypeAlias = Callable[[argparse.Namespace], int]
 OptionGroup: TypeAlias = Callable[[argparse.ArgumentParser], None]
@@ -67,6 +67,7 @@ def parser() -> argparse.ArgumentParser:
     commands = p.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(name: str, run: Handler, text: str, *groups: OptionGroup) -> argparse.ArgumentParser:
+        """Adds a command with its help text and its groups of options."""
         sub = commands.add_parser(name, help=text, description=text)
         sub.set_defaults(run=run)
         for add_options in groups:

@@ -13,21 +13,19 @@ from typing import Literal, Self, TypeVar
 import zenoh
 
 from lrm_math.errors import LrmError
+from lrmd.messages.codec import ErrorReply, Header, Message, field_named, pack, unpack
 from lrmd.messages.control import (
     ArmRequest,
     DeployRequest,
     DisarmRequest,
-    ErrorReply,
     EstopCommand,
     Event,
     FaultsState,
-    Header,
     HoldRequest,
     InfoState,
     JogRequest,
     JointsState,
     LeaseRequest,
-    Message,
     MetricsState,
     ModeState,
     MoveRequest,
@@ -38,9 +36,6 @@ from lrmd.messages.control import (
     ResetRequest,
     ThermalState,
     UndeployRequest,
-    field_named,
-    pack,
-    unpack,
 )
 from lrmd.messages.kinematics import CancelRequest, FkReply, FkRequest, IkReply, IkRequest, PlanReply, PlanRequest
 from lrmd.messages.zenoh_session import client, key

@@ -13,13 +13,13 @@ from lrmd.control.pulses import armed_index, duration, jog_order, pulses_of
 from lrmd.control.state import ControllerState
 from lrmd.control.state_machine import LIVE, InvalidTransition, Mode, Trigger, next_mode
 from lrmd.errors import RequestError
+from lrmd.messages.codec import Message
 from lrmd.messages.control import (
     ArmRequest,
     DisarmRequest,
     HoldRequest,
     JogRequest,
     LeaseRequest,
-    Message,
     MoveRequest,
     RelaxRequest,
     ResetRequest,

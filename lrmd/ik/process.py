@@ -22,7 +22,7 @@ from lrmd.ik.deployed_model import deploy, digest_of
 from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
-from lrmd.messages.control import Header, HeaderSource, Message, pack, unpack
+from lrmd.messages.codec import Header, HeaderSource, Message, pack, unpack
 from lrmd.messages.kinematics import (
     CancelRequest,
     FkReply,

@@ -28,7 +28,7 @@ from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.planner import JointPath, Planner
-from lrmd.messages.control import MessageError
+from lrmd.messages.codec import MessageError
 from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 
 UNIT = 1e-3

@@ -1,55 +1,13 @@
-"""Messages of the arm controller on zenoh: msgpack maps, validated by pydantic, units in the names; see docs/api.md.
-
-Validation is strict: an unknown field or a wrong value is an error that names the field.
-"""
+"""Messages of the arm controller on zenoh: requests of clients, states and replies of the daemon; see docs/api.md."""
 
 from __future__ import annotations
 
-import secrets
-import time
-from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self
 
-import msgpack
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    JsonValue,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, JsonValue, ValidationInfo, field_validator, model_validator
 
-from lrm_math.errors import LrmError, UnknownName
-from lrmd.errors import RequestError
-
-LONGEST = 2_097_152
-"""Bytes; a longer message is refused unparsed. The longest that the limits below allow is shorter."""
-
-
-class MessageError(RequestError):
-    """Bytes that are not a valid message."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__("bad_message", text)
-
-
-class Part(BaseModel):
-    """A map within a message; unknown fields, wrong types and non-finite numbers are errors."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
-
-
-class Message(Part):
-    """A message of version 1."""
-
-    v: Literal[1] = 1
+from lrmd.messages.codec import Header, Message, Part
 
 
 def _printable(text: str) -> str:
@@ -170,15 +128,6 @@ class EstopCommand(Message):
 
 
 # ---- messages of the daemon
-
-
-class Header(Message):
-    """Common fields of the daemon's messages. `seq` counts the messages of one key."""
-
-    boot_id: str
-    seq: int
-    t_mono_ns: int
-    t_wall_ns: int
 
 
 class JointsState(Header):
@@ -316,81 +265,3 @@ class ReloadReply(Header):
     model: str
     model_sha256: str
     left_out: list[str] = []
-
-
-class ErrorReply(Message):
-    """Reply (`reply_err`) to a request that failed. `retryable`: the same request may succeed later."""
-
-    code: str
-    msg: str
-    retryable: bool = False
-    detail: dict[str, JsonValue] = {}
-
-
-class HeaderSource:
-    """Values of the `Header` fields of one process: a random `boot_id`, a sequence number per key, both clocks."""
-
-    def __init__(self) -> None:
-        self.boot_id = secrets.token_hex(8)
-        self._seq: Counter[str] = Counter()
-
-    def next(self, key: str) -> dict[str, Any]:
-        """The fields of the next message of a key."""
-        self._seq[key] += 1
-        mono, wall = time.monotonic_ns(), time.time_ns()
-        return {"boot_id": self.boot_id, "seq": self._seq[key], "t_mono_ns": mono, "t_wall_ns": wall}
-
-
-M = TypeVar("M", bound=Message)
-
-
-def pack(message: Message) -> bytes:
-    """A message as msgpack."""
-    return bytes(msgpack.packb(message.model_dump(by_alias=True)))
-
-
-def unpack(kind: type[M], data: bytes) -> M:
-    """A message from msgpack. Raises `MessageError` that says which field is wrong, and how."""
-    if len(data) > LONGEST:
-        raise MessageError(f"message of {len(data)} bytes; at most {LONGEST} are read")
-    try:
-        content = msgpack.unpackb(data, strict_map_key=True, use_list=True) if data else {}
-    except (ValueError, msgpack.UnpackException) as error:
-        raise MessageError(f"not msgpack ({error or type(error).__name__})") from None
-    if not isinstance(content, dict):
-        raise MessageError(f"a {type(content).__name__}; should be a map with the fields of {kind.__name__}")
-    with field_named():
-        return kind.model_validate(content)
-
-
-def error_reply(error: Exception) -> ErrorReply:
-    """The reply to a request that raised: with the code of a `RequestError`, else `error` or `internal`."""
-    match error:
-        case RequestError():
-            return ErrorReply(code=error.code, msg=str(error), retryable=error.retryable, detail=error.detail)
-        case UnknownName():
-            return ErrorReply(code="unknown_servo", msg=str(error), detail={"valid": list(error.valid)})
-        case LrmError():
-            return ErrorReply(code="error", msg=str(error))
-        case _:
-            return ErrorReply(code="internal", msg=f"{type(error).__name__}: {error}")
-
-
-@contextmanager
-def field_named() -> Iterator[None]:
-    """Context in which a message is validated: raises `MessageError`, one line that names the first wrong field."""
-    try:
-        yield
-    except ValidationError as error:
-        first, *others = error.errors(include_url=False)
-        where = ".".join(_shown(part) for part in first["loc"]) or "fields"
-        what = first["msg"].removeprefix("Value error, ")
-        more = f" (and {len(others)} more)" if others else ""
-        raise MessageError(f"{where}: {what[:1].lower()}{what[1:]}{more}") from None
-
-
-def _shown(part: object) -> str:
-    """A field name of the client's, short and without control characters."""
-    text = str(part)
-    text = text if text.isprintable() else ascii(text)
-    return text if len(text) <= 64 else text[:61] + "..."

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from lrmd.messages.control import ErrorReply, Header, Message
+from lrmd.messages.codec import ErrorReply, Header, Message
 from lrmd.messages.kinematics import IkReply
 
 FILE = Path(__file__).with_name("schemas.json")

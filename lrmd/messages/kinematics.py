@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lrmd.messages.control import Header, Label, Message, Part
+from lrmd.messages.codec import Header, Message, Part
+from lrmd.messages.control import Label
 
 Coordinate = Annotated[float, Field(ge=-100, le=100)]
 Position = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]

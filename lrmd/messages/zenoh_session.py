@@ -12,7 +12,7 @@ import zenoh
 from lrm_math.errors import FileError, LrmError
 from lrmd.config import ZenohTable
 from lrmd.errors import RequestError
-from lrmd.messages.control import error_reply, pack
+from lrmd.messages.codec import error_reply, pack
 
 NO_SCOUTING = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False, "scouting/delay": 0}
 NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
@@ -70,6 +70,7 @@ def serve(
     """
 
     def received(query: zenoh.Query) -> None:
+        """Handles one query; nothing leaves zenoh's callback."""
         try:
             if not wildcards and str(query.key_expr) != own:
                 raise wildcard_error(own)

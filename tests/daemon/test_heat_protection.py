@@ -16,12 +16,12 @@ from lrm_math.errors import LrmError
 from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
+from lrmd.messages.codec import Message
 from lrmd.messages.control import (
     ArmRequest,
     HoldRequest,
     JogRequest,
     LeaseRequest,
-    Message,
     MoveRequest,
     RelaxRequest,
     ResetRequest,

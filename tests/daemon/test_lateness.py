@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.config import load_config
-from lrmd.messages.control import MessageError, MetricsState, pack, unpack
+from lrmd.messages.codec import MessageError, pack, unpack
+from lrmd.messages.control import MetricsState
 from lrmd.ramp.shared_memory import BUCKET_NS, BUCKETS
 from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.in_memory_zenoh import InMemoryDaemon

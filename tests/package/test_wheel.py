@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import venv
 import zipfile
@@ -15,23 +16,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from packaging.requirements import Requirement
 
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.kernel import shared_library
 from lrm_math.model.model import model_of
-from tests.conftest import EXAMPLE, ROOT
+from tests.conftest import ROOT
+from tests.support.commands import part_of_example
+from tests.support.daemon_process import free_port
 
-PIP = ("install", "--quiet", "--disable-pip-version-check", "--no-compile", "-c", ROOT / "constraints.txt")
+PIP = ("install", "--quiet", "--disable-pip-version-check", "--no-index", "-c", ROOT / "constraints.txt")
 READY = 60.0
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of this checkout."""
+    """The wheel of this checkout, built by the hatchling that is here (`make setup` has built with one of its own)."""
+    pytest.importorskip("hatchling", reason="hatchling is not installed")
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps"]
-    subprocess.run([*command, "--wheel-dir", str(folder), str(ROOT)], check=True)
+    subprocess.run([*command, "--no-build-isolation", "--wheel-dir", str(folder), str(ROOT)], check=True)
     (built,) = folder.glob("lrm_arm-*.whl")
     return built
 
@@ -87,19 +92,35 @@ def test_without_a_compiler_ziglang_builds_the_same_kernel(tmp_path: Path) -> No
     np.testing.assert_allclose(*frames, atol=1e-14)
 
 
-def installed(folder: Path, *requirements: str) -> Path:
-    """The folder of programs of a new environment with these requirements and nothing else."""
+def needed(wheel: Path, *extras: str) -> dict[str, importlib.metadata.Distribution]:
+    """Distributions that a wheel with these extras declares, and those that they declare, by name."""
+    (metadata,) = (part for part in zipfile.Path(wheel).iterdir() if part.name.endswith(".dist-info"))
+    found: dict[str, importlib.metadata.Distribution] = {}
+    todo = [(importlib.metadata.PathDistribution(metadata), {"", *extras})]  # type: ignore[arg-type]
+    while todo:
+        distribution, wanted = todo.pop()
+        for requirement in map(Requirement, distribution.requires or ()):
+            marker, name = requirement.marker, requirement.name
+            if name not in found and (marker is None or any(marker.evaluate({"extra": one}) for one in wanted)):
+                found[name] = importlib.metadata.distribution(name)
+                todo.append((found[name], {"", *requirement.extras}))
+    return found
+
+
+def installed(folder: Path, wheel: Path, *extras: str) -> Path:
+    """The folder of programs of a new environment with the wheel, what it declares, and nothing else.
+
+    What it declares is linked from this environment; pip refuses if anything of it is missing or of another version.
+    """
     venv.create(folder)
+    packages = Path(sysconfig.get_path("purelib", "venv", {"base": str(folder)}))
+    for distribution in needed(wheel, *extras).values():
+        for name in {file.parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:
+            (packages / name).symlink_to(str(distribution.locate_file(name)))
+    requirement = f"lrm-arm[{','.join(extras)}] @ {wheel.as_uri()}"
     own = folder / "bin" / "python"
-    subprocess.run([sys.executable, "-m", "pip", "--python", own, *PIP, *requirements], check=True)
+    subprocess.run([sys.executable, "-m", "pip", "--python", own, *PIP, requirement], check=True)
     return folder / "bin"
-
-
-def free_port() -> int:
-    """A TCP port on loopback that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -109,7 +130,7 @@ def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_base_runs_the_daemon_and_says_what_the_offline_tool_needs(wheel: Path, tmp_path: Path) -> None:
-    programs = installed(tmp_path / "base", str(wheel))
+    programs = installed(tmp_path / "base", wheel)
     config = tmp_path / "lrmd.toml"
     shipped = (ROOT / "config" / "lrmd.toml").read_text()
     own = {"/var/lib/lrmd": str(tmp_path / "state"), "127.0.0.1:7447": f"127.0.0.1:{free_port()}"}
@@ -137,16 +158,15 @@ def test_the_base_runs_the_daemon_and_says_what_the_offline_tool_needs(wheel: Pa
 
 
 def test_the_extra_runs_the_offline_tool(wheel: Path, tmp_path: Path) -> None:
-    programs = installed(tmp_path / "ident", f"lrm-arm[ident] @ {wheel.as_uri()}")
-    fitted = run(programs / "lrm-ident", "fit", EXAMPLE, "-o", tmp_path / "model.toml", cwd=tmp_path)
+    programs = installed(tmp_path / "ident", wheel, "ident")
+    data = part_of_example(tmp_path, 100)
+    fitted = run(programs / "lrm-ident", "fit", data, "-o", tmp_path / "model.toml", cwd=tmp_path)
     assert fitted.returncode == 0, fitted.stderr
     assert (tmp_path / "model.toml").exists()
-    plotted = run(
-        programs / "lrm-ident", "compare", tmp_path / "model.toml", EXAMPLE, "--figure", "where.png", cwd=tmp_path
-    )
+    plotted = run(programs / "lrm-ident", "compare", "model.toml", data, "--figure", "where.png", cwd=tmp_path)
     assert plotted.returncode == 0, plotted.stderr
     assert (tmp_path / "where.png").stat().st_size > 10_000
-    report = run(programs / "lrm-ident", "report", tmp_path / "model.toml", EXAMPLE, "-o", "r.html", cwd=tmp_path)
+    report = run(programs / "lrm-ident", "report", "model.toml", data, "-o", "r.html", cwd=tmp_path)
     assert report.returncode == 0, report.stderr
     refused = run(programs / "lrm-ident", "workbench", "--no-open", cwd=tmp_path)
     assert refused.returncode == 2

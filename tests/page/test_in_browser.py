@@ -258,23 +258,22 @@ def test_a_wrong_token_and_a_foreign_page_are_refused(
 
 
 @pytest.mark.slow
-def test_a_growing_file_is_followed_and_a_stopped_server_is_told(
-    browser: Any, small: RunningWorkbench, tmp_path: Path
-) -> None:
+def test_a_growing_file_is_followed_and_a_stopped_server_is_told(browser: Any, tmp_path: Path) -> None:
     lines = EXAMPLE.read_text().splitlines(keepends=True)
     growing = tmp_path / "growing.csv"
     growing.write_text("".join(lines[:41]))
     growing.with_suffix(".toml").write_text(EXAMPLE.with_suffix(".toml").read_text())
-    page = opened(browser, small, SMALL_SIZE)
-    page.click("[data-name='live…']")
-    page.get_by_label("Follow the file").fill(str(growing))
-    page.get_by_role("button", name="Follow the file").click()
-    wait_for(page, "lrm.state.values.poses === 40")
-    with growing.open("a") as file:
-        file.write("".join(lines[41:61]) + lines[61][:20])
-    wait_for(page, "lrm.state.values.poses === 60")
-    small.stop()
-    wait_for(page, "!document.getElementById('lrm-banner').hidden")
-    assert str(small.folder) in page.inner_text("#lrm-banner")
-    page.screenshot(path=SHOTS / "stopped.png")
-    page.context.close()
+    with workbench(part_of_example(tmp_path, 100), cwd=tmp_path) as stopped:
+        page = opened(browser, stopped, SMALL_SIZE)
+        page.click("[data-name='live…']")
+        page.get_by_label("Follow the file").fill(str(growing))
+        page.get_by_role("button", name="Follow the file").click()
+        wait_for(page, "lrm.state.values.poses === 40")
+        with growing.open("a") as file:
+            file.write("".join(lines[41:61]) + lines[61][:20])
+        wait_for(page, "lrm.state.values.poses === 60")
+        stopped.stop()
+        wait_for(page, "!document.getElementById('lrm-banner').hidden")
+        assert str(stopped.folder) in page.inner_text("#lrm-banner")
+        page.screenshot(path=SHOTS / "stopped.png")
+        page.context.close()

@@ -18,7 +18,7 @@ from typing import Any
 import msgpack
 
 from lrmd.config import load_config
-from lrmd.messages.control import MessageError, pack, unpack
+from lrmd.messages.codec import MessageError, pack, unpack
 from lrmd.messages.kinematics import IkReply, IkRequest
 from tests.soak.fuzz_ik_checks import AnsweredGoal, CommandErrors, check
 from tests.soak.fuzz_ik_queries import CORRUPTIONS, ServiceUnderTest, damaged, random_requests, random_service

@@ -14,7 +14,7 @@ from typing import Any
 
 import msgpack
 
-from lrmd.messages.control import LONGEST, Message, MessageError, pack, unpack
+from lrmd.messages.codec import LONGEST, Message, MessageError, pack, unpack
 from tests.soak.fuzz_link import damaged
 from tests.soak.fuzz_result import FuzzResult
 from tests.support.message_schemas import every_message

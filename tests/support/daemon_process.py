@@ -5,6 +5,7 @@ The daemon is started as systemd does it, with a notification socket, and both w
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import signal
@@ -20,7 +21,6 @@ from pathlib import Path
 from typing import IO, Any, Self
 
 from lrmd.client import Rover
-from lrmd.demo import free_port
 from lrmd.messages.zenoh_session import key
 from lrmd.sim.control_queries import QueryReply
 from lrmd.sim.control_socket import query_board
@@ -29,6 +29,19 @@ ROOT = Path(__file__).resolve().parents[2]
 TIMEOUT, START_TIMEOUT = 10.0, 60.0
 """s; only a failing wait takes this long."""
 SECOND = 1_000_000_000
+FIRST_PORT, PORTS = 20_000, 12_000
+"""Below those that the kernel gives to connections."""
+_port_numbers = itertools.count(os.getpid() * 100)  # processes with neighbouring numbers begin a hundred apart
+
+
+def free_port() -> int:
+    """A TCP port on loopback that nobody listens on, and that no other test is given before it is listened on."""
+    for number in itertools.islice(_port_numbers, PORTS):
+        port = FIRST_PORT + number % PORTS
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
+    raise AssertionError(f"no free port of {FIRST_PORT} to {FIRST_PORT + PORTS}")
 
 
 class WaitTimeout(AssertionError):

@@ -18,7 +18,8 @@ from lrmd.api.router_setup import estop_replies
 from lrmd.api.supervisor import ChildProcess
 from lrmd.api.zenoh_server import ZenohServer
 from lrmd.control.events import ControllerEvent
-from lrmd.messages.control import LeaseRequest, Message, error_reply, pack
+from lrmd.messages.codec import Message, error_reply, pack
+from lrmd.messages.control import LeaseRequest
 from lrmd.messages.zenoh_session import key
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.support.in_memory_daemon import SimulatedDaemon

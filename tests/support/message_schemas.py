@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from lrmd import messages
-from lrmd.messages.control import Header, Message, MetricsState, Part
+from lrmd.messages.codec import Header, Message, Part
+from lrmd.messages.control import MetricsState
 
 Content = dict[str, Any]
 

@@ -20,7 +20,8 @@ import pytest
 import zenoh
 
 from lrmd.client import MotionInterrupted, NoReply, RequestRefused
-from lrmd.messages.control import Event, JointsState, LeaseRequest, MoveRequest, pack
+from lrmd.messages.codec import pack
+from lrmd.messages.control import Event, JointsState, LeaseRequest, MoveRequest
 from lrmd.messages.zenoh_session import client
 from lrmd.persistence.state_file import load
 from tests.support.daemon_harness import DaemonHarness, connected

@@ -11,7 +11,8 @@ import zenoh
 
 from lrmd.client import RequestRefused
 from lrmd.config import load_config
-from lrmd.messages.control import Event, LeaseRequest, pack
+from lrmd.messages.codec import pack
+from lrmd.messages.control import Event, LeaseRequest
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
 from lrmd.messages.zenoh_session import client
 from lrmd.persistence import state_file

@@ -13,7 +13,8 @@ import pytest
 import zenoh
 
 from lrm_math.errors import LrmError
-from lrmd.messages.control import EstopCommand, pack
+from lrmd.messages.codec import pack
+from lrmd.messages.control import EstopCommand
 from lrmd.messages.zenoh_session import client
 from tests.support.daemon_harness import DaemonHarness, connected
 from tests.support.daemon_process import BoardProcess, DaemonSetup, wait_for

@@ -12,7 +12,7 @@ import zenoh
 
 from lrmd.client import NoReply, RequestRefused, Rover
 from lrmd.ik.process import SHARE
-from lrmd.messages.control import ErrorReply, pack, unpack
+from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.kinematics import CancelRequest, FkRequest, GoalEntry, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
 from tests.support.daemon_process import DaemonSetup, running_daemon, wait_for

@@ -20,7 +20,7 @@ import zenoh
 from lrmd.cli import app
 from lrmd.client import NoReply, RequestRefused, Rover
 from lrmd.ik.process import SHARE
-from lrmd.messages.control import ErrorReply, pack, unpack
+from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkReply, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
 from tests.conftest import TABLE_B2

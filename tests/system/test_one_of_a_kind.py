@@ -17,7 +17,8 @@ from lrmd.cli import app
 from lrmd.client import RequestRefused
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
-from lrmd.messages.control import ArmRequest, ErrorReply, pack, unpack
+from lrmd.messages.codec import ErrorReply, pack, unpack
+from lrmd.messages.control import ArmRequest
 from lrmd.messages.zenoh_session import client
 from tests.support.daemon_harness import HOME, wait_for_link
 from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for

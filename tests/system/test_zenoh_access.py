@@ -21,16 +21,11 @@ from lrmd.api.presence import Presence
 from lrmd.config import ZenohTable
 from lrmd.messages.zenoh_session import client, own_endpoints
 from tests.conftest import ROOT
+from tests.support.daemon_process import free_port
 
 SHIPPED = ROOT / "config" / "zenoh"
 TIMEOUT = 5.0
 """How long (s) a message on loopback may take; only a failing test waits this long."""
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def changed(name: str, changes: dict[str, str]) -> str:
@@ -94,7 +89,9 @@ class Person:
         self.shown.append(sample.payload.to_string())
 
     def ask(self, key: str) -> list[str]:
-        replies = self.session.get(f"lrm/{self.robot}/{key}", timeout=TIMEOUT)
+        """Every answer; consolidated, that of one of two who answer on a key would be dropped."""
+        each = zenoh.ConsolidationMode.NONE
+        replies = self.session.get(f"lrm/{self.robot}/{key}", timeout=TIMEOUT, consolidation=each)
         return [reply.ok.payload.to_string() for reply in replies if reply.ok is not None]
 
     def send(self, key: str, payload: str) -> None:

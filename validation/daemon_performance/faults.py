@@ -15,17 +15,8 @@ import zenoh
 
 from lrm_math.errors import LrmError
 from lrmd.config import load_config
-from lrmd.messages.control import (
-    ArmRequest,
-    EstopCommand,
-    Event,
-    LeaseRequest,
-    Message,
-    MoveRequest,
-    Reply,
-    pack,
-    unpack,
-)
+from lrmd.messages.codec import Message, pack, unpack
+from lrmd.messages.control import ArmRequest, EstopCommand, Event, LeaseRequest, MoveRequest, Reply
 from lrmd.messages.zenoh_session import client
 from tests.support.daemon_harness import HOME, wait_for_link
 from tests.support.daemon_process import SECOND, DaemonProcess, DaemonSetup, children, is_alive, wait_for

@@ -18,7 +18,7 @@ import zenoh
 from rich.console import Console
 from rich.table import Table
 
-from lrmd.messages.control import pack, unpack
+from lrmd.messages.codec import pack, unpack
 from lrmd.messages.kinematics import IkRequest
 from lrmd.messages.zenoh_session import client
 from tests.support.daemon_harness import HOME

@@ -17,7 +17,8 @@ import zenoh
 from scipy.spatial.transform import Rotation
 
 from lrmd.client import NoReply, Rover
-from lrmd.messages.control import JointsState, MetricsState, pack
+from lrmd.messages.codec import pack
+from lrmd.messages.control import JointsState, MetricsState
 from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkRequest
 from lrmd.messages.zenoh_session import client
 from tests.support.daemon_process import START_TIMEOUT, DaemonProcess, DaemonSetup, children

@@ -105,30 +105,14 @@ def _more_parts(
     `sd`, `noise`: of the column sd_mm, and for all poses (m).
     """
     known = sd if sd is not None or noise is None else np.full(len(table.rows), noise)
-    covariance, distance_only = read_covariance(table, known), bool(np.isnan(tcp).all())
-    distance, distance_sd = read_distance(table, tcp), read_distance_sd(table, metadata)
+    covariance, distance_sd = read_covariance(table, known), read_distance_sd(table, metadata)
     weighed = covariance is not None or known is not None
-    notices = []
-    if distance is not None and not distance_only and (distance_sd is None or not weighed):
-        check_alike(table, tcp)
-        notices.append("the distances are not used: state distance_sd_mm, and the positions' sd_mm or noise_sd_mm")
-        distance = None
-    if distance is not None and (metadata is None or metadata.distance_from_mm is None):
-        notices.append("the point that distances are measured from is not stated (distance_from_mm): it is estimated")
-    if distance_only:
+    distance, notices = _used_distance(table, metadata, tcp, weighed)
+    if np.isnan(tcp).all():
         notices.append("no positions: every error is that of a distance")
         covariance, known, sd, weighed = None, None, distance_sd, distance_sd is not None
-    attitude, feedback = read_attitude(table), read_feedback(table, arm, how)
-    feedback_sd = None if metadata is None or metadata.feedback_sd_deg is None else np.radians(metadata.feedback_sd_deg)
-    if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
-        notices.append("the orientation is not used: state its standard deviation in a column srot_deg")
-        attitude = None
-    if feedback is not None and (feedback_sd is None or not weighed):
-        notices.append(
-            "the joint feedback is not used: state feedback_sd_deg in the file beside the data, and the positions' "
-            "standard deviation (sd_mm, noise_sd_mm)"
-        )
-        feedback = None
+    attitude, of_attitude = _used_attitude(table, covariance)
+    feedback, feedback_sd, of_feedback = _used_feedback(table, arm, how, metadata, weighed)
     if covariance is None and known is not None and (feedback is not None or distance is not None):
         covariance = np.full((len(known), 6, 6), np.nan)
         covariance[:, :3, :3] = known[:, None, None] ** 2 * np.eye(3)
@@ -145,11 +129,49 @@ def _more_parts(
         "covariance": covariance,
         "attitude": attitude,
         "feedback": feedback,
-        "feedback_sd": None if feedback is None else feedback_sd,
+        "feedback_sd": feedback_sd,
         "distance": distance,
         "distance_sd": None if distance is None else distance_sd,
         "distance_from": None if distance is None else read_anchor(metadata, how),
-    }, tuple(notices)
+    }, (*notices, *of_attitude, *of_feedback)
+
+
+def _used_distance(
+    table: CsvTable, metadata: Metadata | None, tcp: Array, weighed: bool
+) -> tuple[Array | None, list[str]]:
+    """Distances (N,) (m), if there are any that can be weighed beside the positions `tcp`; and notices of them."""
+    distance = read_distance(table, tcp)
+    if distance is None:
+        return None, []
+    if not np.isnan(tcp).all() and (read_distance_sd(table, metadata) is None or not weighed):
+        check_alike(table, tcp)
+        return None, ["the distances are not used: state distance_sd_mm, and the positions' sd_mm or noise_sd_mm"]
+    if metadata is None or metadata.distance_from_mm is None:
+        return distance, [
+            "the point that distances are measured from is not stated (distance_from_mm): it is estimated"
+        ]
+    return distance, []
+
+
+def _used_attitude(table: CsvTable, covariance: Array | None) -> tuple[Array | None, list[str]]:
+    """Orientations (N, 3, 3), if there are any of a known standard deviation; and notices of them."""
+    attitude = read_attitude(table)
+    if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
+        return None, ["the orientation is not used: state its standard deviation in a column srot_deg"]
+    return attitude, []
+
+
+def _used_feedback(
+    table: CsvTable, arm: Arm, how: Reading, metadata: Metadata | None, weighed: bool
+) -> tuple[Array | None, float | None, list[str]]:
+    """Measured joint angles (N, n) and their standard deviation (rad), if both are known; and notices of them."""
+    feedback = read_feedback(table, arm, how)
+    if feedback is None:
+        return None, None, []
+    if metadata is None or metadata.feedback_sd_deg is None or not weighed:
+        needed = "state feedback_sd_deg in the file beside the data, and the positions' standard deviation"
+        return None, None, [f"the joint feedback is not used: {needed} (sd_mm, noise_sd_mm)"]
+    return feedback, float(np.radians(metadata.feedback_sd_deg)), []
 
 
 def _frame_of(how: Reading) -> tuple[Array, Array]:

@@ -112,6 +112,7 @@ def follow_advice(task: AutoTask, say: Say) -> None:
     now = [inputs]
 
     def on_step(step: AutoStep) -> None:
+        """Keeps the model of a step, and reports it to the page."""
         for file in auto_files(now[-1], [step]):
             kept = task.folder / kept_name(task.number + len(now) - 1)
             write_text(kept, model_text(file))

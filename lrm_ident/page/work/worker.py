@@ -131,6 +131,7 @@ def _work(pipe: Connection) -> None:
     said = 0.0
 
     def say(message: WorkMessage) -> None:
+        """Sends a message to the page; of progress not more than one per `SMALLEST_PAUSE`."""
         nonlocal said
         now = time.monotonic()
         if isinstance(message, WorkProgress) and 0 < message.done < message.of and now - said < SMALLEST_PAUSE:

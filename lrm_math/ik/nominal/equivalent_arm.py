@@ -13,12 +13,15 @@ def equivalent_arm(model: Model) -> Arm:
     amounts = dict(zip((slot.key for slot in model.chain.slots), model.binding.constants, strict=True))
 
     def placement(place: str) -> Placement:
+        """Placement of the base or the tool with the corrected amounts."""
         return Placement(*(amounts[f"{place}.{name}"] for name in ("x", "y", "z", "alpha", "beta", "gamma")))
 
     def length(place: str, name: str, nominal: float) -> float:
+        """Corrected length (m) where the nominal one is not zero."""
         return amounts[f"{place}.{name}"] if nominal else 0.0
 
     def joint(place: str, nominal_joint: Joint) -> Joint:
+        """A joint with its corrected angles and lengths."""
         return replace(
             nominal_joint,
             theta=amounts[f"{place}.theta"],

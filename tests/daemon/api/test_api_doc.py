@@ -22,7 +22,7 @@ from lrmd.client import Rover
 from lrmd.config import load_config
 from lrmd.control.state_machine import Mode, Trigger
 from lrmd.control.updates import FAULT_RESPONSES
-from lrmd.messages.control import LONGEST, Header, Message, unpack
+from lrmd.messages.codec import LONGEST, Header, Message, unpack
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.conftest import ROOT
 from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon

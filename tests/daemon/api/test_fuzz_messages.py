@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lrmd.messages.control import HoldRequest, LeaseRequest, pack
+from lrmd.messages.codec import pack
+from lrmd.messages.control import HoldRequest, LeaseRequest
 from tests.soak import fuzz_messages
 from tests.soak.fuzz_messages import check, fuzz
 from tests.soak.fuzz_result import FuzzResult

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from lrmd.messages.control import Header, Message
+from lrmd.messages.codec import Header, Message
 from lrmd.messages.json_schemas import FILE, schemas, text
 from tests.support.message_schemas import every_message
 

@@ -19,7 +19,8 @@ from lrmd.cli.parsing import parse_angle, parse_angles
 from lrmd.client import MotionInterrupted, Rover
 from lrmd.config import load_config
 from lrmd.control.state_machine import Mode
-from lrmd.messages.control import Event, FaultEntry, FaultsState, MessageError, ThermalState
+from lrmd.messages.codec import MessageError
+from lrmd.messages.control import Event, FaultEntry, FaultsState, ThermalState
 from lrmd.ramp.shared_memory import BUCKETS
 from tests.conftest import ROOT
 from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon

@@ -15,18 +15,8 @@ from hypothesis import strategies as st
 
 from lrmd.api.zenoh_server import REQUESTS
 from lrmd.config import load_config
-from lrmd.messages.control import (
-    LONGEST,
-    ArmRequest,
-    ErrorReply,
-    JogRequest,
-    LeaseRequest,
-    Message,
-    MessageError,
-    MoveRequest,
-    pack,
-    unpack,
-)
+from lrmd.messages.codec import LONGEST, ErrorReply, Message, MessageError, pack, unpack
+from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest
 from lrmd.messages.kinematics import IkAnswer, IkReply
 from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.in_memory_zenoh import InMemoryDaemon

@@ -25,7 +25,7 @@ from lrm_math.model.equilibrium import equilibrium
 from lrmd.config import Config, load_config
 from lrmd.ik.deployed_model import deploy
 from lrmd.ik.service import IkService, goal_of, solver_of
-from lrmd.messages.control import Message, MessageError, unpack
+from lrmd.messages.codec import Message, MessageError, unpack
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 from tests.conftest import TABLE_B2
 from tests.math.test_collision import sampled_distance

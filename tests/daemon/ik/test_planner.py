@@ -27,7 +27,8 @@ from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
-from lrmd.messages.control import ArmRequest, LeaseRequest, MessageError, MoveRequest
+from lrmd.messages.codec import MessageError
+from lrmd.messages.control import ArmRequest, LeaseRequest, MoveRequest
 from lrmd.messages.kinematics import GoalEntry, PlanRequest
 from lrmd.safety.collision_guard import guard_of
 from tests.conftest import TABLE_B2

@@ -16,7 +16,8 @@ import zenoh
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
 from lrmd.config import load_config
-from lrmd.messages.control import EstopCommand, pack
+from lrmd.messages.codec import pack
+from lrmd.messages.control import EstopCommand
 from lrmd.messages.zenoh_session import client
 from tests.soak.hostile.link_proxy import LinkProxy
 from tests.support.daemon_harness import HOME
