@@ -193,7 +193,7 @@ def flat_arm(
     memory.laws_known, memory.reach = 1, reach
     turned = [not np.array_equal(weld[:3, :3], np.eye(3)) for weld in linkage.welds]
     return FlatArm(memory, linkage).with_(
-        gravity=linkage.gravity, weld=linkage.welds[:, :3], welded_turn=turned, moment=moments, axis=linkage.axes,
+        gravity=linkage.gravity, weld=linkage.welds[:, :3].transpose(0, 2, 1), welded_turn=turned, moment=moments, axis=linkage.axes,
         joint=linkage.joints, other=linkage.others, inboard=linkage.inboard, counted=linkage.counted,
         moved=linkage.moved, lower=lower, upper=upper,
     )  # fmt: skip

@@ -40,7 +40,7 @@ typedef struct { /* Pieper's normal form of an arm of six joints; pieper.py says
 typedef struct { /* a model with one payload; linkage.py says what slots, welds and bodies are */
     int slots, joints, others, bodies, laws, poses, has_form, laws_known;
     double gravity[3], reach, nonlinear_bound;
-    double weld[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* 3x4 by rows; mass moments and mass in the slot's frame */
+    double weld[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* frames; mass moments and mass in the slot's frame */
     int welded_turn[MAX_SLOTS + 1], axis[MAX_SLOTS]; /* whether the weld turns; 0..2 turns about x, y, z, 3..5 slides */
     int joint[MAX_JOINTS], other[MAX_SLOTS], inboard[MAX_BODIES], counted[MAX_SLOTS], moved[MAX_SLOTS];
     double zero[MAX_SLOTS], start[MAX_SLOTS], lower[MAX_JOINTS], upper[MAX_JOINTS]; /* unloaded; mean; limits */
@@ -81,6 +81,8 @@ static const double TURN = 6.283185307179586;
 
 static double larger(double a, double b) { return a > b ? a : b; } /* inline, as fmax is not */
 static double lesser(double a, double b) { return a < b ? a : b; }
+static double clipped(double x, double lower, double upper) { return lesser(larger(x, lower), upper); }
+static int sign(double x) { return (x > 0) - (x < 0); }
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static void cross(const double *a, const double *b, double *out) {
     out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
@@ -106,42 +108,38 @@ static double excess_of(const Arm *a, const double *q) {
 
 /* ---------------------------------------------------------------- 2 Forward kinematics, loads ------------------- */
 
+/* A vector in the base's axes, from one (3,) in those of a frame. */
+static void in_base(const double *frame, const double *v, double *out) {
+    for (int i = 0; i < 3; i++) out[i] = frame[i] * v[0] + frame[3 + i] * v[1] + frame[6 + i] * v[2];
+}
+
 /* Product of exponentials outwards (Brockett 1984), then gravity's load on each slot by its screw and the first mass
  * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin); m g . axis if it slides.
  * after: NULL, or the frames before the first slot and after each one, (slots + 1, 12). */
 static void place(const Arm *a, const double *s, State *w, double *after) {
-    double f[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p[3] = {0, 0, 0};
-    int body = 0;
-    for (int v = 0; v <= a->slots; v++) {
-        if (after) COPY(after + 12 * v, f[0], 9), COPY(after + 12 * v + 9, p, 3);
+    double f[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, *p = f + 9, before[12];
+    for (int v = 0, body = 0; v <= a->slots; v++) {
+        if (after) COPY(after + 12 * v, f, 12);
         for (; body < a->bodies && a->inboard[body] == v; body++) {
-            const double *m = a->moment[body];
-            for (int i = 0; i < 3; i++) w->first[body][i] = f[0][i] * m[0] + f[1][i] * m[1] + f[2][i] * m[2] + p[i] * m[3];
+            in_base(f, a->moment[body], w->first[body]);
+            add(a->moment[body][3], p, 3, w->first[body]);
         }
-        const double *T = a->weld[v];
-        for (int i = 0; i < 3; i++) p[i] += f[0][i] * T[3] + f[1][i] * T[7] + f[2][i] * T[11];
-        if (a->welded_turn[v])
-            for (int i = 0; i < 3; i++) {
-                const double x = f[0][i], y = f[1][i], z = f[2][i];
-                f[0][i] = x * T[0] + y * T[4] + z * T[8];
-                f[1][i] = x * T[1] + y * T[5] + z * T[9];
-                f[2][i] = x * T[2] + y * T[6] + z * T[10];
-            }
+        COPY(before, f, 12);
+        in_base(before, a->weld[v] + 9, p), add(1, before + 9, 3, p);
+        for (int k = 0; k < 9 && a->welded_turn[v]; k += 3) in_base(before, a->weld[v] + k, f + k);
         if (v == a->slots) break;
         const int kind = a->axis[v];
-        if (kind >= 3) {
-            for (int i = 0; i < 3; i++) w->axis[v][i] = f[kind - 3][i], w->origin[v][i] = p[i] += s[v] * f[kind - 3][i];
-            continue;
-        }
-        double *y = f[kind == 2 ? 0 : kind + 1], *z = f[kind == 0 ? 2 : kind - 1];
+        double *x = f + 3 * (kind % 3), *y = f + 3 * ((kind + 1) % 3), *z = f + 3 * ((kind + 2) % 3);
+        if (kind >= 3) add(s[v], x, 3, p);
+        COPY(w->axis[v], x, 3), COPY(w->origin[v], p, 3);
+        if (kind >= 3) continue;
         const double c = cos(s[v]), sine = sin(s[v]);
         for (int i = 0; i < 3; i++) {
             const double old = y[i];
-            w->axis[v][i] = f[kind][i], w->origin[v][i] = p[i];
             y[i] = c * old + sine * z[i], z[i] = c * z[i] - sine * old;
         }
     }
-    for (int i = 0; i < 3; i++) w->tcp[i] = f[0][i], w->tcp[3 + i] = f[1][i], w->tcp[6 + i] = f[2][i], w->tcp[9 + i] = p[i];
+    COPY(w->tcp, f, 12);
 }
 static void forward(const Arm *a, const double *s, State *w) {
     place(a, s, w, NULL);
@@ -164,13 +162,13 @@ static void forward(const Arm *a, const double *s, State *w) {
 /* Geometric Jacobian: velocity of the tool (m/rad, or 1) above LEVER times its angular velocity. */
 static void jacobian(const Arm *a, State *w) {
     for (int v = 0; v < a->slots; v++) {
-        const double *u = w->axis[v], *o = w->origin[v];
-        const double x = w->tcp[9] - o[0], y = w->tcp[10] - o[1], z = w->tcp[11] - o[2];
-        const int slides = a->axis[v] >= 3;
-        w->J[0][v] = slides ? u[0] : u[1] * z - u[2] * y;
-        w->J[1][v] = slides ? u[1] : u[2] * x - u[0] * z;
-        w->J[2][v] = slides ? u[2] : u[0] * y - u[1] * x;
-        for (int i = 0; i < 3; i++) w->J[3 + i][v] = slides ? 0 : LEVER * u[i];
+        const double *u = w->axis[v], *o = w->origin[v], *t = w->tcp + 9, arm[3] = {t[0] - o[0], t[1] - o[1], t[2] - o[2]};
+        double along[3];
+        cross(u, arm, along);
+        for (int i = 0; i < 3; i++) {
+            w->J[i][v] = a->axis[v] < 3 ? along[i] : u[i];
+            w->J[3 + i][v] = a->axis[v] < 3 ? LEVER * u[i] : 0;
+        }
     }
 }
 
@@ -274,15 +272,15 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
 /* One step of Anderson's (1965) method with a memory of one: x moves by the step, or by a secant along the last two. */
 typedef struct { double x[MAX_SLOTS], step[MAX_SLOTS]; int known; } Memory;
 static void accelerate(Memory *m, double *x, const double *step, int n) {
-    double size = 1e-300, along = 0, now[MAX_SLOTS];
+    double size = 1e-300, along = 0;
     for (int i = 0; m->known && i < n; i++) {
         const double change = step[i] - m->step[i];
         size += change * change, along += step[i] * change;
     }
-    const double share = m->known ? along / size : 0;
-    COPY(now, x, n);
-    for (int i = 0; i < n; i++) x[i] += step[i] - (m->known ? share * (now[i] - m->x[i] + step[i] - m->step[i]) : 0);
-    COPY(m->x, now, n), COPY(m->step, step, n);
+    for (int i = 0; i < n; i++) {
+        const double now = x[i], back = m->known ? along / size * (now - m->x[i] + step[i] - m->step[i]) : 0;
+        x[i] += step[i] - back, m->x[i] = now, m->step[i] = step[i];
+    }
     m->known = 1;
 }
 
@@ -298,7 +296,7 @@ static int command(const Arm *a, const double *tau, const double *s, const int *
         for (int j = 0; j < a->joints; j++) step[j] = s[a->joint[j]] - error[j] - q[j];
         if (!(largest(step, a->joints) < 10)) return 0;
         const int done = largest(step, a->joints) < 1e-11;
-        if (it > 30) for (int j = 0; j < a->joints; j++) q[j] += 0.5 * step[j];
+        if (it > 30) add(0.5, step, a->joints, q);
         else accelerate(&memory, q, step, a->joints);
         if (done) return 1;
     }
@@ -319,22 +317,21 @@ static int settle(const Arm *a, const double *q, const int *side, double toleran
         for (int v = 0; v < a->slots; v++) change += fabs(step[v]) * (a->axis[v] < 3 ? a->reach : 1);
         if (!(change < 1e6)) return -1;
         if (change <= tolerance) {
-            for (int v = 0; v < a->slots; v++) s[v] += step[v];
+            add(1, step, a->slots, s);
             return it;
         }
         if (it <= 20) accelerate(&memory, s, step, a->slots);
-        else for (int v = 0; v < a->slots; v++) s[v] += (it > 60 ? 0.4 : 1) * step[v];
+        else add(it > 60 ? 0.4 : 1, step, a->slots, s);
     }
     return -1;
 }
 /* Whether a slot deflects by more than the effects' formulas hold for (0.5 rad, equilibrium.py). */
 static int too_soft(const Arm *a, const double *q, const int *side, const double *s) {
-    double nothing[MAX_SLOTS] = {0}, error[MAX_JOINTS], most = 0;
-    for (int j = 0; j < a->joints; j++) most = larger(most, fabs(s[a->joint[j]] - q[j] - a->zero[a->joint[j]]));
-    if (most > 0.1) joint_errors(a, nothing, q, side, error);
-    for (int j = 0; j < a->joints && most > 0.1; j++) if (fabs(s[a->joint[j]] - q[j] - error[j]) > 0.5) return 1;
-    for (int i = 0; i < a->others; i++)
-        if (a->axis[a->other[i]] < 3 && fabs(s[a->other[i]] - a->zero[a->other[i]]) > 0.5) return 1;
+    double stiff[MAX_SLOTS], nothing[MAX_SLOTS] = {0}, error[MAX_JOINTS];
+    COPY(stiff, a->zero, a->slots);
+    joint_errors(a, nothing, q, side, error);
+    for (int j = 0; j < a->joints; j++) stiff[a->joint[j]] = q[j] + error[j];
+    for (int v = 0; v < a->slots; v++) if (a->axis[v] < 3 && fabs(s[v] - stiff[v]) > 0.5) return 1;
     return 0;
 }
 
@@ -447,11 +444,7 @@ static Ending newton(const Arm *a, const double *goal, int rows, double *s, Stat
         if (miss < 0.5 * best) best = miss, since = 0;
         else if (++since >= PATIENCE) return STUCK;
         if (rows == 6 && miss < 1e-4)
-            for (int k = 0; k < found->count; k++) {
-                double off = 0;
-                for (int j = 0; j < a->joints; j++) off = larger(off, fabs(s[a->joint[j]] - found->at[k].slots[a->joint[j]]));
-                if (off < 3e-4) return KNOWN;
-            }
+            for (int k = 0; k < found->count; k++) if (apart(s, found->at[k].slots, a->slots) < 3e-4) return KNOWN;
         damping = miss > before ? 30 * damping : larger(0.3 * damping, least_damping);
         before = miss;
         total_jacobian(a, rows, NULL, w);
@@ -752,8 +745,6 @@ static void library_start(const Arm *a, const double *goal, int row, State *w, d
 }
 
 /* ---------------------------------------------------------------- 9 Poses: all branches ------------------------- */
-
-static int sign(double x) { return (x > 0) - (x < 0); }
 
 /* The command for the state of an arm, and the sides its joints arrive from, coming from `near` (or NULL: unknown): a
  * side follows from the command and changes it; where that contradicts itself the joint has to make a detour. */
