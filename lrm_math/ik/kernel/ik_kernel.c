@@ -63,11 +63,14 @@ typedef struct {
     Solution at[MAX_FOUND];
 } Found;
 
+static const int UNKNOWN[MAX_JOINTS] = {0}; /* sides of arrival */
+typedef double Row[MAX_JOINTS + 1]; /* of a matrix whose columns are joints, and at last what is lacking */
 typedef struct { /* what belongs to one set of slot amounts */
     double tcp[12], axis[MAX_SLOTS][3], origin[MAX_SLOTS][3], tau[MAX_SLOTS];
     double lever[MAX_SLOTS][3], by_counted[MAX_SLOTS][3], by_moved[MAX_SLOTS][3];
     double mass[MAX_BODIES + 1], first[MAX_BODIES + 1][3]; /* mass and first moment of body b and all outboard */
-    double J[6][MAX_SLOTS], e[6], total[6][MAX_JOINTS], follow[MAX_SLOTS][MAX_JOINTS + 1], lack[MAX_SLOTS];
+    double J[6][MAX_SLOTS], e[6], lack[MAX_SLOTS];
+    Row total[6], follow[MAX_SLOTS];
     int follower[MAX_SLOTS], followers;
 } State;
 
@@ -77,6 +80,7 @@ static const double SLACK = 0.4;     /* rad: joints sag and play by less, so see
 static const double AT_LIMIT = 1e-9; /* rad: a command this far beyond a limit is at the limit */
 static const double SAME = 1e-6;     /* rad: commands no further apart are one solution */
 static const double ONE_FAMILY = 0.02; /* rad: the same where the goal leaves motion free */
+static const double LONGEST = 0.6;   /* rad: most that a joint turns in one step of Newton's method */
 static const double TURN = 6.283185307179586;
 
 static double larger(double a, double b) { return a > b ? a : b; } /* inline, as fmax is not */
@@ -91,6 +95,11 @@ static double largest(const double *x, int n) {
     double out = 0;
     for (int i = 0; i < n; i++) out = larger(out, fabs(x[i]));
     return out;
+}
+static double length(const double *x, int n) {
+    double square = 0;
+    for (int i = 0; i < n; i++) square += x[i] * x[i];
+    return sqrt(square);
 }
 static double apart(const double *a, const double *b, int n) {
     double out = 0;
@@ -159,17 +168,20 @@ static void forward(const Arm *a, const double *s, State *w) {
 
 /* ---------------------------------------------------------------- 3 Derivatives --------------------------------- */
 
-/* Geometric Jacobian: velocity of the tool (m/rad, or 1) above LEVER times its angular velocity. */
+/* Geometric Jacobian: velocity of the tool (m/rad, or 1) above LEVER times its angular velocity; w->total: the joints'
+ * columns of it. */
 static void jacobian(const Arm *a, State *w) {
     for (int v = 0; v < a->slots; v++) {
-        const double *u = w->axis[v], *o = w->origin[v], *t = w->tcp + 9, arm[3] = {t[0] - o[0], t[1] - o[1], t[2] - o[2]};
-        double along[3];
+        const double *u = w->axis[v], *o = w->origin[v], *t = w->tcp + 9;
+        double arm[3] = {t[0] - o[0], t[1] - o[1], t[2] - o[2]}, along[3];
         cross(u, arm, along);
         for (int i = 0; i < 3; i++) {
             w->J[i][v] = a->axis[v] < 3 ? along[i] : u[i];
             w->J[3 + i][v] = a->axis[v] < 3 ? LEVER * u[i] : 0;
         }
     }
+    for (int r = 0; r < 6; r++)
+        for (int j = 0; j < a->joints; j++) w->total[r][j] = w->J[r][a->joint[j]];
 }
 
 /* How the mass moments of the bodies from `body` outwards change with slot v. */
@@ -206,8 +218,27 @@ static void deflection_derivative(const Arm *a, const State *w, int row, double 
     add_load_derivatives(a, w, row, 0.5 * a->play[row] / a->play_force[row] * (1 - taken * taken), out);
 }
 
+/* Of a matrix A (rows, n): A x (rows,), A^T x (n,), and A^T A plus `damping` on its diagonal, the lower triangle. */
+static void times(const Row *A, int rows, int n, const double *x, double *out) {
+    for (int r = 0; r < rows; r++) {
+        out[r] = 0;
+        for (int j = 0; j < n; j++) out[r] += A[r][j] * x[j];
+    }
+}
+static void transposed_times(const Row *A, int rows, int n, const double *x, double *out) {
+    for (int j = 0; j < n; j++) out[j] = 0;
+    for (int r = 0; r < rows; r++) add(x[r], A[r], n, out);
+}
+static void gram(const Row *A, int rows, int n, double damping, Row *N) {
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            N[i][j] = i == j ? damping : 0;
+            for (int r = 0; r < rows; r++) N[i][j] += A[r][i] * A[r][j];
+        }
+}
+
 /* Cholesky factorisation in place of the lower triangle, reciprocal pivots; a pivot that is not positive becomes 0. */
-static int factorise(double N[][MAX_JOINTS], int m) {
+static int factorise(Row *N, int m) {
     int definite = 1;
     for (int i = 0; i < m; i++)
         for (int j = 0; j <= i; j++) {
@@ -218,7 +249,7 @@ static int factorise(double N[][MAX_JOINTS], int m) {
         }
     return definite;
 }
-static void substitute(double N[][MAX_JOINTS], double *y, int m) {
+static void substitute(const Row *N, double *y, int m) {
     for (int i = 0; i < m; i++) {
         for (int k = 0; k < i; k++) y[i] -= N[i][k] * y[k];
         y[i] *= N[i][i];
@@ -371,9 +402,10 @@ static double lacking(const Arm *a, const double *s, State *w) {
  * springs and laws, the slopes of their laws (slots,). */
 static void total_jacobian(const Arm *a, int rows, const double *law_slope, State *w) {
     const int n = a->joints, count = law_slope ? a->slots : a->others, *slot = w->follower;
+    Row first[MAX_SLOTS];
+    double M[MAX_SLOTS][MAX_SLOTS];
     for (int i = 0; i < count; i++) w->follower[i] = law_slope ? i : a->other[i];
     w->followers = count;
-    double M[MAX_SLOTS][MAX_SLOTS], first[MAX_SLOTS][MAX_JOINTS + 1], sum[6][MAX_JOINTS + 1];
     jacobian(a, w);
     if (count) sweep(a, w);
     for (int i = 0; i < count; i++) {
@@ -383,23 +415,18 @@ static void total_jacobian(const Arm *a, int rows, const double *law_slope, Stat
         first[i][n] = w->lack[i];
     }
     for (int i = 0; i < count; i++) {
-        double *follow = w->follow[i];
-        COPY(follow, first[i], n + 1);
-        for (int k = 0; k < count; k++) add(M[i][slot[k]], first[k], n + 1, follow);
+        COPY(w->follow[i], first[i], n + 1);
+        for (int k = 0; k < count; k++) add(M[i][slot[k]], first[k], n + 1, w->follow[i]);
     }
     for (int r = 0; r < 6; r++) {
-        for (int j = 0; j < n; j++) sum[r][j] = w->J[r][a->joint[j]];
-        sum[r][n] = 0;
-        for (int i = 0; i < count; i++) add(w->J[r][slot[i]], w->follow[i], n + 1, sum[r]);
+        w->total[r][n] = 0;
+        for (int i = 0; i < count; i++) add(w->J[r][slot[i]], w->follow[i], n + 1, w->total[r]);
     }
     for (int j = 0; j <= n && rows == 5; j++) {
-        const double turn[3] = {sum[3][j], sum[4][j], sum[5][j]};
-        sum[3][j] = dot(w->tcp, turn), sum[4][j] = dot(w->tcp + 3, turn);
+        const double turn[3] = {w->total[3][j], w->total[4][j], w->total[5][j]};
+        w->total[3][j] = dot(w->tcp, turn), w->total[4][j] = dot(w->tcp + 3, turn);
     }
-    for (int r = 0; r < rows; r++) {
-        COPY(w->total[r], sum[r], n);
-        w->e[r] -= sum[r][n];
-    }
+    for (int r = 0; r < rows; r++) w->e[r] -= w->total[r][n];
 }
 
 static void move(const Arm *a, const State *w, const double *step, double *s) {
@@ -413,16 +440,16 @@ static void move(const Arm *a, const State *w, const double *step, double *s) {
 
 /* Least-squares step of the joints to w->e (Levenberg 1944), damping in m^2. */
 static void damped_step(const Arm *a, const State *w, int rows, double damping, double *step) {
-    double N[MAX_JOINTS][MAX_JOINTS];
-    for (int i = 0; i < a->joints; i++) {
-        step[i] = 0;
-        for (int r = 0; r < rows; r++) step[i] += w->total[r][i] * w->e[r];
-        for (int j = 0; j <= i; j++) {
-            N[i][j] = i == j ? damping : 0;
-            for (int r = 0; r < rows; r++) N[i][j] += w->total[r][i] * w->total[r][j];
-        }
-    }
+    Row N[MAX_JOINTS];
+    gram(w->total, rows, a->joints, damping, N), transposed_times(w->total, rows, a->joints, w->e, step);
     factorise(N, a->joints), substitute(N, step, a->joints);
+}
+
+/* Scales a step (n,) down to a largest element; returns the largest that it had. */
+static double shortened(double *step, int n, double longest) {
+    const double size = largest(step, n), cut = size > longest ? longest / size : 1;
+    for (int j = 0; j < n; j++) step[j] *= cut;
+    return size;
 }
 
 enum { MOST_STEPS = 40, PATIENCE = 4 };
@@ -432,7 +459,7 @@ typedef enum { REACHED, STUCK, BEYOND, KNOWN } Ending;
  * Damping in proportion to the squared error keeps convergence fast and works where the Jacobian is singular
  * (Yamashita & Fukushima 2001). `limited` gives up what leads beyond the limits; `found`: solutions not to find again. */
 static Ending newton(const Arm *a, const double *goal, int rows, double *s, State *w, Found *found, int limited) {
-    const double longest = 0.6, least_damping = 1e-3, tiny = 1e-15, nearly = 1e-5;
+    const double least_damping = 1e-3, tiny = 1e-15, nearly = 1e-5;
     double before = INFINITY, damping = least_damping, best = INFINITY;
     int since = 0;
     for (int step = 0;; step++, found->steps++) {
@@ -449,12 +476,11 @@ static Ending newton(const Arm *a, const double *goal, int rows, double *s, Stat
         before = miss;
         total_jacobian(a, rows, NULL, w);
         damped_step(a, w, rows, damping * square + tiny, turns);
-        const double size = largest(turns, a->joints), cut = size > longest ? longest / size : 1;
-        for (int j = 0; j < a->joints; j++) turns[j] *= cut;
+        const double size = lesser(shortened(turns, a->joints, LONGEST), LONGEST);
         move(a, w, turns, s);
         if (limited && miss > nearly) {
             linear_command(a, w, s, q);
-            if (excess_of(a, q) > lesser(0.2, a->nonlinear_bound + size * cut)) return BEYOND;
+            if (excess_of(a, q) > lesser(0.2, a->nonlinear_bound + size)) return BEYOND;
         }
     }
 }
@@ -478,7 +504,7 @@ static double into_window(const Window *win, int j, double q) {
     if (fabs(q - win->towards[j]) > 0.5 * TURN) q += TURN * rint((win->towards[j] - q) / TURN);
     if (q < win->lower[j] - ROUND_OFF) q += TURN * ceil((win->lower[j] - ROUND_OFF - q) / TURN);
     if (q > win->upper[j] + ROUND_OFF) q -= TURN * ceil((q - win->upper[j] - ROUND_OFF) / TURN);
-    return !(q >= win->lower[j] - ROUND_OFF) ? NAN : lesser(larger(q, win->lower[j]), win->upper[j]);
+    return !(q >= win->lower[j] - ROUND_OFF) ? NAN : clipped(q, win->lower[j], win->upper[j]);
 }
 
 /* |u|^2 - |v|^2 across the second axis at an elbow angle t, where the first two axes are skew: zero at a solution, and a
@@ -514,7 +540,7 @@ static int skew_elbow(const Form *f, double height, double square, double *t) {
         double x = carg(z[k]), miss = skew_miss(f, height, square, x);
         for (int it = 0; it < 6; it++) {
             const double slope = (skew_miss(f, height, square, x + h) - skew_miss(f, height, square, x - h)) / (2 * h);
-            const double next = x + (slope != 0 ? lesser(larger(-miss / slope, -1e-3), 1e-3) : 0);
+            const double next = x + (slope != 0 ? clipped(-miss / slope, -1e-3, 1e-3) : 0);
             const double there = skew_miss(f, height, square, next);
             if (fabs(there) < fabs(miss)) x = next, miss = there;
         }
@@ -642,29 +668,19 @@ static Window window_of(const Arm *a, const double *towards, int limited) {
  * (m/rad): up to that scale the smallest singular value, by inverse iteration (Wielandt 1944). After `forward`. */
 static double slowest(const Arm *a, State *w, double *along, double *direction) {
     const int n = a->joints;
-    double N[MAX_JOINTS][MAX_JOINTS], size = 0;
+    Row N[MAX_JOINTS];
     jacobian(a, w);
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j <= i; j++) {
-            N[i][j] = i == j ? 1e-15 : 0;
-            for (int r = 0; r < 6; r++) N[i][j] += w->J[r][a->joint[i]] * w->J[r][a->joint[j]];
-        }
-        along[i] = 1 + 0.3 * i;
-    }
-    factorise(N, n);
+    gram(w->total, 6, n, 1e-15, N), factorise(N, n);
+    for (int j = 0; j < n; j++) along[j] = 1 + 0.3 * j;
     for (int it = 0; it < 4; it++) {
         substitute(N, along, n);
         const double scale = 1 / larger(largest(along, n), 1e-300);
-        for (int i = 0; i < n; i++) along[i] *= scale;
+        for (int j = 0; j < n; j++) along[j] *= scale;
     }
-    for (int r = 0; r < 6; r++) {
-        direction[r] = 0;
-        for (int i = 0; i < n; i++) direction[r] += w->J[r][a->joint[i]] * along[i];
-        size += direction[r] * direction[r];
-    }
-    size = sqrt(size);
-    for (int r = 0; r < 6; r++) direction[r] /= larger(size, 1e-300);
-    return size;
+    times(w->total, 6, n, along, direction);
+    const double speed = length(direction, 6);
+    for (int r = 0; r < 6; r++) direction[r] /= larger(speed, 1e-300);
+    return speed;
 }
 
 /* The joint, from 1, that turns most. */
@@ -739,14 +755,14 @@ static int library_seeds(const Arm *a, const double *goal, int judged, int count
 }
 static void library_start(const Arm *a, const double *goal, int row, State *w, double *s) {
     double step[MAX_JOINTS];
-    const double size = first_step(a, goal, row, w, step);
+    first_step(a, goal, row, w, step), shortened(step, a->joints, LONGEST);
     COPY(s, a->library_slots + row * a->slots, a->slots);
-    move_joints(a, step, size > 0.6 ? 0.6 / size : 1, s);
+    move_joints(a, step, 1, s);
 }
 
 /* ---------------------------------------------------------------- 9 Poses: all branches ------------------------- */
 
-/* The command for the state of an arm, and the sides its joints arrive from, coming from `near` (or NULL: unknown): a
+/* The command for the state of an arm, and the sides its joints arrive from, coming from `near` (or NULL: UNKNOWN): a
  * side follows from the command and changes it; where that contradicts itself the joint has to make a detour. */
 static int command_from(const Arm *a, const State *w, const double *s, const double *near, Solution *out) {
     for (int j = 0; j < a->joints; j++) out->side[j] = out->detour[j] = 0;
@@ -793,7 +809,7 @@ static int solved(const Found *found) {
 static void fold_seeds(const Arm *a, const double *goal, const double *near, int k, Found *found) {
     const double near_fold = 5e-3, at_fold = 2e-3, nudge = 0.02;
     State w;
-    double along[MAX_JOINTS], direction[6], moved[6], s[MAX_SLOTS], then = 0, old[MAX_SLOTS], q[MAX_JOINTS];
+    double along[MAX_JOINTS], direction[6], moved[6], s[MAX_SLOTS], old[MAX_SLOTS], q[MAX_JOINTS];
     COPY(old, found->at[k].slots, a->slots), COPY(q, found->at[k].q, a->joints);
     forward(a, old, &w);
     const double slope = slowest(a, &w, along, direction);
@@ -802,12 +818,8 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
     COPY(s, old, a->slots);
     move_joints(a, along, nudge, s);
     forward(a, s, &w), jacobian(a, &w);
-    for (int r = 0; r < 6; r++) {
-        moved[r] = 0;
-        for (int j = 0; j < a->joints; j++) moved[r] += w.J[r][a->joint[j]] * along[j];
-        then += direction[r] * moved[r];
-    }
-    const double bend = (then - slope) / nudge;
+    times(w.total, 6, a->joints, along, moved);
+    const double then = dot(direction, moved) + dot(direction + 3, moved + 3), bend = (then - slope) / nudge;
     const double ways[7] = {bend != 0 ? -2 * slope / bend : 0, 0.15, -0.15, 0.4, -0.4, 0.9, -0.9};
     for (int i = 0; i < (slope < at_fold ? 7 : 1); i++) {
         const double x = ways[i];
@@ -894,11 +906,12 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
  * to the linearised goal, step after step, joints stopping at their limits (sequential quadratic programming with an
  * active set); at last Newton's method alone. */
 static Ending slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w, Found *found) {
-    const int n = a->joints, unknown[MAX_JOINTS] = {0};
+    const int n = a->joints;
     double before = INFINITY, share = 1, by_laws[MAX_JOINTS] = {0}; /* what laws add to commands: it changes slowly */
     int settled = 0;
     for (int step = 0; step < 120; step++, found->steps++) {
-        double q[MAX_JOINTS], wish[MAX_JOINTS], turn[MAX_JOINTS], N[MAX_JOINTS][MAX_JOINTS], y[MAX_JOINTS];
+        double q[MAX_JOINTS], wish[MAX_JOINTS], turn[MAX_JOINTS], y[6];
+        Row N[6];
         int stuck[MAX_JOINTS] = {0}, changed = 1;
         forward(a, s, w);
         const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, w);
@@ -906,7 +919,7 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         linear_command(a, w, s, q);
         if (miss <= CLOSE && settled) return REACHED;
         if (a->laws && (step % 8 == 0 || settled)) {
-            if (!command(a, w->tau, s, unknown, by_laws)) COPY(by_laws, q, n);
+            if (!command(a, w->tau, s, UNKNOWN, by_laws)) COPY(by_laws, q, n);
             for (int j = 0; j < n; j++) by_laws[j] -= q[j];
         }
         for (int j = 0; j < n; j++) q[j] += by_laws[j];
@@ -932,12 +945,11 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
                 if (stuck[j]) continue;
                 turn[j] = wish[j];
                 for (int r = 0; r < rows; r++) turn[j] += w->total[r][j] * y[r];
-                const double within = lesser(larger(turn[j], a->lower[j] - q[j]), a->upper[j] - q[j]);
+                const double within = clipped(turn[j], a->lower[j] - q[j], a->upper[j] - q[j]);
                 if (within != turn[j]) turn[j] = within, stuck[j] = changed = 1;
             }
         }
-        const double size = largest(turn, n), cut = size > 0.7 ? 0.7 / size : 1;
-        for (int j = 0; j < n; j++) turn[j] *= cut;
+        const double size = shortened(turn, n, 0.7);
         move(a, w, turn, s);
         settled |= size < 1e-4 * share || step > 90;
     }
@@ -974,8 +986,7 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
 
 /* Square of the error (m^2) of a command's equilibrium, amounts s in place; infinite where there is none. */
 static double settled_error(const Arm *a, const double *goal, int rows, const double *q, double *s, State *w) {
-    const int unknown[MAX_JOINTS] = {0};
-    if (settle(a, q, unknown, 1e-7, s, w) < 0) return INFINITY;
+    if (settle(a, q, UNKNOWN, 1e-7, s, w) < 0) return INFINITY;
     forward(a, s, w);
     return goal_error(goal, rows, w);
 }
@@ -983,10 +994,9 @@ static double settled_error(const Arm *a, const double *goal, int rows, const do
 /* w->total and w->follow of commands: all slots follow, the joints by their springs and the slopes of their laws. */
 static void command_jacobian(const Arm *a, int rows, const double *q, State *w) {
     const double h = 1e-5;
-    const int unknown[MAX_JOINTS] = {0};
     double more[MAX_SLOTS], less[MAX_SLOTS], up[MAX_JOINTS], down[MAX_JOINTS], law_slope[MAX_SLOTS] = {0};
     for (int v = 0; v < a->slots; v++) w->lack[v] = 0, more[v] = w->tau[v] + h, less[v] = w->tau[v] - h;
-    joint_errors(a, more, q, unknown, up), joint_errors(a, less, q, unknown, down);
+    joint_errors(a, more, q, UNKNOWN, up), joint_errors(a, less, q, UNKNOWN, down);
     for (int j = 0; j < a->joints && a->laws; j++) {
         const int v = a->joint[j];
         law_slope[v] = (up[j] - down[j] - spring_rest(a, more, v) + spring_rest(a, less, v)) / (2 * h);
@@ -1015,21 +1025,18 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
     State w, next;
     double damping = 1e-2, f = settled_error(a, goal, rows, q, s, &w);
     for (int it = 0; it < steps && f < INFINITY; it++) {
-        double gradient[MAX_JOINTS], curvature[MAX_JOINTS][MAX_JOINTS], top = 0;
+        double gradient[MAX_JOINTS], top = 0;
+        Row curvature[MAX_JOINTS];
         double moved[MAX_JOINTS], there[MAX_SLOTS], new = INFINITY;
         command_jacobian(a, rows, q, &w);
+        gram(w.total, rows, n, 0, curvature), transposed_times(w.total, rows, n, w.e, gradient);
         for (int i = 0; i < n; i++) {
-            gradient[i] = 0;
-            for (int r = 0; r < rows; r++) gradient[i] += w.total[r][i] * w.e[r];
-            for (int j = i; j < n; j++) {
-                double x = 0;
-                for (int r = 0; r < rows; r++) x += w.total[r][i] * w.total[r][j];
-                if (i == j) top = larger(top, x);
-                curvature[j][i] = x + bend(&w, rows, w.axis[a->joint[i]], i, j);
-            }
+            top = larger(top, curvature[i][i]);
+            for (int j = 0; j <= i; j++) curvature[i][j] += bend(&w, rows, w.axis[a->joint[j]], j, i);
         }
         for (int tries = 0; tries < 20 && !(new < f); tries++) {
-            double H[MAX_JOINTS][MAX_JOINTS], p[MAX_JOINTS], step[MAX_JOINTS], gain = 0;
+            Row H[MAX_JOINTS];
+            double p[MAX_JOINTS], step[MAX_JOINTS], gain = 0;
             for (int i = 0; i < n; i++) {
                 const int stuck = (q[i] <= a->lower[i] && gradient[i] < 0) || (q[i] >= a->upper[i] && gradient[i] > 0);
                 for (int j = 0; j <= i; j++) H[i][j] = stuck ? 0 : curvature[i][j];
@@ -1039,9 +1046,9 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
             }
             if (!factorise(H, n)) { damping = larger(3 * damping, 1e-3); continue; }
             substitute(H, p, n);
-            const double size = largest(p, n), cut = size > 0.7 ? 0.7 / size : 1;
+            shortened(p, n, 0.7);
             for (int j = 0; j < n; j++) {
-                moved[j] = lesser(larger(q[j] + cut * p[j], a->lower[j]), a->upper[j]), step[j] = moved[j] - q[j];
+                moved[j] = clipped(q[j] + p[j], a->lower[j], a->upper[j]), step[j] = moved[j] - q[j];
                 gain += step[j] * gradient[j];
             }
             if (gain < 1e-11 * f || largest(step, n) < 1e-9) return f;
@@ -1077,7 +1084,7 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
         int new = 1;
         if (k < 0) {
             COPY(command_, from + (more + k) * a->joints, a->joints);
-            for (int j = 0; j < a->joints; j++) command_[j] = lesser(larger(command_[j], a->lower[j]), a->upper[j]);
+            for (int j = 0; j < a->joints; j++) command_[j] = clipped(command_[j], a->lower[j], a->upper[j]);
             start_at(a, command_, slots);
         } else {
             COPY(command_, q[order[k]], a->joints), COPY(slots, s[order[k]], a->slots);
@@ -1200,7 +1207,6 @@ static int nearest_branch(const Form *f, const double *goal, const double *near,
  * equilibrium is nearest to `target` (Conenna 2024, section 7.2). q, s: a command and its slots at rest, in place; every
  * goal starts from the one before. 1, or 0 where no goal has both. */
 API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double side, int points, const double *target, double tolerance, double *q, double *s) {
-    const int unknown[MAX_JOINTS] = {0};
     const Window win = window_of(a, q, 1);
     double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], best = INFINITY;
     int likely = 255;
@@ -1217,7 +1223,7 @@ API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double sid
         likely = 1 << number;
         COPY(there, slots, a->slots);
         for (int j = 0; j < 6; j++) there[a->joint[j]] += command_[j] - last[j];
-        if (settle(a, command_, unknown, tolerance, there, &w) < 0) continue;
+        if (settle(a, command_, UNKNOWN, tolerance, there, &w) < 0) continue;
         COPY(slots, there, a->slots), COPY(last, command_, 6);
         place(a, there, &w, NULL);
         const double off[3] = {w.tcp[9] - target[0], w.tcp[10] - target[1], w.tcp[11] - target[2]};
