@@ -9,7 +9,6 @@
  *   3 Derivatives                   7 Singular directions                  11 Nearest reachable goal
  *   4 Joint laws, equilibrium       8 Library of poses                     12 Batches
  */
-#include <complex.h>
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
@@ -27,6 +26,7 @@
 /* ---------------------------------------------------------------- 1 Arm, state ---------------------------------- */
 
 enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48 };
+enum { MAX_POSES = 2048 };
 enum { MEETING, PARALLEL, SKEW };                                            /* the first two axes, see pieper.py */
 enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
 enum { RANKED = 512, KEPT = 128 };
@@ -516,35 +516,26 @@ static double skew_miss(const Form *f, double height, double square, double t) {
     return ux * ux + uy * uy + v[2] * v[2] - dot(v, v);
 }
 
-/* Its zeros: with z = exp(it) a polynomial of degree four, interpolated at five angles, whose roots on the unit circle are
- * found all at once (Weierstrass 1891, Durand 1960, Kerner 1966) and then polished. */
+/* Its zeros: Newton's method from both sides of every sample that is no larger than its neighbours, so that both of two
+ * close zeros are found. */
 static int skew_elbow(const Form *f, double height, double square, double *t) {
-    const double scale = f->length * f->length, h = 1e-4;
-    double complex p[5] = {0}, z[4] = {1, 0.4 + 0.9 * I, -0.65 + 0.72 * I, -0.908 - 0.297 * I};
+    enum { SAMPLES = 48 };
+    const double gap = TURN / SAMPLES, h = 1e-4, tiny = 1e-12 * f->length * f->length;
+    double miss[SAMPLES];
     int count = 0;
-    for (int i = 0; i < 5; i++)
-        for (int k = 0; k < 5; k++) p[k] += 0.2 * skew_miss(f, height, square, i * TURN / 5) * cexp(I * (2 - k) * i * TURN / 5);
-    if (cabs(p[4]) < 1e-14 * scale) p[4] = 1e-14 * scale;
-    for (int it = 0, moving = 1; it < 120 && moving; it++) {
-        moving = 0;
-        for (int k = 0; k < 4; k++) {
-            double complex value = p[4], others = p[4];
-            for (int i = 3; i >= 0; i--) value = value * z[k] + p[i];
-            for (int i = 0; i < 4; i++) if (i != k) others *= z[k] - z[i];
-            const double complex step = cabs(others) > 1e-150 ? value / others : 0;
-            z[k] -= step, moving |= cabs(step) > 1e-15;
+    for (int i = 0; i < SAMPLES; i++) miss[i] = fabs(skew_miss(f, height, square, i * gap));
+    for (int i = 0; i < 2 * SAMPLES; i++) {
+        const int k = i / 2;
+        if (miss[k] > miss[(k + 1) % SAMPLES] || miss[k] > miss[(k + SAMPLES - 1) % SAMPLES]) continue;
+        double x = (i % 2 ? k + 1 : k - 1) * gap, step = 1;
+        for (int it = 0; it < 40 && fabs(step) > 1e-14; it++) {
+            const double up = skew_miss(f, height, square, x + h), down = skew_miss(f, height, square, x - h);
+            step = up != down ? clipped(-skew_miss(f, height, square, x) * 2 * h / (up - down), -gap, gap) : 0;
+            x += step;
         }
-    }
-    for (int k = 0; k < 4; k++) {
-        if (!(fabs(cabs(z[k]) - 1) < 1e-2)) continue;
-        double x = carg(z[k]), miss = skew_miss(f, height, square, x);
-        for (int it = 0; it < 6; it++) {
-            const double slope = (skew_miss(f, height, square, x + h) - skew_miss(f, height, square, x - h)) / (2 * h);
-            const double next = x + (slope != 0 ? clipped(-miss / slope, -1e-3, 1e-3) : 0);
-            const double there = skew_miss(f, height, square, next);
-            if (fabs(there) < fabs(miss)) x = next, miss = there;
-        }
-        if (fabs(miss) < 1e-12 * scale) t[count++] = x;
+        int new = count < 4 && fabs(skew_miss(f, height, square, x)) < tiny;
+        for (int m = 0; m < count; m++) new &= fabs(remainder(x - t[m], TURN)) > 1e-6;
+        if (new) t[count++] = x;
     }
     return count;
 }
@@ -727,39 +718,6 @@ static int least(const float *key, int size, int most, int *numbers) {
     return count;
 }
 
-/* Newton's first step from a pose of the library to a goal, by its stored inverse; returns its largest turn. */
-static double first_step(const Arm *a, const double *goal, int row, State *w, double *step) {
-    COPY(w->tcp, a->library_tcp + 12 * row, 12);
-    goal_error(goal, 6, w);
-    for (int j = 0; j < a->joints; j++) {
-        const double *inverse = a->library_inverse + 6 * (row * a->joints + j);
-        step[j] = 0;
-        for (int r = 0; r < 6; r++) step[j] += inverse[r] * w->e[r];
-    }
-    return largest(step, a->joints);
-}
-
-/* The `count` poses of the `judged` closest ones that one step takes to the goal with the least motion and excess. */
-static int library_seeds(const Arm *a, const double *goal, int judged, int count, State *w, float *far, int *out) {
-    double score[KEPT];
-    int close[RANKED], kept = 0;
-    library_distances(a, goal, 6, far);
-    const int held = least(far, a->poses, judged, close);
-    for (int i = 0; i < held; i++) {
-        double q[MAX_JOINTS];
-        const double length = first_step(a, goal, close[i], w, q);
-        for (int j = 0; j < a->joints; j++) q[j] += a->library_q[close[i] * a->joints + j];
-        kept = ranked(length + larger(excess_of(a, q), 0), close[i], count, kept, score, out);
-    }
-    return kept;
-}
-static void library_start(const Arm *a, const double *goal, int row, State *w, double *s) {
-    double step[MAX_JOINTS];
-    first_step(a, goal, row, w, step), shortened(step, a->joints, LONGEST);
-    COPY(s, a->library_slots + row * a->slots, a->slots);
-    move_joints(a, step, 1, s);
-}
-
 /* ---------------------------------------------------------------- 9 Poses: all branches ------------------------- */
 
 /* The command for the state of an arm, and the sides its joints arrive from, coming from `near` (or NULL: UNKNOWN): a
@@ -804,6 +762,19 @@ static int solved(const Found *found) {
     return out;
 }
 
+/* Seeds from the poses of the library closest to a goal, `count` of them, or, as a last resort, until one solves it. */
+static void library_seeds(const Arm *a, const double *goal, const double *near, int count, int last, Found *found) {
+    float far[MAX_POSES];
+    int close[RANKED];
+    double s[MAX_SLOTS];
+    library_distances(a, goal, 6, far);
+    const int held = least(far, a->poses, count, close);
+    for (int k = 0; k < held && !(last && solved(found)); k++) {
+        COPY(s, a->library_slots + close[k] * a->slots, a->slots);
+        attempt(a, goal, near, s, !last || k >= 12, found);
+    }
+}
+
 /* Seeds across a fold, where two solutions merge (Borrel & Liegeois 1986): along the slowest motion by x the tool moves
  * slope x + bend x^2 / 2, so to second order the partner is at -2 slope / bend. From solution number `k`. */
 static void fold_seeds(const Arm *a, const double *goal, const double *near, int k, Found *found) {
@@ -832,32 +803,19 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
         attempt(a, goal, near, s, 1, found);
     }
 }
-static int fold_partners(const Arm *a, const double *goal, const double *near, int done, Found *found) {
-    for (int generation = 0; generation < 3 && done < found->count; generation++)
-        for (const int last = found->count; done < last; done++) fold_seeds(a, goal, near, done, found);
-    return done;
-}
-
 /* Seeds for a branch that the closed form has outside the limits although the deflected arm has it within: where axes
  * are aligned, joints turn against each other along the null space, and small deflections decide how far. */
 static void null_space_seeds(const Arm *a, const double *goal, const double *near, const double *q, Found *found) {
     State w;
-    double at[MAX_SLOTS], along[MAX_JOINTS], direction[6], first = -INFINITY, last = INFINITY;
+    double at[MAX_SLOTS], s[MAX_SLOTS], along[MAX_JOINTS], direction[6];
     start_at(a, q, at);
     forward(a, at, &w);
     if (slowest(a, &w, along, direction) > 0.01) return;
-    for (int j = 0; j < a->joints; j++) {
-        if (fabs(along[j]) <= 0.05) {
-            if (q[j] < a->lower[j] - SLACK || q[j] > a->upper[j] + SLACK) return;
-            continue;
-        }
-        const double one = (a->lower[j] - 0.1 - q[j]) / along[j], two = (a->upper[j] + 0.1 - q[j]) / along[j];
-        first = larger(first, lesser(one, two)), last = lesser(last, larger(one, two));
-    }
-    for (int i = 0; i < 3 && first < last; i++) {
-        double s[MAX_SLOTS];
-        COPY(s, at, a->slots);
-        move_joints(a, along, first + (0.1 + 0.4 * i) * (last - first), s);
+    for (double x = -4; x <= 4; x += 0.8) {
+        double there[MAX_JOINTS];
+        COPY(there, q, a->joints), add(x, along, a->joints, there);
+        if (excess_of(a, there) > 0.1) continue;
+        COPY(s, at, a->slots), move_joints(a, along, x, s);
         attempt(a, goal, near, s, 1, found);
     }
 }
@@ -866,11 +824,9 @@ static void null_space_seeds(const Arm *a, const double *goal, const double *nea
  * seeds, from across folds and from poses of the library; the more of these, the less was found.
  * near: present commands, or NULL. Returns the number of solutions within the limits. */
 API int ik_pose(const Arm *a, const double *goal, const double *near, Found *found) {
-    float far[2048];
-    State w;
     Branches b;
     double s[MAX_SLOTS];
-    int order[KEPT], outside = 0, done = 0;
+    int outside = 0, done = 0;
     found->count = found->steps = 0;
     b.exists = 0;
     if (a->has_form) {
@@ -885,17 +841,12 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
     }
     if (near) start_at(a, near, s), attempt(a, goal, near, s, 1, found);
     for (int k = 0; k < BRANCHES; k++) if (outside >> k & 1) null_space_seeds(a, goal, near, b.q[k], found);
-    done = fold_partners(a, goal, near, done, found);
-    const int more = a->has_form ? 6 : 48, seeds = library_seeds(a, goal, a->has_form ? 48 : 256, more, &w, far, order);
-    for (int k = 0; k < seeds; k++) library_start(a, goal, order[k], &w, s), attempt(a, goal, near, s, 1, found);
-    done = fold_partners(a, goal, near, done, found);
+    while (done < found->count) fold_seeds(a, goal, near, done++, found);
+    library_seeds(a, goal, near, a->has_form ? 6 : 96, 0, found);
+    while (done < found->count) fold_seeds(a, goal, near, done++, found);
     if (!solved(found)) {
-        const int last = library_seeds(a, goal, 512, 96, &w, far, order);
-        for (int k = 0; k < last && !solved(found); k++) {
-            library_start(a, goal, order[k], &w, s);
-            attempt(a, goal, near, s, k >= 12, found);
-        }
-        fold_partners(a, goal, near, done, found);
+        library_seeds(a, goal, near, 96, 1, found);
+        while (done < found->count) fold_seeds(a, goal, near, done++, found);
     }
     return solved(found);
 }
@@ -959,7 +910,7 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
 /* Commands that reach a goal of `rows` constraints nearest to `towards`, from `starts` poses of the library that are
  * close to both, from `towards` itself and from `near` (or NULL). Returns the number within the limits. */
 API int ik_free(const Arm *a, const double *goal, int rows, const double *towards, const double *near, int starts, Found *found) {
-    float far[2048];
+    float far[MAX_POSES];
     int close[RANKED];
     const int n = a->joints;
     found->count = found->steps = 0;
@@ -1065,33 +1016,30 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
 }
 
 enum { MOST_STARTS = 64 };
-/* The command within the limits whose tool is nearest to a goal: short descents from the closest poses of the library,
- * long ones from the best few and from `more` commands given. Solution 0 is the answer; its excess is the error (m). */
-API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int kept, int more, const double *from, Found *found) {
-    float far[2048];
-    int close[RANKED], order[MOST_STARTS], went = 0;
+/* The command within the limits whose tool is nearest to a goal: short descents from `more` commands given and from the
+ * closest poses of the library, long ones from the best `kept`. Solution 0 is the answer; its excess is the error (m). */
+API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int kept, int more, const double *from,
+                   Found *found) {
+    float far[MAX_POSES];
+    int close[MOST_STARTS], order[MOST_STARTS], ordered = 0;
     double q[MOST_STARTS][MAX_JOINTS], s[MOST_STARTS][MAX_SLOTS], f[MOST_STARTS], best = INFINITY;
-    int ordered = 0;
     found->count = found->steps = 0;
     library_distances(a, goal, rows, far);
-    const int held = least(far, a->poses, starts < MOST_STARTS ? starts : MOST_STARTS, close);
-    for (int k = 0; k < held; k++) {
-        COPY(q[k], a->library_q + close[k] * a->joints, a->joints), COPY(s[k], a->library_slots + close[k] * a->slots, a->slots);
-        ordered = ranked(descend(a, goal, rows, q[k], s[k], 6, found), k, held, ordered, f, order);
+    more = more < MOST_STARTS ? more : MOST_STARTS, starts = starts < MOST_STARTS - more ? starts : MOST_STARTS - more;
+    const int count = more + least(far, a->poses, starts, close);
+    for (int k = 0; k < count; k++) {
+        COPY(q[k], k < more ? from + k * a->joints : a->library_q + close[k - more] * a->joints, a->joints);
+        for (int j = 0; j < a->joints; j++) q[k][j] = clipped(q[k][j], a->lower[j], a->upper[j]);
+        if (k < more) start_at(a, q[k], s[k]);
+        else COPY(s[k], a->library_slots + close[k - more] * a->slots, a->slots);
+        ordered = ranked(descend(a, goal, rows, q[k], s[k], 6, found), k, count, ordered, f, order);
     }
-    for (int k = -more; k < held && (k < 0 || went < kept); k++) {
-        double command_[MAX_JOINTS], slots[MAX_SLOTS];
+    for (int k = 0, went = 0; k < ordered && went < kept && f[k] < INFINITY; k++) {
+        double *command_ = q[order[k]], *slots = s[order[k]];
         int new = 1;
-        if (k < 0) {
-            COPY(command_, from + (more + k) * a->joints, a->joints);
-            for (int j = 0; j < a->joints; j++) command_[j] = clipped(command_[j], a->lower[j], a->upper[j]);
-            start_at(a, command_, slots);
-        } else {
-            COPY(command_, q[order[k]], a->joints), COPY(slots, s[order[k]], a->slots);
-            for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
-            if (!new || !(f[k] < INFINITY)) continue;
-            went++;
-        }
+        for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
+        if (!new) continue;
+        went++;
         const double error = descend(a, goal, rows, command_, slots, 100, found);
         if (!(error < best)) continue;
         best = error, found->count = 1;
