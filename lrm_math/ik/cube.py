@@ -156,9 +156,7 @@ def initial_guesses(context: SolverContext, query: IkQuery) -> Iterator[NominalP
         yield NominalPose.at(context, context.library.q[row])
 
 
-def _starts(
-    context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]]
-) -> Iterator[NominalPose]:
+def _starts(context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]]) -> Iterator[NominalPose]:
     """The first guess; then neighbourhoods of commands known to reach the goal; then the other guesses."""
     guesses = initial_guesses(context, query)
     yield from itertools.islice(guesses, 1)

@@ -49,8 +49,8 @@ typedef struct { /* a model with one payload; linkage.py says what slots, welds 
     int law[MAX_LAWS], law_joint[MAX_LAWS];
     double law_p[MAX_LAWS][4];
     Form form; /* of the arm itself if nothing deflects, else of one that looks like it: seeds */
-    const double *library_tcp, *library_inverse, *library_q, *library_slots; /* (M,12), (M,n,6), (M,n), (M,slots) */
-    const float *library_columns;                                           /* (12,M): library_tcp, for one pass */
+    const double *library_q, *library_slots; /* commands (M,n) and slot amounts (M,slots) of poses at rest */
+    const float *library_columns;            /* (12,M): their tool frames, for one pass */
 } Arm;
 
 typedef struct {
@@ -198,10 +198,10 @@ static void sweep(const Arm *a, State *w) {
 /* d tau_u / d s_v, (slots,) added `by` times to out: the Hessian of gravity's potential; less what u counts although v,
  * inboard of it, does not move it. */
 static void add_load_derivatives(const Arm *a, const State *w, int u, double by, double *out) {
-    for (int v = 0; v < u; v++) out[v] += by * dot(w->lever[v], w->by_counted[u]);
     for (int v = u; v < a->slots; v++) out[v] += by * dot(w->lever[u], w->by_moved[v]);
-    for (int v = u - 1; v >= 0 && a->counted[u] < a->moved[u]; v--) {
+    for (int v = 0; v < u; v++) {
         double all[3];
+        out[v] += by * dot(w->lever[v], w->by_counted[u]);
         if (a->counted[u] >= a->moved[v]) continue;
         swept(a, w, v, a->counted[u], all);
         out[v] -= by * (dot(w->lever[u], all) - dot(w->lever[u], w->by_moved[v]));
@@ -317,8 +317,7 @@ static void accelerate(Memory *m, double *x, const double *step, int n) {
 
 /* Commands that hold the slots at s: 1, or 0 where the laws do not settle. */
 static int command(const Arm *a, const double *tau, const double *s, const int *side, double *q) {
-    Memory memory;
-    memory.known = 0;
+    Memory memory = {.known = 0};
     for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, tau, a->joint[j]);
     if (!a->laws) return 1;
     for (int it = 0; it < 100; it++) {
@@ -337,8 +336,7 @@ static int command(const Arm *a, const double *tau, const double *s, const int *
 /* Elastic equilibrium of a command by fixed-point iteration (thesis Figure 4.4), from slot amounts s, in place; the
  * state is that of the amounts before the last step. Iterations, or -1. */
 static int settle(const Arm *a, const double *q, const int *side, double tolerance, double *s, State *w) {
-    Memory memory;
-    memory.known = 0;
+    Memory memory = {.known = 0};
     for (int it = 1; it <= 300; it++) {
         double error[MAX_JOINTS], step[MAX_SLOTS], change = 0;
         forward(a, s, w);
@@ -1054,16 +1052,12 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
 API unsigned ik_source(void) { return SOURCE_CRC; }
 API size_t ik_size(int which) { return which ? sizeof(Found) : sizeof(Arm); }
 
-/* Tool frames (K,12), loads (K,slots) and, unless NULL, Jacobians (K,6,slots; not weighed) at slot amounts (K,slots). */
-API void ik_forward(const Arm *a, int count, const double *s, double *tcp, double *tau, double *J) {
+/* Tool frames (K,12) and loads (K,slots) at slot amounts (K,slots). */
+API void ik_forward(const Arm *a, int count, const double *s, double *tcp, double *tau) {
     State w;
     for (int k = 0; k < count; k++) {
         forward(a, s + k * a->slots, &w);
         COPY(tcp + 12 * k, w.tcp, 12), COPY(tau + k * a->slots, w.tau, a->slots);
-        if (!J) continue;
-        jacobian(a, &w);
-        for (int r = 0; r < 6; r++)
-            for (int v = 0; v < a->slots; v++) J[(6 * k + r) * a->slots + v] = w.J[r][v] / (r < 3 ? 1 : LEVER);
     }
 }
 /* Frames before the first slot and after each one (K,slots+1,12) at slot amounts (K,slots). */
@@ -1071,6 +1065,7 @@ API void ik_frames(const Arm *a, int count, const double *s, double *after) {
     State w;
     for (int k = 0; k < count; k++) place(a, s + k * a->slots, &w, after + 12 * (a->slots + 1) * k);
 }
+
 /* Derivatives of the loads, (slots, slots), at slot amounts. */
 API void ik_load_derivatives(const Arm *a, const double *s, double *out) {
     State w;
@@ -1119,9 +1114,7 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
         double s[MAX_SLOTS], member[MAX_SLOTS], along[MAX_JOINTS], direction[6];
         scratch.count = scratch.steps = 0;
         start_at(a, b.q[k], s);
-        forward(a, s, &w);
-        if (sqrt(goal_error(goal, 6, &w)) > 1e-12 && newton(a, goal, 6, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
-        forward(a, s, &w);
+        if (newton(a, goal, 6, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
         if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
             kind[k] = b.lost[k] + 1;
             COPY(member, s, a->slots);

@@ -44,9 +44,7 @@ def kernel_laws(binding: EffectBinding, joint_of: dict[int, int]) -> tuple[Kerne
         return None
     if any(k not in joint_of for k, _, _ in binding.gears):
         return None
-    laws = [
-        (KERNEL_LAWS[type(bound.effect)], joint_of[(*bound.moves, *bound.pushes)[0]], bound.p) for bound in acting
-    ]
+    laws = [(KERNEL_LAWS[type(bound.effect)], joint_of[(*bound.moves, *bound.pushes)[0]], bound.p) for bound in acting]
     return (*laws, *_couplings(binding, joint_of))
 
 

@@ -158,7 +158,7 @@ class NominalSolver:
     def _ready(self) -> FlatArm:
         """With seeds."""
         library = PoseLibrary.of(JointLaws(self._model), self.packed)
-        return self.packed.with_library(library.seeds, library.slots.mean(axis=0))
+        return self.packed.with_library(library.tcp, library.q, library.slots)
 
     @cached_property
     def _all_round(self) -> NominalSolver:
@@ -176,18 +176,8 @@ class NominalSolver:
 
     def _searched(self, goal: Goal, near: tuple[float, ...] | None, flat: FlatArm) -> tuple[Branch, ...]:
         """Branches by search, within the limits of the packed arm."""
-        found, n, numbers = KernelFound(), self.arm.dof, goal_numbers(goal)
-        determined = goal.constraints >= n
-        here = None if near is None else (ctypes.c_double * n)(*near)
-        towards = near or self.limits.middle
-        for starts in STARTS:
-            if goal.constraints == 6 and determined:
-                kernel().ik_pose(flat.address, numbers, here, ctypes.addressof(found))
-            else:
-                args = (goal.constraints, (ctypes.c_double * n)(*towards), here, starts, ctypes.addressof(found))
-                kernel().ik_free(flat.address, numbers, *args)
-            if found.count:
-                break
+        n, towards = self.arm.dof, near or self.limits.middle
+        found, determined = flat.search(goal, towards, near, STARTS), goal.constraints >= n
         lower, upper = flat.memory.lower[:n], flat.memory.upper[:n]
         rows = [found.at[k].q[:n] for k in range(found.count) if found.at[k].excess <= 0.0]
         inside = [tuple(max(a, min(x, b)) for x, a, b in zip(q, lower, upper, strict=True)) for q in rows]
