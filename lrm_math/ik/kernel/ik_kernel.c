@@ -101,6 +101,10 @@ static double length(const double *x, int n) {
     for (int i = 0; i < n; i++) square += x[i] * x[i];
     return sqrt(square);
 }
+static double distance(const double *a, const double *b) {
+    const double way[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+    return length(way, 3);
+}
 static double apart(const double *a, const double *b, int n) {
     double out = 0;
     for (int i = 0; i < n; i++) out = larger(out, fabs(a[i] - b[i]));
@@ -1145,18 +1149,26 @@ static int nearest_branch(const Form *f, const double *goal, const double *near,
 }
 
 /* Of a cube of points^3 goals about `centre` for the arm as drawn, within the limits of the deflected one, that whose
- * equilibrium is nearest to `target` (Conenna 2024, section 7.2). q, s: a command and its slots at rest, in place; every
- * goal starts from the one before. 1, or 0 where no goal has both. */
-API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double side, int points, const double *target, double tolerance, double *q, double *s) {
+ * equilibrium is nearest to `target` (Conenna 2024, section 7.2). From one goal to another the tool's offset from it
+ * changes by less than half of their distance unless the arm is near its limits. So, from the middle one on, goals whose
+ * bound (Shubert 1972) is above the best are passed over; all are settled if the best is further off than the grid is
+ * wide. q, s: a command and its slots at rest, in place. 1, or 0 where no goal has both. */
+API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double side, int points, const double *target,
+                double tolerance, double *q, double *s) {
     const Window win = window_of(a, q, 1);
-    double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], best = INFINITY;
+    const int count = points * points * points;
+    double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], offset[3] = {0}, from[3], best = INFINITY;
     int likely = 255;
     State w;
-    COPY(near, q, 6), COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12);
-    for (int i = 0; i < points * points * points; i++) {
-        const int step[3] = {i / (points * points), i / points % points, i % points};
-        double command_[6];
-        for (int k = 0; k < 3; k++) goal[9 + k] = centre[9 + k] + side * ((double)step[k] / (points - 1) - 0.5);
+    COPY(near, q, 6), COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12), COPY(from, centre + 9, 3);
+    for (int k = 0; k < 2 * count && (k < count || best > side / (points - 1)); k++) {
+        const int i = (k + count / 2) % count, step[3] = {i / (points * points), i / points % points, i % points};
+        double command_[6], off[3];
+        for (int x = 0; x < 3; x++) {
+            goal[9 + x] = centre[9 + x] + side * ((double)step[x] / (points - 1) - 0.5);
+            off[x] = goal[9 + x] + offset[x] - target[x];
+        }
+        if (k < count && length(off, 3) - 0.5 * distance(goal + 9, from) > best + 0.1 * tolerance) continue;
         int number = nearest_branch(&drawn->form, goal, near, &win, likely, command_);
         if (likely != 255 && (number < 0 || apart(command_, near, 6) >= 0.2))
             number = nearest_branch(&drawn->form, goal, near, &win, 255, command_);
@@ -1165,10 +1177,11 @@ API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double sid
         COPY(there, slots, a->slots);
         for (int j = 0; j < 6; j++) there[a->joint[j]] += command_[j] - last[j];
         if (settle(a, command_, UNKNOWN, tolerance, there, &w) < 0) continue;
-        COPY(slots, there, a->slots), COPY(last, command_, 6);
         place(a, there, &w, NULL);
-        const double off[3] = {w.tcp[9] - target[0], w.tcp[10] - target[1], w.tcp[11] - target[2]};
-        if (dot(off, off) < best) best = dot(off, off), COPY(q, command_, 6), COPY(s, there, a->slots);
+        for (int x = 0; x < 3; x++) from[x] = goal[9 + x], offset[x] = w.tcp[9 + x] - from[x];
+        COPY(slots, there, a->slots), COPY(last, command_, 6);
+        const double error = distance(w.tcp + 9, target);
+        if (error < best) best = error, COPY(q, command_, 6), COPY(s, there, a->slots);
     }
     return best < INFINITY;
 }
