@@ -21,7 +21,6 @@ from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, PositionUncertainty, Solved, Unsolved
 from lrm_math.ik.solver_context import IkQuery, IkSolution, IkSolutions, Method, SolverContext, Stalled
-from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import deployed_part
@@ -33,8 +32,8 @@ from lrm_math.model.uncertainty import position_covariance
 SAME = 1e-6
 """rad: commands no further apart are one branch."""
 CUBE = Cube()
-CommandFilter: TypeAlias = Callable[[Poses, Sequence[Number]], NDArray[np.bool_]]
-"""Which of K commands may be answered, (K,); given their poses and amounts of all slots near rest there."""
+CommandFilter: TypeAlias = Callable[[Poses, Array], NDArray[np.bool_]]
+"""Which of K commands may be answered, (K,); given their poses and amounts of the moving slots (K, V) at rest there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +129,10 @@ class CalibratedSolver:
         if found is not None:
             order = in_limits = self._ordered(query, found)
             if allowed is not None and in_limits:
-                free = allowed(*self._near_rest(query, order))
+                q = np.array([self.context.limits.clipped(command.q) for command in order])
+                sides = np.array([command.direction for command in order], dtype=np.float64)
+                slots = np.array([command.slots for command in order])
+                free = allowed(self.context.poses(query, q, sides), slots)
                 order = [command for command, may in zip(order, free, strict=True) if may]
                 if not order:
                     branches, elapsed = self._branches(in_limits), time.perf_counter() - started
@@ -177,7 +179,7 @@ class CalibratedSolver:
     ) -> Solved | None:  # fmt: skip
         """The reply, the first branch checked by its equilibrium; None if the arm does not settle there."""
         first, branches = order[0], self._branches(order)
-        tool = self.context.tool_at(query, branches[0].q, first)
+        tool = self.context.tool_at(query, branches[0].q, first.direction, first.slots)
         if tool is None:
             return None
         ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z = tool
@@ -216,12 +218,6 @@ class CalibratedSolver:
         elapsed = time.perf_counter() - started
         return Unsolved(query.goal, verdict, closest, branches, violation, method, self.left_out, elapsed)
 
-    def _near_rest(self, query: IkQuery, commands: list[IkSolution]) -> tuple[Poses, list[Number]]:
-        """Commands as poses, and amounts of all slots of the chain near rest there."""
-        q = np.array([self.context.limits.clipped(command.q) for command in commands])
-        poses = self.context.poses(query, q, np.array([command.direction for command in commands], dtype=np.float64))
-        return poses, self.context.chain_amounts(np.array([command.slots for command in commands]))
-
     def _equilibrium(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> Equilibrium:
         poses = self.context.poses(query, np.array([q]), np.array([command.direction], dtype=np.float64))
         return solve_equilibrium(self.context.model, poses, self.context.chain_amounts(np.array([command.slots])))
@@ -246,7 +242,7 @@ class CalibratedSolver:
 
         def position_error(angles: tuple[float, ...]) -> float:
             """m, distance of the tool at rest from the goal. Raises `NoEquilibrium`."""
-            tool = context.tool_at(query, angles, command)
+            tool = context.tool_at(query, angles, command.direction, command.slots)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
             return math.dist(tool[9:], query.goal.position)

@@ -276,14 +276,17 @@ class SolverContext:
         frames = arm.forward(slots)[0]
         return ArmAtRest(rows, slots, frames_as_numbers(frames[:, :3, 3], frames[:, :3, :3]))
 
-    def tool_at(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> list[float] | None:
-        """Tool frame by columns, twelve numbers, at rest at a command near one that was found; None: it has none."""
+    def tool_at(
+        self, query: IkQuery, q: tuple[float, ...], direction: tuple[int, ...], start: tuple[float, ...] | None = None
+    ) -> list[float] | None:
+        """Tool frame by columns, twelve numbers, at rest at one command; None if it has none. `start`: slots nearby."""
+        begin = self.stiff(np.array([q]))[0].tolist() if start is None else start
         if not self.joint_laws.complete:
-            rest = self.at_rest(query, np.array([q]), np.array([command.direction]), np.array([command.slots]))
+            rest = self.at_rest(query, np.array([q]), np.array([direction]), np.array([begin]))
             return rest.tcp[0].tolist() if len(rest.rows) else None
         n, arm, iterations = len(q), self.arm(query.payload), ctypes.c_int()
-        slots, tcp = (ctypes.c_double * arm.slots)(*command.slots), Twelve()
-        angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*command.direction)
+        slots, tcp = (ctypes.c_double * arm.slots)(*begin), Twelve()
+        angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*direction)
         kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
         return tcp[:] if iterations.value > 0 else None
 
