@@ -25,8 +25,8 @@
 
 /* ---------------------------------------------------------------- 1 Arm, state ---------------------------------- */
 
-enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48 };
-enum { MAX_POSES = 2048 };
+enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48,
+       MAX_POSES = 2048 };
 enum { MEETING, PARALLEL, SKEW };                                            /* the first two axes, see pieper.py */
 enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
 enum { RANKED = 512, KEPT = 128 };
@@ -196,7 +196,10 @@ static void swept(const Arm *a, const State *w, int v, int body, double *out) {
     else for (int i = 0; i < 3; i++) out[i] = w->mass[body] * w->axis[v][i];
 }
 static void sweep(const Arm *a, State *w) {
-    for (int v = 0; v < a->slots; v++) swept(a, w, v, a->moved[v], w->by_moved[v]), swept(a, w, v, a->counted[v], w->by_counted[v]);
+    for (int v = 0; v < a->slots; v++) {
+        swept(a, w, v, a->moved[v], w->by_moved[v]);
+        swept(a, w, v, a->counted[v], w->by_counted[v]);
+    }
 }
 
 /* d tau_u / d s_v, (slots,) added `by` times to out: the Hessian of gravity's potential; less what u counts although v,
@@ -382,7 +385,7 @@ static double goal_error(const double *g, int rows, State *w) {
         for (int i = 0; i < 3; i++) turn[i] += share * part[i];
         cosine += share * dot(t + k, g + k);
     }
-    const double sine = sqrt(dot(turn, turn)), angle = LEVER * atan2(sine, cosine), scale = angle / larger(sine, 1e-300);
+    const double sine = length(turn, 3), angle = LEVER * atan2(sine, cosine), scale = angle / larger(sine, 1e-300);
     for (int i = 0; i < 3; i++) e[3 + i] = scale * (rows == 6 ? turn[i] : i < 2 ? dot(turn, t + 3 * i) : 0);
     return dot(e, e) + angle * angle;
 }
@@ -399,7 +402,7 @@ static double lacking(const Arm *a, const double *s, State *w) {
 }
 
 /* w->total: Jacobian (rows, joints) of a move of the joints, the followers after it by their loads (w->follow; last
- * column: what they lack). (1 - M)^-1 of their mutual response M is cut after M: the deflection that a deflection causes.
+ * column: what they lack). (1 - M)^-1 of their mutual response M is cut after M, what a deflection itself deflects.
  * law_slope: NULL for true joint angles, which the other slots follow; for commands, which the joints follow too by
  * springs and laws, the slopes of their laws (slots,). */
 static void total_jacobian(const Arm *a, int rows, const double *law_slope, State *w) {
@@ -459,7 +462,7 @@ typedef enum { REACHED, STUCK, BEYOND, KNOWN } Ending;
 
 /* Newton's method in the slot amounts s, in place: the joints go to the goal, the other slots to their equilibrium.
  * Damping in proportion to the squared error keeps convergence fast and works where the Jacobian is singular
- * (Yamashita & Fukushima 2001). `limited` gives up what leads beyond the limits; `found`: solutions not to find again. */
+ * (Yamashita & Fukushima 2001). `limited` gives up what leads beyond the limits; `found`: not to be found again. */
 static Ending newton(const Arm *a, const double *goal, int rows, double *s, State *w, Found *found, int limited) {
     const double least_damping = 1e-3, tiny = 1e-15, nearly = 1e-5;
     double before = INFINITY, damping = least_damping, best = INFINITY;
@@ -509,12 +512,12 @@ static double into_window(const Window *win, int j, double q) {
     return !(q >= win->lower[j] - ROUND_OFF) ? NAN : clipped(q, win->lower[j], win->upper[j]);
 }
 
-/* |u|^2 - |v|^2 across the second axis at an elbow angle t, where the first two axes are skew: zero at a solution, and a
- * sum of cosines and sines of t and 2t. */
+/* |u|^2 - |v|^2 across the second axis at an elbow angle t, where the first two axes are skew: zero at a solution. */
 static double skew_miss(const Form *f, double height, double square, double t) {
     double v[3];
     for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos(t) + f->vs[i] * sin(t);
-    const double ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a), uy = (height - f->links[0][0] * v[2]) / f->links[0][1];
+    const double ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a);
+    const double uy = (height - f->links[0][0] * v[2]) / f->links[0][1];
     return ux * ux + uy * uy + v[2] * v[2] - dot(v, v);
 }
 
@@ -567,9 +570,14 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
         c[i] = f->backwards ? f->centre[i] - g[9 + i] : f->centre[i], p[i] = f->backwards ? 0 : g[9 + i];
     }
     double seen[3][3];
-    for (int i = 0; i < 3; i++) seen[0][i] = dot(r[i], c) + p[i], seen[1][i] = dot(r[i], f->tip_x), seen[2][i] = dot(r[i], f->tip_z);
-    for (int i = 0; i < 3; i++) C[i] = dot(f->frame[i], seen[0]) - f->foot[i], X[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
-    const int at[6] = {f->backwards ? 5 : 0, f->backwards ? 4 : 1, f->backwards ? 3 : 2, f->backwards ? 2 : 3, f->backwards ? 1 : 4, f->backwards ? 0 : 5};
+    for (int i = 0; i < 3; i++) {
+        seen[0][i] = dot(r[i], c) + p[i], seen[1][i] = dot(r[i], f->tip_x), seen[2][i] = dot(r[i], f->tip_z);
+    }
+    for (int i = 0; i < 3; i++) {
+        C[i] = dot(f->frame[i], seen[0]) - f->foot[i];
+        X[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
+    }
+    const int outward[6] = {0, 1, 2, 3, 4, 5}, inward[6] = {5, 4, 3, 2, 1, 0}, *at = f->backwards ? inward : outward;
     const double flat = C[0] * C[0] + C[1] * C[1], square = flat + C[2] * C[2];
     double elbows[4];
     int elbow_count = 2;
@@ -591,9 +599,10 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
         for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos3 + f->vs[i] * sin3;
         const double round2 = v[0] * v[0] + v[1] * v[1], least = lesser(flat, round2);
         const int lost1 = flat < 1e-18 * L2, lost2 = round2 < 1e-14 * L2;
-        double uy = (C[2] - link[0] * v[2]) / link[1], ux = (square - f->a * f->a - round2 - v[2] * v[2]) / (2 * f->a), root = 1;
+        double uy = (C[2] - link[0] * v[2]) / link[1], ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a), root = 1;
         if (f->shape != SKEW) {
-            const double u = f->shape == MEETING ? uy : ux, other = f->shape == MEETING ? link[0] * uy - link[1] * v[2] : ux + f->a;
+            const double u = f->shape == MEETING ? uy : ux;
+            const double other = f->shape == MEETING ? link[0] * uy - link[1] * v[2] : ux + f->a;
             const double inside = flat < round2 ? flat - other * other : round2 - u * u;
             root = root_of(inside, least, EDGE * f->length * (sqrt(least) + EDGE * f->length), missed);
             out->degenerate |= inside < BARELY * least;
@@ -626,7 +635,8 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
             for (int wrist = 0; wrist < (lost4 ? 1 : 2); wrist++, sin5 = -sin5) {
                 const int number = first + (f->shape == SKEW ? 0 : 2 * shoulder) + wrist;
                 if (!(mask >> number & 1)) continue;
-                const double t4 = lost4 ? win->towards[at[3]] + f->offsets[2] : atan2(sin5 * m[1] - side * m[0], sin5 * m[0] + side * m[1]);
+                const double free4 = win->towards[at[3]] + f->offsets[2];
+                const double t4 = lost4 ? free4 : atan2(sin5 * m[1] - side * m[0], sin5 * m[0] + side * m[1]);
                 const double q4 = into_window(win, at[3], t4 - f->offsets[2]);
                 if (isnan(q4)) continue;
                 double tip[3] = {m[0], m[1], m[2]}, end[3] = {n[0], n[1], n[2]};
@@ -700,7 +710,8 @@ static void library_distances(const Arm *a, const double *goal, int rows, float 
     const int M = a->poses;
     for (int i = 0; i < M; i++) far[i] = 0;
     for (int k = rows == 6 ? 0 : rows == 5 ? 6 : 9; k < 12; k++) {
-        const float g = (float)goal[k], weight = k < 9 ? (float)(LEVER * LEVER) : 1.0f, *column = a->library_columns + (size_t)k * (size_t)M;
+        const float g = (float)goal[k], weight = k < 9 ? (float)(LEVER * LEVER) : 1.0f;
+        const float *column = a->library_columns + (size_t)k * (size_t)M;
         for (int i = 0; i < M; i++) far[i] += weight * (column[i] - g) * (column[i] - g);
     }
 }
@@ -716,7 +727,7 @@ static int ranked(double key, int number, int most, int count, double *keys, int
 static int least(const float *key, int size, int most, int *numbers) {
     double keys[RANKED];
     int count = 0;
-    for (int i = 0; i < size; i++) if (count < most || key[i] < keys[count - 1]) count = ranked(key[i], i, most, count, keys, numbers);
+    for (int i = 0; i < size; i++) count = ranked(key[i], i, most, count, keys, numbers);
     return count;
 }
 
@@ -858,7 +869,8 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
 /* From s, in place, to the command nearest to `towards` that reaches the goal: least squares of joint motions subject
  * to the linearised goal, step after step, joints stopping at their limits (sequential quadratic programming with an
  * active set); at last Newton's method alone. */
-static Ending slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w, Found *found) {
+static Ending slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w,
+                    Found *found) {
     const int n = a->joints;
     double before = INFINITY, share = 1, by_laws[MAX_JOINTS] = {0}; /* what laws add to commands: it changes slowly */
     int settled = 0;
@@ -876,7 +888,8 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
             for (int j = 0; j < n; j++) by_laws[j] -= q[j];
         }
         for (int j = 0; j < n; j++) q[j] += by_laws[j];
-        for (int k = 0; k < found->count && miss < 1e-3; k++) if (apart(q, found->at[k].q, n) < ONE_FAMILY) return KNOWN;
+        for (int k = 0; k < found->count && miss < 1e-3; k++)
+            if (apart(q, found->at[k].q, n) < ONE_FAMILY) return KNOWN;
         total_jacobian(a, rows, NULL, w);
         double cost = 0;
         for (int j = 0; j < n; j++) cost += (towards[j] - q[j]) * (towards[j] - q[j]);
@@ -911,7 +924,8 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
 
 /* Commands that reach a goal of `rows` constraints nearest to `towards`, from `starts` poses of the library that are
  * close to both, from `towards` itself and from `near` (or NULL). Returns the number within the limits. */
-API int ik_free(const Arm *a, const double *goal, int rows, const double *towards, const double *near, int starts, Found *found) {
+API int ik_free(const Arm *a, const double *goal, int rows, const double *towards, const double *near, int starts,
+                Found *found) {
     float far[MAX_POSES];
     int close[RANKED];
     const int n = a->joints;
@@ -919,7 +933,10 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
     library_distances(a, goal, rows, far);
     for (int i = 0; i < a->poses; i++) {
         double motion = 0;
-        for (int j = 0; j < n; j++) motion += (a->library_q[n * i + j] - towards[j]) * (a->library_q[n * i + j] - towards[j]);
+        for (int j = 0; j < n; j++) {
+            const double turn = a->library_q[n * i + j] - towards[j];
+            motion += turn * turn;
+        }
         far[i] = (float)(far[i] * 300 + motion);
     }
     const int held = least(far, a->poses, starts, close);
@@ -957,16 +974,19 @@ static void command_jacobian(const Arm *a, int rows, const double *q, State *w) 
     total_jacobian(a, rows, law_slope, w);
 }
 
-/* Second derivatives of half the squared error by joints i <= j, beside the product of their Jacobian's columns: an inner
- * joint turns the screw of an outer one, and a large rotation vector turns with a small rotation (Bullo & Murray 1995). */
+/* Second derivatives of half the squared error by joints i <= j, beside the product of their Jacobian's columns: an
+ * inner joint turns the screw of an outer one, and a small rotation a large rotation vector (Bullo & Murray 1995). */
 static double bend(const State *w, int rows, const double *u, int i, int j) {
     double v[3], T[2][3], turned[3], theta[3];
     for (int r = 0; r < 3; r++) v[r] = w->total[r][j];
     cross(u, v, turned);
     const double straight = -dot(w->e, turned);
     if (rows < 6) return straight;
-    for (int r = 0; r < 3; r++) T[0][r] = w->total[3 + r][i], T[1][r] = w->total[3 + r][j], theta[r] = w->e[3 + r] / LEVER;
-    const double square = larger(dot(theta, theta), 1e-6), half = 0.5 * sqrt(square), c = (1 - half / tan(half)) / square;
+    for (int r = 0; r < 3; r++) {
+        T[0][r] = w->total[3 + r][i], T[1][r] = w->total[3 + r][j], theta[r] = w->e[3 + r] / LEVER;
+    }
+    const double square = larger(dot(theta, theta), 1e-6), half = 0.5 * sqrt(square);
+    const double c = (1 - half / tan(half)) / square;
     cross(T[0], T[1], turned);
     return straight - 0.5 * dot(theta, turned) - c * (square * dot(T[0], T[1]) - dot(theta, T[0]) * dot(theta, T[1]));
 }
@@ -1019,7 +1039,7 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
 
 enum { MOST_STARTS = 64 };
 /* The command within the limits whose tool is nearest to a goal: short descents from `more` commands given and from the
- * closest poses of the library, long ones from the best `kept`. Solution 0 is the answer; its excess is the error (m). */
+ * closest poses of the library, long ones from the best `kept`. Solution 0 is the answer, its excess the error (m). */
 API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int kept, int more, const double *from,
                    Found *found) {
     float far[MAX_POSES];
@@ -1078,9 +1098,10 @@ API void ik_load_derivatives(const Arm *a, const double *s, double *out) {
     for (int u = 0; u < a->slots; u++) add_load_derivatives(a, &w, u, 1, out + u * a->slots);
 }
 
-/* Equilibria of commands q (K,n) with sides (K,n): slot amounts (K,slots), from those given; tool frames (K,12); iterations
- * (K,), -1 where there is none. */
-API void ik_settle(const Arm *a, int count, const double *q, const int *side, double tolerance, double *s, double *tcp, int *iterations) {
+/* Equilibria of commands q (K,n) with sides (K,n): slot amounts (K,slots), from those given; tool frames (K,12);
+ * iterations (K,), -1 where there is none. */
+API void ik_settle(const Arm *a, int count, const double *q, const int *side, double tolerance, double *s,
+                   double *tcp, int *iterations) {
     State w;
     for (int k = 0; k < count; k++) {
         const int n = a->joints;
@@ -1092,13 +1113,15 @@ API void ik_settle(const Arm *a, int count, const double *q, const int *side, do
 }
 /* Newton's method from slot amounts s, in place, without limits: 1 if it reaches the goal; the loads there in tau, the
  * command, unless it is far outside the limits, in found. */
-API int ik_newton(const Arm *a, const double *goal, int rows, const double *near, double *s, double *tau, Found *found) {
+API int ik_newton(const Arm *a, const double *goal, int rows, const double *near, double *s, double *tau,
+                  Found *found) {
     State w;
     double along[MAX_JOINTS], direction[6];
     found->count = found->steps = 0;
     if (newton(a, goal, rows, s, &w, found, 0) != REACHED) return 0;
     COPY(tau, w.tau, a->slots);
-    if (keep(a, &w, s, near, SAME, found)) found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
+    if (!keep(a, &w, s, near, SAME, found)) return 1;
+    found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
     return 1;
 }
 /* One pose of an arm that nothing deflects: its branches q (8,6) and kind (8,): -1 none, 0 alone, else the joint from 1
@@ -1129,15 +1152,18 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
             if (isnan(angle)) kind[k] = -1;
             q[6 * k + j] = isnan(angle) ? 0 : angle;
         }
-        for (int m = 0; m < k; m++) if (kind[k] >= 0 && kind[m] >= 0 && apart(q + 6 * k, q + 6 * m, 6) <= SAME) kind[k] = -1;
+        for (int m = 0; m < k && kind[k] >= 0; m++)
+            if (kind[m] >= 0 && apart(q + 6 * k, q + 6 * m, 6) <= SAME) kind[k] = -1;
     }
 }
-API void ik_nominal(const Arm *a, int count, const double *goals, const double *towards, int limited, double *q, int *kind) {
+API void ik_nominal(const Arm *a, int count, const double *goals, const double *towards, int limited, double *q,
+                    int *kind) {
     for (int k = 0; k < count; k++) nominal_pose(a, goals + 12 * k, towards, limited, q + 48 * k, kind + 8 * k);
 }
 
 /* The nominal branch q nearest to `near` in a window: its number, or -1 if there is none. */
-static int nearest_branch(const Form *f, const double *goal, const double *near, const Window *win, int mask, double *q) {
+static int nearest_branch(const Form *f, const double *goal, const double *near, const Window *win, int mask,
+                          double *q) {
     Branches b;
     double least = INFINITY;
     int number = -1;
@@ -1150,8 +1176,8 @@ static int nearest_branch(const Form *f, const double *goal, const double *near,
 
 /* Of a cube of points^3 goals about `centre` for the arm as drawn, within the limits of the deflected one, that whose
  * equilibrium is nearest to `target` (Conenna 2024, section 7.2). From one goal to another the tool's offset from it
- * changes by less than half of their distance unless the arm is near its limits. So, from the middle one on, goals whose
- * bound (Shubert 1972) is above the best are passed over; all are settled if the best is further off than the grid is
+ * changes by less than half of their distance unless the arm is near its limits. So, from the middle one on, goals
+ * whose bound (Shubert 1972) is above the best are passed over; all are settled if the best is further off than the grid is
  * wide. q, s: a command and its slots at rest, in place. 1, or 0 where no goal has both. */
 API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double side, int points, const double *target,
                 double tolerance, double *q, double *s) {
