@@ -10,7 +10,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.kernel.flat_arm import FlatArm
-from lrm_math.kinematics.poses import poses_of
+from lrm_math.kinematics.poses import poses_of, roberts_sequence
 from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.reach_ball import ReachBall, reach_ball
 
@@ -67,11 +67,3 @@ def _settled(laws: JointLaws, arm: FlatArm, q: Array) -> tuple[Array, Array]:
     rest, _ = batch_equilibrium(laws.model, poses_of(q), tolerance=COARSE)
     count = len(rest.poses)
     return rest.poses.q, np.stack([np.broadcast_to(rest.slots[k], count) for k in laws.linkage.slots], axis=1)
-
-
-def roberts_sequence(count: int, n: int) -> Array:
-    """(count, n), evenly over the unit cube: additive sequence with irrational steps (Roberts 2018)."""
-    golden = 2.0
-    for _ in range(40):
-        golden = (1.0 + golden) ** (1.0 / (n + 1))
-    return (0.5 + np.outer(np.arange(1, count + 1), golden ** -np.arange(1.0, n + 1.0))) % 1.0

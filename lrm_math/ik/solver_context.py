@@ -143,6 +143,10 @@ class SolverContext:
         joints = (replace(j, lower=j.lower - SLACK, upper=j.upper + SLACK) for j in self.model.arm.joints)
         return solver_of(replace(self.model.arm, joints=tuple(joints)))
 
+    def nominal_tool(self, q: Array) -> Array:
+        """(4, 4), tool frame of the nominal arm at angles (n,); m."""
+        return np.asarray(self.nominal_solver.frames(q[None])[0, -1])
+
     @cached_property
     def _bare(self) -> FlatArm:
         laws, limits = self.joint_laws, self.limits

@@ -77,7 +77,8 @@ class FlatArm:
         columns = np.ascontiguousarray(frames_as_numbers(tcp[:, :3, 3], tcp[:, :3, :3]).T, dtype=np.float32)
         kept = (np.ascontiguousarray(q), np.ascontiguousarray(slots), columns)
         memory = self.with_(start=slots.mean(axis=0)).memory
-        memory.poses, (memory.library_q, memory.library_slots, memory.library_columns) = len(q), map(_at, kept)
+        memory.poses, memory.library_q, memory.library_slots = len(q), _at(kept[0]), _at(kept[1])
+        memory.library_columns = _at(columns)
         return FlatArm(memory, self.linkage, kept)
 
     def with_springs(self, zero: Array, compliances: Array) -> FlatArm:
