@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lrm_math.arm.arm import Arm
+from lrm_math.errors import LrmError
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,3 +52,11 @@ class JointLimits:
         margins = self.margins(q)
         worst = min(range(len(margins)), key=margins.__getitem__)
         return Violation(worst + 1, -margins[worst])
+
+
+def checked_angles(name: str, q: Sequence[float], dof: int) -> tuple[float, ...]:
+    """(n,), rad. Raises `LrmError` unless they are n finite angles."""
+    angles = tuple(float(x) for x in q)
+    if len(angles) != dof or not all(map(math.isfinite, angles)):
+        raise LrmError(f"{name} = {list(q)}; should be {dof} finite joint angles in rad")
+    return angles

@@ -68,12 +68,12 @@ class ServoCounts:
 
         Those beyond a limit are left out, unless there are no others.
         """
-        out = []
+        out, count_s = [], self.clock.count_s
         for angle, table, low, high in zip(q, self.tables, self.limits.lower, self.limits.upper, strict=True):
-            exact = float(table.pulse_of(angle)) / self.clock.count_s
+            exact = float(table.pulse_of(angle)) / count_s
             below = math.floor(exact)
             nearer_first = (below, below + 1) if exact - below < 0.5 else (below + 1, below)
-            both = [(count, float(table.angle_of(self.clock.pulse_of(count)))) for count in nearer_first]
+            both = [(count, float(table.angle_of(count * count_s))) for count in nearer_first]
             out.append([pair for pair in both if low <= pair[1] <= high] or both[:1])
         return out
 

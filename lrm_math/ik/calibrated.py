@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_math.arm.joint_limits import checked_angles
 from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, round_to_counts
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
@@ -19,22 +20,21 @@ from lrm_math.ik.answer import Branch, IkVerdict
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.nearest import nearest
-from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, PositionUncertainty, Solved, Unsolved
+from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved
 from lrm_math.ik.solver_context import IkQuery, IkSolution, IkSolutions, Method, SolverContext, Stalled
-from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
-from lrm_math.model.deployed_model import deployed_part
+from lrm_math.model.deployed_model import clock_of, deployed_part
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.uncertainty import position_covariance
+from lrm_math.model.uncertainty import PositionUncertainty, position_uncertainty
 
 SAME = 1e-6
 """rad: commands no further apart are one branch."""
 CUBE = Cube()
-CommandFilter: TypeAlias = Callable[[Poses, Sequence[Number]], NDArray[np.bool_]]
-"""Which of K commands may be answered, (K,); given their poses and amounts of all slots near rest there."""
+CommandFilter: TypeAlias = Callable[[Poses, Array], NDArray[np.bool_]]
+"""Which of K commands may be answered, (K,); given their poses and amounts of the moving slots (K, V) at rest there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +87,11 @@ class CalibratedSolver:
         smooth = deployed_part(model, left_out)
         if joint_sd is not None and (len(joint_sd) != model.arm.dof or not all(sd >= 0.0 for sd in joint_sd)):
             raise LrmError(f"joint_sd = {list(joint_sd)}; should be {model.arm.dof} standard deviations in rad")
-        clock = clock or _clock_of(model)
+        clock = clock or clock_of(model)
         return cls(
             SolverContext(smooth),
             tuple(left_out),
-            None if covariance is None else _marginal(covariance, model, smooth),
+            None if covariance is None else covariance.marginal(model, smooth),
             None if joint_sd is None else tuple(float(sd) for sd in joint_sd),
             None if clock is None else ServoCounts.of(model.arm, clock),
         )
@@ -122,7 +122,7 @@ class CalibratedSolver:
         Raises `LrmError`: a negative or infinite payload, or `near` that is not n finite angles.
         """
         started = time.perf_counter()
-        query = IkQuery(goal, _checked_load(payload), self._checked_angles("near", near))
+        query = IkQuery(goal, _checked_load(payload), self._angles("near", near))
         found = method.find(self.context, query)
         if isinstance(found, Stalled):
             elapsed = time.perf_counter() - started
@@ -130,7 +130,10 @@ class CalibratedSolver:
         if found is not None:
             order = in_limits = self._ordered(query, found)
             if allowed is not None and in_limits:
-                free = allowed(*self._near_rest(query, order))
+                q = np.array([self.context.limits.clipped(command.q) for command in order])
+                sides = np.array([command.direction for command in order], dtype=np.float64)
+                slots = np.array([command.slots for command in order])
+                free = allowed(self.context.poses(query, q, sides), slots)
                 order = [command for command, may in zip(order, free, strict=True) if may]
                 if not order:
                     branches, elapsed = self._branches(in_limits), time.perf_counter() - started
@@ -147,16 +150,19 @@ class CalibratedSolver:
 
         Raises `NoEquilibrium` if the arm does not settle there, `LrmError` unless q and near are n finite angles.
         """
-        command, here = self._checked_angles("q", q), self._checked_angles("near", near)
+        command, here = self._angles("q", q), self._angles("near", near)
         query = IkQuery(Goal((0.0, 0.0, 0.0)), _checked_load(payload), here)
         angles = np.array([command])
         side = None if here is None else np.sign(angles - here)
         rest = solve_equilibrium(self.context.model, self.context.poses(query, angles, side))
         slots = np.array([[float(rest.slots[k]) for k in self.context.joint_laws.linkage.slots]])
         rotation = rotation_rows(self.context.arm(query.payload).forward(slots)[0][0, :3, :3])
-        return ForwardResult(
-            _triple(rest.true_tcp[0]), rotation, tuple(rest.joint_torque[0].tolist()), self._uncertainty(rest)
-        )
+        x, y, z = rest.true_tcp[0].tolist()
+        uncertainty = position_uncertainty(rest, self.covariance, self.joint_sd)
+        return ForwardResult((x, y, z), rotation, tuple(rest.joint_torque[0].tolist()), uncertainty)
+
+    def _angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
+        return None if q is None else checked_angles(name, q, self.context.model.arm.dof)
 
     def _ordered(self, query: IkQuery, found: IkSolutions) -> list[IkSolution]:
         """Commands within the limits, best first, each branch once."""
@@ -177,7 +183,7 @@ class CalibratedSolver:
     ) -> Solved | None:  # fmt: skip
         """The reply, the first branch checked by its equilibrium; None if the arm does not settle there."""
         first, branches = order[0], self._branches(order)
-        tool = self.context.tool_at(query, branches[0].q, first)
+        tool = self.context.tool_at(query, branches[0].q, first.direction, first.slots)
         if tool is None:
             return None
         ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z = tool
@@ -212,15 +218,9 @@ class CalibratedSolver:
         branches = tuple(Branch(command.q, -1, limits, command.free) for command in beyond)
         violation = limits.violation(branches[0].q) if branches else None
         verdict = IkVerdict.OUTSIDE_LIMITS if branches else IkVerdict.OUT_OF_REACH
-        closest = nearest(self.context, query, [command.q for command in beyond])
+        closest = nearest(self.context, query, tuple(command.q for command in beyond))
         elapsed = time.perf_counter() - started
         return Unsolved(query.goal, verdict, closest, branches, violation, method, self.left_out, elapsed)
-
-    def _near_rest(self, query: IkQuery, commands: list[IkSolution]) -> tuple[Poses, list[Number]]:
-        """Commands as poses, and amounts of all slots of the chain near rest there."""
-        q = np.array([self.context.limits.clipped(command.q) for command in commands])
-        poses = self.context.poses(query, q, np.array([command.direction for command in commands], dtype=np.float64))
-        return poses, self.context.chain_amounts(np.array([command.slots for command in commands]))
 
     def _equilibrium(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> Equilibrium:
         poses = self.context.poses(query, np.array([q]), np.array([command.direction], dtype=np.float64))
@@ -229,13 +229,7 @@ class CalibratedSolver:
     def _uncertainty_of(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
             return None
-        return self._uncertainty(self._equilibrium(query, q, command))
-
-    def _uncertainty(self, rest: Equilibrium) -> PositionUncertainty | None:
-        covariance = position_covariance(rest, self.covariance, self.joint_sd)
-        if covariance is None:
-            return None
-        return PositionUncertainty(rotation_rows(covariance[0]), math.sqrt(float(np.trace(covariance[0]))))
+        return position_uncertainty(self._equilibrium(query, q, command), self.covariance, self.joint_sd)
 
     def _rounded(
         self, query: IkQuery, q: tuple[float, ...], command: IkSolution, rounding: Rounding
@@ -246,7 +240,7 @@ class CalibratedSolver:
 
         def position_error(angles: tuple[float, ...]) -> float:
             """m, distance of the tool at rest from the goal. Raises `NoEquilibrium`."""
-            tool = context.tool_at(query, angles, command)
+            tool = context.tool_at(query, angles, command.direction, command.slots)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
             return math.dist(tool[9:], query.goal.position)
@@ -256,15 +250,6 @@ class CalibratedSolver:
             return np.asarray(joint_jacobian(self._equilibrium(query, q, command))[0])
 
         return round_to_counts(self.servos, q, rounding, position_error, jacobian)
-
-    def _checked_angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
-        if q is None:
-            return None
-        n = self.context.model.arm.dof
-        angles = tuple(float(x) for x in q)
-        if len(angles) != n or not all(map(math.isfinite, angles)):
-            raise LrmError(f"{name} = {list(q)}; should be {n} finite joint angles in rad")
-        return angles
 
 
 def _apart(q: Sequence[float], other: Sequence[float]) -> float:
@@ -276,23 +261,3 @@ def _checked_load(payload: float) -> float:
     if not (math.isfinite(payload) and payload >= 0.0):
         raise LrmError(f"payload = {payload} kg; should be a weight of zero or more")
     return float(payload)
-
-
-def _clock_of(model: Model) -> PwmClock | None:
-    for effect, p in model.parts():
-        if effect.id == "quantisation":
-            return PwmClock(p[0], p[1])
-    return None
-
-
-def _marginal(covariance: Covariance, model: Model, smooth: Model) -> Covariance:
-    """The covariance of the deployed parameters, the others marginalised."""
-    for key in covariance.keys:
-        model.position(key)
-    rows = [i for i, key in enumerate(covariance.keys) if key in smooth.keys]
-    return Covariance(tuple(covariance.keys[i] for i in rows), covariance.matrix[np.ix_(rows, rows)])
-
-
-def _triple(v: Array) -> Vector3:
-    x, y, z = v.tolist()
-    return x, y, z

@@ -26,22 +26,6 @@ RETRACTIONS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 
 
 @dataclass(frozen=True, eq=False)
-class NominalPose:
-    """Angles `q` (n,), rad, and the nominal tool position (3,), m, and orientation (3, 3)."""
-
-    q: Array
-    position: Array
-    rotation: Array
-
-    @classmethod
-    def at(cls, context: SolverContext, q: Sequence[float] | Array) -> NominalPose:
-        """The nominal tool frame at some angles (n,)."""
-        angles = np.asarray(q, dtype=np.float64)
-        tcp = context.nominal_solver.frames(angles[None])[0, -1]
-        return cls(angles, tcp[:3, 3], tcp[:3, :3])
-
-
-@dataclass(frozen=True, eq=False)
 class CubeResult:
     """The best goal of a cube: slot amounts there (V,), and its distance from the query (m)."""
 
@@ -108,20 +92,18 @@ class Cube:
         """Spacing of the grid (m)."""
         return self.side / (self.points - 1)
 
-    def _search_from(self, context: SolverContext, query: IkQuery, nominal: NominalPose) -> CubeResult | None:
+    def _search_from(self, context: SolverContext, query: IkQuery, q: Array) -> CubeResult | None:
         best: CubeResult | None = None
         arm, goal = context.arm(query.payload), np.array(query.goal.position)
-        here = context.at_rest(query, nominal.q[None])
+        here = context.at_rest(query, q[None])
         for move in range(self.moves + 1):
             if not len(here.rows):
                 break
-            centre = frames_as_numbers(*_corrected(query, nominal, matrices(here.tcp)[0]))
-            _, known, _ = arm.settle(nominal.q[None], np.zeros((1, arm.joints)), here.slots, COARSE)
+            centre = frames_as_numbers(*_corrected(query, context.nominal_tool(q), matrices(here.tcp)[0]))
+            _, known, _ = arm.settle(q[None], np.zeros((1, arm.joints)), here.slots, COARSE)
             target = goal + known[0, 9:] - here.tcp[0, 9:]
             side = self.side * SHRINK**move
-            found = arm.cube(
-                context.nominal_solver.packed, centre, side, self.points, target, COARSE, nominal.q, here.slots[0]
-            )
+            found = arm.cube(context.nominal_solver.packed, centre, side, self.points, target, COARSE, q, here.slots[0])
             if found is None:
                 break
             q, slots = found
@@ -132,12 +114,11 @@ class Cube:
             best = CubeResult(here.slots[0], error)
             if error <= self.width:
                 break
-            nominal = NominalPose.at(context, q)
         return best
 
 
-def initial_guesses(context: SolverContext, query: IkQuery) -> Iterator[NominalPose]:
-    """Nominal solutions, nearest to `near` first, or else furthest from the limits; they may break them by a little.
+def initial_guesses(context: SolverContext, query: IkQuery) -> Iterator[Array]:
+    """Nominal solutions (n,), nearest to `near` first, or else furthest from the limits; a little beyond them too.
 
     Goals beyond the nominal arm's reach are retracted. What the goal leaves free of the orientation is as the guess has
     it. At last the closest poses of the library.
@@ -148,26 +129,26 @@ def initial_guesses(context: SolverContext, query: IkQuery) -> Iterator[NominalP
         goal = replace(query.goal, position=tuple(position.tolist()))
         branches = context.nominal_solver.branches(goal, query.near)
         for branch in branches:
-            yield NominalPose.at(context, branch.q)
+            yield np.array(branch.q)
         if branches:
             break
     found = context.library.tcp[:, :3, 3] - query.goal.position
     for row in np.argsort(np.linalg.norm(found, axis=1))[:16]:
-        yield NominalPose.at(context, context.library.q[row])
+        yield context.library.q[row]
 
 
-def _starts(context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]]) -> Iterator[NominalPose]:
+def _starts(context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]]) -> Iterator[Array]:
     """The first guess; then neighbourhoods of commands known to reach the goal; then the other guesses."""
     guesses = initial_guesses(context, query)
     yield from itertools.islice(guesses, 1)
     for q in commands:
-        yield NominalPose.at(context, np.round(np.array(q) / REGION) * REGION)
+        yield np.round(np.array(q) / REGION) * REGION
     yield from guesses
 
 
-def _corrected(query: IkQuery, nominal: NominalPose, tcp: Array) -> tuple[Array, Array]:
-    """Position (1, 3) and orientation (1, 3, 3) for the nominal arm, corrected by the error of the tool (4, 4)."""
-    position = nominal.position + query.goal.position - tcp[:3, 3]
+def _corrected(query: IkQuery, drawn: Array, tcp: Array) -> tuple[Array, Array]:
+    """Position (1, 3) and orientation (1, 3, 3) for the arm as drawn, less the error of the tool (4, 4)."""
+    position = drawn[:3, 3] + query.goal.position - tcp[:3, 3]
     if query.goal.rotation is None:
-        return position[None], nominal.rotation[None]
-    return position[None], (np.array(query.goal.rotation) @ tcp[:3, :3].T @ nominal.rotation)[None]
+        return position[None], drawn[None, :3, :3]
+    return position[None], (np.array(query.goal.rotation) @ tcp[:3, :3].T @ drawn[:3, :3])[None]

@@ -37,7 +37,7 @@ class Direct:
 
 def _from_the_nearest(context: SolverContext, query: IkQuery, found: IkSolutions) -> tuple[IkSolution, ...]:
     try:
-        closest = nearest(context, query, [command.q for command in found.beyond])
+        closest = nearest(context, query, tuple(command.q for command in found.beyond))
     except LrmError:
         return ()
     if error_of(closest) > REACHED:

@@ -31,9 +31,8 @@ class Iterative:
 
     def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | Stalled | None:
         """Where it ended; None if the arm does not settle at the start."""
-        nominal = next(initial_guesses(context, query))
-        goal = np.array(query.goal.position)
-        q, errors = nominal.q, list[float]()
+        q, errors = next(initial_guesses(context, query)), list[float]()
+        drawn, goal = context.nominal_tool(q), np.array(query.goal.position)
         start = context.stiff(q[None])
         for step in range(1, self.most + 1):
             rest = context.at_rest(query, q[None], start=start, tolerance=0.1 * STILL)
@@ -46,7 +45,7 @@ class Iterative:
                 angles, unknown = tuple(q.tolist()), (0,) * len(q)
                 margin = min(context.limits.margins(angles))
                 return IkSolutions((IkSolution(angles, unknown, (), tuple(rest.slots[0].tolist()), margin),), step)
-            branches = context.nominal_solver.branches(pose(nominal.position - error, nominal.rotation), q.tolist())
+            branches = context.nominal_solver.branches(pose(drawn[:3, 3] - error, drawn[:3, :3]), q.tolist())
             if settled or not branches:
                 break
             answer = np.array(branches[0].q)

@@ -9,16 +9,14 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.joint_laws import JointLaws
-from lrm_math.ik.kernel.flat_arm import FlatArm, SeedLibrary
-from lrm_math.kinematics.poses import poses_of
+from lrm_math.ik.kernel.flat_arm import FlatArm
+from lrm_math.kinematics.poses import poses_of, roberts_sequence
 from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.reach_ball import ReachBall, reach_ball
 
 SIZE = 2048
 COARSE = 1e-5
 """m: tolerance of the library's equilibria."""
-DAMPING = 1e-4
-"""m²: keeps first steps short where the arm is nearly singular."""
 CHAR_LENGTH = 0.1
 """m: weight of a rotation by 1 rad against a distance (characteristic length), as in the kernel."""
 
@@ -30,7 +28,6 @@ class PoseLibrary:
     Attributes:
         q: (M, n), commands (rad). slots: (M, V), amounts of the moving slots (rad, m). tau: (M, V), their loads (N·m).
         tcp: (M, 4, 4), tool frames (m).
-        inverse: (M, n, 6), damped least-squares inverse of the Jacobian, rotation weighed by `CHAR_LENGTH` (rad/m).
         reach_ball: contains every position that the TCP can have.
     """
 
@@ -38,7 +35,6 @@ class PoseLibrary:
     slots: Array
     tau: Array
     tcp: Array
-    inverse: Array
     reach_ball: ReachBall
 
     @classmethod
@@ -51,23 +47,14 @@ class PoseLibrary:
             raise LrmError(
                 "the arm comes to rest in none of many poses without load; its compliances must be too large"
             )
-        tcp, tau, jacobian = arm.forward(slots)
-        J = jacobian[:, :, laws.linkage.joints] * np.array([[1.0]] * 3 + [[CHAR_LENGTH]] * 3)
-        turned = J.transpose(0, 2, 1)
-        inverse = np.linalg.solve(turned @ J + DAMPING * np.eye(len(joints)), turned)
-        return cls(q, slots, tau, tcp, inverse, reach_ball(laws.model))
+        tcp, tau = arm.forward(slots)
+        return cls(q, slots, tau, tcp, reach_ball(laws.model))
 
     def nonlinear_bound(self, laws: JointLaws) -> float:
         """rad, bound on the share of nonlinear effects in a command: twice the largest of the library."""
         joints = laws.linkage.joints
         linear = self.slots[:, joints] - laws.constants[joints] - self.tau @ laws.compliances[joints].T
         return 2.0 * float(np.abs(linear - self.q).max())
-
-    @property
-    def seeds(self) -> SeedLibrary:
-        """As the kernel takes them."""
-        frames = self.tcp[:, :3].transpose(0, 2, 1).reshape(-1, 12)
-        return SeedLibrary.of(frames, self.inverse, self.q, self.slots)
 
 
 def _settled(laws: JointLaws, arm: FlatArm, q: Array) -> tuple[Array, Array]:
@@ -80,11 +67,3 @@ def _settled(laws: JointLaws, arm: FlatArm, q: Array) -> tuple[Array, Array]:
     rest, _ = batch_equilibrium(laws.model, poses_of(q), tolerance=COARSE)
     count = len(rest.poses)
     return rest.poses.q, np.stack([np.broadcast_to(rest.slots[k], count) for k in laws.linkage.slots], axis=1)
-
-
-def roberts_sequence(count: int, n: int) -> Array:
-    """(count, n), evenly over the unit cube: additive sequence with irrational steps (Roberts 2018)."""
-    golden = 2.0
-    for _ in range(40):
-        golden = (1.0 + golden) ** (1.0 / (n + 1))
-    return (0.5 + np.outer(np.arange(1, count + 1), golden ** -np.arange(1.0, n + 1.0))) % 1.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +14,8 @@ from lrm_math.ik.library import CHAR_LENGTH
 from lrm_math.ik.solver_context import IkQuery, SolverContext
 
 
-def nearest(context: SolverContext, query: IkQuery, starts: Sequence[tuple[float, ...]]) -> Nearest:
+@lru_cache(maxsize=4)
+def nearest(context: SolverContext, query: IkQuery, starts: tuple[tuple[float, ...], ...] = ()) -> Nearest:
     """Least squares of distance (m) and scaled rotation over the commands within the limits.
 
     `starts`: commands (rad) to start from, beside the closest poses of the library. Of effects that the kernel does not
@@ -23,11 +23,6 @@ def nearest(context: SolverContext, query: IkQuery, starts: Sequence[tuple[float
 
     Raises `LrmError`: the arm does not settle anywhere near.
     """
-    return _nearest(context, query, tuple(starts))
-
-
-@lru_cache(maxsize=4)
-def _nearest(context: SolverContext, query: IkQuery, starts: tuple[tuple[float, ...], ...]) -> Nearest:
     found = context.arm(query.payload).nearest(query.goal, starts)
     if found is not None:
         rest = context.at_rest(query, np.array([found[0]]))

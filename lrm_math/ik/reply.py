@@ -11,17 +11,7 @@ from lrm_math.arm.pulse_rounding import RoundedCommand
 from lrm_math.arrays import Vector3
 from lrm_math.ik.answer import Branch, IkVerdict, Nearest
 from lrm_math.ik.goal import Goal, Rotation
-
-
-@dataclass(frozen=True, slots=True)
-class PositionUncertainty:
-    """Uncertainty of a position.
-
-    `covariance`: 3x3, m². `sd`: m, root of its trace: the RMS distance.
-    """
-
-    covariance: Rotation
-    sd: float
+from lrm_math.model.uncertainty import PositionUncertainty
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.joint_laws import JointLaws
-from lrm_math.ik.kernel.flat_arm import FlatArm, Twelve, flat_arm, goal_numbers, with_form, with_laws
+from lrm_math.ik.kernel.flat_arm import FlatArm, Twelve, flat_arm, frames_as_numbers, with_form, with_laws
 from lrm_math.ik.kernel.linkage import Indices
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import KernelFound
@@ -143,13 +143,18 @@ class SolverContext:
         joints = (replace(j, lower=j.lower - SLACK, upper=j.upper + SLACK) for j in self.model.arm.joints)
         return solver_of(replace(self.model.arm, joints=tuple(joints)))
 
+    def nominal_tool(self, q: Array) -> Array:
+        """(4, 4), tool frame of the nominal arm at angles (n,); m."""
+        return np.asarray(self.nominal_solver.frames(q[None])[0, -1])
+
     @cached_property
     def _bare(self) -> FlatArm:
         laws, limits = self.joint_laws, self.limits
         moments = laws.linkage.moments(self.model.weights(0.0))
         arm = flat_arm(laws.linkage, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = with_form(arm, pieper_form(screw_axes_of(equivalent_arm(self.model))))
-        arm = arm.with_springs(laws.constants, laws.compliances).with_axial_play(*laws.axial_play)
+        play, force = laws.axial_play
+        arm = arm.with_springs(laws.constants, laws.compliances).with_(play=play, play_force=force)
         return with_laws(arm, laws.kernel_laws, 0.0)
 
     @cached_property
@@ -164,7 +169,7 @@ class SolverContext:
         arm = with_laws(self._bare, laws.kernel_laws, library.nonlinear_bound(laws))
         if not laws.others_are_linear:
             arm = arm.with_springs(*laws.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
-        return arm.with_library(library.seeds, library.slots.mean(axis=0))
+        return arm.with_library(library.tcp, library.q, library.slots)
 
     @cached_property
     def arm(self) -> Callable[[float], FlatArm]:
@@ -181,19 +186,10 @@ class SolverContext:
 
     def branches(self, query: IkQuery) -> IkSolutions:
         """All branches of a pose; commands nearest to `near`, or to the middle of the limits, of any other goal."""
-        arm, found, goal = self.arm(query.payload), KernelFound(), query.goal
-        numbers, n, at = goal_numbers(goal), self.model.arm.dof, ctypes.addressof(found)
-        near = None if query.near is None else (ctypes.c_double * n)(*query.near)
-        if goal.constraints == 6:
-            kernel().ik_pose(arm.address, numbers, near, at)
-        else:
-            towards = near or (ctypes.c_double * n)(*self.limits.middle)
-            for starts in FREE_STARTS:
-                if kernel().ik_free(arm.address, numbers, goal.constraints, towards, near, starts, at):
-                    break
+        arm, near = self.arm(query.payload), query.near
+        found, V = arm.search(query.goal, near or self.limits.middle, near, FREE_STARTS), arm.slots
         if self.joint_laws.complete:
-            return IkSolutions(tuple(self._unpacked(found, goal.constraints >= n)), found.steps)
-        V = arm.slots
+            return IkSolutions(tuple(self._unpacked(found, query.goal.constraints >= arm.joints)), found.steps)
         states = [(np.array(x.slots[:V]), np.array(x.tau[:V])) for x in found.at[: found.count]]
         return IkSolutions(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), found.steps)
 
@@ -282,16 +278,19 @@ class SolverContext:
         rest, rows = batch_equilibrium(self.model, self.poses(query, q, direction), first, tolerance)
         slots = np.array([np.broadcast_to(rest.slots[k], len(rest.poses)) for k in laws.linkage.slots]).T
         frames = arm.forward(slots)[0]
-        return ArmAtRest(rows, slots, frames[:, :3].transpose(0, 2, 1).reshape(-1, 12))
+        return ArmAtRest(rows, slots, frames_as_numbers(frames[:, :3, 3], frames[:, :3, :3]))
 
-    def tool_at(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> list[float] | None:
-        """Tool frame by columns, twelve numbers, at rest at a command near one that was found; None: it has none."""
+    def tool_at(
+        self, query: IkQuery, q: tuple[float, ...], direction: tuple[int, ...], start: tuple[float, ...] | None = None
+    ) -> list[float] | None:
+        """Tool frame by columns, twelve numbers, at rest at one command; None if it has none. `start`: slots nearby."""
+        begin = self.stiff(np.array([q]))[0].tolist() if start is None else start
         if not self.joint_laws.complete:
-            rest = self.at_rest(query, np.array([q]), np.array([command.direction]), np.array([command.slots]))
+            rest = self.at_rest(query, np.array([q]), np.array([direction]), np.array([begin]))
             return rest.tcp[0].tolist() if len(rest.rows) else None
         n, arm, iterations = len(q), self.arm(query.payload), ctypes.c_int()
-        slots, tcp = (ctypes.c_double * arm.slots)(*command.slots), Twelve()
-        angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*command.direction)
+        slots, tcp = (ctypes.c_double * arm.slots)(*begin), Twelve()
+        angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*direction)
         kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
         return tcp[:] if iterations.value > 0 else None
 

@@ -108,3 +108,11 @@ def poses_of(q: ArrayLike, payload: ArrayLike = 0.0) -> Poses:
     """Poses from angles (N, n) or (n,) in rad and payload in kg, one number or (N,)."""
     angles = np.atleast_2d(np.asarray(q, dtype=np.float64))
     return Poses(angles, np.broadcast_to(np.asarray(payload, dtype=np.float64), (len(angles),)).copy())
+
+
+def roberts_sequence(count: int, n: int) -> Array:
+    """(count, n), evenly over the unit cube: additive sequence with irrational steps (Roberts 2018)."""
+    golden = 2.0
+    for _ in range(40):
+        golden = (1.0 + golden) ** (1.0 / (n + 1))
+    return (0.5 + np.outer(np.arange(1, count + 1), golden ** -np.arange(1.0, n + 1.0))) % 1.0

@@ -33,6 +33,13 @@ class Covariance(NamedTuple):
     keys: tuple[str, ...]
     matrix: Array
 
+    def marginal(self, model: Model, part: Model) -> Covariance:
+        """Of the parameters of a part of the model, the others marginalised. Raises `UnknownName` for foreign keys."""
+        for key in self.keys:
+            model.position(key)
+        rows = [i for i, key in enumerate(self.keys) if key in part.keys]
+        return Covariance(tuple(self.keys[i] for i in rows), self.matrix[np.ix_(rows, rows)])
+
 
 def covariance_table(keys: Sequence[str], matrix: Array) -> CovarianceTable:
     """The table of a covariance matrix (P, P) with positive diagonal; any units."""

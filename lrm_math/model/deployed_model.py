@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lrm_math.arm.servo_table import PwmClock
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
 
@@ -33,3 +34,8 @@ def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
     values = np.concatenate([np.empty(0), *(model.values[span] for span in spans)])
     smooth = Model(model.arm, effects, values)
     return replace(smooth, free=tuple(key for key in model.free if key in smooth.keys))
+
+
+def clock_of(model: Model) -> PwmClock | None:
+    """The clock of the servo board whose rounding is an effect of a model; None without that effect."""
+    return next((PwmClock(p[0], p[1]) for effect, p in model.parts() if effect.id == "quantisation"), None)

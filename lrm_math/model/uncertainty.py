@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +12,25 @@ from lrm_math.arrays import Array
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium
+
+
+@dataclass(frozen=True, eq=False)
+class PositionUncertainty:
+    """Uncertainty of a position.
+
+    `covariance`: (3, 3), m². `sd`: m, root of its trace: the RMS distance.
+    """
+
+    covariance: Array
+    sd: float
+
+
+def position_uncertainty(
+    rest: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
+) -> PositionUncertainty | None:
+    """Of the first pose; see `position_covariance`."""
+    every = position_covariance(rest, covariance, joint_sd)
+    return None if every is None else PositionUncertainty(every[0], math.sqrt(float(np.trace(every[0]))))
 
 
 def position_covariance(

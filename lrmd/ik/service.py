@@ -18,11 +18,10 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CUBE, CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
-from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
+from lrm_math.ik.goal import Goal, point, point_along, pose_rpy
 from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, Solved, Unsolved
 from lrm_math.ik.solver_context import IkQuery, Method, SolverContext
-from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrmd.config import Config
 from lrmd.errors import RequestError
@@ -46,26 +45,24 @@ def goal_of(entry: GoalEntry) -> Goal:
         roll, pitch, yaw = entry.rpy_rad
         return pose_rpy(entry.position_m, roll, pitch, yaw)
     if entry.quaternion_xyzw is not None:
-        return pose(entry.position_m, rotation_of(entry.quaternion_xyzw))
+        return pose_quaternion(entry.position_m, entry.quaternion_xyzw)
     if entry.approach is not None:
         return point_along(entry.position_m, entry.approach)
     return point(entry.position_m)
 
 
-def rotation_of(quaternion: Sequence[float]) -> Array:
-    """Rotation matrix (3, 3) of a unit quaternion x, y, z, w. Raises `MessageError` if its length is not 1."""
-    q = np.array(quaternion)
-    length = float(np.linalg.norm(q))
+def pose_quaternion(position: Sequence[float], quaternion: Sequence[float]) -> Goal:
+    """A pose (m) by a unit quaternion x, y, z, w. Raises `MessageError` if its length is not 1."""
+    length = math.hypot(*quaternion)
     if abs(length - 1.0) > UNIT:
         raise MessageError(f"quaternion_xyzw has length {length:.4g}; should be 1")
-    x, y, z, w = q / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
+    x, y, z, w = (part / length for part in quaternion)
+    rotation = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
     )
+    return Goal((position[0], position[1], position[2]), rotation)
 
 
 def method_of(request: IkRequest) -> Method:
@@ -90,8 +87,8 @@ class FeasibilityCheck:
     scene: Scene | None
     context: SolverContext
 
-    def feasible(self, poses: Poses, equilibria: Sequence[Number]) -> NDArray[np.bool_]:
-        """(K,), for commands that a solver proposes; `equilibria`: all slots in the equilibria that it found.
+    def feasible(self, poses: Poses, slots: Array) -> NDArray[np.bool_]:
+        """(K,), for commands that a solver proposes; `slots` (K, V): amounts in the equilibria that it found.
 
         An overloaded arm may have several: a command is feasible only if the one that is reached from the rigid pose is
         the solver's.
@@ -99,30 +96,22 @@ class FeasibilityCheck:
         feasible = np.zeros(len(poses), dtype=bool)
         query = IkQuery(Goal((0.0, 0.0, 0.0)), float(poses.payload[0]))
         rest = self.context.at_rest(query, poses.q, poses.direction)
-        expected = np.stack([np.broadcast_to(equilibria[k], len(poses)) for k in self._slots], axis=1)[rest.rows]
-        same = (np.abs(rest.slots - expected) < UNIQUE_TOLERANCE).all(axis=1)
-        rows, slots = rest.rows[same], rest.slots[same]
+        same = (np.abs(rest.slots - slots[rest.rows]) < UNIQUE_TOLERANCE).all(axis=1)
+        rows = rest.rows[same]
         feasible[rows] = True
         if len(rows) and self.scene is not None:
-            near = self._clearance(self.scene, query.payload, poses.q[rows], slots)
+            near = self._clearance(self.scene, query.payload, poses.q[rows], rest.slots[same])
             feasible[rows] = near.distance.reshape(2, -1).min(axis=0) >= self.scene.margin
         return feasible
-
-    @property
-    def _slots(self) -> list[int]:
-        """Numbers of the moving slots in the chain."""
-        numbers: list[int] = self.context.joint_laws.linkage.slots.tolist()
-        return numbers
 
     def confirms_rounding(self, reply: Solved, payload: float) -> bool:
         """Whether the equilibrium at the rounded counts has the error that the reply states."""
         if reply.rounded is None:
             return True
-        side = np.array([reply.direction], dtype=np.float64)
-        rest = self.context.at_rest(IkQuery(reply.goal, payload), np.array([reply.rounded.q]), side)
-        if not len(rest.rows):
+        tool = self.context.tool_at(IkQuery(reply.goal, payload), reply.rounded.q, reply.direction)
+        if tool is None:
             return False
-        return abs(math.dist(rest.tcp[0, 9:], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
+        return abs(math.dist(tool[9:], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
 
     def reason(self, q: tuple[float, ...], payload: float) -> tuple[str, ClosestPair | None]:
         """Why a command (rad) is infeasible, as text, and the two bodies of a collision."""

@@ -31,9 +31,14 @@ def commands_beside_folds(name: str, count: int) -> tuple[Array, Array]:
     linkage = context.joint_laws.linkage
     q, tools = reachable(context.model, count, 31, PAYLOAD)
     rest = context.at_rest(IkQuery(Goal((0.0, 0.0, 0.0)), PAYLOAD), q)
-    J = context.arm(PAYLOAD).forward(rest.slots)[2][:, :, linkage.joints]
-    J[:, 3:] *= CHAR_LENGTH
-    near = np.linalg.svd(J)[1][:, -1] < NEAR_A_FOLD
+    columns, h = [], 1e-6
+    for v in linkage.joints:
+        step = h * (np.arange(rest.slots.shape[1]) == v)
+        up, down = (context.arm(PAYLOAD).forward(rest.slots + way * step)[0] for way in (1, -1))
+        spin = ((up - down)[:, :3, :3] / (2 * h)) @ tools[:, :3, :3].transpose(0, 2, 1)
+        turn = CHAR_LENGTH * np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+        columns.append(np.concatenate([(up - down)[:, :3, 3] / (2 * h), turn], axis=1))
+    near = np.linalg.svd(np.stack(columns, axis=2))[1][:, -1] < NEAR_A_FOLD
     return q[near], tools[near]
 
 
@@ -98,6 +103,6 @@ def test_solutions_on_any_arm_reach_the_goal_and_are_distinct(arm: Arm) -> None:
         assert found is not None
         assert found.within
         q = np.array([command.q for command in found.commands])
-        at, _, _ = context.arm(PAYLOAD).forward(np.array([command.slots for command in found.commands]))
+        at, _ = context.arm(PAYLOAD).forward(np.array([command.slots for command in found.commands]))
         np.testing.assert_allclose(at, np.broadcast_to(tool, at.shape), atol=1e-9)
         assert all(np.abs(q[:k] - row).max(axis=1).min() > 1e-7 for k, row in enumerate(q) if k)

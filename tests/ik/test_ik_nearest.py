@@ -84,7 +84,7 @@ def error(found: Nearest) -> float:
 
 def find(name: str, goal: Goal, starts: Sequence[tuple[float, ...]] = ()) -> Nearest:
     """The nearest with a payload."""
-    return nearest(solver(name).context, IkQuery(goal, LOAD), list(starts))
+    return nearest(solver(name).context, IkQuery(goal, LOAD), tuple(starts))
 
 
 def errors(tools: Array, goal: Goal) -> Array:
@@ -208,5 +208,5 @@ def test_more_starts_never_increase_the_error(name: str) -> None:
     for _ in range(5):
         query = IkQuery(goal_of("pose", tuple(rng.uniform(-0.5, 0.5, 3)), tuple(rng.normal(size=4))), LOAD)
         starts = rng.uniform(-4.0, 4.0, (3, 6))
-        given = error(nearest(context, query, [tuple(q) for q in starts.tolist()]))
-        assert given <= error(nearest(context, query, [])) + 1e-9  # m, to which equilibria settle
+        given = error(nearest(context, query, tuple(tuple(q) for q in starts.tolist())))
+        assert given <= error(nearest(context, query)) + 1e-9  # m, to which equilibria settle

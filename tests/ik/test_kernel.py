@@ -66,23 +66,15 @@ def moving(model: Model, slots: tuple[float | Array, ...], count: int) -> Array:
 @pytest.mark.slow
 @settings(max_examples=25)
 @given(arms, st.integers(0, 100), st.floats(0.0, 0.1))
-def test_kinematics_loads_and_jacobian_equal_those_of_the_chain(arm: Arm, seed: int, payload: float) -> None:
+def test_kinematics_and_loads_equal_those_of_the_chain(arm: Arm, seed: int, payload: float) -> None:
     model = random_model(arm, FLEXIBLE, seed, 0.03)
     poses = poses_of(np.random.default_rng(seed).uniform(-1.7, 1.7, (3, arm.dof)), payload)
     rest = equilibrium(model, poses, tolerance=1e-14)
     slots, kernel = moving(model, rest.slots, 3), flat(model, payload)
-    tcp, tau, J = kernel.forward(slots)
+    tcp, tau = kernel.forward(slots)
     np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
     np.testing.assert_allclose(kernel.frames(slots), frames(model.chain, rest.slots, 3), atol=1e-12)
     np.testing.assert_allclose(tau, rest.loads_on(JointLaws(model).linkage.slots.tolist()), atol=1e-11)
-    h = 1e-6
-    for v in range(slots.shape[1]):
-        step = h * (np.arange(slots.shape[1]) == v)
-        up, down = (kernel.forward(slots + way * step)[0] for way in (1, -1))
-        np.testing.assert_allclose(J[:, :3, v], (up - down)[:, :3, 3] / (2 * h), atol=1e-8)
-        spin = ((up - down)[:, :3, :3] / (2 * h)) @ tcp[:, :3, :3].transpose(0, 2, 1)
-        turn = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
-        np.testing.assert_allclose(J[:, 3:, v], turn, atol=1e-8)
 
 
 def hayati_arm(beta: float) -> Arm:
@@ -153,14 +145,14 @@ def test_a_slot_that_slides_is_as_in_the_chain() -> None:
     kernel = flat(model, 0.05)
     assert (np.array(JointLaws(model).linkage.axes) >= 3).sum() == 1
     slots = moving(model, rest.slots, 4)
-    tcp, tau, J = kernel.forward(slots)
+    tcp, tau = kernel.forward(slots)
     np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 4)[:, -1], atol=1e-12)
     np.testing.assert_allclose(tau, rest.loads_on(JointLaws(model).linkage.slots.tolist()), atol=1e-11)
     v = int(np.flatnonzero(JointLaws(model).linkage.axes >= 3)[0])
     assert np.abs(tau[:, v]).min() > 0.1
     moved = slots.copy()
     moved[:, v] += 1e-3
-    np.testing.assert_allclose(kernel.forward(moved)[0][:, :3, 3] - tcp[:, :3, 3], 1e-3 * J[:, :3, v], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(kernel.forward(moved)[0][:, :3, 3] - tcp[:, :3, 3], axis=1), 1e-3)
     h = 1e-5
     for row in slots:
         derivatives = kernel.load_derivatives(row)
@@ -216,7 +208,7 @@ def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: floa
     assert (iterations > 0).all()
     np.testing.assert_allclose(slots, moving(model, rest.slots, 6), atol=1e-11)
     np.testing.assert_allclose(tcp[:, 9:], rest.true_tcp, atol=1e-11)
-    _, tau, _ = kernel.forward(slots)
+    _, tau = kernel.forward(slots)
     for frame, row, command in zip(tcp, slots, q, strict=True):
         state = kernel.newton(pose(frame[9:], frame[:9].reshape(3, 3).T), row, command.tolist())
         assert state is not None

@@ -42,29 +42,12 @@ SHAPES = (AxisPair.MEETING, AxisPair.PARALLEL, AxisPair.SKEW)
 
 
 @dataclass(frozen=True, eq=False)
-class SeedLibrary:
-    """M poses to start from: tool frames (M, 12) by columns, inverse (M, n, 6), commands (M, n), slots (M, V)."""
-
-    tcp: Array
-    inverse: Array
-    q: Array
-    slots: Array
-    columns: NDArray[np.float32]
-
-    @classmethod
-    def of(cls, tcp: Array, inverse: Array, q: Array, slots: Array) -> SeedLibrary:
-        """From arrays of any layout."""
-        frames, steps, commands, amounts = (np.ascontiguousarray(a) for a in (tcp, inverse, q, slots))
-        return cls(frames, steps, commands, amounts, np.ascontiguousarray(tcp.T, dtype=np.float32))
-
-
-@dataclass(frozen=True, eq=False)
 class FlatArm:
     """A packed model. `memory`: the kernel's structure; `kept`: arrays that it points to."""
 
     memory: KernelArm
     linkage: Linkage
-    kept: SeedLibrary | None = None
+    kept: tuple[NDArray[Any], ...] = ()
 
     @property
     def slots(self) -> int:
@@ -88,15 +71,15 @@ class FlatArm:
             put(memory, name, values)
         return FlatArm(memory, self.linkage, self.kept)
 
-    def with_library(self, library: SeedLibrary, start: Array) -> FlatArm:
-        """A copy with seeds; `start` (V,): amounts of the slots other than joints from which searches begin."""
-        fits("library poses", len(library.q), MAX_POSES)
-        memory = KernelArm.from_buffer_copy(self.memory)
-        memory.poses = len(library.q)
-        for name in ("tcp", "inverse", "q", "slots", "columns"):
-            setattr(memory, f"library_{name}", getattr(library, name).ctypes.data)
-        put(memory, "start", start)
-        return FlatArm(memory, self.linkage, library)
+    def with_library(self, tcp: Array, q: Array, slots: Array) -> FlatArm:
+        """A copy with seeds, M poses at rest: tool frames (M, 4, 4), commands (M, n), slot amounts (M, V)."""
+        fits("library poses", len(q), MAX_POSES)
+        columns = np.ascontiguousarray(frames_as_numbers(tcp[:, :3, 3], tcp[:, :3, :3]).T, dtype=np.float32)
+        kept = (np.ascontiguousarray(q), np.ascontiguousarray(slots), columns)
+        memory = self.with_(start=slots.mean(axis=0)).memory
+        memory.poses, memory.library_q, memory.library_slots = len(q), _at(kept[0]), _at(kept[1])
+        memory.library_columns = _at(columns)
+        return FlatArm(memory, self.linkage, kept)
 
     def with_springs(self, zero: Array, compliances: Array) -> FlatArm:
         """A copy with other amounts without load (V,) and compliances (V, V), rad/N·m or m/N·m."""
@@ -107,16 +90,12 @@ class FlatArm:
             zero=zero, spring_from=[0, *counts.tolist()], spring_load=columns, spring=compliances[rows, columns]
         )
 
-    def with_axial_play(self, play: Array, force: Array) -> FlatArm:
-        """A copy whose sliding slots have play, from end to end (V,), m, taken up by forces (V,), N."""
-        return self.with_(play=play, play_force=force)
-
-    def forward(self, slots: Array) -> tuple[Array, Array, Array]:
-        """Tool frames (K, 4, 4), gravity loads (K, V) and Jacobians (K, 6, V) at slot amounts (K, V)."""
+    def forward(self, slots: Array) -> tuple[Array, Array]:
+        """Tool frames (K, 4, 4) and gravity loads (K, V) at slot amounts (K, V)."""
         s = np.ascontiguousarray(slots, dtype=np.float64)
-        tcp, tau, J = np.empty((len(s), 12)), np.empty(s.shape), np.empty((len(s), 6, self.slots))
-        kernel().ik_forward(self.address, len(s), *map(_at, (s, tcp, tau, J)))
-        return matrices(tcp), tau, J
+        tcp, tau = np.empty((len(s), 12)), np.empty(s.shape)
+        kernel().ik_forward(self.address, len(s), *map(_at, (s, tcp, tau)))
+        return matrices(tcp), tau
 
     def load_derivatives(self, slots: Array) -> Array:
         """(V, V), derivatives of the loads by the slots at amounts (V,)."""
@@ -158,13 +137,29 @@ class FlatArm:
         args = (_at(centre), side, points, _at(aim), tolerance, _at(best), _at(there))
         return (best, there) if kernel().ik_cube(self.address, drawn.address, *args) else None
 
+    def search(
+        self, goal: Goal, towards: Sequence[float], near: Sequence[float] | None, starts: Sequence[int]
+    ) -> KernelFound:
+        """All branches of a pose; of a goal that leaves motion free commands nearest to `towards` (n,), rad.
+
+        `starts`: numbers of poses of the library that the latter are sought from, each if the one before finds none.
+        """
+        found, numbers, numbers_near = KernelFound(), goal_numbers(goal), self._angles(near)
+        if goal.constraints == 6 and self.joints <= 6:
+            kernel().ik_pose(self.address, numbers, numbers_near, ctypes.addressof(found))
+            return found
+        for count in starts:
+            args = (goal.constraints, self._angles(towards), numbers_near, count, ctypes.addressof(found))
+            if kernel().ik_free(self.address, numbers, *args):
+                break
+        return found
+
     def newton(
         self, goal: Goal, slots: Array, near: Sequence[float] | None = None
     ) -> tuple[Array, Array, KernelFound] | None:
         """Slots (V,) at the goal, from slots (V,), the loads, the command coming from `near`; None: not reached."""
         s, tau, found = np.array(slots), np.empty(self.slots), KernelFound()
-        here = None if near is None else (ctypes.c_double * self.joints)(*near)
-        args = (goal_numbers(goal), goal.constraints, here, _at(s), _at(tau), ctypes.addressof(found))
+        args = (goal_numbers(goal), goal.constraints, self._angles(near), _at(s), _at(tau), ctypes.addressof(found))
         return (s, tau, found) if kernel().ik_newton(self.address, *args) else None
 
     def nearest(self, goal: Goal, starts: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], Array] | None:
@@ -177,8 +172,11 @@ class FlatArm:
         args = (goal.constraints, DESCENTS, KEPT, len(starts), more, ctypes.addressof(found))
         if not kernel().ik_nearest(self.address, goal_numbers(goal), *args):
             return None
-        tcp, _, _ = self.forward(np.array([found.at[0].slots[: self.slots]]))
+        tcp, _ = self.forward(np.array([found.at[0].slots[: self.slots]]))
         return tuple(found.at[0].q[: self.joints]), tcp[0]
+
+    def _angles(self, q: Sequence[float] | None) -> ctypes.Array[ctypes.c_double] | None:
+        return None if q is None else (ctypes.c_double * self.joints)(*q)
 
 
 def flat_arm(linkage: Linkage, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]) -> FlatArm:
@@ -191,9 +189,9 @@ def flat_arm(linkage: Linkage, moments: Array, reach: float, lower: Sequence[flo
     memory.laws_known, memory.reach = 1, reach
     turned = [not np.array_equal(weld[:3, :3], np.eye(3)) for weld in linkage.welds]
     return FlatArm(memory, linkage).with_(
-        gravity=linkage.gravity, weld=linkage.welds[:, :3], welded_turn=turned, moment=moments, axis=linkage.axes,
-        joint=linkage.joints, other=linkage.others, inboard=linkage.inboard, counted=linkage.counted,
-        moved=linkage.moved, lower=lower, upper=upper,
+        gravity=linkage.gravity, weld=linkage.welds[:, :3].transpose(0, 2, 1), welded_turn=turned, moment=moments,
+        axis=linkage.axes, joint=linkage.joints, other=linkage.others, inboard=linkage.inboard,
+        counted=linkage.counted, moved=linkage.moved, lower=lower, upper=upper,
     )  # fmt: skip
 
 

@@ -9,7 +9,6 @@
  *   3 Derivatives                   7 Singular directions                  11 Nearest reachable goal
  *   4 Joint laws, equilibrium       8 Library of poses                     12 Batches
  */
-#include <complex.h>
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
@@ -26,7 +25,8 @@
 
 /* ---------------------------------------------------------------- 1 Arm, state ---------------------------------- */
 
-enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48 };
+enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48,
+       MAX_POSES = 2048 };
 enum { MEETING, PARALLEL, SKEW };                                            /* the first two axes, see pieper.py */
 enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
 enum { RANKED = 512, KEPT = 128 };
@@ -40,7 +40,7 @@ typedef struct { /* Pieper's normal form of an arm of six joints; pieper.py says
 typedef struct { /* a model with one payload; linkage.py says what slots, welds and bodies are */
     int slots, joints, others, bodies, laws, poses, has_form, laws_known;
     double gravity[3], reach, nonlinear_bound;
-    double weld[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* 3x4 by rows; mass moments and mass in the slot's frame */
+    double weld[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* frames; mass moments and mass in the slot's frame */
     int welded_turn[MAX_SLOTS + 1], axis[MAX_SLOTS]; /* whether the weld turns; 0..2 turns about x, y, z, 3..5 slides */
     int joint[MAX_JOINTS], other[MAX_SLOTS], inboard[MAX_BODIES], counted[MAX_SLOTS], moved[MAX_SLOTS];
     double zero[MAX_SLOTS], start[MAX_SLOTS], lower[MAX_JOINTS], upper[MAX_JOINTS]; /* unloaded; mean; limits */
@@ -49,8 +49,8 @@ typedef struct { /* a model with one payload; linkage.py says what slots, welds 
     int law[MAX_LAWS], law_joint[MAX_LAWS];
     double law_p[MAX_LAWS][4];
     Form form; /* of the arm itself if nothing deflects, else of one that looks like it: seeds */
-    const double *library_tcp, *library_inverse, *library_q, *library_slots; /* (M,12), (M,n,6), (M,n), (M,slots) */
-    const float *library_columns;                                           /* (12,M): library_tcp, for one pass */
+    const double *library_q, *library_slots; /* commands (M,n) and slot amounts (M,slots) of poses at rest */
+    const float *library_columns;            /* (12,M): their tool frames, for one pass */
 } Arm;
 
 typedef struct {
@@ -63,11 +63,14 @@ typedef struct {
     Solution at[MAX_FOUND];
 } Found;
 
+static const int UNKNOWN[MAX_JOINTS] = {0}; /* sides of arrival */
+typedef double Row[MAX_JOINTS + 1]; /* of a matrix whose columns are joints, and at last what is lacking */
 typedef struct { /* what belongs to one set of slot amounts */
     double tcp[12], axis[MAX_SLOTS][3], origin[MAX_SLOTS][3], tau[MAX_SLOTS];
     double lever[MAX_SLOTS][3], by_counted[MAX_SLOTS][3], by_moved[MAX_SLOTS][3];
     double mass[MAX_BODIES + 1], first[MAX_BODIES + 1][3]; /* mass and first moment of body b and all outboard */
-    double J[6][MAX_SLOTS], e[6], total[6][MAX_JOINTS], follow[MAX_SLOTS][MAX_JOINTS + 1], lack[MAX_SLOTS];
+    double J[6][MAX_SLOTS], e[6], lack[MAX_SLOTS];
+    Row total[6], follow[MAX_SLOTS];
     int follower[MAX_SLOTS], followers;
 } State;
 
@@ -77,10 +80,13 @@ static const double SLACK = 0.4;     /* rad: joints sag and play by less, so see
 static const double AT_LIMIT = 1e-9; /* rad: a command this far beyond a limit is at the limit */
 static const double SAME = 1e-6;     /* rad: commands no further apart are one solution */
 static const double ONE_FAMILY = 0.02; /* rad: the same where the goal leaves motion free */
+static const double LONGEST = 0.6;   /* rad: most that a joint turns in one step of Newton's method */
 static const double TURN = 6.283185307179586;
 
 static double larger(double a, double b) { return a > b ? a : b; } /* inline, as fmax is not */
 static double lesser(double a, double b) { return a < b ? a : b; }
+static double clipped(double x, double lower, double upper) { return lesser(larger(x, lower), upper); }
+static int sign(double x) { return (x > 0) - (x < 0); }
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static void cross(const double *a, const double *b, double *out) {
     out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
@@ -89,6 +95,15 @@ static double largest(const double *x, int n) {
     double out = 0;
     for (int i = 0; i < n; i++) out = larger(out, fabs(x[i]));
     return out;
+}
+static double length(const double *x, int n) {
+    double square = 0;
+    for (int i = 0; i < n; i++) square += x[i] * x[i];
+    return sqrt(square);
+}
+static double distance(const double *a, const double *b) {
+    const double way[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+    return length(way, 3);
 }
 static double apart(const double *a, const double *b, int n) {
     double out = 0;
@@ -106,42 +121,38 @@ static double excess_of(const Arm *a, const double *q) {
 
 /* ---------------------------------------------------------------- 2 Forward kinematics, loads ------------------- */
 
+/* A vector in the base's axes, from one (3,) in those of a frame. */
+static void in_base(const double *frame, const double *v, double *out) {
+    for (int i = 0; i < 3; i++) out[i] = frame[i] * v[0] + frame[3 + i] * v[1] + frame[6 + i] * v[2];
+}
+
 /* Product of exponentials outwards (Brockett 1984), then gravity's load on each slot by its screw and the first mass
  * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin); m g . axis if it slides.
  * after: NULL, or the frames before the first slot and after each one, (slots + 1, 12). */
 static void place(const Arm *a, const double *s, State *w, double *after) {
-    double f[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, p[3] = {0, 0, 0};
-    int body = 0;
-    for (int v = 0; v <= a->slots; v++) {
-        if (after) COPY(after + 12 * v, f[0], 9), COPY(after + 12 * v + 9, p, 3);
+    double f[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, *p = f + 9, before[12];
+    for (int v = 0, body = 0; v <= a->slots; v++) {
+        if (after) COPY(after + 12 * v, f, 12);
         for (; body < a->bodies && a->inboard[body] == v; body++) {
-            const double *m = a->moment[body];
-            for (int i = 0; i < 3; i++) w->first[body][i] = f[0][i] * m[0] + f[1][i] * m[1] + f[2][i] * m[2] + p[i] * m[3];
+            in_base(f, a->moment[body], w->first[body]);
+            add(a->moment[body][3], p, 3, w->first[body]);
         }
-        const double *T = a->weld[v];
-        for (int i = 0; i < 3; i++) p[i] += f[0][i] * T[3] + f[1][i] * T[7] + f[2][i] * T[11];
-        if (a->welded_turn[v])
-            for (int i = 0; i < 3; i++) {
-                const double x = f[0][i], y = f[1][i], z = f[2][i];
-                f[0][i] = x * T[0] + y * T[4] + z * T[8];
-                f[1][i] = x * T[1] + y * T[5] + z * T[9];
-                f[2][i] = x * T[2] + y * T[6] + z * T[10];
-            }
+        COPY(before, f, 12);
+        in_base(before, a->weld[v] + 9, p), add(1, before + 9, 3, p);
+        for (int k = 0; k < 9 && a->welded_turn[v]; k += 3) in_base(before, a->weld[v] + k, f + k);
         if (v == a->slots) break;
         const int kind = a->axis[v];
-        if (kind >= 3) {
-            for (int i = 0; i < 3; i++) w->axis[v][i] = f[kind - 3][i], w->origin[v][i] = p[i] += s[v] * f[kind - 3][i];
-            continue;
-        }
-        double *y = f[kind == 2 ? 0 : kind + 1], *z = f[kind == 0 ? 2 : kind - 1];
+        double *x = f + 3 * (kind % 3), *y = f + 3 * ((kind + 1) % 3), *z = f + 3 * ((kind + 2) % 3);
+        if (kind >= 3) add(s[v], x, 3, p);
+        COPY(w->axis[v], x, 3), COPY(w->origin[v], p, 3);
+        if (kind >= 3) continue;
         const double c = cos(s[v]), sine = sin(s[v]);
         for (int i = 0; i < 3; i++) {
             const double old = y[i];
-            w->axis[v][i] = f[kind][i], w->origin[v][i] = p[i];
             y[i] = c * old + sine * z[i], z[i] = c * z[i] - sine * old;
         }
     }
-    for (int i = 0; i < 3; i++) w->tcp[i] = f[0][i], w->tcp[3 + i] = f[1][i], w->tcp[6 + i] = f[2][i], w->tcp[9 + i] = p[i];
+    COPY(w->tcp, f, 12);
 }
 static void forward(const Arm *a, const double *s, State *w) {
     place(a, s, w, NULL);
@@ -161,17 +172,20 @@ static void forward(const Arm *a, const double *s, State *w) {
 
 /* ---------------------------------------------------------------- 3 Derivatives --------------------------------- */
 
-/* Geometric Jacobian: velocity of the tool (m/rad, or 1) above LEVER times its angular velocity. */
+/* Geometric Jacobian: velocity of the tool (m/rad, or 1) above LEVER times its angular velocity; w->total: the joints'
+ * columns of it. */
 static void jacobian(const Arm *a, State *w) {
     for (int v = 0; v < a->slots; v++) {
-        const double *u = w->axis[v], *o = w->origin[v];
-        const double x = w->tcp[9] - o[0], y = w->tcp[10] - o[1], z = w->tcp[11] - o[2];
-        const int slides = a->axis[v] >= 3;
-        w->J[0][v] = slides ? u[0] : u[1] * z - u[2] * y;
-        w->J[1][v] = slides ? u[1] : u[2] * x - u[0] * z;
-        w->J[2][v] = slides ? u[2] : u[0] * y - u[1] * x;
-        for (int i = 0; i < 3; i++) w->J[3 + i][v] = slides ? 0 : LEVER * u[i];
+        const double *u = w->axis[v], *o = w->origin[v], *t = w->tcp + 9;
+        double arm[3] = {t[0] - o[0], t[1] - o[1], t[2] - o[2]}, along[3];
+        cross(u, arm, along);
+        for (int i = 0; i < 3; i++) {
+            w->J[i][v] = a->axis[v] < 3 ? along[i] : u[i];
+            w->J[3 + i][v] = a->axis[v] < 3 ? LEVER * u[i] : 0;
+        }
     }
+    for (int r = 0; r < 6; r++)
+        for (int j = 0; j < a->joints; j++) w->total[r][j] = w->J[r][a->joint[j]];
 }
 
 /* How the mass moments of the bodies from `body` outwards change with slot v. */
@@ -182,16 +196,19 @@ static void swept(const Arm *a, const State *w, int v, int body, double *out) {
     else for (int i = 0; i < 3; i++) out[i] = w->mass[body] * w->axis[v][i];
 }
 static void sweep(const Arm *a, State *w) {
-    for (int v = 0; v < a->slots; v++) swept(a, w, v, a->moved[v], w->by_moved[v]), swept(a, w, v, a->counted[v], w->by_counted[v]);
+    for (int v = 0; v < a->slots; v++) {
+        swept(a, w, v, a->moved[v], w->by_moved[v]);
+        swept(a, w, v, a->counted[v], w->by_counted[v]);
+    }
 }
 
 /* d tau_u / d s_v, (slots,) added `by` times to out: the Hessian of gravity's potential; less what u counts although v,
  * inboard of it, does not move it. */
 static void add_load_derivatives(const Arm *a, const State *w, int u, double by, double *out) {
-    for (int v = 0; v < u; v++) out[v] += by * dot(w->lever[v], w->by_counted[u]);
     for (int v = u; v < a->slots; v++) out[v] += by * dot(w->lever[u], w->by_moved[v]);
-    for (int v = u - 1; v >= 0 && a->counted[u] < a->moved[u]; v--) {
+    for (int v = 0; v < u; v++) {
         double all[3];
+        out[v] += by * dot(w->lever[v], w->by_counted[u]);
         if (a->counted[u] >= a->moved[v]) continue;
         swept(a, w, v, a->counted[u], all);
         out[v] -= by * (dot(w->lever[u], all) - dot(w->lever[u], w->by_moved[v]));
@@ -208,8 +225,27 @@ static void deflection_derivative(const Arm *a, const State *w, int row, double 
     add_load_derivatives(a, w, row, 0.5 * a->play[row] / a->play_force[row] * (1 - taken * taken), out);
 }
 
+/* Of a matrix A (rows, n): A x (rows,), A^T x (n,), and A^T A plus `damping` on its diagonal, the lower triangle. */
+static void times(const Row *A, int rows, int n, const double *x, double *out) {
+    for (int r = 0; r < rows; r++) {
+        out[r] = 0;
+        for (int j = 0; j < n; j++) out[r] += A[r][j] * x[j];
+    }
+}
+static void transposed_times(const Row *A, int rows, int n, const double *x, double *out) {
+    for (int j = 0; j < n; j++) out[j] = 0;
+    for (int r = 0; r < rows; r++) add(x[r], A[r], n, out);
+}
+static void gram(const Row *A, int rows, int n, double damping, Row *N) {
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            N[i][j] = i == j ? damping : 0;
+            for (int r = 0; r < rows; r++) N[i][j] += A[r][i] * A[r][j];
+        }
+}
+
 /* Cholesky factorisation in place of the lower triangle, reciprocal pivots; a pivot that is not positive becomes 0. */
-static int factorise(double N[][MAX_JOINTS], int m) {
+static int factorise(Row *N, int m) {
     int definite = 1;
     for (int i = 0; i < m; i++)
         for (int j = 0; j <= i; j++) {
@@ -220,7 +256,7 @@ static int factorise(double N[][MAX_JOINTS], int m) {
         }
     return definite;
 }
-static void substitute(double N[][MAX_JOINTS], double *y, int m) {
+static void substitute(const Row *N, double *y, int m) {
     for (int i = 0; i < m; i++) {
         for (int k = 0; k < i; k++) y[i] -= N[i][k] * y[k];
         y[i] *= N[i][i];
@@ -274,22 +310,21 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
 /* One step of Anderson's (1965) method with a memory of one: x moves by the step, or by a secant along the last two. */
 typedef struct { double x[MAX_SLOTS], step[MAX_SLOTS]; int known; } Memory;
 static void accelerate(Memory *m, double *x, const double *step, int n) {
-    double size = 1e-300, along = 0, now[MAX_SLOTS];
+    double size = 1e-300, along = 0;
     for (int i = 0; m->known && i < n; i++) {
         const double change = step[i] - m->step[i];
         size += change * change, along += step[i] * change;
     }
-    const double share = m->known ? along / size : 0;
-    COPY(now, x, n);
-    for (int i = 0; i < n; i++) x[i] += step[i] - (m->known ? share * (now[i] - m->x[i] + step[i] - m->step[i]) : 0);
-    COPY(m->x, now, n), COPY(m->step, step, n);
+    for (int i = 0; i < n; i++) {
+        const double now = x[i], back = m->known ? along / size * (now - m->x[i] + step[i] - m->step[i]) : 0;
+        x[i] += step[i] - back, m->x[i] = now, m->step[i] = step[i];
+    }
     m->known = 1;
 }
 
 /* Commands that hold the slots at s: 1, or 0 where the laws do not settle. */
 static int command(const Arm *a, const double *tau, const double *s, const int *side, double *q) {
-    Memory memory;
-    memory.known = 0;
+    Memory memory = {.known = 0};
     for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, tau, a->joint[j]);
     if (!a->laws) return 1;
     for (int it = 0; it < 100; it++) {
@@ -298,7 +333,7 @@ static int command(const Arm *a, const double *tau, const double *s, const int *
         for (int j = 0; j < a->joints; j++) step[j] = s[a->joint[j]] - error[j] - q[j];
         if (!(largest(step, a->joints) < 10)) return 0;
         const int done = largest(step, a->joints) < 1e-11;
-        if (it > 30) for (int j = 0; j < a->joints; j++) q[j] += 0.5 * step[j];
+        if (it > 30) add(0.5, step, a->joints, q);
         else accelerate(&memory, q, step, a->joints);
         if (done) return 1;
     }
@@ -308,8 +343,7 @@ static int command(const Arm *a, const double *tau, const double *s, const int *
 /* Elastic equilibrium of a command by fixed-point iteration (thesis Figure 4.4), from slot amounts s, in place; the
  * state is that of the amounts before the last step. Iterations, or -1. */
 static int settle(const Arm *a, const double *q, const int *side, double tolerance, double *s, State *w) {
-    Memory memory;
-    memory.known = 0;
+    Memory memory = {.known = 0};
     for (int it = 1; it <= 300; it++) {
         double error[MAX_JOINTS], step[MAX_SLOTS], change = 0;
         forward(a, s, w);
@@ -319,22 +353,21 @@ static int settle(const Arm *a, const double *q, const int *side, double toleran
         for (int v = 0; v < a->slots; v++) change += fabs(step[v]) * (a->axis[v] < 3 ? a->reach : 1);
         if (!(change < 1e6)) return -1;
         if (change <= tolerance) {
-            for (int v = 0; v < a->slots; v++) s[v] += step[v];
+            add(1, step, a->slots, s);
             return it;
         }
         if (it <= 20) accelerate(&memory, s, step, a->slots);
-        else for (int v = 0; v < a->slots; v++) s[v] += (it > 60 ? 0.4 : 1) * step[v];
+        else add(it > 60 ? 0.4 : 1, step, a->slots, s);
     }
     return -1;
 }
 /* Whether a slot deflects by more than the effects' formulas hold for (0.5 rad, equilibrium.py). */
 static int too_soft(const Arm *a, const double *q, const int *side, const double *s) {
-    double nothing[MAX_SLOTS] = {0}, error[MAX_JOINTS], most = 0;
-    for (int j = 0; j < a->joints; j++) most = larger(most, fabs(s[a->joint[j]] - q[j] - a->zero[a->joint[j]]));
-    if (most > 0.1) joint_errors(a, nothing, q, side, error);
-    for (int j = 0; j < a->joints && most > 0.1; j++) if (fabs(s[a->joint[j]] - q[j] - error[j]) > 0.5) return 1;
-    for (int i = 0; i < a->others; i++)
-        if (a->axis[a->other[i]] < 3 && fabs(s[a->other[i]] - a->zero[a->other[i]]) > 0.5) return 1;
+    double stiff[MAX_SLOTS], nothing[MAX_SLOTS] = {0}, error[MAX_JOINTS];
+    COPY(stiff, a->zero, a->slots);
+    joint_errors(a, nothing, q, side, error);
+    for (int j = 0; j < a->joints; j++) stiff[a->joint[j]] = q[j] + error[j];
+    for (int v = 0; v < a->slots; v++) if (a->axis[v] < 3 && fabs(s[v] - stiff[v]) > 0.5) return 1;
     return 0;
 }
 
@@ -352,7 +385,7 @@ static double goal_error(const double *g, int rows, State *w) {
         for (int i = 0; i < 3; i++) turn[i] += share * part[i];
         cosine += share * dot(t + k, g + k);
     }
-    const double sine = sqrt(dot(turn, turn)), angle = LEVER * atan2(sine, cosine), scale = angle / larger(sine, 1e-300);
+    const double sine = length(turn, 3), angle = LEVER * atan2(sine, cosine), scale = angle / larger(sine, 1e-300);
     for (int i = 0; i < 3; i++) e[3 + i] = scale * (rows == 6 ? turn[i] : i < 2 ? dot(turn, t + 3 * i) : 0);
     return dot(e, e) + angle * angle;
 }
@@ -369,14 +402,15 @@ static double lacking(const Arm *a, const double *s, State *w) {
 }
 
 /* w->total: Jacobian (rows, joints) of a move of the joints, the followers after it by their loads (w->follow; last
- * column: what they lack). (1 - M)^-1 of their mutual response M is cut after M: the deflection that a deflection causes.
+ * column: what they lack). (1 - M)^-1 of their mutual response M is cut after M, what a deflection itself deflects.
  * law_slope: NULL for true joint angles, which the other slots follow; for commands, which the joints follow too by
  * springs and laws, the slopes of their laws (slots,). */
 static void total_jacobian(const Arm *a, int rows, const double *law_slope, State *w) {
     const int n = a->joints, count = law_slope ? a->slots : a->others, *slot = w->follower;
+    Row first[MAX_SLOTS];
+    double M[MAX_SLOTS][MAX_SLOTS];
     for (int i = 0; i < count; i++) w->follower[i] = law_slope ? i : a->other[i];
     w->followers = count;
-    double M[MAX_SLOTS][MAX_SLOTS], first[MAX_SLOTS][MAX_JOINTS + 1], sum[6][MAX_JOINTS + 1];
     jacobian(a, w);
     if (count) sweep(a, w);
     for (int i = 0; i < count; i++) {
@@ -386,23 +420,18 @@ static void total_jacobian(const Arm *a, int rows, const double *law_slope, Stat
         first[i][n] = w->lack[i];
     }
     for (int i = 0; i < count; i++) {
-        double *follow = w->follow[i];
-        COPY(follow, first[i], n + 1);
-        for (int k = 0; k < count; k++) add(M[i][slot[k]], first[k], n + 1, follow);
+        COPY(w->follow[i], first[i], n + 1);
+        for (int k = 0; k < count; k++) add(M[i][slot[k]], first[k], n + 1, w->follow[i]);
     }
     for (int r = 0; r < 6; r++) {
-        for (int j = 0; j < n; j++) sum[r][j] = w->J[r][a->joint[j]];
-        sum[r][n] = 0;
-        for (int i = 0; i < count; i++) add(w->J[r][slot[i]], w->follow[i], n + 1, sum[r]);
+        w->total[r][n] = 0;
+        for (int i = 0; i < count; i++) add(w->J[r][slot[i]], w->follow[i], n + 1, w->total[r]);
     }
     for (int j = 0; j <= n && rows == 5; j++) {
-        const double turn[3] = {sum[3][j], sum[4][j], sum[5][j]};
-        sum[3][j] = dot(w->tcp, turn), sum[4][j] = dot(w->tcp + 3, turn);
+        const double turn[3] = {w->total[3][j], w->total[4][j], w->total[5][j]};
+        w->total[3][j] = dot(w->tcp, turn), w->total[4][j] = dot(w->tcp + 3, turn);
     }
-    for (int r = 0; r < rows; r++) {
-        COPY(w->total[r], sum[r], n);
-        w->e[r] -= sum[r][n];
-    }
+    for (int r = 0; r < rows; r++) w->e[r] -= w->total[r][n];
 }
 
 static void move(const Arm *a, const State *w, const double *step, double *s) {
@@ -416,16 +445,16 @@ static void move(const Arm *a, const State *w, const double *step, double *s) {
 
 /* Least-squares step of the joints to w->e (Levenberg 1944), damping in m^2. */
 static void damped_step(const Arm *a, const State *w, int rows, double damping, double *step) {
-    double N[MAX_JOINTS][MAX_JOINTS];
-    for (int i = 0; i < a->joints; i++) {
-        step[i] = 0;
-        for (int r = 0; r < rows; r++) step[i] += w->total[r][i] * w->e[r];
-        for (int j = 0; j <= i; j++) {
-            N[i][j] = i == j ? damping : 0;
-            for (int r = 0; r < rows; r++) N[i][j] += w->total[r][i] * w->total[r][j];
-        }
-    }
+    Row N[MAX_JOINTS];
+    gram(w->total, rows, a->joints, damping, N), transposed_times(w->total, rows, a->joints, w->e, step);
     factorise(N, a->joints), substitute(N, step, a->joints);
+}
+
+/* Scales a step (n,) down to a largest element; returns the largest that it had. */
+static double shortened(double *step, int n, double longest) {
+    const double size = largest(step, n), cut = size > longest ? longest / size : 1;
+    for (int j = 0; j < n; j++) step[j] *= cut;
+    return size;
 }
 
 enum { MOST_STEPS = 40, PATIENCE = 4 };
@@ -433,9 +462,9 @@ typedef enum { REACHED, STUCK, BEYOND, KNOWN } Ending;
 
 /* Newton's method in the slot amounts s, in place: the joints go to the goal, the other slots to their equilibrium.
  * Damping in proportion to the squared error keeps convergence fast and works where the Jacobian is singular
- * (Yamashita & Fukushima 2001). `limited` gives up what leads beyond the limits; `found`: solutions not to find again. */
+ * (Yamashita & Fukushima 2001). `limited` gives up what leads beyond the limits; `found`: not to be found again. */
 static Ending newton(const Arm *a, const double *goal, int rows, double *s, State *w, Found *found, int limited) {
-    const double longest = 0.6, least_damping = 1e-3, tiny = 1e-15, nearly = 1e-5;
+    const double least_damping = 1e-3, tiny = 1e-15, nearly = 1e-5;
     double before = INFINITY, damping = least_damping, best = INFINITY;
     int since = 0;
     for (int step = 0;; step++, found->steps++) {
@@ -447,21 +476,16 @@ static Ending newton(const Arm *a, const double *goal, int rows, double *s, Stat
         if (miss < 0.5 * best) best = miss, since = 0;
         else if (++since >= PATIENCE) return STUCK;
         if (rows == 6 && miss < 1e-4)
-            for (int k = 0; k < found->count; k++) {
-                double off = 0;
-                for (int j = 0; j < a->joints; j++) off = larger(off, fabs(s[a->joint[j]] - found->at[k].slots[a->joint[j]]));
-                if (off < 3e-4) return KNOWN;
-            }
+            for (int k = 0; k < found->count; k++) if (apart(s, found->at[k].slots, a->slots) < 3e-4) return KNOWN;
         damping = miss > before ? 30 * damping : larger(0.3 * damping, least_damping);
         before = miss;
         total_jacobian(a, rows, NULL, w);
         damped_step(a, w, rows, damping * square + tiny, turns);
-        const double size = largest(turns, a->joints), cut = size > longest ? longest / size : 1;
-        for (int j = 0; j < a->joints; j++) turns[j] *= cut;
+        const double size = lesser(shortened(turns, a->joints, LONGEST), LONGEST);
         move(a, w, turns, s);
         if (limited && miss > nearly) {
             linear_command(a, w, s, q);
-            if (excess_of(a, q) > lesser(0.2, a->nonlinear_bound + size * cut)) return BEYOND;
+            if (excess_of(a, q) > lesser(0.2, a->nonlinear_bound + size)) return BEYOND;
         }
     }
 }
@@ -485,47 +509,38 @@ static double into_window(const Window *win, int j, double q) {
     if (fabs(q - win->towards[j]) > 0.5 * TURN) q += TURN * rint((win->towards[j] - q) / TURN);
     if (q < win->lower[j] - ROUND_OFF) q += TURN * ceil((win->lower[j] - ROUND_OFF - q) / TURN);
     if (q > win->upper[j] + ROUND_OFF) q -= TURN * ceil((q - win->upper[j] - ROUND_OFF) / TURN);
-    return !(q >= win->lower[j] - ROUND_OFF) ? NAN : lesser(larger(q, win->lower[j]), win->upper[j]);
+    return !(q >= win->lower[j] - ROUND_OFF) ? NAN : clipped(q, win->lower[j], win->upper[j]);
 }
 
-/* |u|^2 - |v|^2 across the second axis at an elbow angle t, where the first two axes are skew: zero at a solution, and a
- * sum of cosines and sines of t and 2t. */
+/* |u|^2 - |v|^2 across the second axis at an elbow angle t, where the first two axes are skew: zero at a solution. */
 static double skew_miss(const Form *f, double height, double square, double t) {
     double v[3];
     for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos(t) + f->vs[i] * sin(t);
-    const double ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a), uy = (height - f->links[0][0] * v[2]) / f->links[0][1];
+    const double ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a);
+    const double uy = (height - f->links[0][0] * v[2]) / f->links[0][1];
     return ux * ux + uy * uy + v[2] * v[2] - dot(v, v);
 }
 
-/* Its zeros: with z = exp(it) a polynomial of degree four, interpolated at five angles, whose roots on the unit circle are
- * found all at once (Weierstrass 1891, Durand 1960, Kerner 1966) and then polished. */
+/* Its zeros: Newton's method from both sides of every sample that is no larger than its neighbours, so that both of two
+ * close zeros are found. */
 static int skew_elbow(const Form *f, double height, double square, double *t) {
-    const double scale = f->length * f->length, h = 1e-4;
-    double complex p[5] = {0}, z[4] = {1, 0.4 + 0.9 * I, -0.65 + 0.72 * I, -0.908 - 0.297 * I};
+    enum { SAMPLES = 48 };
+    const double gap = TURN / SAMPLES, h = 1e-4, tiny = 1e-12 * f->length * f->length;
+    double miss[SAMPLES];
     int count = 0;
-    for (int i = 0; i < 5; i++)
-        for (int k = 0; k < 5; k++) p[k] += 0.2 * skew_miss(f, height, square, i * TURN / 5) * cexp(I * (2 - k) * i * TURN / 5);
-    if (cabs(p[4]) < 1e-14 * scale) p[4] = 1e-14 * scale;
-    for (int it = 0, moving = 1; it < 120 && moving; it++) {
-        moving = 0;
-        for (int k = 0; k < 4; k++) {
-            double complex value = p[4], others = p[4];
-            for (int i = 3; i >= 0; i--) value = value * z[k] + p[i];
-            for (int i = 0; i < 4; i++) if (i != k) others *= z[k] - z[i];
-            const double complex step = cabs(others) > 1e-150 ? value / others : 0;
-            z[k] -= step, moving |= cabs(step) > 1e-15;
+    for (int i = 0; i < SAMPLES; i++) miss[i] = fabs(skew_miss(f, height, square, i * gap));
+    for (int i = 0; i < 2 * SAMPLES; i++) {
+        const int k = i / 2;
+        if (miss[k] > miss[(k + 1) % SAMPLES] || miss[k] > miss[(k + SAMPLES - 1) % SAMPLES]) continue;
+        double x = (i % 2 ? k + 1 : k - 1) * gap, step = 1;
+        for (int it = 0; it < 40 && fabs(step) > 1e-14; it++) {
+            const double up = skew_miss(f, height, square, x + h), down = skew_miss(f, height, square, x - h);
+            step = up != down ? clipped(-skew_miss(f, height, square, x) * 2 * h / (up - down), -gap, gap) : 0;
+            x += step;
         }
-    }
-    for (int k = 0; k < 4; k++) {
-        if (!(fabs(cabs(z[k]) - 1) < 1e-2)) continue;
-        double x = carg(z[k]), miss = skew_miss(f, height, square, x);
-        for (int it = 0; it < 6; it++) {
-            const double slope = (skew_miss(f, height, square, x + h) - skew_miss(f, height, square, x - h)) / (2 * h);
-            const double next = x + (slope != 0 ? lesser(larger(-miss / slope, -1e-3), 1e-3) : 0);
-            const double there = skew_miss(f, height, square, next);
-            if (fabs(there) < fabs(miss)) x = next, miss = there;
-        }
-        if (fabs(miss) < 1e-12 * scale) t[count++] = x;
+        int new = count < 4 && fabs(skew_miss(f, height, square, x)) < tiny;
+        for (int m = 0; m < count; m++) new &= fabs(remainder(x - t[m], TURN)) > 1e-6;
+        if (new) t[count++] = x;
     }
     return count;
 }
@@ -555,9 +570,14 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
         c[i] = f->backwards ? f->centre[i] - g[9 + i] : f->centre[i], p[i] = f->backwards ? 0 : g[9 + i];
     }
     double seen[3][3];
-    for (int i = 0; i < 3; i++) seen[0][i] = dot(r[i], c) + p[i], seen[1][i] = dot(r[i], f->tip_x), seen[2][i] = dot(r[i], f->tip_z);
-    for (int i = 0; i < 3; i++) C[i] = dot(f->frame[i], seen[0]) - f->foot[i], X[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
-    const int at[6] = {f->backwards ? 5 : 0, f->backwards ? 4 : 1, f->backwards ? 3 : 2, f->backwards ? 2 : 3, f->backwards ? 1 : 4, f->backwards ? 0 : 5};
+    for (int i = 0; i < 3; i++) {
+        seen[0][i] = dot(r[i], c) + p[i], seen[1][i] = dot(r[i], f->tip_x), seen[2][i] = dot(r[i], f->tip_z);
+    }
+    for (int i = 0; i < 3; i++) {
+        C[i] = dot(f->frame[i], seen[0]) - f->foot[i];
+        X[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
+    }
+    const int outward[6] = {0, 1, 2, 3, 4, 5}, inward[6] = {5, 4, 3, 2, 1, 0}, *at = f->backwards ? inward : outward;
     const double flat = C[0] * C[0] + C[1] * C[1], square = flat + C[2] * C[2];
     double elbows[4];
     int elbow_count = 2;
@@ -579,9 +599,10 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
         for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos3 + f->vs[i] * sin3;
         const double round2 = v[0] * v[0] + v[1] * v[1], least = lesser(flat, round2);
         const int lost1 = flat < 1e-18 * L2, lost2 = round2 < 1e-14 * L2;
-        double uy = (C[2] - link[0] * v[2]) / link[1], ux = (square - f->a * f->a - round2 - v[2] * v[2]) / (2 * f->a), root = 1;
+        double uy = (C[2] - link[0] * v[2]) / link[1], ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a), root = 1;
         if (f->shape != SKEW) {
-            const double u = f->shape == MEETING ? uy : ux, other = f->shape == MEETING ? link[0] * uy - link[1] * v[2] : ux + f->a;
+            const double u = f->shape == MEETING ? uy : ux;
+            const double other = f->shape == MEETING ? link[0] * uy - link[1] * v[2] : ux + f->a;
             const double inside = flat < round2 ? flat - other * other : round2 - u * u;
             root = root_of(inside, least, EDGE * f->length * (sqrt(least) + EDGE * f->length), missed);
             out->degenerate |= inside < BARELY * least;
@@ -614,7 +635,8 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
             for (int wrist = 0; wrist < (lost4 ? 1 : 2); wrist++, sin5 = -sin5) {
                 const int number = first + (f->shape == SKEW ? 0 : 2 * shoulder) + wrist;
                 if (!(mask >> number & 1)) continue;
-                const double t4 = lost4 ? win->towards[at[3]] + f->offsets[2] : atan2(sin5 * m[1] - side * m[0], sin5 * m[0] + side * m[1]);
+                const double free4 = win->towards[at[3]] + f->offsets[2];
+                const double t4 = lost4 ? free4 : atan2(sin5 * m[1] - side * m[0], sin5 * m[0] + side * m[1]);
                 const double q4 = into_window(win, at[3], t4 - f->offsets[2]);
                 if (isnan(q4)) continue;
                 double tip[3] = {m[0], m[1], m[2]}, end[3] = {n[0], n[1], n[2]};
@@ -649,29 +671,19 @@ static Window window_of(const Arm *a, const double *towards, int limited) {
  * (m/rad): up to that scale the smallest singular value, by inverse iteration (Wielandt 1944). After `forward`. */
 static double slowest(const Arm *a, State *w, double *along, double *direction) {
     const int n = a->joints;
-    double N[MAX_JOINTS][MAX_JOINTS], size = 0;
+    Row N[MAX_JOINTS];
     jacobian(a, w);
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j <= i; j++) {
-            N[i][j] = i == j ? 1e-15 : 0;
-            for (int r = 0; r < 6; r++) N[i][j] += w->J[r][a->joint[i]] * w->J[r][a->joint[j]];
-        }
-        along[i] = 1 + 0.3 * i;
-    }
-    factorise(N, n);
+    gram(w->total, 6, n, 1e-15, N), factorise(N, n);
+    for (int j = 0; j < n; j++) along[j] = 1 + 0.3 * j;
     for (int it = 0; it < 4; it++) {
         substitute(N, along, n);
         const double scale = 1 / larger(largest(along, n), 1e-300);
-        for (int i = 0; i < n; i++) along[i] *= scale;
+        for (int j = 0; j < n; j++) along[j] *= scale;
     }
-    for (int r = 0; r < 6; r++) {
-        direction[r] = 0;
-        for (int i = 0; i < n; i++) direction[r] += w->J[r][a->joint[i]] * along[i];
-        size += direction[r] * direction[r];
-    }
-    size = sqrt(size);
-    for (int r = 0; r < 6; r++) direction[r] /= larger(size, 1e-300);
-    return size;
+    times(w->total, 6, n, along, direction);
+    const double speed = length(direction, 6);
+    for (int r = 0; r < 6; r++) direction[r] /= larger(speed, 1e-300);
+    return speed;
 }
 
 /* The joint, from 1, that turns most. */
@@ -698,7 +710,8 @@ static void library_distances(const Arm *a, const double *goal, int rows, float 
     const int M = a->poses;
     for (int i = 0; i < M; i++) far[i] = 0;
     for (int k = rows == 6 ? 0 : rows == 5 ? 6 : 9; k < 12; k++) {
-        const float g = (float)goal[k], weight = k < 9 ? (float)(LEVER * LEVER) : 1.0f, *column = a->library_columns + (size_t)k * (size_t)M;
+        const float g = (float)goal[k], weight = k < 9 ? (float)(LEVER * LEVER) : 1.0f;
+        const float *column = a->library_columns + (size_t)k * (size_t)M;
         for (int i = 0; i < M; i++) far[i] += weight * (column[i] - g) * (column[i] - g);
     }
 }
@@ -714,48 +727,13 @@ static int ranked(double key, int number, int most, int count, double *keys, int
 static int least(const float *key, int size, int most, int *numbers) {
     double keys[RANKED];
     int count = 0;
-    for (int i = 0; i < size; i++) if (count < most || key[i] < keys[count - 1]) count = ranked(key[i], i, most, count, keys, numbers);
+    for (int i = 0; i < size; i++) count = ranked(key[i], i, most, count, keys, numbers);
     return count;
-}
-
-/* Newton's first step from a pose of the library to a goal, by its stored inverse; returns its largest turn. */
-static double first_step(const Arm *a, const double *goal, int row, State *w, double *step) {
-    COPY(w->tcp, a->library_tcp + 12 * row, 12);
-    goal_error(goal, 6, w);
-    for (int j = 0; j < a->joints; j++) {
-        const double *inverse = a->library_inverse + 6 * (row * a->joints + j);
-        step[j] = 0;
-        for (int r = 0; r < 6; r++) step[j] += inverse[r] * w->e[r];
-    }
-    return largest(step, a->joints);
-}
-
-/* The `count` poses of the `judged` closest ones that one step takes to the goal with the least motion and excess. */
-static int library_seeds(const Arm *a, const double *goal, int judged, int count, State *w, float *far, int *out) {
-    double score[KEPT];
-    int close[RANKED], kept = 0;
-    library_distances(a, goal, 6, far);
-    const int held = least(far, a->poses, judged, close);
-    for (int i = 0; i < held; i++) {
-        double q[MAX_JOINTS];
-        const double length = first_step(a, goal, close[i], w, q);
-        for (int j = 0; j < a->joints; j++) q[j] += a->library_q[close[i] * a->joints + j];
-        kept = ranked(length + larger(excess_of(a, q), 0), close[i], count, kept, score, out);
-    }
-    return kept;
-}
-static void library_start(const Arm *a, const double *goal, int row, State *w, double *s) {
-    double step[MAX_JOINTS];
-    const double size = first_step(a, goal, row, w, step);
-    COPY(s, a->library_slots + row * a->slots, a->slots);
-    move_joints(a, step, size > 0.6 ? 0.6 / size : 1, s);
 }
 
 /* ---------------------------------------------------------------- 9 Poses: all branches ------------------------- */
 
-static int sign(double x) { return (x > 0) - (x < 0); }
-
-/* The command for the state of an arm, and the sides its joints arrive from, coming from `near` (or NULL: unknown): a
+/* The command for the state of an arm, and the sides its joints arrive from, coming from `near` (or NULL: UNKNOWN): a
  * side follows from the command and changes it; where that contradicts itself the joint has to make a detour. */
 static int command_from(const Arm *a, const State *w, const double *s, const double *near, Solution *out) {
     for (int j = 0; j < a->joints; j++) out->side[j] = out->detour[j] = 0;
@@ -797,12 +775,25 @@ static int solved(const Found *found) {
     return out;
 }
 
+/* Seeds from the poses of the library closest to a goal, `count` of them, or, as a last resort, until one solves it. */
+static void library_seeds(const Arm *a, const double *goal, const double *near, int count, int last, Found *found) {
+    float far[MAX_POSES];
+    int close[RANKED];
+    double s[MAX_SLOTS];
+    library_distances(a, goal, 6, far);
+    const int held = least(far, a->poses, count, close);
+    for (int k = 0; k < held && !(last && solved(found)); k++) {
+        COPY(s, a->library_slots + close[k] * a->slots, a->slots);
+        attempt(a, goal, near, s, !last || k >= 12, found);
+    }
+}
+
 /* Seeds across a fold, where two solutions merge (Borrel & Liegeois 1986): along the slowest motion by x the tool moves
  * slope x + bend x^2 / 2, so to second order the partner is at -2 slope / bend. From solution number `k`. */
 static void fold_seeds(const Arm *a, const double *goal, const double *near, int k, Found *found) {
     const double near_fold = 5e-3, at_fold = 2e-3, nudge = 0.02;
     State w;
-    double along[MAX_JOINTS], direction[6], moved[6], s[MAX_SLOTS], then = 0, old[MAX_SLOTS], q[MAX_JOINTS];
+    double along[MAX_JOINTS], direction[6], moved[6], s[MAX_SLOTS], old[MAX_SLOTS], q[MAX_JOINTS];
     COPY(old, found->at[k].slots, a->slots), COPY(q, found->at[k].q, a->joints);
     forward(a, old, &w);
     const double slope = slowest(a, &w, along, direction);
@@ -811,12 +802,8 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
     COPY(s, old, a->slots);
     move_joints(a, along, nudge, s);
     forward(a, s, &w), jacobian(a, &w);
-    for (int r = 0; r < 6; r++) {
-        moved[r] = 0;
-        for (int j = 0; j < a->joints; j++) moved[r] += w.J[r][a->joint[j]] * along[j];
-        then += direction[r] * moved[r];
-    }
-    const double bend = (then - slope) / nudge;
+    times(w.total, 6, a->joints, along, moved);
+    const double then = dot(direction, moved) + dot(direction + 3, moved + 3), bend = (then - slope) / nudge;
     const double ways[7] = {bend != 0 ? -2 * slope / bend : 0, 0.15, -0.15, 0.4, -0.4, 0.9, -0.9};
     for (int i = 0; i < (slope < at_fold ? 7 : 1); i++) {
         const double x = ways[i];
@@ -829,32 +816,19 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
         attempt(a, goal, near, s, 1, found);
     }
 }
-static int fold_partners(const Arm *a, const double *goal, const double *near, int done, Found *found) {
-    for (int generation = 0; generation < 3 && done < found->count; generation++)
-        for (const int last = found->count; done < last; done++) fold_seeds(a, goal, near, done, found);
-    return done;
-}
-
 /* Seeds for a branch that the closed form has outside the limits although the deflected arm has it within: where axes
  * are aligned, joints turn against each other along the null space, and small deflections decide how far. */
 static void null_space_seeds(const Arm *a, const double *goal, const double *near, const double *q, Found *found) {
     State w;
-    double at[MAX_SLOTS], along[MAX_JOINTS], direction[6], first = -INFINITY, last = INFINITY;
+    double at[MAX_SLOTS], s[MAX_SLOTS], along[MAX_JOINTS], direction[6];
     start_at(a, q, at);
     forward(a, at, &w);
     if (slowest(a, &w, along, direction) > 0.01) return;
-    for (int j = 0; j < a->joints; j++) {
-        if (fabs(along[j]) <= 0.05) {
-            if (q[j] < a->lower[j] - SLACK || q[j] > a->upper[j] + SLACK) return;
-            continue;
-        }
-        const double one = (a->lower[j] - 0.1 - q[j]) / along[j], two = (a->upper[j] + 0.1 - q[j]) / along[j];
-        first = larger(first, lesser(one, two)), last = lesser(last, larger(one, two));
-    }
-    for (int i = 0; i < 3 && first < last; i++) {
-        double s[MAX_SLOTS];
-        COPY(s, at, a->slots);
-        move_joints(a, along, first + (0.1 + 0.4 * i) * (last - first), s);
+    for (double x = -4; x <= 4; x += 0.8) {
+        double there[MAX_JOINTS];
+        COPY(there, q, a->joints), add(x, along, a->joints, there);
+        if (excess_of(a, there) > 0.1) continue;
+        COPY(s, at, a->slots), move_joints(a, along, x, s);
         attempt(a, goal, near, s, 1, found);
     }
 }
@@ -863,11 +837,9 @@ static void null_space_seeds(const Arm *a, const double *goal, const double *nea
  * seeds, from across folds and from poses of the library; the more of these, the less was found.
  * near: present commands, or NULL. Returns the number of solutions within the limits. */
 API int ik_pose(const Arm *a, const double *goal, const double *near, Found *found) {
-    float far[2048];
-    State w;
     Branches b;
     double s[MAX_SLOTS];
-    int order[KEPT], outside = 0, done = 0;
+    int outside = 0, done = 0;
     found->count = found->steps = 0;
     b.exists = 0;
     if (a->has_form) {
@@ -882,17 +854,12 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
     }
     if (near) start_at(a, near, s), attempt(a, goal, near, s, 1, found);
     for (int k = 0; k < BRANCHES; k++) if (outside >> k & 1) null_space_seeds(a, goal, near, b.q[k], found);
-    done = fold_partners(a, goal, near, done, found);
-    const int more = a->has_form ? 6 : 48, seeds = library_seeds(a, goal, a->has_form ? 48 : 256, more, &w, far, order);
-    for (int k = 0; k < seeds; k++) library_start(a, goal, order[k], &w, s), attempt(a, goal, near, s, 1, found);
-    done = fold_partners(a, goal, near, done, found);
+    while (done < found->count) fold_seeds(a, goal, near, done++, found);
+    library_seeds(a, goal, near, a->has_form ? 6 : 96, 0, found);
+    while (done < found->count) fold_seeds(a, goal, near, done++, found);
     if (!solved(found)) {
-        const int last = library_seeds(a, goal, 512, 96, &w, far, order);
-        for (int k = 0; k < last && !solved(found); k++) {
-            library_start(a, goal, order[k], &w, s);
-            attempt(a, goal, near, s, k >= 12, found);
-        }
-        fold_partners(a, goal, near, done, found);
+        library_seeds(a, goal, near, 96, 1, found);
+        while (done < found->count) fold_seeds(a, goal, near, done++, found);
     }
     return solved(found);
 }
@@ -902,12 +869,14 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
 /* From s, in place, to the command nearest to `towards` that reaches the goal: least squares of joint motions subject
  * to the linearised goal, step after step, joints stopping at their limits (sequential quadratic programming with an
  * active set); at last Newton's method alone. */
-static Ending slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w, Found *found) {
-    const int n = a->joints, unknown[MAX_JOINTS] = {0};
+static Ending slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w,
+                    Found *found) {
+    const int n = a->joints;
     double before = INFINITY, share = 1, by_laws[MAX_JOINTS] = {0}; /* what laws add to commands: it changes slowly */
     int settled = 0;
     for (int step = 0; step < 120; step++, found->steps++) {
-        double q[MAX_JOINTS], wish[MAX_JOINTS], turn[MAX_JOINTS], N[MAX_JOINTS][MAX_JOINTS], y[MAX_JOINTS];
+        double q[MAX_JOINTS], wish[MAX_JOINTS], turn[MAX_JOINTS], y[6];
+        Row N[6];
         int stuck[MAX_JOINTS] = {0}, changed = 1;
         forward(a, s, w);
         const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, w);
@@ -915,11 +884,12 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         linear_command(a, w, s, q);
         if (miss <= CLOSE && settled) return REACHED;
         if (a->laws && (step % 8 == 0 || settled)) {
-            if (!command(a, w->tau, s, unknown, by_laws)) COPY(by_laws, q, n);
+            if (!command(a, w->tau, s, UNKNOWN, by_laws)) COPY(by_laws, q, n);
             for (int j = 0; j < n; j++) by_laws[j] -= q[j];
         }
         for (int j = 0; j < n; j++) q[j] += by_laws[j];
-        for (int k = 0; k < found->count && miss < 1e-3; k++) if (apart(q, found->at[k].q, n) < ONE_FAMILY) return KNOWN;
+        for (int k = 0; k < found->count && miss < 1e-3; k++)
+            if (apart(q, found->at[k].q, n) < ONE_FAMILY) return KNOWN;
         total_jacobian(a, rows, NULL, w);
         double cost = 0;
         for (int j = 0; j < n; j++) cost += (towards[j] - q[j]) * (towards[j] - q[j]);
@@ -941,12 +911,11 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
                 if (stuck[j]) continue;
                 turn[j] = wish[j];
                 for (int r = 0; r < rows; r++) turn[j] += w->total[r][j] * y[r];
-                const double within = lesser(larger(turn[j], a->lower[j] - q[j]), a->upper[j] - q[j]);
+                const double within = clipped(turn[j], a->lower[j] - q[j], a->upper[j] - q[j]);
                 if (within != turn[j]) turn[j] = within, stuck[j] = changed = 1;
             }
         }
-        const double size = largest(turn, n), cut = size > 0.7 ? 0.7 / size : 1;
-        for (int j = 0; j < n; j++) turn[j] *= cut;
+        const double size = shortened(turn, n, 0.7);
         move(a, w, turn, s);
         settled |= size < 1e-4 * share || step > 90;
     }
@@ -955,15 +924,19 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
 
 /* Commands that reach a goal of `rows` constraints nearest to `towards`, from `starts` poses of the library that are
  * close to both, from `towards` itself and from `near` (or NULL). Returns the number within the limits. */
-API int ik_free(const Arm *a, const double *goal, int rows, const double *towards, const double *near, int starts, Found *found) {
-    float far[2048];
+API int ik_free(const Arm *a, const double *goal, int rows, const double *towards, const double *near, int starts,
+                Found *found) {
+    float far[MAX_POSES];
     int close[RANKED];
     const int n = a->joints;
     found->count = found->steps = 0;
     library_distances(a, goal, rows, far);
     for (int i = 0; i < a->poses; i++) {
         double motion = 0;
-        for (int j = 0; j < n; j++) motion += (a->library_q[n * i + j] - towards[j]) * (a->library_q[n * i + j] - towards[j]);
+        for (int j = 0; j < n; j++) {
+            const double turn = a->library_q[n * i + j] - towards[j];
+            motion += turn * turn;
+        }
         far[i] = (float)(far[i] * 300 + motion);
     }
     const int held = least(far, a->poses, starts, close);
@@ -983,8 +956,7 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
 
 /* Square of the error (m^2) of a command's equilibrium, amounts s in place; infinite where there is none. */
 static double settled_error(const Arm *a, const double *goal, int rows, const double *q, double *s, State *w) {
-    const int unknown[MAX_JOINTS] = {0};
-    if (settle(a, q, unknown, 1e-7, s, w) < 0) return INFINITY;
+    if (settle(a, q, UNKNOWN, 1e-7, s, w) < 0) return INFINITY;
     forward(a, s, w);
     return goal_error(goal, rows, w);
 }
@@ -992,10 +964,9 @@ static double settled_error(const Arm *a, const double *goal, int rows, const do
 /* w->total and w->follow of commands: all slots follow, the joints by their springs and the slopes of their laws. */
 static void command_jacobian(const Arm *a, int rows, const double *q, State *w) {
     const double h = 1e-5;
-    const int unknown[MAX_JOINTS] = {0};
     double more[MAX_SLOTS], less[MAX_SLOTS], up[MAX_JOINTS], down[MAX_JOINTS], law_slope[MAX_SLOTS] = {0};
     for (int v = 0; v < a->slots; v++) w->lack[v] = 0, more[v] = w->tau[v] + h, less[v] = w->tau[v] - h;
-    joint_errors(a, more, q, unknown, up), joint_errors(a, less, q, unknown, down);
+    joint_errors(a, more, q, UNKNOWN, up), joint_errors(a, less, q, UNKNOWN, down);
     for (int j = 0; j < a->joints && a->laws; j++) {
         const int v = a->joint[j];
         law_slope[v] = (up[j] - down[j] - spring_rest(a, more, v) + spring_rest(a, less, v)) / (2 * h);
@@ -1003,16 +974,19 @@ static void command_jacobian(const Arm *a, int rows, const double *q, State *w) 
     total_jacobian(a, rows, law_slope, w);
 }
 
-/* Second derivatives of half the squared error by joints i <= j, beside the product of their Jacobian's columns: an inner
- * joint turns the screw of an outer one, and a large rotation vector turns with a small rotation (Bullo & Murray 1995). */
+/* Second derivatives of half the squared error by joints i <= j, beside the product of their Jacobian's columns: an
+ * inner joint turns the screw of an outer one, and a small rotation a large rotation vector (Bullo & Murray 1995). */
 static double bend(const State *w, int rows, const double *u, int i, int j) {
     double v[3], T[2][3], turned[3], theta[3];
     for (int r = 0; r < 3; r++) v[r] = w->total[r][j];
     cross(u, v, turned);
     const double straight = -dot(w->e, turned);
     if (rows < 6) return straight;
-    for (int r = 0; r < 3; r++) T[0][r] = w->total[3 + r][i], T[1][r] = w->total[3 + r][j], theta[r] = w->e[3 + r] / LEVER;
-    const double square = larger(dot(theta, theta), 1e-6), half = 0.5 * sqrt(square), c = (1 - half / tan(half)) / square;
+    for (int r = 0; r < 3; r++) {
+        T[0][r] = w->total[3 + r][i], T[1][r] = w->total[3 + r][j], theta[r] = w->e[3 + r] / LEVER;
+    }
+    const double square = larger(dot(theta, theta), 1e-6), half = 0.5 * sqrt(square);
+    const double c = (1 - half / tan(half)) / square;
     cross(T[0], T[1], turned);
     return straight - 0.5 * dot(theta, turned) - c * (square * dot(T[0], T[1]) - dot(theta, T[0]) * dot(theta, T[1]));
 }
@@ -1024,21 +998,18 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
     State w, next;
     double damping = 1e-2, f = settled_error(a, goal, rows, q, s, &w);
     for (int it = 0; it < steps && f < INFINITY; it++) {
-        double gradient[MAX_JOINTS], curvature[MAX_JOINTS][MAX_JOINTS], top = 0;
+        double gradient[MAX_JOINTS], top = 0;
+        Row curvature[MAX_JOINTS];
         double moved[MAX_JOINTS], there[MAX_SLOTS], new = INFINITY;
         command_jacobian(a, rows, q, &w);
+        gram(w.total, rows, n, 0, curvature), transposed_times(w.total, rows, n, w.e, gradient);
         for (int i = 0; i < n; i++) {
-            gradient[i] = 0;
-            for (int r = 0; r < rows; r++) gradient[i] += w.total[r][i] * w.e[r];
-            for (int j = i; j < n; j++) {
-                double x = 0;
-                for (int r = 0; r < rows; r++) x += w.total[r][i] * w.total[r][j];
-                if (i == j) top = larger(top, x);
-                curvature[j][i] = x + bend(&w, rows, w.axis[a->joint[i]], i, j);
-            }
+            top = larger(top, curvature[i][i]);
+            for (int j = 0; j <= i; j++) curvature[i][j] += bend(&w, rows, w.axis[a->joint[j]], j, i);
         }
         for (int tries = 0; tries < 20 && !(new < f); tries++) {
-            double H[MAX_JOINTS][MAX_JOINTS], p[MAX_JOINTS], step[MAX_JOINTS], gain = 0;
+            Row H[MAX_JOINTS];
+            double p[MAX_JOINTS], step[MAX_JOINTS], gain = 0;
             for (int i = 0; i < n; i++) {
                 const int stuck = (q[i] <= a->lower[i] && gradient[i] < 0) || (q[i] >= a->upper[i] && gradient[i] > 0);
                 for (int j = 0; j <= i; j++) H[i][j] = stuck ? 0 : curvature[i][j];
@@ -1048,9 +1019,9 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
             }
             if (!factorise(H, n)) { damping = larger(3 * damping, 1e-3); continue; }
             substitute(H, p, n);
-            const double size = largest(p, n), cut = size > 0.7 ? 0.7 / size : 1;
+            shortened(p, n, 0.7);
             for (int j = 0; j < n; j++) {
-                moved[j] = lesser(larger(q[j] + cut * p[j], a->lower[j]), a->upper[j]), step[j] = moved[j] - q[j];
+                moved[j] = clipped(q[j] + p[j], a->lower[j], a->upper[j]), step[j] = moved[j] - q[j];
                 gain += step[j] * gradient[j];
             }
             if (gain < 1e-11 * f || largest(step, n) < 1e-9) return f;
@@ -1067,33 +1038,30 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
 }
 
 enum { MOST_STARTS = 64 };
-/* The command within the limits whose tool is nearest to a goal: short descents from the closest poses of the library,
- * long ones from the best few and from `more` commands given. Solution 0 is the answer; its excess is the error (m). */
-API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int kept, int more, const double *from, Found *found) {
-    float far[2048];
-    int close[RANKED], order[MOST_STARTS], went = 0;
+/* The command within the limits whose tool is nearest to a goal: short descents from `more` commands given and from the
+ * closest poses of the library, long ones from the best `kept`. Solution 0 is the answer, its excess the error (m). */
+API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int kept, int more, const double *from,
+                   Found *found) {
+    float far[MAX_POSES];
+    int close[MOST_STARTS], order[MOST_STARTS], ordered = 0;
     double q[MOST_STARTS][MAX_JOINTS], s[MOST_STARTS][MAX_SLOTS], f[MOST_STARTS], best = INFINITY;
-    int ordered = 0;
     found->count = found->steps = 0;
     library_distances(a, goal, rows, far);
-    const int held = least(far, a->poses, starts < MOST_STARTS ? starts : MOST_STARTS, close);
-    for (int k = 0; k < held; k++) {
-        COPY(q[k], a->library_q + close[k] * a->joints, a->joints), COPY(s[k], a->library_slots + close[k] * a->slots, a->slots);
-        ordered = ranked(descend(a, goal, rows, q[k], s[k], 6, found), k, held, ordered, f, order);
+    more = more < MOST_STARTS ? more : MOST_STARTS, starts = starts < MOST_STARTS - more ? starts : MOST_STARTS - more;
+    const int count = more + least(far, a->poses, starts, close);
+    for (int k = 0; k < count; k++) {
+        COPY(q[k], k < more ? from + k * a->joints : a->library_q + close[k - more] * a->joints, a->joints);
+        for (int j = 0; j < a->joints; j++) q[k][j] = clipped(q[k][j], a->lower[j], a->upper[j]);
+        if (k < more) start_at(a, q[k], s[k]);
+        else COPY(s[k], a->library_slots + close[k - more] * a->slots, a->slots);
+        ordered = ranked(descend(a, goal, rows, q[k], s[k], 6, found), k, count, ordered, f, order);
     }
-    for (int k = -more; k < held && (k < 0 || went < kept); k++) {
-        double command_[MAX_JOINTS], slots[MAX_SLOTS];
+    for (int k = 0, went = 0; k < ordered && went < kept && f[k] < INFINITY; k++) {
+        double *command_ = q[order[k]], *slots = s[order[k]];
         int new = 1;
-        if (k < 0) {
-            COPY(command_, from + (more + k) * a->joints, a->joints);
-            for (int j = 0; j < a->joints; j++) command_[j] = lesser(larger(command_[j], a->lower[j]), a->upper[j]);
-            start_at(a, command_, slots);
-        } else {
-            COPY(command_, q[order[k]], a->joints), COPY(slots, s[order[k]], a->slots);
-            for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
-            if (!new || !(f[k] < INFINITY)) continue;
-            went++;
-        }
+        for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
+        if (!new) continue;
+        went++;
         const double error = descend(a, goal, rows, command_, slots, 100, found);
         if (!(error < best)) continue;
         best = error, found->count = 1;
@@ -1108,16 +1076,12 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
 API unsigned ik_source(void) { return SOURCE_CRC; }
 API size_t ik_size(int which) { return which ? sizeof(Found) : sizeof(Arm); }
 
-/* Tool frames (K,12), loads (K,slots) and, unless NULL, Jacobians (K,6,slots; not weighed) at slot amounts (K,slots). */
-API void ik_forward(const Arm *a, int count, const double *s, double *tcp, double *tau, double *J) {
+/* Tool frames (K,12) and loads (K,slots) at slot amounts (K,slots). */
+API void ik_forward(const Arm *a, int count, const double *s, double *tcp, double *tau) {
     State w;
     for (int k = 0; k < count; k++) {
         forward(a, s + k * a->slots, &w);
         COPY(tcp + 12 * k, w.tcp, 12), COPY(tau + k * a->slots, w.tau, a->slots);
-        if (!J) continue;
-        jacobian(a, &w);
-        for (int r = 0; r < 6; r++)
-            for (int v = 0; v < a->slots; v++) J[(6 * k + r) * a->slots + v] = w.J[r][v] / (r < 3 ? 1 : LEVER);
     }
 }
 /* Frames before the first slot and after each one (K,slots+1,12) at slot amounts (K,slots). */
@@ -1125,6 +1089,7 @@ API void ik_frames(const Arm *a, int count, const double *s, double *after) {
     State w;
     for (int k = 0; k < count; k++) place(a, s + k * a->slots, &w, after + 12 * (a->slots + 1) * k);
 }
+
 /* Derivatives of the loads, (slots, slots), at slot amounts. */
 API void ik_load_derivatives(const Arm *a, const double *s, double *out) {
     State w;
@@ -1133,9 +1098,10 @@ API void ik_load_derivatives(const Arm *a, const double *s, double *out) {
     for (int u = 0; u < a->slots; u++) add_load_derivatives(a, &w, u, 1, out + u * a->slots);
 }
 
-/* Equilibria of commands q (K,n) with sides (K,n): slot amounts (K,slots), from those given; tool frames (K,12); iterations
- * (K,), -1 where there is none. */
-API void ik_settle(const Arm *a, int count, const double *q, const int *side, double tolerance, double *s, double *tcp, int *iterations) {
+/* Equilibria of commands q (K,n) with sides (K,n): slot amounts (K,slots), from those given; tool frames (K,12);
+ * iterations (K,), -1 where there is none. */
+API void ik_settle(const Arm *a, int count, const double *q, const int *side, double tolerance, double *s,
+                   double *tcp, int *iterations) {
     State w;
     for (int k = 0; k < count; k++) {
         const int n = a->joints;
@@ -1147,13 +1113,15 @@ API void ik_settle(const Arm *a, int count, const double *q, const int *side, do
 }
 /* Newton's method from slot amounts s, in place, without limits: 1 if it reaches the goal; the loads there in tau, the
  * command, unless it is far outside the limits, in found. */
-API int ik_newton(const Arm *a, const double *goal, int rows, const double *near, double *s, double *tau, Found *found) {
+API int ik_newton(const Arm *a, const double *goal, int rows, const double *near, double *s, double *tau,
+                  Found *found) {
     State w;
     double along[MAX_JOINTS], direction[6];
     found->count = found->steps = 0;
     if (newton(a, goal, rows, s, &w, found, 0) != REACHED) return 0;
     COPY(tau, w.tau, a->slots);
-    if (keep(a, &w, s, near, SAME, found)) found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
+    if (!keep(a, &w, s, near, SAME, found)) return 1;
+    found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
     return 1;
 }
 /* One pose of an arm that nothing deflects: its branches q (8,6) and kind (8,): -1 none, 0 alone, else the joint from 1
@@ -1173,9 +1141,7 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
         double s[MAX_SLOTS], member[MAX_SLOTS], along[MAX_JOINTS], direction[6];
         scratch.count = scratch.steps = 0;
         start_at(a, b.q[k], s);
-        forward(a, s, &w);
-        if (sqrt(goal_error(goal, 6, &w)) > 1e-12 && newton(a, goal, 6, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
-        forward(a, s, &w);
+        if (newton(a, goal, 6, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
         if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
             kind[k] = b.lost[k] + 1;
             COPY(member, s, a->slots);
@@ -1186,15 +1152,18 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
             if (isnan(angle)) kind[k] = -1;
             q[6 * k + j] = isnan(angle) ? 0 : angle;
         }
-        for (int m = 0; m < k; m++) if (kind[k] >= 0 && kind[m] >= 0 && apart(q + 6 * k, q + 6 * m, 6) <= SAME) kind[k] = -1;
+        for (int m = 0; m < k && kind[k] >= 0; m++)
+            if (kind[m] >= 0 && apart(q + 6 * k, q + 6 * m, 6) <= SAME) kind[k] = -1;
     }
 }
-API void ik_nominal(const Arm *a, int count, const double *goals, const double *towards, int limited, double *q, int *kind) {
+API void ik_nominal(const Arm *a, int count, const double *goals, const double *towards, int limited, double *q,
+                    int *kind) {
     for (int k = 0; k < count; k++) nominal_pose(a, goals + 12 * k, towards, limited, q + 48 * k, kind + 8 * k);
 }
 
 /* The nominal branch q nearest to `near` in a window: its number, or -1 if there is none. */
-static int nearest_branch(const Form *f, const double *goal, const double *near, const Window *win, int mask, double *q) {
+static int nearest_branch(const Form *f, const double *goal, const double *near, const Window *win, int mask,
+                          double *q) {
     Branches b;
     double least = INFINITY;
     int number = -1;
@@ -1206,19 +1175,26 @@ static int nearest_branch(const Form *f, const double *goal, const double *near,
 }
 
 /* Of a cube of points^3 goals about `centre` for the arm as drawn, within the limits of the deflected one, that whose
- * equilibrium is nearest to `target` (Conenna 2024, section 7.2). q, s: a command and its slots at rest, in place; every
- * goal starts from the one before. 1, or 0 where no goal has both. */
-API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double side, int points, const double *target, double tolerance, double *q, double *s) {
-    const int unknown[MAX_JOINTS] = {0};
+ * equilibrium is nearest to `target` (Conenna 2024, section 7.2). From one goal to another the tool's offset from it
+ * changes by less than half of their distance unless the arm is near its limits. So, from the middle one on, goals
+ * whose bound (Shubert 1972) is above the best are passed over; all are settled if the best is further off than the grid
+ * is wide. q, s: a command and its slots at rest, in place. 1, or 0 where no goal has both. */
+API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double side, int points, const double *target,
+                double tolerance, double *q, double *s) {
     const Window win = window_of(a, q, 1);
-    double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], best = INFINITY;
+    const int count = points * points * points;
+    double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], offset[3] = {0}, from[3], best = INFINITY;
     int likely = 255;
     State w;
-    COPY(near, q, 6), COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12);
-    for (int i = 0; i < points * points * points; i++) {
-        const int step[3] = {i / (points * points), i / points % points, i % points};
-        double command_[6];
-        for (int k = 0; k < 3; k++) goal[9 + k] = centre[9 + k] + side * ((double)step[k] / (points - 1) - 0.5);
+    COPY(near, q, 6), COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12), COPY(from, centre + 9, 3);
+    for (int k = 0; k < 2 * count && (k < count || best > side / (points - 1)); k++) {
+        const int i = (k + count / 2) % count, step[3] = {i / (points * points), i / points % points, i % points};
+        double command_[6], off[3];
+        for (int x = 0; x < 3; x++) {
+            goal[9 + x] = centre[9 + x] + side * ((double)step[x] / (points - 1) - 0.5);
+            off[x] = goal[9 + x] + offset[x] - target[x];
+        }
+        if (k < count && length(off, 3) - 0.5 * distance(goal + 9, from) > best + 0.1 * tolerance) continue;
         int number = nearest_branch(&drawn->form, goal, near, &win, likely, command_);
         if (likely != 255 && (number < 0 || apart(command_, near, 6) >= 0.2))
             number = nearest_branch(&drawn->form, goal, near, &win, 255, command_);
@@ -1226,11 +1202,12 @@ API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double sid
         likely = 1 << number;
         COPY(there, slots, a->slots);
         for (int j = 0; j < 6; j++) there[a->joint[j]] += command_[j] - last[j];
-        if (settle(a, command_, unknown, tolerance, there, &w) < 0) continue;
-        COPY(slots, there, a->slots), COPY(last, command_, 6);
+        if (settle(a, command_, UNKNOWN, tolerance, there, &w) < 0) continue;
         place(a, there, &w, NULL);
-        const double off[3] = {w.tcp[9] - target[0], w.tcp[10] - target[1], w.tcp[11] - target[2]};
-        if (dot(off, off) < best) best = dot(off, off), COPY(q, command_, 6), COPY(s, there, a->slots);
+        for (int x = 0; x < 3; x++) from[x] = goal[9 + x], offset[x] = w.tcp[9 + x] - from[x];
+        COPY(slots, there, a->slots), COPY(last, command_, 6);
+        const double error = distance(w.tcp + 9, target);
+        if (error < best) best = error, COPY(q, command_, 6), COPY(s, there, a->slots);
     }
     return best < INFINITY;
 }

@@ -36,7 +36,7 @@ class KernelArm(ctypes.Structure):
         ("spring", Real * MAX_SPRINGS), ("play", Real * MAX_SLOTS), ("play_force", Real * MAX_SLOTS),
         ("law", Integer * MAX_LAWS), ("law_joint", Integer * MAX_LAWS), ("law_p", Real * (4 * MAX_LAWS)),
         ("form", KernelForm),
-        *((f"library_{name}", Pointer) for name in ("tcp", "inverse", "q", "slots", "columns")),
+        *((f"library_{name}", Pointer) for name in ("q", "slots", "columns")),
     ]  # fmt: skip
 
 

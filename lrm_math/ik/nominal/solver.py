@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.joint_limits import JointLimits
+from lrm_math.arm.joint_limits import JointLimits, checked_angles
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer
-from lrm_math.ik.goal import Goal
+from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.kernel.flat_arm import FlatArm, flat_arm, frames_as_numbers, goal_numbers, with_form
 from lrm_math.ik.kernel.shared_library import kernel
-from lrm_math.ik.kernel.structures import BRANCHES, KernelFound
+from lrm_math.ik.kernel.structures import BRANCHES
 from lrm_math.ik.library import PoseLibrary
 from lrm_math.ik.nominal.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.screw_axes import screw_axes_of
@@ -79,23 +79,20 @@ class NominalSolver:
         `near`: (n,), joint angles (rad): branches come nearest first, free motion stays near; without it, both keep
         away from the limits. Raises `LrmError` if they are not n finite angles.
         """
-        here = None if near is None else angles_near(near, self.arm.dof)
-        branches = self._branches(goal, here)
+        branches = self.branches(goal, near)
         if not branches:
-            return self._unsolved(goal, here)
+            return self._unsolved(goal, None if near is None else tuple(near))
         singularity = self._singularity(branches)
         verdict = IkVerdict.SINGULAR if singularity else IkVerdict.SOLVED
         return NominalAnswer(verdict, branches, singularity=singularity)
 
     def branches(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
         """The branches of `solve`, without a diagnosis where there are none."""
-        return self._branches(goal, None if near is None else angles_near(near, self.arm.dof))
-
-    def _branches(self, goal: Goal, near: tuple[float, ...] | None) -> tuple[Branch, ...]:
+        near = None if near is None else checked_angles("near", near, self.arm.dof)
         if goal.rotation is None or self.form is None:
             found = self._searched(goal, near, self._ready)
         else:
-            found = self._closed(goal, self._middle if near is None else Six(*near), True)
+            found = self._closed(goal, near or self.limits.middle, True)
         if len(found) < 2:
             return found
         if near is None:
@@ -126,21 +123,10 @@ class NominalSolver:
             args = (goals.ctypes.data, middle, 1, q.ctypes.data, kind.ctypes.data)
             kernel().ik_nominal(self.packed.address, count, *args)
             return BatchAnswer(q, kind >= 0, kind > 0)
-        for i, row in enumerate(goals):
-            found = KernelFound()
-            kernel().ik_pose(self._ready.address, row.ctypes.data, None, ctypes.addressof(found))
-            rows = [found.at[k] for k in range(found.count) if found.at[k].excess <= 0.0][:BRANCHES]
-            for k, at in enumerate(rows):
-                q[i, k], kind[i, k] = at.q[:n], 0
+        for i in range(count):
+            for k, branch in enumerate(self._searched(pose(p[i], R[i]), None, self._ready)[:BRANCHES]):
+                q[i, k], kind[i, k] = branch.q, 0
         return BatchAnswer(q, kind >= 0, kind > 0)
-
-    @cached_property
-    def _middle(self) -> ctypes.Array[ctypes.c_double]:
-        return Six(*self.limits.middle)
-
-    @cached_property
-    def _address(self) -> int:
-        return self.packed.address
 
     @cached_property
     def _model(self) -> Model:
@@ -158,7 +144,7 @@ class NominalSolver:
     def _ready(self) -> FlatArm:
         """With seeds."""
         library = PoseLibrary.of(JointLaws(self._model), self.packed)
-        return self.packed.with_library(library.seeds, library.slots.mean(axis=0))
+        return self.packed.with_library(library.tcp, library.q, library.slots)
 
     @cached_property
     def _all_round(self) -> NominalSolver:
@@ -167,27 +153,17 @@ class NominalSolver:
         joints = (replace(j, lower=a, upper=b) for j, (a, b) in zip(self.arm.joints, turns, strict=True))
         return NominalSolver.of(replace(self.arm, joints=tuple(joints)))
 
-    def _closed(self, goal: Goal, towards: ctypes.Array[ctypes.c_double], limited: bool) -> tuple[Branch, ...]:
+    def _closed(self, goal: Goal, towards: Sequence[float], limited: bool) -> tuple[Branch, ...]:
         """The branches by the closed form."""
         q, kind, limits = Angles(), Kinds(), self.limits
-        kernel().ik_nominal(self._address, 1, goal_numbers(goal), towards, limited, q, kind)
+        kernel().ik_nominal(self.packed.address, 1, goal_numbers(goal), Six(*towards), limited, q, kind)
         rows = [(k, free) for k, free in enumerate(kind[:]) if free >= 0]
         return tuple([Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in rows])
 
     def _searched(self, goal: Goal, near: tuple[float, ...] | None, flat: FlatArm) -> tuple[Branch, ...]:
         """Branches by search, within the limits of the packed arm."""
-        found, n, numbers = KernelFound(), self.arm.dof, goal_numbers(goal)
-        determined = goal.constraints >= n
-        here = None if near is None else (ctypes.c_double * n)(*near)
-        towards = near or self.limits.middle
-        for starts in STARTS:
-            if goal.constraints == 6 and determined:
-                kernel().ik_pose(flat.address, numbers, here, ctypes.addressof(found))
-            else:
-                args = (goal.constraints, (ctypes.c_double * n)(*towards), here, starts, ctypes.addressof(found))
-                kernel().ik_free(flat.address, numbers, *args)
-            if found.count:
-                break
+        n, towards = self.arm.dof, near or self.limits.middle
+        found, determined = flat.search(goal, towards, near, STARTS), goal.constraints >= n
         lower, upper = flat.memory.lower[:n], flat.memory.upper[:n]
         rows = [found.at[k].q[:n] for k in range(found.count) if found.at[k].excess <= 0.0]
         inside = [tuple(max(a, min(x, b)) for x, a, b in zip(q, lower, upper, strict=True)) for q in rows]
@@ -205,7 +181,7 @@ class NominalSolver:
         """Why a goal has no solution within the limits: solved beyond them, or not at all; and the nearest goal."""
         towards = near or self.limits.middle
         if goal.rotation is not None and self.form is not None:
-            branches = self._closed(goal, Six(*towards), False)
+            branches = self._closed(goal, towards, False)
         else:
             every = self._all_round
             branches = tuple(Branch(b.q, -1, self.limits) for b in every._searched(goal, near, every._ready))
@@ -231,14 +207,6 @@ class NominalSolver:
         if free - alone:
             aligned.append(f"axes {inner} and {outer} are in line")
         return "; ".join(aligned)
-
-
-def angles_near(near: Sequence[float], dof: int) -> tuple[float, ...]:
-    """(n,), checked reference angles. Raises `LrmError`."""
-    q = np.asarray(near, dtype=np.float64)
-    if q.shape != (dof,) or not np.isfinite(q).all():
-        raise LrmError(f"near = {near}; should be {dof} finite joint angles in rad")
-    return tuple(q.tolist())
 
 
 def poses_checked(positions: ArrayLike, rotations: ArrayLike) -> tuple[Array, Array]:
