@@ -83,13 +83,18 @@ def daemon(config: Config, speed: float) -> Iterator[None]:
 @contextmanager
 def connected(config: Config) -> Iterator[Rover]:
     """A client, as soon as there is a daemon with a board. Raises `NoReply`."""
-    end = time.monotonic() + START_TIMEOUT
+    _await_board(config, time.monotonic() + START_TIMEOUT)
+    with Rover(config.robot, config.zenoh.listen) as rover:
+        yield rover
+
+
+def _await_board(config: Config, end: float) -> None:
+    """Returns when the board answers the daemon, or at a monotonic time (s). Raises `NoReply`: there is no daemon."""
     while True:
         try:
             with Rover(config.robot, config.zenoh.listen) as rover:
                 while rover.mode().link != "ready" and time.monotonic() < end:
                     time.sleep(0.02)
-                yield rover
                 return
         except NoReply:
             if time.monotonic() > end:
