@@ -14,7 +14,7 @@ import pytest
 from lrm_ident import synthetic
 from lrm_ident.data.csv_table import read_csv
 from tests.conftest import EXAMPLE, ROOT
-from tests.support.commands import part_of_example, stdout_of
+from tests.support.commands import stdout_of
 
 
 @pytest.fixture(scope="module")
@@ -93,10 +93,11 @@ def test_a_fit_can_start_from_a_model_and_grow(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Path) -> None:
-    part = part_of_example(folder, 140)
-    stdout_of("fit", part, "-o", folder / "of-a-part.toml")
+    """The play of the shipped example in an arm of two joints, on which eleven selections take seconds."""
+    data, *_ = synthetic.write_example(folder, ROOT / "config" / "arms" / "two-joint.toml")
+    stdout_of("fit", data, "-o", folder / "two-joint.toml")
     outputs = ("-o", folder / "best.toml", "--json", folder / "course.json")
-    said = stdout_of("auto", folder / "of-a-part.toml", part, *outputs)
+    said = stdout_of("auto", folder / "two-joint.toml", data, *outputs)
     assert "chosen anew in every fold" in said
     course = json.loads((folder / "course.json").read_text())
     assert [step["added"] for step in course["steps"]] == ["", "backlash@joint2"]
