@@ -62,7 +62,8 @@ def forward_select(
         refinements = [one for one in ranked if _is_refinement(one, standing) and one not in selected]
         while choices:
             simple = _parsimonious(choices, len(linear.residual))
-            then, chosen = _choose(simple, now, standing, expected)
+            best = _choose(simple, now, standing, expected)
+            then, chosen = best if standing[best[1].name] < FORM else _plain(best, choices)
             wasteful = [one for _, one in choices if all(one is not other for _, other in simple)]
             forms = [one.projected for one in refinements if one not in wasteful]
             if standing[chosen.name] == REFINEMENT or not forms:
@@ -114,8 +115,7 @@ def _choose(
     equal = [choice for choice in choices if standing[choice[1].name] == first]
     best = min(equal, key=lambda choice: choice[0].rms)[0]
     similar = [choice for choice in equal if near(choice, 1.0, SIMILAR_GAIN)]
-    chosen = min(similar, key=lambda choice: (-expected.get(choice[1].name, 1.0), choice[1].size, choice[0].rms))
-    return chosen if first < FORM else _plain(chosen, choices)
+    return min(similar, key=lambda choice: (-expected.get(choice[1].name, 1.0), choice[1].size, choice[0].rms))
 
 
 def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
