@@ -90,7 +90,7 @@ class NominalSolver:
         """The branches of `solve`, without a diagnosis where there are none."""
         near = None if near is None else checked_angles("near", near, self.arm.dof)
         if goal.rotation is None or self.form is None:
-            found = self._searched(goal, near, self._ready)
+            found = self._searched(goal, near)
         else:
             found = self._closed(goal, near or self.limits.middle, True)
         if len(found) < 2:
@@ -124,7 +124,7 @@ class NominalSolver:
             kernel().ik_nominal(self.packed.address, count, *args)
             return BatchAnswer(q, kind >= 0, kind > 0)
         for i in range(count):
-            for k, branch in enumerate(self._searched(pose(p[i], R[i]), None, self._ready)[:BRANCHES]):
+            for k, branch in enumerate(self._searched(pose(p[i], R[i]), None)[:BRANCHES]):
                 q[i, k], kind[i, k] = branch.q, 0
         return BatchAnswer(q, kind >= 0, kind > 0)
 
@@ -160,14 +160,12 @@ class NominalSolver:
         rows = [(k, free) for k, free in enumerate(kind[:]) if free >= 0]
         return tuple([Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in rows])
 
-    def _searched(self, goal: Goal, near: tuple[float, ...] | None, flat: FlatArm) -> tuple[Branch, ...]:
-        """Branches by search, within the limits of the packed arm."""
+    def _searched(self, goal: Goal, near: tuple[float, ...] | None) -> tuple[Branch, ...]:
+        """Branches by search."""
         n, towards = self.arm.dof, near or self.limits.middle
-        found, determined = flat.search(goal, towards, near, STARTS), goal.constraints >= n
-        lower, upper = flat.memory.lower[:n], flat.memory.upper[:n]
-        rows = [found.at[k].q[:n] for k in range(found.count) if found.at[k].excess <= 0.0]
-        inside = [tuple(max(a, min(x, b)) for x, a, b in zip(q, lower, upper, strict=True)) for q in rows]
-        branches = [Branch(q, -1, self.limits) for q in inside]
+        found, determined = self._ready.search(goal, towards, near, STARTS), goal.constraints >= n
+        within = (at for at in found.at[: found.count] if at.excess <= 0.0)
+        branches = [Branch(self.limits.clipped(at.q[:n]), -1, self.limits) for at in within]
         if determined:
             return tuple(branches)
         branches.sort(key=lambda branch: branch.distance(tuple(towards)))
@@ -183,8 +181,7 @@ class NominalSolver:
         if goal.rotation is not None and self.form is not None:
             branches = self._closed(goal, towards, False)
         else:
-            every = self._all_round
-            branches = tuple(Branch(b.q, -1, self.limits) for b in every._searched(goal, near, every._ready))
+            branches = tuple(Branch(b.q, -1, self.limits) for b in self._all_round._searched(goal, near))
         ordered = tuple(sorted(branches, key=MARGIN, reverse=True))[:MOST_BEYOND]
         nearest = self._nearest(goal, [towards, *(branch.q for branch in ordered)])
         if not ordered:
