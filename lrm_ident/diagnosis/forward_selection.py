@@ -35,8 +35,8 @@ def forward_select(
 ) -> list[ScoredCandidate]:
     """Adds the best effect, one after the other, as long as one is significant, plausible, and predicts better.
 
-    Where the model has effects with other forms, a new name must also explain what none of these forms explains: a
-    formula that does not fit is no new cause.
+    Where the model has effects with other forms, a new name must predict better than all these forms together, or
+    explain what they do not: a formula that does not fit is no new cause.
 
     Args:
         weights: of the candidates' p values (`EffectRates.weights`): what is expected needs less evidence. Of
@@ -68,8 +68,10 @@ def forward_select(
             forms = [one.projected for one in refinements if one not in wasteful]
             if standing[chosen.name] == REFINEMENT or not forms:
                 break
-            beside = linear.explain(*taken, *forms), linear.explain(*taken, *forms, chosen.projected)
-            if improves_prediction(beside[1], beside[0], start):
+            covered = linear.explain(*taken, *forms)
+            if paired_z(then.held_out, covered.held_out) > Z_THRESHOLD:
+                break
+            if improves_prediction(linear.explain(*taken, *forms, chosen.projected), covered, start):
                 break
             choices.remove((then, chosen))
         if not choices:
