@@ -29,7 +29,7 @@ Estimated = tuple[int, float, float]
 
 
 @dataclass(frozen=True)
-class TagLink:
+class TagAssociation:
     """Something that goes with a tag: `what` (an effect or a parameter), its p value after adjusting for all tried, and
     for each level of the tag what is seen there."""
 
@@ -64,14 +64,14 @@ class FleetOutlier:
         )
 
 
-def tag_links(
+def tag_associations(
     members: Sequence[FleetMember],
     records: Sequence[ArmRecord],
     estimates: Sequence[ArmEstimates],
     rates: Sequence[EffectRate],
-) -> tuple[TagLink, ...]:
+) -> tuple[TagAssociation, ...]:
     """What goes significantly with a tag, surest first."""
-    tried: dict[tuple[str, str], TagLink] = {}
+    tried: dict[tuple[str, str], TagAssociation] = {}
     for tag in dict.fromkeys(name for member in members for name, _ in member.tags):
         cells = [dict(member.tags).get(tag, "") for member in members]
         levels = sorted(set(cells))
@@ -83,7 +83,7 @@ def tag_links(
         tried |= {(link.what, tag): link for link in _of_parameters(tag, named, estimates)}
     adjusted = benjamini_yekutieli({f"{what}\t{tag}": link.p_value for (what, tag), link in tried.items()})
     found = [
-        TagLink(link.what, tag, adjusted[f"{what}\t{tag}"], link.levels)
+        TagAssociation(link.what, tag, adjusted[f"{what}\t{tag}"], link.levels)
         for (what, tag), link in tried.items()
         if adjusted[f"{what}\t{tag}"] < SIGNIFICANCE
     ]
@@ -133,7 +133,7 @@ def _by_key(estimates: Sequence[ArmEstimates]) -> dict[str, list[Estimated]]:
 
 def _of_effects(
     tag: str, levels: Sequence[tuple[str, list[int]]], records: Sequence[ArmRecord], rates: Sequence[EffectRate]
-) -> Iterator[TagLink]:
+) -> Iterator[TagAssociation]:
     from scipy.stats import fisher_exact  # takes a second to load: not at the start of every command
 
     for rate in rates:
@@ -142,12 +142,12 @@ def _of_effects(
             counts = np.array([[int(has[group].sum()), int((~has[group]).sum())] for _, group in levels])
             p_value = float(fisher_exact(counts).pvalue)
             seen = tuple((level, f"{yes} of {yes + no}") for (level, _), (yes, no) in zip(levels, counts, strict=True))
-            yield TagLink(rate.name, tag, p_value, seen)
+            yield TagAssociation(rate.name, tag, p_value, seen)
 
 
 def _of_parameters(
     tag: str, levels: Sequence[tuple[str, list[int]]], estimates: Sequence[ArmEstimates]
-) -> Iterator[TagLink]:
+) -> Iterator[TagAssociation]:
     for key, known in _by_key(estimates).items():
         value = {arm: estimate for arm, estimate, error in known if error < DETERMINED}
         groups = [[value[arm] for arm in group if arm in value] for _, group in levels]
@@ -158,7 +158,7 @@ def _of_parameters(
             scale = parameter.typical / parameter.si
             seen = ((level, group) for (level, _), group in zip(levels, groups, strict=True) if group)
             words = tuple((level, f"median {np.median(group) * scale:.3g}") for level, group in seen)
-            yield TagLink(key, tag, _rank_test(full), words)
+            yield TagAssociation(key, tag, _rank_test(full), words)
 
 
 def _rank_test(groups: Sequence[Sequence[float]]) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lrm_ident.fleet.fleet_findings import FleetOutlier, TagLink
+from lrm_ident.fleet.fleet_findings import FleetOutlier, TagAssociation
 from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
@@ -32,7 +32,7 @@ class FleetResult:
     records: tuple[ArmRecord, ...]
     estimates: dict[str, ArmEstimates]
     known: FleetKnowledge | str
-    links: tuple[TagLink, ...]
+    links: tuple[TagAssociation, ...]
     outliers: tuple[FleetOutlier, ...]
 
 
@@ -133,7 +133,7 @@ def _arms_table(result: FleetResult) -> ResultTable:
     return ResultTable(columns, rows, "Arms")
 
 
-def _link_words(link: TagLink) -> str:
+def _link_words(link: TagAssociation) -> str:
     levels = "; ".join(f"{level or '(none)'}: {seen}" for level, seen in link.levels)
     return f"{link.what} goes with {link.tag} (p = {link.p_value:.1g}): {levels}"
 

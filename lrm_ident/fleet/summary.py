@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from lrm_ident.fleet.fleet_findings import outliers, tag_links
+from lrm_ident.fleet.fleet_findings import outliers, tag_associations
 from lrm_ident.fleet.fleet_prior import FleetKnowledge, arm_estimates, fleet_knowledge
 from lrm_ident.fleet.fleet_report import FleetResult
 from lrm_ident.fleet.identify_arm import ArmRecord
@@ -36,6 +36,6 @@ def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], m
         records=tuple(records),
         estimates={record.name: one for (_, record), one in zip(done, estimates, strict=True)},
         known=known,
-        links=tag_links([done[number][0] for number in kept], sisters, theirs, rates) if sisters else (),
+        links=tag_associations([done[number][0] for number in kept], sisters, theirs, rates) if sisters else (),
         outliers=found,
     )

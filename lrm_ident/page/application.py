@@ -7,8 +7,8 @@ import webbrowser
 
 from nicegui import app, ui
 
+from lrm_ident.page.address import HOST, WorkbenchAddress
 from lrm_ident.page.gate import Gate
-from lrm_ident.page.place import HOST, WorkbenchPlace
 from lrm_ident.page.routes import add_routes
 from lrm_ident.page.session import WorkbenchSession
 from lrm_ident.page.tab.layout import WorkbenchPage
@@ -18,7 +18,7 @@ RECONNECT_S = 30.0
 """s for which a tab's connection may stall before it reloads: a slow machine can be busy for a while."""
 
 
-def run_application(place: WorkbenchPlace, session: WorkbenchSession, gone: str, tour: bool, show: bool) -> None:
+def run_application(place: WorkbenchAddress, session: WorkbenchSession, gone: str, tour: bool, show: bool) -> None:
     """Serves the page until it is stopped. `gone`: what a tab says then; for the rest see `serve`."""
     _add_page(session, gone, tour)
     add_routes(app, session)
@@ -53,7 +53,7 @@ def _add_page(session: WorkbenchSession, gone: str, tour: bool) -> None:
         shown_around.append(True)
 
 
-def _when_started(place: WorkbenchPlace, session: WorkbenchSession, show: bool) -> None:
+def _when_started(place: WorkbenchAddress, session: WorkbenchSession, show: bool) -> None:
     """The session goes on, and where the page is is printed."""
 
     async def ticking() -> None:

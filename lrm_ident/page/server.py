@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import shlex
 
-from lrm_ident.page.place import WorkbenchPlace
+from lrm_ident.page.address import WorkbenchAddress
 from lrm_ident.page.session import WorkbenchSession
 from lrm_ident.page.work.tasks import OpenTask
 from lrm_ident.page.work.worker import work_process
 from lrm_math.errors import LrmError
 
 
-def serve(place: WorkbenchPlace, opened: OpenTask, tour: bool, show: bool) -> None:
+def serve(place: WorkbenchAddress, opened: OpenTask, tour: bool, show: bool) -> None:
     """Runs the workbench until it is stopped. Raises `LrmError` if NiceGUI is not installed.
 
     Args:
@@ -35,7 +35,7 @@ def serve(place: WorkbenchPlace, opened: OpenTask, tour: bool, show: bool) -> No
         worker.close()
 
 
-def _last_words(place: WorkbenchPlace, opened: OpenTask) -> str:
+def _last_words(place: WorkbenchAddress, opened: OpenTask) -> str:
     """What a tab says when the server is gone."""
     again = shlex.join(["lrm-ident", "workbench", str(opened.data)])
     return (

@@ -15,13 +15,13 @@ from lrm_ident.page.work.followed_file import FollowedFile, follow_file
 from lrm_ident.page.work.tasks import (
     AddTask,
     AutoTask,
+    CompareTask,
     DiagnoseTask,
-    LawFound,
-    LookTask,
+    LawResult,
     OpenTask,
     ProposeTask,
-    StepFound,
-    StepShown,
+    StepResult,
+    StepView,
     WorkTask,
     kept_name,
 )
@@ -68,7 +68,7 @@ class WorkbenchSession:
     # ---- what there is
 
     @property
-    def steps(self) -> Sequence[StepFound]:
+    def steps(self) -> Sequence[StepResult]:
         """All steps, the last one being the model."""
         return self.taken.steps
 
@@ -78,17 +78,17 @@ class WorkbenchSession:
         return self.taken.done
 
     @property
-    def law(self) -> LawFound | None:
+    def law(self) -> LawResult | None:
         """The last proposed law."""
         return self.taken.law
 
     @property
-    def step(self) -> StepFound | None:
+    def step(self) -> StepResult | None:
         """The last step."""
         return self.taken.last
 
     @property
-    def shown(self) -> StepShown | None:
+    def shown(self) -> StepView | None:
         """What the page shows of the last step."""
         return self.step.shown if self.step else None
 
@@ -165,7 +165,7 @@ class WorkbenchSession:
         if self.step is not None and self.step.files.model == kept:
             self._diagnose()
         else:
-            self._begin(LookTask(replace(step.files, model=kept)))
+            self._begin(CompareTask(replace(step.files, model=kept)))
 
     def follow(self, source: Path) -> None:
         """Shows a file of measurements as it grows; nothing is diagnosed meanwhile. Raises `FileError`."""
@@ -233,8 +233,8 @@ class WorkbenchSession:
                 self._diagnose()
         self._changed()
 
-    def _take_result(self, value: StepFound | LawFound) -> None:
-        if isinstance(value, LawFound):
+    def _take_result(self, value: StepResult | LawResult) -> None:
+        if isinstance(value, LawResult):
             self.taken = with_law(self.taken, value)
         else:
             self.taken = with_step(self.taken, self._at_work, value)
@@ -259,7 +259,7 @@ class WorkbenchSession:
         step = self.step
         try:
             if step is not None and followed.grown():
-                self._begin(LookTask(replace(step.files, data=followed.copy)))
+                self._begin(CompareTask(replace(step.files, data=followed.copy)))
         except LrmError as error:
             self.followed = None
             self.fail(str(error))
@@ -274,7 +274,7 @@ class WorkbenchSession:
         if isinstance(self.worker.task, DiagnoseTask):
             self.worker.cancel()
 
-    def _ready(self) -> StepFound:
+    def _ready(self) -> StepResult:
         """The last step. Raises `LrmError` if there is none, or other work goes on."""
         if self.step is None:
             raise LrmError("no model is open yet")

@@ -9,11 +9,11 @@ from lrm_ident.page.work.commands import DoneCommand
 from lrm_ident.page.work.tasks import (
     AddTask,
     AutoTask,
+    CompareTask,
     DiagnoseTask,
-    LawFound,
-    LookTask,
+    LawResult,
     OpenTask,
-    StepFound,
+    StepResult,
     WorkTask,
 )
 
@@ -26,18 +26,18 @@ class TakenSteps:
         law: the last proposed law. count: how many names of files were given away.
     """
 
-    steps: tuple[StepFound, ...] = ()
-    law: LawFound | None = None
+    steps: tuple[StepResult, ...] = ()
+    law: LawResult | None = None
     done: tuple[DoneCommand, ...] = ()
     count: int = 0
 
     @property
-    def last(self) -> StepFound | None:
+    def last(self) -> StepResult | None:
         """The model, or None if nothing is open."""
         return self.steps[-1] if self.steps else None
 
 
-def with_law(taken: TakenSteps, law: LawFound) -> TakenSteps:
+def with_law(taken: TakenSteps, law: LawResult) -> TakenSteps:
     """After `propose`."""
     files = taken.steps[-1].files
     kept = () if law.file is None else ("-o", law.file)
@@ -45,14 +45,14 @@ def with_law(taken: TakenSteps, law: LawFound) -> TakenSteps:
     return replace(taken, law=law, done=(*taken.done, DoneCommand(words, files.effects_file, files.reading)))
 
 
-def with_step(taken: TakenSteps, task: WorkTask | None, step: StepFound) -> TakenSteps:
+def with_step(taken: TakenSteps, task: WorkTask | None, step: StepResult) -> TakenSteps:
     """After a task has given a step: a new one, or the last one with more that is known of it."""
     if isinstance(task, OpenTask):
         return TakenSteps((step,), None, (_opened(task, step),), taken.count)
     if isinstance(task, DiagnoseTask):
         same = taken.last is not None and taken.last.files == step.files
         return replace(taken, steps=(*taken.steps[:-1], step)) if same else taken
-    if isinstance(task, LookTask) and taken.last is not None and taken.last.files.model == step.files.model:
+    if isinstance(task, CompareTask) and taken.last is not None and taken.last.files.model == step.files.model:
         return replace(taken, steps=(*taken.steps[:-1], step))
     if isinstance(task, AddTask):
         words = ("add", task.files.model, task.files.data, task.effect, "-o", step.files.model)
@@ -72,12 +72,12 @@ def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
     return replace(taken, steps=earlier, done=done)
 
 
-def _did(taken: TakenSteps, step: StepFound, words: tuple[str | Path, ...]) -> TakenSteps:
+def _did(taken: TakenSteps, step: StepResult, words: tuple[str | Path, ...]) -> TakenSteps:
     command = DoneCommand(words, step.files.effects_file, step.files.reading)
     return replace(taken, steps=(*taken.steps, step), law=None, done=(*taken.done, command))
 
 
-def _followed(taken: TakenSteps, task: AutoTask, step: StepFound) -> TakenSteps:
+def _followed(taken: TakenSteps, task: AutoTask, step: StepResult) -> TakenSteps:
     """A step of `auto`, whose command stands once in the list however many steps it has taken."""
     number = int(step.files.model.stem.split("-")[1]) - task.number + 1
     before = taken if number == 1 else replace(taken, done=taken.done[:-1])
@@ -86,7 +86,7 @@ def _followed(taken: TakenSteps, task: AutoTask, step: StepFound) -> TakenSteps:
     return replace(after, count=task.number + number)
 
 
-def _opened(task: OpenTask, step: StepFound) -> DoneCommand:
+def _opened(task: OpenTask, step: StepResult) -> DoneCommand:
     """A fit, or a copy of the model that was opened: steps are taken from that."""
     if task.model is not None:
         return DoneCommand(("compare", step.files.model, task.data), task.effects_file, task.reading)

@@ -10,13 +10,13 @@ from nicegui import ui
 from lrm_ident.page.session import WorkbenchSession
 from lrm_ident.page.tab.rover_panel import RoverPanel
 from lrm_ident.page.work.commands import commands_text
-from lrm_ident.page.work.tasks import LawFound
+from lrm_ident.page.work.tasks import LawResult
 from lrm_math.errors import LrmError
 
 Do = Callable[[Callable[[], object]], object]
 
 
-def law_dialog(law: LawFound, session: WorkbenchSession, do: Do) -> None:
+def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
     """What the search for a law found, and the button that adds it."""
     with ui.dialog() as dialog, _card("lrm-law", "lrm-wide"):
         ui.html(law.words, sanitize=False).classes("lrm-numbers")

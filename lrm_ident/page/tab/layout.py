@@ -10,11 +10,11 @@ from nicegui import ui
 
 from lrm_ident.page.section import section_html
 from lrm_ident.page.session import WorkbenchSession
+from lrm_ident.page.tab.command_bar import CommandBar
 from lrm_ident.page.tab.dialogs import commands_dialog, law_dialog, live_dialog, save_dialog
 from lrm_ident.page.tab.head import FOLDER, head_html
 from lrm_ident.page.tab.rover_panel import RoverPanel
-from lrm_ident.page.tab.tour_card import TourCard
-from lrm_ident.page.tab.work_bar import WorkBar
+from lrm_ident.page.tab.tour_dialog import TourDialog
 from lrm_math.errors import LrmError
 
 PANELS = FOLDER / "panels.html"
@@ -34,10 +34,10 @@ class WorkbenchPage:
         ui.dark_mode(None)
         self.rover = RoverPanel(session)
         self._build_header()
-        self.bar = WorkBar(session, self._button, self._add)
+        self.bar = CommandBar(session, self._button, self._add)
         ui.html(PANELS.read_text(encoding="utf-8"), sanitize=False).classes("lrm-full")
         self.numbers = ui.html("", sanitize=False).classes("lrm-numbers")
-        self.tour = TourCard()
+        self.tour = TourDialog()
         ui.on("lrm_choose", lambda event: self._choose(event.args))
         ui.on("lrm_key", lambda event: self._press(event.args))
         ui.timer(REFRESH_S, self.refresh)

@@ -22,13 +22,13 @@ from lrm_ident.page.work.showing import step_shown
 from lrm_ident.page.work.tasks import (
     AddTask,
     AutoTask,
+    CompareTask,
     DiagnoseTask,
-    LawFound,
-    LookTask,
+    LawResult,
     OpenFiles,
     OpenTask,
     ProposeTask,
-    StepFound,
+    StepResult,
     WorkTask,
     kept_name,
     unpacked,
@@ -73,7 +73,7 @@ def open_files(task: OpenTask, say: Say) -> None:
 
 
 @do.register
-def look(task: LookTask, say: Say) -> None:
+def look(task: CompareTask, say: Say) -> None:
     """Reads the files anew."""
     say(WorkProgress("reading the files"))
     _say_step(task.files, say)
@@ -131,16 +131,16 @@ def propose(task: ProposeTask, say: Say) -> None:
     found = propose_law(inputs.model, inputs.data, tick, lambda what: say(WorkProgress(what)), inputs.loss)
     words = blocks_html(proposal_document(found).blocks)
     if found.best is None:
-        say(WorkResult(LawFound(words)))
+        say(WorkResult(LawResult(words)))
         return
     write_text(task.kept, found.best.source)
     law = found.best.law
-    say(WorkResult(LawFound(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}")))
+    say(WorkResult(LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}")))
 
 
-def step_found(files: OpenFiles, found: Findings) -> StepFound:
+def step_found(files: OpenFiles, found: Findings) -> StepResult:
     """What is known of a step, for the page."""
-    return StepFound(files, step_shown(found), pickle.dumps(found))
+    return StepResult(files, step_shown(found), pickle.dumps(found))
 
 
 def silent_say(_: WorkMessage) -> None:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from lrm_ident.estimation.model_history import model_text, undo_step
 from lrm_ident.page.section import section_html
-from lrm_ident.page.work.tasks import StepShown
+from lrm_ident.page.work.tasks import StepView
 from lrm_ident.plots.interactive.values import figure_values, values_text
 from lrm_ident.report.document import Block, Document
 from lrm_ident.report.document_html import blocks_html, table_html
 from lrm_ident.workflow.findings import Findings
 
 
-def step_shown(found: Findings) -> StepShown:
+def step_shown(found: Findings) -> StepView:
     """Title, verdict, figures and tables of findings."""
     file = found.file
-    return StepShown(
+    return StepView(
         title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
         verdict=found.verdict,
         diagnosed=found.diagnosis is not None,

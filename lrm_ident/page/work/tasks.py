@@ -28,7 +28,7 @@ class OpenFiles:
 
 
 @dataclass(frozen=True)
-class StepShown:
+class StepView:
     """What the page shows of a step.
 
     Attributes:
@@ -47,11 +47,11 @@ class StepShown:
 
 
 @dataclass(frozen=True)
-class StepFound:
+class StepResult:
     """A step: the files with its model, what is shown of it, and all that is known of it so far, packed."""
 
     files: OpenFiles
-    shown: StepShown
+    shown: StepView
     packed: bytes
 
     @cached_property
@@ -61,7 +61,7 @@ class StepFound:
 
 
 @dataclass(frozen=True)
-class LawFound:
+class LawResult:
     """A proposed law: what `propose` prints, as HTML; its file and name, if a law is proposed."""
 
     words: str
@@ -82,8 +82,8 @@ class OpenTask:
 
 
 @dataclass(frozen=True)
-class LookTask:
-    """A first look at a step, for instance after the measurements have grown. Gives one step."""
+class CompareTask:
+    """A first comparison of a step, for instance after the measurements have grown. Gives one step."""
 
     files: OpenFiles
 
@@ -128,7 +128,7 @@ class ProposeTask:
     kept: Path
 
 
-WorkTask = OpenTask | LookTask | DiagnoseTask | AddTask | AutoTask | ProposeTask
+WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask
 
 
 def unpacked(packed: bytes) -> Findings:

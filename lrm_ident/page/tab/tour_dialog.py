@@ -7,7 +7,7 @@ from nicegui import ui
 from lrm_ident.page.tab.tour import TOUR
 
 
-class TourCard:
+class TourDialog:
     """A card in the corner that says what the marked panel shows. `stop`: where the tour is."""
 
     def __init__(self) -> None:

@@ -14,7 +14,7 @@ HOST = "127.0.0.1"
 
 
 @dataclass(frozen=True)
-class WorkbenchPlace:
+class WorkbenchAddress:
     """Where a workbench runs: `port` of this machine, `token` of its address, `folder` of its steps."""
 
     port: int
@@ -27,7 +27,7 @@ class WorkbenchPlace:
         return f"http://{HOST}:{self.port}/?token={self.token}"
 
 
-def new_place(port: int | None) -> WorkbenchPlace:
+def new_place(port: int | None) -> WorkbenchAddress:
     """A free place. Raises `LrmError` if the port is taken."""
     with socket.socket() as one:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -36,4 +36,4 @@ def new_place(port: int | None) -> WorkbenchPlace:
         except OSError as error:
             raise LrmError(f"port {port}: cannot be used ({error.strerror}); choose another with --port") from None
         free = int(one.getsockname()[1])
-    return WorkbenchPlace(free, secrets.token_urlsafe(16), Path(tempfile.mkdtemp(prefix="lrm-workbench-")))
+    return WorkbenchAddress(free, secrets.token_urlsafe(16), Path(tempfile.mkdtemp(prefix="lrm-workbench-")))

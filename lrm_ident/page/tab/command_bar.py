@@ -9,8 +9,8 @@ from nicegui import ui
 from lrm_ident.page.session import WorkbenchSession
 
 
-class WorkBar:
-    """Of one tab. `button(text, action, hint)` makes a button, `add` adds the effect that is chosen in the tab."""
+class CommandBar:
+    """Bar of commands of one tab. `button(text, action, hint)` makes a button, `add` adds the effect that is chosen in the tab."""
 
     def __init__(
         self,
