@@ -10,7 +10,7 @@ from lrm_ident.page.session import WorkbenchSession
 
 
 class CommandBar:
-    """Bar of commands of one tab. `button(text, action, hint)` makes a button, `add` adds the effect that is chosen in the tab."""
+    """Commands of one tab. `button(text, action, hint)` makes a button, `add` adds the effect chosen in the tab."""
 
     def __init__(
         self,
