@@ -1,8 +1,9 @@
 """Forward selection of effects by held-out error, and which effects the data cannot distinguish from each.
 
 The ranking is by help. Of what prediction cannot separate, a refinement of what the model has comes before a plain
-effect, and that before another form of an effect that the model does not have; but what needs so many parameters more
-than the most helpful one that Schwarz's criterion speaks very strongly against it is out (Kass and Raftery 1995).
+effect, and that before another form of an effect that the model does not have; but where a plain effect helps most,
+what needs so many parameters more that Schwarz's criterion speaks very strongly against it is out (Kass and Raftery
+1995).
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def forward_select(
         standing = {one.name: _standing(one, selected) for one in ranked}
         refinements = [one for one in ranked if _is_refinement(one, standing) and one not in selected]
         while choices:
-            simple = _parsimonious(choices, len(linear.residual))
+            simple = _parsimonious(choices, standing, len(linear.residual))
             best = _choose(simple, now, standing, expected)
             then, chosen = best if standing[best[1].name] < FORM else _plain(best, choices)
             wasteful = [one for _, one in choices if all(one is not other for _, other in simple)]
@@ -91,14 +92,17 @@ def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
     return standing[one.name] == REFINEMENT and bool(one.candidate.effect.refines)
 
 
-def _parsimonious(choices: Sequence[Choice], count: int) -> list[Choice]:
-    """The most helpful, and those that the Bayesian information criterion of `count` coordinates does not speak very
-    strongly against in its favour (Schwarz 1978)."""
+def _parsimonious(choices: Sequence[Choice], standing: Mapping[str, int], count: int) -> Sequence[Choice]:
+    """Where a plain effect is the most helpful: it, and what the Bayesian information criterion of `count` coordinates
+    does not speak very strongly against in its favour (Schwarz 1978). Else all: many parameters beside many."""
 
     def criterion(choice: Choice) -> float:
         return float(count * np.log(choice[0].in_sample) + choice[1].size * np.log(count))
 
-    limit = criterion(min(choices, key=lambda choice: choice[0].rms)) + VERY_STRONG
+    helpful = min(choices, key=lambda choice: choice[0].rms)
+    if standing[helpful[1].name] == FORM:
+        return choices
+    limit = criterion(helpful) + VERY_STRONG
     return [choice for choice in choices if criterion(choice) < limit]
 
 
