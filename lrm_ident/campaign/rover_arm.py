@@ -106,6 +106,9 @@ class RoverArm:
                 if not expired:
                     raise
                 self.clock.sleep(LEASE_BACK_S)
+                mode = self.rover.mode()
+                if mode.mode == "holding" and mode.why != LEASE_LOST:  # somebody has stopped the arm meanwhile
+                    raise MotionInterrupted(mode.mode, mode.why) from None
             else:
                 return
         self._try_to_move(goal, payload)

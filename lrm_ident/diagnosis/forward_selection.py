@@ -65,14 +65,14 @@ def forward_select(
             simple = _parsimonious(choices, standing, len(linear.residual))
             best = _choose(simple, now, standing, expected)
             then, chosen = best if standing[best[1].name] < FORM else _plain(best, choices)
-            wasteful = [one for _, one in choices if all(one is not other for _, other in simple)]
-            forms = [one.projected for one in refinements if one not in wasteful]
+            left_out = [one for _, one in choices if all(one is not other for _, other in simple)]
+            forms = [one.projected for one in refinements if one not in left_out]
             if standing[chosen.name] == REFINEMENT or not forms:
                 break
-            covered = linear.explain(*taken, *forms)
-            if paired_z(then.held_out, covered.held_out) > Z_THRESHOLD:
+            by_forms = linear.explain(*taken, *forms)
+            if paired_z(then.held_out, by_forms.held_out) > Z_THRESHOLD:
                 break
-            if improves_prediction(linear.explain(*taken, *forms, chosen.projected), covered, start):
+            if improves_prediction(linear.explain(*taken, *forms, chosen.projected), by_forms, start):
                 break
             choices.remove((then, chosen))
         if not choices:

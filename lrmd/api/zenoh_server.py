@@ -49,7 +49,7 @@ class RequestHandler(Protocol):
         """Carries a request out: the reply. Raises what `error_reply` makes a reply of."""
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
-        """Tells of a command that was refused; a command has no reply."""
+        """Reports a refused command, which has no reply, as an event."""
 
     def state(self, tail: str) -> Message:
         """The present state of a key."""

@@ -45,13 +45,13 @@ def goal_of(entry: GoalEntry) -> Goal:
         roll, pitch, yaw = entry.rpy_rad
         return pose_rpy(entry.position_m, roll, pitch, yaw)
     if entry.quaternion_xyzw is not None:
-        return pose_quaternion(entry.position_m, entry.quaternion_xyzw)
+        return goal_pose(entry.position_m, entry.quaternion_xyzw)
     if entry.approach is not None:
         return point_along(entry.position_m, entry.approach)
     return point(entry.position_m)
 
 
-def pose_quaternion(position: Sequence[float], quaternion: Sequence[float]) -> Goal:
+def goal_pose(position: Sequence[float], quaternion: Sequence[float]) -> Goal:
     """A pose (m) by a unit quaternion x, y, z, w. Raises `MessageError` if its length is not 1."""
     length = math.hypot(*quaternion)
     if abs(length - 1.0) > UNIT:

@@ -352,6 +352,55 @@ def test_a_stalled_subscriber_holds_nobody_up(harness: MovingHarness) -> None:
             other.kill()
 
 
+LATE = """
+import sys
+from lrmd.client import MotionInterrupted, RequestRefused, Rover
+import time
+with Rover("test", [sys.argv[1]]) as rover, rover.control("late"):
+    print("ready", flush=True)
+    try:
+        rover.move({"joint1": 1.5})
+    except MotionInterrupted as error:
+        print(error.why, flush=True)
+    for _ in range(50):
+        here = rover.joints().q_rad[0]
+        try:
+            rover.move({"joint1": here + 0.02})
+            print("moved", flush=True)
+            break
+        except RequestRefused as error:
+            last = error.code
+            time.sleep(0.2)
+    else:
+        print(last, flush=True)
+"""
+"""A client that moves, and moves on when its lease has expired; says what came of it."""
+
+
+@pytest.mark.parametrize("another", [False, True])
+def test_a_late_client_goes_on_unless_another_had_the_lease(harness: MovingHarness, another: bool) -> None:
+    """Stopped for a second in the middle of a motion: the arm holds; nothing moves until the client asks again."""
+    with harness.rover.control("test"):
+        harness.arm()
+    command = [sys.executable, "-c", LATE.replace('"test"', repr(harness.rover.robot)), harness.setup.endpoint]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as late:
+        try:
+            assert late.stdout is not None
+            assert late.stdout.readline() == "ready\n"
+            harness.wait_until_moving()
+            late.send_signal(signal.SIGSTOP)
+            wait_for(lambda: harness.mode() == "holding", "the arm holds")
+            if another:
+                with harness.rover.control("another"):
+                    pass
+            assert harness.stands_still(1.0)
+            late.send_signal(signal.SIGCONT)
+            assert late.stdout.readline() == "lease lost\n"
+            assert late.stdout.readline() == ("lease\n" if another else "moved\n")
+        finally:
+            late.kill()
+
+
 @contextmanager
 def full_disk(folder: Path) -> Iterator[Callable[[], None]]:
     """A folder that nothing more fits into; gives what makes room. A tiny file system, or no right to write."""

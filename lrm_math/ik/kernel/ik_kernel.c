@@ -1177,8 +1177,8 @@ static int nearest_branch(const Form *f, const double *goal, const double *near,
 /* Of a cube of points^3 goals about `centre` for the arm as drawn, within the limits of the deflected one, that whose
  * equilibrium is nearest to `target` (Conenna 2024, section 7.2). From one goal to another the tool's offset from it
  * changes by less than half of their distance unless the arm is near its limits. So, from the middle one on, goals
- * whose bound (Shubert 1972) is above the best are passed over; all are settled if the best is further off than the grid
- * is wide. q, s: a command and its slots at rest, in place. 1, or 0 where no goal has both. */
+ * whose bound (Shubert 1972) is above the best are passed over; all are settled if the best is further off than the
+ * grid is wide. q, s: a command and its slots at rest, in place. 1, or 0 where no goal has both. */
 API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double side, int points, const double *target,
                 double tolerance, double *q, double *s) {
     const Window win = window_of(a, q, 1);
