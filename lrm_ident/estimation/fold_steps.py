@@ -42,10 +42,8 @@ def models_without(
         rows = CompressedRows(
             np.concatenate([part.columns for part in others]), np.concatenate([part.residual for part in others])
         )
-        A, descent = (
-            objective.gauss_newton(rows.columns, noise, free),
-            objective.negative_gradient(iterate, rows, noise),
-        )
+        A = objective.gauss_newton(rows.columns, noise)[np.ix_(free, free)]
+        descent = objective.negative_gradient(iterate, rows, noise)
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         values = fitted.model.values.copy()

@@ -26,6 +26,7 @@ from lrm_math.model.model import Model
 MAX_STEPS = 60
 DAMPED_STEPS = 300  # with weak priors the last steps are short, but each one gains
 FIRST_DAMPING = 1e-6
+MUCH_SHORTER = 0.75  # part of a step
 STEP_TOLERANCE = 1e-8  # of the typical sizes
 GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 IDLE_STEPS, IDLE_GAIN, IDLE_LIKELIHOOD = 5, 1e-5, 0.3
@@ -222,24 +223,52 @@ class _LevenbergMarquardt:
     ) -> tuple[Iterate, float]:
         """An iterate that does not increase the objective, and the next damping; the same iterate if there is none."""
         objective = self.objective
-        A = objective.gauss_newton(J, noise, free)
-        diagonal = np.diag(A).copy()
+        A = objective.gauss_newton(J, noise)
+        diagonal = np.diag(np.maximum(np.diag(A), 1e-300))
         before = objective.value(iterate, noise)
         while damping < 1e12:
-            change = np.zeros_like(iterate.z)
-            change[free] = _solve_damped(A, diagonal, damping, descent[free])
-            z = np.clip(iterate.z + change, self.lower, self.upper)
+            z = self._bounded_minimum(iterate.z, A + damping * diagonal, descent, free)
             try:
                 trial = objective.at(z, iterate.rest)
             except NoEquilibrium:
                 damping *= 10.0
                 continue
             if objective.value(trial, noise) <= before:
-                return trial, damping * 0.1
+                return self._shortened(iterate, trial, descent, noise), damping * 0.1
             if np.abs(z - iterate.z).max() < STEP_TOLERANCE:
                 break
             damping *= 10.0
         return iterate, damping
+
+    def _shortened(self, iterate: Iterate, trial: Iterate, descent: Array, noise: NoiseScale) -> Iterate:
+        """The trial, or the iterate at the minimum of a parabola through both where that is well before it and lower
+        (Nocedal & Wright 2006, section 3.5): Gauss and Newton leave a curvature out, and may step twice too far."""
+        objective, change = self.objective, trial.z - iterate.z
+        slope = float(descent @ change) / noise.scale**2
+        gain = objective.value(iterate, noise) - objective.value(trial, noise)
+        if not 0.0 < 0.5 * slope < MUCH_SHORTER * (slope - gain):
+            return trial
+        try:
+            shorter = objective.at(iterate.z + 0.5 * slope / (slope - gain) * change, iterate.rest)
+        except NoEquilibrium:
+            return trial
+        return min(trial, shorter, key=lambda one: objective.value(one, noise))
+
+    def _bounded_minimum(self, z: Array, A: Array, descent: Array, free: NDArray[np.bool_]) -> Array:
+        """Minimum of the quadratic model within the bounds: what would leave them is put on them, and the others are
+        solved anew (active set; clipping alone zigzags where parameters are correlated, Bertsekas 1982)."""
+        moving, change = free.copy(), np.zeros_like(z)
+        while moving.any():
+            change[moving] = _solve(
+                A[np.ix_(moving, moving)], descent[moving] - A[np.ix_(moving, ~moving)] @ change[~moving]
+            )
+            inside = np.clip(z + change, self.lower, self.upper)
+            beyond = moving & (inside != z + change)
+            if not beyond.any():
+                break
+            change[beyond] = (inside - z)[beyond]
+            moving &= ~beyond
+        return np.clip(z + change, self.lower, self.upper)
 
     def _result(self, iterate: Iterate, columns: Array, held: NDArray[np.bool_], steps: int, noise: NoiseScale) -> Fit:
         """The fit at the last iterate; `columns`: compressed Jacobian before the last step, which changed nothing."""
@@ -267,8 +296,9 @@ class _LevenbergMarquardt:
         )
 
 
-def _solve_damped(A: Array, diagonal: Array, damping: float, gradient: Array) -> Array:
+def _solve(A: Array, gradient: Array) -> Array:
+    """The Newton step; of a singular matrix that of its diagonal."""
     try:
-        return np.asarray(np.linalg.solve(A + np.diag(damping * np.maximum(diagonal, 1e-300)), gradient))
+        return np.asarray(np.linalg.solve(A, gradient))
     except np.linalg.LinAlgError:
-        return gradient / np.maximum(diagonal, 1e-300) / (1.0 + damping)
+        return gradient / np.maximum(np.diag(A), 1e-300)

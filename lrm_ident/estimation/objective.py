@@ -81,7 +81,10 @@ class NoiseUpdate:
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """Σ ρ(distance / scale) + ½ (σ/scale)² Σ ((z − z_p) / s_p)² over the model's free parameters (thesis Eq 2.66)."""
+    """Σ ρ(distance / scale) + ½ (σ/scale)² (z − z_p)ᵀ P (z − z_p) over the model's free parameters (thesis Eq 2.66).
+
+    z_p, P: the prior's mean and precision.
+    """
 
     model: Model
     data: Measurements
@@ -105,10 +108,19 @@ class Objective:
         return np.zeros(len(free)) if self.prior is None else np.asarray(self.prior.mean_of(free) / self.typical)
 
     @cached_property
-    def _prior_precision(self) -> Array:
-        """(P,), scaled; zero without a prior."""
+    def _prior_root(self) -> Array:
+        """(P, P), a matrix whose product with its transpose, root.T @ root, is the prior's precision, scaled; without
+        a prior no rows."""
         free = self.model.free
-        return np.zeros(len(free)) if self.prior is None else (self.typical / self.prior.sd_of(free)) ** 2
+        if self.prior is None:
+            return np.zeros((0, len(free)))
+        covariance = self.prior.covariance_of(free) / np.outer(self.typical, self.typical)
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+    @cached_property
+    def _prior_precision(self) -> Array:
+        """(P, P), scaled; zero without a prior."""
+        return self._prior_root.T @ self._prior_root
 
     def at(self, z: Array, near: Equilibrium | None) -> Iterate:
         """The iterate at scaled parameters. Raises `NoEquilibrium`."""
@@ -119,8 +131,10 @@ class Objective:
 
     def value(self, iterate: Iterate, noise: NoiseScale) -> float:
         """The objective."""
-        prior = 0.5 * noise.prior_weight * float(self._prior_precision @ (iterate.z - self._prior_mean) ** 2)
-        return float(self.loss.rho(iterate.distance / noise.scale).sum()) + prior
+        deviation = self._prior_root @ (iterate.z - self._prior_mean)
+        return float(self.loss.rho(iterate.distance / noise.scale).sum()) + 0.5 * noise.prior_weight * float(
+            deviation @ deviation
+        )
 
     def linearise(self, iterate: Iterate, noise: NoiseScale, poses: NDArray[np.int64] | None = None) -> CompressedRows:
         """Scaled Jacobian and residual of all or some poses, weighted by the loss (iteratively reweighted)."""
@@ -134,22 +148,23 @@ class Objective:
     def negative_gradient(self, iterate: Iterate, rows: CompressedRows, noise: NoiseScale) -> Array:
         """(P,), times scale²."""
         data = rows.columns.T @ rows.residual
-        return np.asarray(data + noise.sigma**2 * self._prior_precision * (self._prior_mean - iterate.z))
+        return np.asarray(data + noise.sigma**2 * self._prior_precision @ (self._prior_mean - iterate.z))
 
-    def gauss_newton(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
-        """(p, p), Gauss–Newton Hessian of the p parameters off their bounds, times scale²; `J`: compressed columns."""
-        return np.asarray(J[:, free].T @ J[:, free] + np.diag(noise.sigma**2 * self._prior_precision[free]))
+    def gauss_newton(self, J: Array, noise: NoiseScale) -> Array:
+        """(P, P), Gauss–Newton Hessian, times scale²; `J`: compressed columns."""
+        return np.asarray(J.T @ J + noise.sigma**2 * self._prior_precision)
 
     def inverse_hessian(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
-        """(p, p), inverse of `gauss_newton` by QR, which does not square the condition number."""
-        prior = np.diag(noise.sigma * np.sqrt(self._prior_precision[free]))
-        _, R = np.linalg.qr(J[:, free] if self.prior is None else np.concatenate([J[:, free], prior]))
+        """(p, p), inverse of `gauss_newton` of the p parameters off their bounds, by QR, which does not square the
+        condition number."""
+        _, R = np.linalg.qr(np.concatenate([J[:, free], noise.sigma * self._prior_root[:, free]]))
         root = np.linalg.solve(R, np.eye(len(R)))
         return np.asarray(root @ root.T)
 
     def effective_parameters(self, inverse: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> float:
         """Number of parameters well determined by the data rather than the prior (MacKay 1992, γ)."""
-        return len(inverse) - noise.sigma**2 * float(np.diag(inverse) @ self._prior_precision[free])
+        prior = self._prior_precision[np.ix_(free, free)]
+        return len(inverse) - noise.sigma**2 * float((inverse * prior).sum())
 
     def weight(self, iterate: Iterate) -> Array:
         """(N,), weight of each pose in the loss."""

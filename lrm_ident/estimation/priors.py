@@ -1,4 +1,4 @@
-"""Independent Gaussian priors of the parameters (thesis Eq 2.66), from a file or from typical sizes."""
+"""Gaussian priors of the parameters (thesis Eq 2.66), from a file or from typical sizes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from pydantic import Field
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, FORMS, Effect, Parameter
-from lrm_math.errors import FileError, UnknownName, name_suggestion
+from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
+from lrm_math.model.covariance import CovarianceTable, correlation_matrix
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import StrictSchema, read_toml
@@ -48,6 +49,7 @@ class PriorFile(StrictSchema):
 
     `[parameters]`: keys `effect.place.name_unit`, `*` and `?` allowed; the last matching key applies.
     `other_sd`: standard deviation, in typical sizes of the effect, of every parameter that no key matches.
+    `[covariance]`: correlations of some of the parameters named in full; all others are independent.
     `[effects]`: how often an effect (`id@place`) is there; `other_rate`: every other one.
     """
 
@@ -56,31 +58,39 @@ class PriorFile(StrictSchema):
     source: str = ""
     other_sd: Annotated[float, Field(gt=0)] = 1.0
     parameters: dict[str, GaussianTable] = {}
+    covariance: CovarianceTable | None = None
     effects: dict[str, EffectRateTable] = {}
     other_rate: Annotated[float, Field(gt=0, lt=1)] | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prior:
-    """Independent Gaussians: `mean` and `sd` (SI) of every parameter in `keys`."""
+    """Multivariate normal distribution of the parameters `keys`: `mean` (P,) and `covariance` (P, P), SI."""
 
     name: str
     keys: tuple[str, ...]
-    mean: tuple[float, ...]
-    sd: tuple[float, ...]
+    mean: Array
+    covariance: Array
 
     def mean_of(self, keys: Sequence[str]) -> Array:
-        """(P,), SI. Raises `UnknownName`."""
-        return np.array([self.mean[self._place(key)] for key in keys])
+        """(K,), SI. Raises `UnknownName`."""
+        return self.mean[self._places(keys)]
 
     def sd_of(self, keys: Sequence[str]) -> Array:
-        """(P,), SI. Raises `UnknownName`."""
-        return np.array([self.sd[self._place(key)] for key in keys])
+        """(K,), SI. Raises `UnknownName`."""
+        return np.asarray(np.sqrt(np.diag(self.covariance_of(keys))))
 
-    def _place(self, key: str) -> int:
-        if key not in self.keys:
-            raise UnknownName("parameter of the prior", key, self.keys)
-        return self.keys.index(key)
+    def covariance_of(self, keys: Sequence[str]) -> Array:
+        """(K, K), SI, the other parameters marginalised. Raises `UnknownName`."""
+        places = self._places(keys)
+        return self.covariance[np.ix_(places, places)]
+
+    def _places(self, keys: Sequence[str]) -> list[int]:
+        place = {key: number for number, key in enumerate(self.keys)}
+        for key in keys:
+            if key not in place:
+                raise UnknownName("parameter of the prior", key, self.keys)
+        return [place[key] for key in keys]
 
 
 @dataclass(frozen=True)
@@ -142,8 +152,9 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
                 path, "parameters", f"'{pattern}' fits no parameter", name_suggestion(pattern, sorted(known))
             )
     named = [(key, p) for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None]
-    means, sds = zip(*(_gaussian(file, key, parameter) for key, parameter in named), strict=True)
-    return Prior(file.name, tuple(key for key, _ in named), means, sds)
+    means, sds = np.array([_gaussian(file, key, parameter) for key, parameter in named]).T
+    keys = tuple(key for key, _ in named)
+    return Prior(file.name, keys, means, _correlations(path, file, keys) * np.outer(sds, sds))
 
 
 WEAK = "vague"
@@ -154,7 +165,7 @@ WEAK_SD = 3.0  # typical sizes
 def weak_prior(model: Model) -> Prior:
     """The shipped prior `vague` for the free parameters: a Gaussian of three typical sizes about zero."""
     typical = [model.parameters[model.position(key)].typical for key in model.free]
-    return Prior(WEAK, model.free, (0.0,) * len(typical), tuple(WEAK_SD * size for size in typical))
+    return Prior(WEAK, model.free, np.zeros(len(typical)), np.diag((WEAK_SD * np.array(typical)) ** 2))
 
 
 def prior_name_for(name_or_path: str) -> str:
@@ -173,6 +184,26 @@ def _gaussian(file: PriorFile, key: str, parameter: Parameter) -> tuple[float, f
     if not matching:
         return 0.0, file.other_sd * parameter.typical
     return matching[-1].mean * parameter.si, matching[-1].sd * parameter.si
+
+
+def _correlations(path: Path, file: PriorFile, keys: Sequence[str]) -> Array:
+    """(P, P), correlations of the parameters `keys`. Raises `FileError`."""
+    correlation = np.eye(len(keys))
+    if file.covariance is None:
+        return correlation
+    for key in file.covariance.keys:
+        if key not in file.parameters:
+            raise FileError(path, "covariance", f"'{key}' is not in [parameters]", "a key with mean and sd there")
+    try:
+        given = correlation_matrix(file.covariance)
+        np.linalg.cholesky(given)
+    except (LrmError, np.linalg.LinAlgError) as error:
+        what = str(error) if isinstance(error, LrmError) else "some combination of parameters has no variance"
+        raise FileError(path, "covariance", what) from None
+    there = [(row, keys.index(key)) for row, key in enumerate(file.covariance.keys) if key in keys]
+    rows, places = [row for row, _ in there], [place for _, place in there]
+    correlation[np.ix_(places, places)] = given[np.ix_(rows, rows)]
+    return correlation
 
 
 def _possible_keys(arm: Arm, catalogue: Iterable[type[Effect]]) -> set[str]:

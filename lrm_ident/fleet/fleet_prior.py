@@ -1,6 +1,6 @@
 """The prior that a fleet makes for its next arm: population and effect rates of all arms, as a prior file.
 
-A mean and a standard deviation of every parameter (the spread between arms, and what is not known of the mean), the
+Mean and covariance of all parameters (the spreads between arms, and what is not known of the means), the
 part of the arms that has each effect, and the intervals of all of them.
 """
 
@@ -21,7 +21,7 @@ from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.population import ArmEvidence, Population, fit_population
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.model.covariance import to_covariance
+from lrm_math.model.covariance import covariance_table, to_covariance
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, arm_of, to_model
 from lrm_math.toml_file import validate
@@ -105,7 +105,8 @@ def prior_text(known: FleetKnowledge, name: str, source: str) -> str:
 def prior_file(known: FleetKnowledge, name: str, source: str) -> PriorFile:
     """The prior of a fleet's next arm."""
     found, scale = known.population, known.typical / known.units
-    columns = (found.mean, found.predictive_sd, *found.mean_interval, found.spread, *found.spread_interval)
+    covariance = found.predictive_covariance
+    columns = (found.mean, np.sqrt(np.diag(covariance)), *found.mean_interval, found.spread, *found.spread_interval)
     parameters = {}
     for number, key in enumerate(known.keys):
         mean, sd, low, high, spread, least, most = (_rounded(column[number] * scale[number]) for column in columns)
@@ -124,6 +125,7 @@ def prior_file(known: FleetKnowledge, name: str, source: str) -> PriorFile:
         name=name,
         source=source,
         parameters=parameters,
+        covariance=covariance_table(known.keys, covariance),
         effects={
             one.name: EffectRateTable(
                 rate=_rounded(one.rate),

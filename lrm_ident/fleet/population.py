@@ -42,18 +42,23 @@ class Population:
     """Means and spreads of Q parameters, in typical sizes.
 
     Attributes:
-        mean, mean_error: (Q,), μ and its standard error. spread: (Q,), τ.
+        mean: (Q,), μ. mean_covariance: (Q, Q), of its error. spread: (Q,), τ.
         freedom: (Q,), equivalent number of arms less one that determine τ, as if their parameters were known exactly.
         mean_freedom: (Q,), the same of the mean's error: effective number of arms (Kish 1965) less one.
         arms: (Q,), how many have the parameter.
     """
 
     mean: Array
-    mean_error: Array
+    mean_covariance: Array
     spread: Array
     freedom: Array
     mean_freedom: Array
     arms: Array
+
+    @property
+    def mean_error(self) -> Array:
+        """(Q,), standard error of each mean."""
+        return np.asarray(np.sqrt(np.diag(self.mean_covariance)))
 
     @property
     def mean_interval(self) -> tuple[Array, Array]:
@@ -69,9 +74,12 @@ class Population:
         return self.spread * low, np.minimum(self.spread * high, WIDEST)
 
     @property
-    def predictive_sd(self) -> Array:
-        """(Q,), standard deviation of a new arm's parameter about the mean: spread and the mean's error."""
-        return np.hypot(self.spread, self.mean_error)
+    def predictive_covariance(self) -> Array:
+        """(Q, Q), of a new arm's parameters about the mean: spreads and the errors of the means.
+
+        What no arm can tell apart has large errors that are strongly correlated: their combinations are well known.
+        """
+        return np.diag(self.spread**2) + self.mean_covariance
 
 
 def fit_population(arms: Sequence[ArmEvidence], count: int) -> Population:
@@ -91,7 +99,7 @@ def fit_population(arms: Sequence[ArmEvidence], count: int) -> Population:
     own = np.einsum("nii->ni", precisions)
     effective = own.sum(axis=0) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)
     freedom = _freedom(precisions, spread, many)
-    return Population(mean, np.sqrt(np.diag(error)), spread, freedom, np.maximum(effective - 1.0, 0.0), many)
+    return Population(mean, error, spread, freedom, np.maximum(effective - 1.0, 0.0), many)
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,13 +57,22 @@ def to_covariance(table: CovarianceTable, sigma: Mapping[str, float], model: Mod
         LrmError: keys given twice or without standard error, a wrong number of correlations, or a correlation matrix
             that is not positive semidefinite.
     """
-    size = len(table.keys)
-    if len(set(table.keys)) < size:
-        raise LrmError("a key stands twice in keys")
     units = np.array([model.parameters[model.position(key)].si for key in table.keys])
     without = [key for key in table.keys if not sigma.get(key, -1.0) >= 0.0]
     if without:
         raise LrmError(f"{without[0]} has no standard error in [sigma]")
+    error = units * np.array([sigma[key] for key in table.keys])
+    return Covariance(tuple(table.keys), correlation_matrix(table) * np.outer(error, error))
+
+
+def correlation_matrix(table: CovarianceTable) -> Array:
+    """(P, P), the whole correlation matrix of a table.
+
+    Raises `LrmError`: keys given twice, a wrong number of correlations, or a matrix that is not positive semidefinite.
+    """
+    size = len(table.keys)
+    if len(set(table.keys)) < size:
+        raise LrmError("a key stands twice in keys")
     if len(table.correlation) != size * (size - 1) // 2:
         raise LrmError(
             f"{len(table.correlation)} correlations for {size} keys; should be {size * (size - 1) // 2}, the upper "
@@ -74,5 +83,4 @@ def to_covariance(table: CovarianceTable, sigma: Mapping[str, float], model: Mod
     correlation = np.triu(correlation, 1).T + correlation
     if size and (np.abs(correlation).max() > 1.0 or np.linalg.eigvalsh(correlation)[0] < -ROUNDING):
         raise LrmError("the correlations contradict each other: some combination of parameters has a negative variance")
-    error = units * np.array([sigma[key] for key in table.keys])
-    return Covariance(tuple(table.keys), correlation * np.outer(error, error))
+    return correlation

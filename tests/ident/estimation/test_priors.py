@@ -23,6 +23,7 @@ from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.covariance import CovarianceTable
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
@@ -36,6 +37,14 @@ def prior_of_typical_sizes(model: Model, sizes: float = 1.0) -> Prior:
     """Zero-mean prior whose standard deviations are `sizes` typical sizes."""
     file = PriorFile(schema="lrm/prior/1", name=f"{sizes:g} typical sizes", other_sd=sizes)
     return to_prior(Path(file.name), file, model)
+
+
+def correlated(prior: Prior, seed: int) -> Prior:
+    """The same standard deviations with random correlations."""
+    factors = np.random.default_rng(seed).normal(size=(len(prior.keys), 5))
+    covariance = factors @ factors.T + np.eye(len(prior.keys))
+    size = np.sqrt(np.diag(prior.covariance) / np.diag(covariance))
+    return replace(prior, covariance=covariance * np.outer(size, size))
 
 
 @pytest.fixture(scope="module")
@@ -58,19 +67,19 @@ def normal_matrix(found: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
     """JᵀJ/σ² + Λ⁻¹ and JᵀJ/σ² at the estimate, SI."""
     J = parameter_jacobian(found.rest, found.model.free).reshape(-1, len(found.model.free))
     data = J.T @ J / found.sigma**2
-    return data + np.diag(prior.sd_of(found.model.free) ** -2.0), data
+    return data + np.linalg.inv(prior.covariance_of(found.model.free)), data
 
 
 @pytest.mark.slow
 @given(seed=st.integers(0, 1000), sizes=st.floats(0.1, 3.0), count=st.integers(20, 60))
 @settings(max_examples=6)
 def test_the_estimate_is_the_top_of_the_posterior(whole: Model, seed: int, sizes: float, count: int) -> None:
-    data, prior = measured(seed, count), prior_of_typical_sizes(whole, sizes)
+    data, prior = measured(seed, count), correlated(prior_of_typical_sizes(whole, sizes), seed)
     found = fit(whole, data, no_bounds(whole.free), prior=prior)
     J = parameter_jacobian(found.rest, whole.free).reshape(-1, len(whole.free))
-    step = prior.sd_of(whole.free)
-    to_data = J.T @ found.residual.reshape(-1) / found.sigma**2 * step
-    to_prior = (found.model.values - prior.mean_of(whole.free)) / step
+    root = np.linalg.cholesky(prior.covariance_of(whole.free))
+    to_data = root.T @ J.T @ found.residual.reshape(-1) / found.sigma**2
+    to_prior = np.linalg.solve(root, found.model.values - prior.mean_of(whole.free))
     assert np.abs(to_data - to_prior).max() < 0.02 * max(1.0, np.abs(to_prior).max())
 
 
@@ -85,7 +94,7 @@ def test_a_prior_far_too_narrow_still_ends(whole: Model) -> None:
 
 
 def test_the_covariance_is_that_of_the_posterior(whole: Model) -> None:
-    data, prior = measured(3, 60), prior_of_typical_sizes(whole)
+    data, prior = measured(3, 60), correlated(prior_of_typical_sizes(whole), 3)
     found = fit(whole, data, no_bounds(whole.free), prior=prior)
     precision, told = normal_matrix(found, prior)
     scale = np.sqrt(np.diag(found.covariance))
@@ -185,7 +194,7 @@ def test_shipped_priors_fit_every_arm(arm: str) -> None:
     for name in shipped_priors():
         prior = load_prior(name, model)
         assert prior.keys == model.keys
-        assert min(prior.sd) > 0
+        assert prior.sd_of(prior.keys).min() > 0
 
 
 def prior_file(parameters: dict[str, object]) -> PriorFile:
@@ -208,6 +217,38 @@ def test_the_last_pattern_that_matches_holds(whole: Model) -> None:
     assert prior.sd_of([untouched])[0] == whole.parameters[whole.position(untouched)].typical
     with pytest.raises(UnknownName):
         prior.mean_of(["drift.joint2.A_rad"])
+
+
+JOINT2, JOINT3 = (f"compliance.joint{number}.k_rad_per_Nm" for number in (2, 3))
+
+
+def correlated_file(keys: list[str], *correlation: float) -> PriorFile:
+    file = prior_file({JOINT2: {"mean": 0.1, "sd": 0.2}, JOINT3: {"mean": 0.1, "sd": 0.1}})
+    table = CovarianceTable(keys=keys, correlation=list(correlation))
+    return file.model_copy(update={"covariance": table})
+
+
+def test_correlations_of_a_prior_file(whole: Model) -> None:
+    prior = to_prior(Path("mine"), correlated_file([JOINT3, JOINT2], 0.9), whole)
+    np.testing.assert_allclose(prior.covariance_of([JOINT2, JOINT3]), [[0.04, 0.018], [0.018, 0.01]])
+    other = "offsets.joint2.alpha_rad"
+    assert prior.covariance_of([JOINT2, other])[0, 1] == 0.0
+    np.testing.assert_allclose(prior.sd_of([JOINT2, JOINT3]), [0.2, 0.1])
+
+
+@pytest.mark.parametrize(
+    ("keys", "correlation", "what"),
+    [
+        ([JOINT2, "compliance.joint4.k_rad_per_Nm"], [0.5], "is not in"),
+        ([JOINT2, JOINT3], [], "0 correlations for 2 keys"),
+        ([JOINT2, JOINT2], [0.5], "twice"),
+        ([JOINT2, JOINT3], [1.0], "no variance"),
+        ([JOINT2, JOINT3], [1.5], "contradict"),
+    ],
+)
+def test_wrong_correlations_are_one_line(whole: Model, keys: list[str], correlation: list[float], what: str) -> None:
+    with pytest.raises(FileError, match=what):
+        to_prior(Path("mine.toml"), correlated_file(keys, *correlation), whole)
 
 
 def test_patterns_that_fit_nothing_are_named(whole: Model) -> None:

@@ -60,11 +60,23 @@ def test_what_one_arm_cannot_tell_apart_its_sisters_may() -> None:
     assert found.mean_error.max() < 0.1
 
 
+def test_a_sum_that_no_arm_can_take_apart_is_known_of_the_next() -> None:
+    """Every arm knows the sum of two parameters and nothing of their difference: so does the prior."""
+    rng, row = np.random.default_rng(5), np.array([1.0, 1.0])
+    arms = []
+    for _ in range(30):
+        value = 0.4 + 0.02 * rng.normal()
+        arms.append(ArmEvidence(np.arange(2), np.outer(row, row) / 1e-6, row * value / 1e-6))
+    found = fit_population(arms, 2).predictive_covariance
+    assert np.sqrt(np.diag(found)).min() > 1.0
+    assert 0.01 < np.sqrt(row @ found @ row) < 0.04
+
+
 def test_a_parameter_that_no_arm_has_stays_unknown() -> None:
     arms = drawn(np.random.default_rng(4), np.zeros(1), np.ones(1), 5, 0.1)
     found = fit_population(arms, 2)
     assert (found.arms.tolist(), found.mean[1]) == ([5.0, 0.0], pytest.approx(0.0))
-    assert found.predictive_sd[1] > 2.9
+    assert np.sqrt(found.predictive_covariance[1, 1]) > 2.9
 
 
 def test_unsure_arms_count_for_what_their_sisters_have() -> None:
