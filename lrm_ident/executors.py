@@ -5,6 +5,7 @@ On a cluster it is Dask's own executor: Dask sends, balances, and gives a dead w
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import warnings
@@ -122,10 +123,10 @@ def _on_cluster(where: str) -> Iterator[Executor]:
         if not Path(where).is_file():
             raise LrmError(f"--cluster {where}: no such scheduler file; or give an address such as tcp://host:8786")
         at = {"scheduler_file": where}
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a lost scheduler is one line, no traceback
     with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore", distributed.versions.VersionMismatchWarning
-        )  # said below, in one line, as an error
+        # said below, in one line, as an error
+        warnings.simplefilter("ignore", distributed.versions.VersionMismatchWarning)
         try:
             client = distributed.Client(**at, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, KeyError, TimeoutError) as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
@@ -13,14 +12,6 @@ from lrm_ident.executors import SAME_VERSION, as_finished, executor_for, in_orde
 from lrm_math.errors import LrmError
 from tests.conftest import EXAMPLE
 from tests.support.commands import stderr_of
-
-
-@pytest.fixture(scope="module")
-def two_workers() -> Iterator[str]:
-    """Address of a Dask cluster of two worker processes."""
-    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster:
-        yield cluster.scheduler_address
 
 
 def squared(number: int) -> int:

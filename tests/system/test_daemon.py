@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -34,6 +34,7 @@ from tests.support.daemon_process import (
     is_alive,
     wait_for,
 )
+from tests.support.full_disk import full_disk
 from tests.support.pulse_invariants import read_frames
 
 FAR = {"joint1": 1.5}
@@ -399,27 +400,6 @@ def test_a_late_client_goes_on_unless_another_had_the_lease(harness: MovingHarne
             assert late.stdout.readline() == ("lease\n" if another else "moved\n")
         finally:
             late.kill()
-
-
-@contextmanager
-def full_disk(folder: Path) -> Iterator[Callable[[], None]]:
-    """A folder that nothing more fits into; gives what makes room. A tiny file system, or no right to write."""
-    folder.mkdir()
-    if os.geteuid() != 0:
-        folder.chmod(0o500)
-        yield lambda: folder.chmod(0o700)
-        folder.chmod(0o700)
-        return
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8k", "tmpfs", str(folder)], capture_output=True)
-    if mounted.returncode:
-        pytest.skip("mounting a small file system is not allowed here")
-    try:
-        filler = folder / "filler"
-        with suppress(OSError):
-            filler.write_bytes(b"x" * 100_000)
-        yield filler.unlink
-    finally:
-        subprocess.run(["umount", str(folder)], check=True)
 
 
 def test_a_full_disk_is_told_and_stops_nothing(tmp_path: Path) -> None:
