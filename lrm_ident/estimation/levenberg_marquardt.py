@@ -24,7 +24,7 @@ from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
 MAX_STEPS = 60
-DAMPED_STEPS = 300  # with weak priors the last steps are short, but each one gains
+MAX_STEPS_WITH_PRIOR = 300  # where a prior alone says anything, steps are short, but each one gains
 FIRST_DAMPING = 1e-6
 MUCH_SHORTER = 0.75  # part of a step
 STEP_TOLERANCE = 1e-8  # of the typical sizes
@@ -142,15 +142,15 @@ def fit(
     check_enough(len(data), len(model.free), prior)
     limits = bounds or bounds_of(model, model.free)
     objective = Objective(model, data, SQUARED if loss is None else loss, prior)
-    idle = MAX_STEPS if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
+    idle = MAX_STEPS_WITH_PRIOR if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
     plain = _LevenbergMarquardt(objective, limits.lower / objective.typical, limits.upper / objective.typical, idle)
     try:
-        found = plain.solve(MAX_STEPS)
+        found = plain.solve(MAX_STEPS if prior is None else MAX_STEPS_WITH_PRIOR)
     except FitNotConverged:
         if prior is not None:
             raise
         weakly = replace(objective, prior=weak_prior(model))
-        found = replace(replace(plain, objective=weakly).solve(DAMPED_STEPS), damped=True)
+        found = replace(replace(plain, objective=weakly).solve(MAX_STEPS_WITH_PRIOR), damped=True)
     check_arm(found.rest, model.free)
     return found
 

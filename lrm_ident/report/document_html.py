@@ -11,6 +11,7 @@ from lrm_ident.report.document import Block, ListSection, ResultTable
 
 OPEN = 6
 """Lines of a list that are shown without unfolding it."""
+MOST_ROWS = 40  # of a table that is not folded
 
 
 def blocks_html(blocks: Iterable[Block]) -> str:
@@ -32,7 +33,9 @@ def table_html(table: ResultTable) -> str:
 
 def _block(block: Block) -> str:
     if isinstance(block, ResultTable):
-        return table_html(block)
+        rows = len(list(block.cells))
+        folded = f"<details><summary>{escape(block.title)}: {rows} rows</summary>{table_html(block)}</details>"
+        return folded if rows > MOST_ROWS else table_html(block)
     if isinstance(block, ListSection):
         return _list(block)
     tag = "h3" if isinstance(block, Text) and "bold" in str(block.style) else "p"

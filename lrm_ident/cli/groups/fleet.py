@@ -45,7 +45,7 @@ def fleet(
     parquet = table_parquet(found)
     if parquet is not None:
         write_bytes(results / "fleet.parquet", parquet)
-    write_text(results / "fleet.html", fleet_page(document, manifest.name))
+    write_text(results / "fleet.html", fleet_page(found, manifest.name))
     written = "models/, fleet.csv, fleet.html" + (", fleet.parquet" if parquet is not None else "")
     if isinstance(found.known, FleetKnowledge):
         source = f"{found.known.arms} arms of {manifest.name}, lrm-ident fleet"

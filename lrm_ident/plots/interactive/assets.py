@@ -7,14 +7,16 @@ is our own: Plotly's needs WebGL, which takes seconds to start where no graphics
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
 LIBRARY, STYLE = FOLDER / "plotly-basic.min.js", FOLDER / "figures.css"
-SCRIPTS = tuple(FOLDER / f"{name}.js" for name in ("scene_input", "scene", "arm_views", "figures"))
+SCRIPTS = tuple(FOLDER / f"{name}.js" for name in ("chart", "scene_input", "scene", "arm_views", "figures"))
 """In the order in which they are loaded; the library may come after them."""
+SCRIPTS_OF_FLEET = tuple(FOLDER / f"{name}.js" for name in ("chart", "fleet"))
 
 
-def scripts() -> str:
-    """All of our scripts, one after the other."""
-    return "\n".join(path.read_text(encoding="utf-8") for path in SCRIPTS)
+def text_of(scripts: Iterable[Path]) -> str:
+    """Scripts one after the other."""
+    return "\n".join(path.read_text(encoding="utf-8") for path in scripts)

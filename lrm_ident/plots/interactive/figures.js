@@ -3,29 +3,15 @@
 "use strict";
 const lrm = (() => {
   const BINS = 12, PAPER_RATIO = 3, AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
+  const { colour, layout, CONFIG } = lrmChart;
   const state = { values: null, step: 0, beside: null, joint: 0, driver: "", candidate: null, brushed: null, pose: null };
   const scenes = {};
   const place = (id) => document.getElementById("lrm-" + id);
   const emit = (name, value) => { if (window.lrmEmit) window.lrmEmit(name, value); };
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
   const words = (value, digits = 2) => value === null ? "–" : value.toFixed(digits);
   const norm = (v) => Math.hypot(v[0], v[1], v[2]);
 
   // ---- what the figures share
-
-  function layout(extra) {
-    const ink = colour("ink"), axis = { gridcolor: colour("grid"), zerolinecolor: colour("line"), automargin: true };
-    const base = {
-      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 12, family: "system-ui, sans-serif" },
-      margin: { l: 8, r: 8, t: 8, b: 8 }, showlegend: true, hovermode: "closest", dragmode: "select",
-      legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { size: 11 } }, uirevision: "kept",
-    };
-    const out = Object.assign(base, extra);
-    for (const key of ["xaxis", "yaxis"]) if (out[key]) out[key] = Object.assign({}, axis, out[key]);
-    return out;
-  }
-
-  const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["toImage", "sendDataToCloud"] };
 
   // Charts in view are drawn first, the others when there is nothing else to do; each in a task of its own, so that the
   // page answers in between.

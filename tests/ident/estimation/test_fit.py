@@ -206,7 +206,7 @@ def test_too_few_poses(lab: Arm) -> None:
 
 
 def test_a_fit_that_does_not_converge_says_so(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
-    for most in ("MAX_STEPS", "DAMPED_STEPS"):
+    for most in ("MAX_STEPS", "MAX_STEPS_WITH_PRIOR"):
         monkeypatch.setattr(f"lrm_ident.estimation.levenberg_marquardt.{most}", 2)
     truth, poses = random_truth(lab, 9), random_poses(9)
     data = measured(poses, equilibrium(truth, poses).tcp)

@@ -1,0 +1,96 @@
+"""What the figures of a fleet's page show, as plain JSON: rounded values in the units of the screen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lrm_ident.fleet.fleet_prior import FleetKnowledge
+from lrm_ident.fleet.fleet_report import FleetResult
+from lrm_ident.fleet.identify_arm import ArmRecord
+from lrm_ident.report.fit import screen_unit
+
+MOST_CAUSES = 3
+"""Causes that one arm's data cannot tell apart, of which the words name so many."""
+
+
+def fleet_figures(result: FleetResult) -> dict[str, Any]:
+    """Arms (errors in mm, effects, tags), effects with their rates, and every parameter of every arm."""
+    tags = list(dict.fromkeys(name for member in result.members for name, _ in member.tags))
+    arms = [
+        {
+            "name": record.name,
+            "tags": {tag: dict(member.tags).get(tag, "") for tag in tags},
+            "nominal": _rounded(record.nominal_rms_mm),
+            "held_out": _rounded(record.held_out_rms_mm),
+            "effects": [{"name": step[0], "sure": len(step) == 1, "words": _words(step)} for step in record.steps],
+        }
+        for member, record in zip(result.members, result.records, strict=True)
+    ]
+    parameters = _parameters(result)
+    return {
+        "arms": arms,
+        "tags": tags,
+        "effects": _effects(result.records, result.known),
+        "parameters": parameters,
+        "first_tag": next((link.tag for link in result.links), tags[0] if tags else ""),
+        "first_parameter": _first_parameter(result, [one["key"] for one in parameters]),
+    }
+
+
+def _effects(records: tuple[ArmRecord, ...], known: FleetKnowledge | str) -> list[dict[str, str]]:
+    """Every effect that some arm has, most frequent first, with its rate in percent and its 95 % interval."""
+    rates = {} if isinstance(known, str) else {one.name: one for one in known.rates}
+    count: dict[str, int] = {}
+    for record in records:
+        for step in record.steps:
+            count[step[0]] = count.get(step[0], 0) + 1
+    out = []
+    for name in sorted(count, key=lambda one: (-count[one], one)):
+        words = f"{name} (of {count[name]})"
+        if (rate := rates.get(name)) is not None:
+            words = f"{name}: {100 * rate.rate:.0f} % ({100 * rate.low:.0f} to {100 * rate.high:.0f})"
+        out.append({"name": name, "words": words})
+    return out
+
+
+def _parameters(result: FleetResult) -> list[dict[str, Any]]:
+    """Estimates and standard errors of every parameter, with the arms' mean and spread, for the screen."""
+    place = {record.name: number for number, record in enumerate(result.records)}
+    models = {key: one.model for one in result.estimates.values() for key in one.keys}
+    population = {} if isinstance(result.known, str) else {key: j for j, key in enumerate(result.known.keys)}
+    odd = {(one.key, one.arm) for one in result.outliers}
+    out = []
+    for key, model in models.items():
+        label, scale, unit = screen_unit(model, key)
+        scale *= model.parameters[model.position(key)].typical
+        have = [(name, one.keys.index(key), one) for name, one in result.estimates.items() if key in one.keys]
+        common = None if isinstance(result.known, str) or key not in population else result.known.population
+        out.append(
+            {
+                "key": key,
+                "label": label,
+                "unit": unit,
+                "arms": [place[name] for name, _, _ in have],
+                "value": [_rounded(one.mean[j] * scale) for _, j, one in have],
+                "error": [_rounded(one.covariance[j, j] ** 0.5 * scale) for _, j, one in have],
+                "mean": None if common is None else _rounded(common.mean[population[key]] * scale),
+                "spread": None if common is None else _rounded(common.spread[population[key]] * scale),
+                "outliers": [place[name] for name, _, _ in have if (key, name) in odd],
+            }
+        )
+    return out
+
+
+def _first_parameter(result: FleetResult, keys: list[str]) -> str:
+    """What stands out: an arm's parameter, one that goes with a tag, or the first compliance."""
+    notable = (*(one.key for one in result.outliers), *(link.what for link in result.links))
+    softness = (key for key in keys if key.startswith("compliance.joint"))
+    return next((key for key in (*notable, *softness, *keys) if key in keys), "")
+
+
+def _words(step: list[str]) -> str:
+    return " or ".join(step[:MOST_CAUSES]) + (" or …" if len(step) > MOST_CAUSES else "")
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.4g}")

@@ -1,0 +1,127 @@
+// The figures of a fleet's page, drawn with Plotly from the values of fleet_figures.py. In all of them a column is an arm.
+"use strict";
+const lrmFleet = (() => {
+  const { colour, layout, CONFIG } = lrmChart;
+  const LEVELS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#882255", "#999999"]; // Okabe & Ito 2008
+  const MOST_NAMES = 40, ROW_PX = 22;
+  const TICKS = [-3, -2, -1, 0, 1, 2].flatMap((p) => [1, 2, 5].map((k) => Number((k * 10 ** p).toPrecision(1))));
+  const place = (id) => document.getElementById("lrm-" + id);
+  const state = { values: null, tag: "", key: "", marked: null };
+
+  const levelOf = (arm) => (state.tag ? arm.tags[state.tag] || "(none)" : "all arms");
+  const levels = () => [...new Set(state.values.arms.map(levelOf))].sort();
+  const colourOf = (level) => LEVELS[levels().indexOf(level) % LEVELS.length];
+
+  // Numbers of the arms from left to right: by the chosen tag, then as in the manifest.
+  function order() {
+    const arms = state.values.arms, numbers = arms.map((_, number) => number);
+    return numbers.sort((a, b) => levelOf(arms[a]).localeCompare(levelOf(arms[b]), undefined, { numeric: true }) || a - b);
+  }
+
+  function columns(options) {
+    const sorted = order(), names = sorted.map((number) => state.values.arms[number].name);
+    const shapes = state.marked === null ? [] : [{ type: "line", x0: sorted.indexOf(state.marked), x1: sorted.indexOf(state.marked),
+      yref: "paper", y0: 0, y1: 1, line: { color: colour("accent"), width: 1 } }];
+    const few = names.length <= MOST_NAMES;
+    return layout(Object.assign({ dragmode: "zoom" }, options, {
+      shapes: [...(options.shapes || []), ...shapes],
+      xaxis: { range: [-0.7, names.length - 0.3], tickmode: "array", tickvals: few ? names.map((_, k) => k) : [], ticktext: names,
+        title: { text: few ? "" : "arms" + (state.tag ? ", sorted by " + state.tag : "") }, showgrid: false, zeroline: false },
+    }));
+  }
+
+  const about = (arm) => [`<b>${arm.name}</b>`, ...Object.entries(arm.tags).map(([name, level]) => `${name}: ${level || "(none)"}`),
+    `error ${arm.nominal === null ? "–" : arm.nominal + " → " + arm.held_out + " mm"}`, ...arm.effects.map((e) => e.words)].join("<br>");
+
+  function draw(id, traces, options) {
+    const element = place(id);
+    Plotly.react(element, traces, columns(options), CONFIG).then(() => {
+      if (element.dataset.wired) return;
+      element.dataset.wired = "yes";
+      element.on("plotly_click", (event) => mark(event.points[0].customdata));
+    });
+  }
+
+  // One trace for each level of the tag: `points` are [number of the arm, y, more].
+  function byLevel(points, marker, more = () => ({})) {
+    const at = new Map(order().map((number, column) => [number, column])), arms = state.values.arms;
+    return levels().map((level) => {
+      const own = points.filter(([number]) => levelOf(arms[number]) === level);
+      return Object.assign({ name: level, legendgroup: level, mode: "markers", x: own.map(([number]) => at.get(number)),
+        y: own.map(([, y]) => y), customdata: own.map(([number]) => number), hoverinfo: "text",
+        text: own.map(([number, , words]) => about(arms[number]) + (words ? "<br>" + words : "")),
+        marker: Object.assign({ color: colourOf(level) }, marker(own)) }, more(own));
+    }).filter((trace) => trace.x.length);
+  }
+
+  function drawErrors() {
+    const arms = state.values.arms, done = order().map((number, column) => [arms[number], column]).filter(([a]) => a.nominal !== null);
+    const lines = { x: done.flatMap(([, k]) => [k, k, null]), y: done.flatMap(([a]) => [a.nominal, a.held_out, null]), mode: "lines",
+      line: { color: colour("line"), width: 1 }, hoverinfo: "skip", showlegend: false };
+    const before = { x: done.map(([, k]) => k), y: done.map(([a]) => a.nominal), mode: "markers", name: "as drawn", hoverinfo: "skip",
+      marker: { color: colour("line"), symbol: "circle-open", size: 6 } };
+    const points = arms.flatMap((arm, number) => (arm.held_out === null ? [] : [[number, arm.held_out]]));
+    const after = byLevel(points, () => ({ size: 7 })).map((one) => ({ ...one, name: "identified, held out" + (state.tag ? ": " + one.name : "") }));
+    draw("errors", [lines, before, ...after], { yaxis: { type: "log", tickmode: "array", tickvals: TICKS, title: { text: "RMS error of the tip, mm" } } });
+  }
+
+  function drawEffects() {
+    const names = state.values.effects, box = place("effects");
+    box.style.height = `${90 + ROW_PX * Math.max(names.length, 2)}px`;
+    const row = new Map(names.map((one, k) => [one.name, k]));
+    const points = state.values.arms.flatMap((arm, number) => arm.effects.map((e) => [number, row.get(e.name), e.words, e.sure]));
+    const traces = byLevel(points, (own) => ({ size: 11, symbol: own.map((one) => (one[3] ? "square" : "square-open")) }));
+    draw("effects", traces, { showlegend: Boolean(state.tag), yaxis: { range: [names.length - 0.5, -0.5], tickmode: "array",
+      tickvals: names.map((_, k) => k), ticktext: names.map((one) => one.words), zeroline: false } });
+  }
+
+  function drawParameter() {
+    const one = state.values.parameters.find((p) => p.key === state.key);
+    if (!one) return;
+    const points = one.arms.map((number, k) => [number, one.value[k], `${one.value[k]} ± ${one.error[k]} ${one.unit}`, one.error[k]]);
+    const traces = byLevel(points, () => ({ size: 7 }), (own) => ({ error_y: { array: own.map((p) => p[3]), thickness: 1, width: 2 } }));
+    const across = { type: "line", xref: "paper", x0: 0, x1: 1, y0: one.mean, y1: one.mean, line: { color: colour("ink"), dash: "dot" } };
+    const band = { type: "rect", xref: "paper", x0: 0, x1: 1, y0: one.mean - one.spread, y1: one.mean + one.spread,
+      fillcolor: colour("bar"), line: { width: 0 }, layer: "below" };
+    const at = new Map(order().map((number, column) => [number, column]));
+    const named = one.outliers.map((number) => ({ x: at.get(number), y: one.value[one.arms.indexOf(number)],
+      text: state.values.arms[number].name, font: { color: colour("accent") }, arrowcolor: colour("accent"), ax: 28, ay: -18 }));
+    draw("parameter", traces, { showlegend: Boolean(state.tag), shapes: one.mean === null ? [] : [band, across], annotations: named,
+      yaxis: { title: { text: `${one.label}, ${one.unit}` } } });
+  }
+
+  function redraw() {
+    if (!state.values || !window.Plotly) return;
+    drawErrors();
+    drawEffects();
+    drawParameter();
+    place("marked").innerHTML = state.marked === null ? "" : about(state.values.arms[state.marked]);
+  }
+
+  function mark(number) {
+    state.marked = state.marked === number ? null : number;
+    redraw();
+  }
+
+  function choices(id, entries, chosen, then) {
+    const select = place(id);
+    for (const [value, words] of entries) select.add(new Option(words, value, false, value === chosen));
+    select.onchange = () => { then(select.value); redraw(); };
+  }
+
+  function show(values) {
+    Object.assign(state, { values, tag: values.first_tag, key: values.first_parameter });
+    choices("tag", [["", "as in the manifest"], ...values.tags.map((name) => [name, name])], state.tag, (name) => { state.tag = name; });
+    choices("key", values.parameters.map((p) => [p.key, p.label + (p.outliers.length ? " (an arm stands out)" : "")]), state.key,
+      (key) => { state.key = key; });
+    redraw();
+  }
+
+  function theme(name) {
+    document.documentElement.dataset.theme = name;
+    redraw();
+  }
+
+  return { show, theme, mark, state };
+})();
+window.lrmFleet = lrmFleet;
