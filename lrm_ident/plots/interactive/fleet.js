@@ -2,7 +2,7 @@
 "use strict";
 const lrmFleet = (() => {
   const { colour, layout, CONFIG } = lrmChart;
-  const LEVELS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#882255", "#999999"]; // Okabe & Ito 2008
+  const LEVELS = ["--model", "--held", "--good", "--accent", "#e69f00", "#999999", "#882255", "#8c6d31"];
   const MOST_NAMES = 40, ROW_PX = 22;
   const TICKS = [-3, -2, -1, 0, 1, 2].flatMap((p) => [1, 2, 5].map((k) => Number((k * 10 ** p).toPrecision(1))));
   const place = (id) => document.getElementById("lrm-" + id);
@@ -10,7 +10,10 @@ const lrmFleet = (() => {
 
   const levelOf = (arm) => (state.tag ? arm.tags[state.tag] || "(none)" : "all arms");
   const levels = () => [...new Set(state.values.arms.map(levelOf))].sort();
-  const colourOf = (level) => LEVELS[levels().indexOf(level) % LEVELS.length];
+  function colourOf(level) {
+    const found = LEVELS[levels().indexOf(level) % LEVELS.length];
+    return found.startsWith("--") ? colour(found.slice(2)) : found;
+  }
 
   // Numbers of the arms from left to right: by the chosen tag, then as in the manifest.
   function order() {

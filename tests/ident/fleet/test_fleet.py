@@ -22,6 +22,7 @@ from lrm_math.model.model import model_of
 from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import read_toml
 from tests.ident.fleet.conftest import ARM, ARMS, ODD, SOFT
+from tests.support.browser import SHOTS, BrowserLog, chromium
 from tests.support.commands import stderr_of, stdout_of
 
 
@@ -43,18 +44,46 @@ def test_manifest_and_its_faults(tmp_path: Path) -> None:
     assert "no such file" in stderr_of("fleet", tmp_path / "none.csv", "-o", tmp_path / "out")
 
 
-@pytest.mark.slow
-def test_fleet_from_manifest_to_prior(manifest: Path, tmp_path: Path) -> None:
-    """Through the command, in this process: the same numbers, without the seconds of starting others."""
-    out, found = tmp_path / "out", tmp_path / "fleet.json"
+@pytest.fixture(scope="module")
+def identified(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder that the command writes, and what it prints; in this process: no seconds of starting others."""
+    out = tmp_path_factory.mktemp("identified") / "out"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("lrm_ident.cli.groups.fleet.executor_for", lambda *_, **__: in_this_process())
-        text = stdout_of("fleet", manifest, "-o", out, "--json", found)
+        return out, stdout_of("fleet", manifest, "-o", out, "--json", out.with_name("fleet.json"))
+
+
+@pytest.mark.slow
+def test_the_page_in_a_browser(identified: tuple[Path, str]) -> None:
+    """Every figure is drawn; a click on an arm marks it, and another parameter shows who stands out."""
+    seen = BrowserLog()
+    with chromium() as browser:
+        page = browser.new_page()
+        seen.listen(page)
+        page.goto((identified[0] / "fleet.html").as_uri())
+        for figure in ("errors", "effects", "parameter"):
+            page.wait_for_selector(f"#lrm-{figure} .main-svg", state="attached")
+        assert page.input_value("#lrm-key") == SOFT
+        assert page.text_content("#lrm-parameter .annotation") == f"arm{ODD}"
+        page.evaluate(f"lrmFleet.mark({ODD})")
+        assert f"arm{ODD}" in page.inner_text("#lrm-marked")
+        page.select_option("#lrm-tag", "batch")
+        page.select_option("#lrm-key", "offsets.joint1.theta_rad")
+        assert "theta" in (page.text_content("#lrm-parameter .ytitle") or "")
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=SHOTS / "fleet.png", full_page=True)
+    assert not seen.errors, seen.errors
+    assert not seen.foreign("file:")
+
+
+@pytest.mark.slow
+def test_fleet_from_manifest_to_prior(manifest: Path, identified: tuple[Path, str]) -> None:
+    out, text = identified
     assert f"{ARMS} of {ARMS + 1} arms identified" in text
     assert "gone: " in text
     assert "no such file" in text
     assert f"arm{ODD}: joint1's compliance" in text
-    result = json.loads(found.read_text())
+    result = json.loads(out.with_name("fleet.json").read_text())
     assert {one["arm"] for one in result["outliers"]} == {f"arm{ODD}"}
     assert result["population"][SOFT]["arms"] == ARMS - 1
     low, high = result["population"][SOFT]["mean_interval"]
@@ -65,7 +94,7 @@ def test_fleet_from_manifest_to_prior(manifest: Path, tmp_path: Path) -> None:
     assert rows[-1]["reason"].endswith("no such file")
     page = (out / "fleet.html").read_text()
     assert "Arms unlike their sisters" in page
-    assert "https:" not in page
+    assert 'src="http' not in page.split("<script>/**")[0]
     prior = read_toml(out / "prior.toml", PriorFile)
     known = prior.parameters[SOFT]
     assert abs(known.mean - 0.02) < 3 * known.sd < 0.02
