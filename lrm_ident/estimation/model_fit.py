@@ -41,7 +41,7 @@ def fit_model(
 
     Args:
         parameters: 'identifiable', 'option1' to 'option5' of the thesis, or names and patterns by commas. With a prior,
-            'identifiable' means all: the prior determines what the data do not.
+            'identifiable' means all that it names: the prior determines what the data do not.
         unbounded: whether values are allowed that physics forbids, such as negative compliances.
 
     Raises `LrmError`: unknown parameters, too few poses, no convergence, or nothing that these poses can tell.
@@ -59,10 +59,11 @@ def _fit_named(
     if parameters != "identifiable":
         named = select_parameters(model, parameters)
         keys = (*named, *(key for key in model.free if key.startswith("anchor.") and key not in named))
-    else:
+    elif prior is None:
         keys = tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
-        if prior is None:
-            return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
+        return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
+    else:
+        keys = prior.keys
     free = replace(model, free=keys)
     return IdentifiedFit(fit(free, data, fit_bounds(free, unbounded), loss, prior), ())
 

@@ -126,7 +126,7 @@ def shipped_priors() -> dict[str, Path]:
 
 
 def load_prior(name_or_path: str, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:
-    """The prior of all parameters of a model that can be fitted (not the shape parameters).
+    """The prior of all parameters of a model that can be fitted (see `to_prior`).
 
     Raises `FileError`: no such prior, a fault in its file, or a key that fits no parameter of any effect on this arm.
     """
@@ -144,14 +144,18 @@ def _prior_path(name_or_path: str) -> Path:
 
 
 def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:
-    """Applies the patterns of a prior file to the parameters of a model; SI units. Raises `FileError`."""
+    """Applies a prior file to the parameters of a model; SI units. Raises `FileError`.
+
+    Patterns mean all parameters but shapes; a shape parameter has a prior where the file has its whole key.
+    """
     known = set(model.keys) | _possible_keys(model.arm, (*catalogue, *FORMS))
     for pattern in file.parameters:
         if not any(fnmatchcase(key, pattern) for key in known):
             raise FileError(
                 path, "parameters", f"'{pattern}' fits no parameter", name_suggestion(pattern, sorted(known))
             )
-    named = [(key, p) for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None]
+    named = [(key, p) for key, p in zip(model.keys, model.parameters, strict=True)]
+    named = [(key, p) for key, p in named if p.fixed is None or key in file.parameters]
     means, sds = np.array([_gaussian(file, key, parameter) for key, parameter in named]).T
     keys = tuple(key for key, _ in named)
     return Prior(file.name, keys, means, _correlations(path, file, keys) * np.outer(sds, sds))

@@ -156,8 +156,9 @@ def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
 
 
 def fittable_keys(model: Model) -> tuple[str, ...]:
-    """Keys of all parameters but the shape parameters."""
-    return tuple(key for key, known in zip(model.keys, model.parameters, strict=True) if known.fixed is None)
+    """Keys of all parameters but constants. A shape (the torque that takes up a play) is fitted with the others: its
+    one arm may hardly determine it, but its sisters have the same."""
+    return tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None or p.scan)
 
 
 def _tested(run: AutoRun) -> list[str]:

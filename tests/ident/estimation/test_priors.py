@@ -15,7 +15,8 @@ from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.levenberg_marquardt import Fit, fit, no_bounds
-from lrm_ident.estimation.loss import loss_named
+from lrm_ident.estimation.loss import SQUARED, loss_named
+from lrm_ident.estimation.model_fit import fit_model
 from lrm_ident.estimation.parameter_sets import select_parameters
 from lrm_ident.estimation.priors import Prior, PriorFile, load_prior, shipped_priors, to_prior
 from lrm_math.arm.arm import Arm
@@ -217,6 +218,20 @@ def test_the_last_pattern_that_matches_holds(whole: Model) -> None:
     assert prior.sd_of([untouched])[0] == whole.parameters[whole.position(untouched)].typical
     with pytest.raises(UnknownName):
         prior.mean_of(["drift.joint2.A_rad"])
+
+
+def test_a_shape_is_fitted_where_the_prior_has_its_whole_key(lab: Arm) -> None:
+    """Data that say little of it leave it at the prior's mean; a pattern leaves it where it was."""
+    names = ("offsets", "compliance", "backlash@joint2")
+    model = model_of(lab, [effect for name in names for effect in effects_at(lab, name)])
+    shape, data = "backlash.joint2.tau0_Nm", measured(7, 60)
+    named = to_prior(Path("mine"), prior_file({shape: {"mean": 0.05, "sd": 1e-4}}), model)
+    pattern = to_prior(Path("mine"), prior_file({"backlash.*": {"sd": 0.01}}), model)
+    assert (shape in named.keys, shape in pattern.keys) == (True, False)
+    values = [
+        fit_model(model, data, "identifiable", SQUARED, prior=one).fit.model.value(shape) for one in (named, pattern)
+    ]
+    assert values == [pytest.approx(0.05, abs=3e-4), model.value(shape)]
 
 
 JOINT2, JOINT3 = (f"compliance.joint{number}.k_rad_per_Nm" for number in (2, 3))
