@@ -6,7 +6,6 @@ part of the arms that has each effect, and the intervals of all of them.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +18,12 @@ from lrm_ident.estimation.priors import WEAK_SD, EffectRateTable, GaussianTable,
 from lrm_ident.fleet.effect_rates import EffectRate, effect_rates
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.population import ArmEvidence, Population, fit_population
+from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import covariance_table, to_covariance
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import ModelFile, arm_of, to_model
-from lrm_math.toml_file import validate
+from lrm_math.model.model_file import ModelFile, to_model
 
 FEWEST_ARMS = 3
 RARE = 0.005  # rate below which an effect that no arm has is not listed
@@ -59,12 +58,15 @@ class FleetKnowledge:
     arms: int
 
 
-def arm_estimates(record: ArmRecord, models: Path) -> ArmEstimates:
-    """An arm's estimates with the weak prior. `models`: folder that the paths of arm files are relative to."""
-    file = validate(models / f"{record.name}.toml", tomllib.loads(record.evidence), ModelFile)
-    model = to_model(models, file, arm_of(models / f"{record.name}.toml", file.arm))
+def arm_estimates(name: str, evidence: ModelFile, arm: Arm) -> ArmEstimates:
+    """An arm's estimates with the weak prior. Raises `LrmError`.
+
+    Args:
+        evidence: of the arm called `name` (`evidence_of`). arm: the description that the evidence names.
+    """
+    file, model = evidence, to_model(Path(name), evidence, arm)
     if file.covariance is None:
-        raise LrmError(f"{record.name}: the fit has no covariance")
+        raise LrmError(f"{name}: the fit has no covariance")
     known = to_covariance(file.covariance, file.sigma, model)
     typical = np.array([model.parameters[model.position(key)].typical for key in known.keys])
     mean = np.array([model.value(key) for key in known.keys]) / typical

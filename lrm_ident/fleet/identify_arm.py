@@ -64,14 +64,14 @@ class ArmTask:
 
 
 class ArmRecord(StrictSchema):
-    """What is known of one arm, schema `lrm/fleet-arm/1`: the file of its result.
+    """What is known of one arm, schema `lrm/fleet-arm/2`: the file of its result.
 
     `reason`: why there is no model, "" if there is one; all that follows is then empty. `steps`: of `auto`, each with
     the causes that it can stand for. `tested`: the effects that its poses could show. `evidence`: the model file of the
     fit of all parameters with the prior `vague`. `seconds`: that it took on its worker.
     """
 
-    schema_: Literal["lrm/fleet-arm/1"] = Field("lrm/fleet-arm/1", alias="schema")
+    schema_: Literal["lrm/fleet-arm/2"] = Field("lrm/fleet-arm/2", alias="schema")
     name: str
     sha256: str
     reason: str = ""
@@ -86,7 +86,7 @@ class ArmRecord(StrictSchema):
     fit_rms_mm: float | None = None
     held_out_rms_mm: float | None = None
     model: str = ""
-    evidence: str = ""
+    evidence: ModelFile | None = None
 
     def as_json(self) -> dict[str, object]:
         """Plain values, the schema first."""
@@ -137,7 +137,7 @@ def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
         fit_rms_mm=error_stats(last.fit.residual).rms * 1e3,
         held_out_rms_mm=error_stats(last.held_out).rms * 1e3,
         model=model_text(final),
-        evidence=model_text(evidence_of(run.model, last.data, task.stored_arm)),
+        evidence=evidence_of(run.model, last.data, task.stored_arm),
     )
 
 
@@ -152,7 +152,8 @@ def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
     plain = np.array([key.partition(".")[0] in DEFAULT_EFFECTS for key in whole.free])
     bounds = Bounds(np.where(plain, -np.inf, signed.lower), np.where(plain, np.inf, signed.upper))
     result = fit(whole, data, bounds, prior=weak_prior(whole))
-    return model_file(result, data, HeldOutResidual(None), arm_name, "fit --prior vague", "squared", prior=WEAK)
+    file = model_file(result, data, HeldOutResidual(None), arm_name, "fit --prior vague", "squared", prior=WEAK)
+    return file.model_copy(update={"history": [], "provenance": None})
 
 
 def fittable_keys(model: Model) -> tuple[str, ...]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 from lrm_ident.fleet.fleet_findings import outliers, tag_associations
-from lrm_ident.fleet.fleet_prior import FleetKnowledge, arm_estimates, fleet_knowledge
+from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge, arm_estimates, fleet_knowledge
 from lrm_ident.fleet.fleet_report import FleetResult
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_math.errors import LrmError
+from lrm_math.model.model_file import arm_of
 
 
 def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], models: Path) -> FleetResult:
@@ -19,8 +21,12 @@ def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], m
     Args:
         models: folder of the model files.
     """
-    done = [(member, record) for member, record in zip(members, records, strict=True) if not record.reason]
-    estimates = [arm_estimates(record, models) for _, record in done]
+    arm_named = cache(lambda name: arm_of(models / "NAME.toml", name))
+    done, estimates = list[tuple[FleetMember, ArmRecord]](), list[ArmEstimates]()
+    for member, record in zip(members, records, strict=True):
+        if record.evidence is not None:
+            done.append((member, record))
+            estimates.append(arm_estimates(record.name, record.evidence, arm_named(record.evidence.arm)))
     found = outliers([record for _, record in done], estimates)
     odd = {one.arm for one in found}
     kept = [number for number, (_, record) in enumerate(done) if record.name not in odd]

@@ -16,7 +16,6 @@ import numpy as np
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.loss import SQUARED
 from lrm_ident.estimation.model_fit import fit_model, nominal_model
-from lrm_ident.estimation.model_history import model_text
 from lrm_ident.estimation.priors import PriorFile, to_prior
 from lrm_ident.fleet.fleet_prior import arm_estimates, fleet_knowledge, prior_file
 from lrm_ident.fleet.identify_arm import ArmRecord, evidence_of
@@ -54,11 +53,12 @@ def _data(arm: ArmOfKind, poses: int, folder: Path) -> Measurements:
 
 def _prior(sisters: Sequence[ArmOfKind], folder: Path) -> PriorFile:
     """The prior that arms make of which nothing but offsets and compliances is known, as `lrm-ident fleet` makes it."""
-    start, records = nominal_model(load_arm(ARM)), list[ArmRecord]()
-    for arm in sisters:
-        evidence = model_text(evidence_of(start, _data(arm, FEW, folder), ARM))
-        records.append(ArmRecord(name=arm.name, sha256="made", evidence=evidence))
-    estimates = [arm_estimates(record, folder) for record in records]
+    described = load_arm(ARM)
+    start = nominal_model(described)
+    estimates = [
+        arm_estimates(arm.name, evidence_of(start, _data(arm, FEW, folder), ARM), described) for arm in sisters
+    ]
+    records = [ArmRecord(name=arm.name, sha256="made") for arm in sisters]
     return prior_file(fleet_knowledge(records, estimates), "simulated fleet", "validation.fleet.fits_only")
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.estimation.model_history import model_text
 from lrm_ident.fleet.fleet_report import FleetResult
 from lrm_ident.fleet.identify_arm import ArmRecord, evidence_of
 from lrm_ident.fleet.manifest import FleetMember
@@ -38,9 +37,9 @@ def fleet(softer: float, folder: Path) -> FleetResult:
         tcp = rest.tcp + rng.normal(0, 3e-4, (POSES, 3))
         data = Measurements(rest.poses, pose, tcp, None, None, pose, Path("made.csv"), "", arm=arm)
         name, tags = f"arm{number}", (("batch", "AB"[second]), ("screwdriver", "xy"[number // 2 % 2]))
-        evidence = model_text(evidence_of(model_of(arm, effects), data, ARM))
+        evidence = evidence_of(model_of(arm, effects), data, ARM)
         members.append(FleetMember(name, Path(f"{name}.csv"), ARM, tags))
-        records.append(ArmRecord(name=name, sha256="made", poses=POSES, evidence=evidence, model=evidence))
+        records.append(ArmRecord(name=name, sha256="made", poses=POSES, evidence=evidence))
     return fleet_result(members, records, folder)
 
 
