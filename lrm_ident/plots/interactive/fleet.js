@@ -70,6 +70,10 @@ const lrmFleet = (() => {
 
   function drawEffects() {
     const names = state.values.effects, box = place("effects");
+    if (!names.length) {
+      box.textContent = "No arm has an effect beyond the plain model.";
+      return;
+    }
     box.style.height = `${90 + ROW_PX * Math.max(names.length, 2)}px`;
     const row = new Map(names.map((one, k) => [one.name, k]));
     const points = state.values.arms.flatMap((arm, number) => arm.effects.map((e) => [number, row.get(e.name), e.words, e.sure]));

@@ -61,8 +61,9 @@ def test_the_page_in_a_browser(identified: tuple[Path, str]) -> None:
         page = browser.new_page()
         seen.listen(page)
         page.goto((identified[0] / "fleet.html").as_uri())
-        for figure in ("errors", "effects", "parameter"):
+        for figure in ("errors", "parameter"):
             page.wait_for_selector(f"#lrm-{figure} .main-svg", state="attached")
+        assert "No arm has an effect" in page.inner_text("#lrm-effects")
         assert page.input_value("#lrm-key") == SOFT
         assert page.text_content("#lrm-parameter .annotation") == f"arm{ODD}"
         page.evaluate(f"lrmFleet.mark({ODD})")
