@@ -193,9 +193,16 @@ def step_document(effect: str, free: int, before: ErrorSummary, fit: Fit, after:
 
 
 def course_document(
-    course: AutoRun, report: DiagnosisReport, held_out: HeldOutResidual, nested: HeldOutResidual
+    course: AutoRun,
+    report: DiagnosisReport,
+    held_out: HeldOutResidual,
+    nested: HeldOutResidual,
+    with_prior: ErrorSummary | None,
 ) -> Document:
-    """Result of `lrm-ident auto`, schema `lrm/course/1`: the nested held-out error and the last diagnosis."""
+    """Result of `lrm-ident auto`, schema `lrm/course/1`: the nested held-out error and the last diagnosis.
+
+    with_prior: errors of the last fit, together with a prior, if there was one.
+    """
     what = "Held out, effects chosen anew in every fold (nested):"
     last: Block = f"{what} none, because {nested.reason}"
     if nested.error is not None:
@@ -216,6 +223,7 @@ def course_document(
         **left_values(report.left),
         "held_out_effects_fixed": held_out.error,
         "held_out": nested.error,
+        **({} if with_prior is None else {"with_prior": with_prior}),
     }
     return Document([last, *diagnosis_document(report).blocks], "lrm/course/1", values)
 

@@ -28,6 +28,7 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile
 
+WITH_PRIOR = "with the prior "  # name of the step
 NamedProgress = Callable[[str], OnProgress]
 """Called with what is being done; gives the callback of its progress."""
 
@@ -82,13 +83,19 @@ def auto_files(inputs: ModelInputs, steps: Iterable[AutoStep]) -> Iterator[Model
 
 def prior_step(
     file: ModelFile, model: Model, data: Measurements, prior: str, catalogue: Catalogue, loss: Loss
-) -> ModelFile:
-    """The file with one more step: all parameters fitted together with a prior (name or path). Raises `LrmError`."""
+) -> tuple[ModelFile, ErrorSummary]:
+    """The file with one more step, all parameters fitted together with a prior (name or path), and its errors.
+
+    Raises `LrmError`.
+    """
     known = load_prior(prior, model, catalogue)
     result = fit_model(model, data, "identifiable", loss, prior=known).fit
     left = try_held_out(result.model, data, loss=loss, prior=known)
-    where = prior_name_for(prior)
-    return model_file(result, data, left, file.arm, f"with the prior {known.name}", loss.name, file.history, where)
+    errors, step = (
+        ErrorSummary(nominal_error(model.arm, data), error_stats(result.residual), left),
+        WITH_PRIOR + known.name,
+    )
+    return model_file(result, data, left, file.arm, step, loss.name, file.history, prior_name_for(prior)), errors
 
 
 def error_of(model: Model, data: Measurements) -> ErrorStats:

@@ -192,5 +192,6 @@ def test_rates_of_a_prior_file_reach_diagnose_and_auto(manifest: Path, tmp_path:
     assert plain == weighed
     assert "no such prior" in stderr_of("diagnose", model, data, "--prior", "none")
     better = tmp_path / "better.toml"
-    stdout_of("auto", model, data, "--no-nested", "--max-effects", 1, "--prior", path, "-o", better)
+    said = stdout_of("auto", model, data, "--no-nested", "--max-effects", 1, "--prior", path, "-o", better)
+    assert "Then with the prior x: all" in said
     assert read_toml(better, ModelFile).history[-1].step == "with the prior x"
