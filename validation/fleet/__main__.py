@@ -115,7 +115,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--arms", type=int, default=12, help="arms in all")
     parser.add_argument("--share", type=float, default=2 / 3, help="part of them that is the fleet")
     parser.add_argument("--seed", type=int, default=1, help="of the kind and its arms")
-    parser.add_argument("--own", type=float, default=1.0, help="factor of the errors that differ from arm to arm")
+    parser.add_argument("--own", type=float, default=0.03, help="factor of the errors that differ from arm to arm")
     parser.add_argument("--jobs", type=int, default=2, help="worker processes of this machine")
     parser.add_argument("--cluster", help="address of a Dask scheduler, or its scheduler file")
     return parser.parse_args()
