@@ -20,6 +20,7 @@ from lrm_ident.fleet.effect_rates import EffectRate
 from lrm_ident.fleet.fleet_prior import ArmEstimates
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
+from lrm_math.arrays import Array
 
 FEWEST_SISTERS, FEWEST_OF_A_LEVEL = 4, 2
 MOST_LEVELS = 8
@@ -100,26 +101,39 @@ def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) ->
     found = []
     for key, rows in known.items():
         while len(rows) > FEWEST_SISTERS:
-            far = max((_distance(row, rows) for row in rows), key=lambda one: one[0])
-            distance, row, middle, spread = far
-            if 2.0 * float(stdtr(len(rows) - 2, -distance)) * tests > SIGNIFICANCE:
+            distances, middles, spreads = _leave_one_out(rows)
+            far = int(distances.argmax())
+            if 2.0 * float(stdtr(len(rows) - 2, -distances[far])) * tests > SIGNIFICANCE:
                 break
-            rows = [other for other in rows if other is not row]
-            parameter = estimates[row[0]].model.parameters[estimates[row[0]].model.position(key)]
+            arm, value, _ = rows.pop(far)
+            parameter = estimates[arm].model.parameters[estimates[arm].model.position(key)]
             scale = parameter.typical / parameter.si
-            numbers = row[1] * scale, middle * scale, spread * scale
-            found.append(FleetOutlier(records[row[0]].name, key, *numbers, distance))
+            numbers = value * scale, float(middles[far]) * scale, float(spreads[far]) * scale
+            found.append(FleetOutlier(records[arm].name, key, *numbers, float(distances[far])))
     return tuple(sorted(found, key=lambda one: -one.distance))
 
 
-def _distance(row: Estimated, rows: Sequence[Estimated]) -> tuple[float, Estimated, float, float]:
-    """Studentised distance from the others, with their mean and standard deviation."""
-    others = [other for other in rows if other is not row]
-    values, errors = (np.array([other[k] for other in others]) for k in (1, 2))
-    middle, spread = float(values.mean()), float(values.std(ddof=1))
-    more = max(0.0, row[2] ** 2 - float(np.median(errors)) ** 2)
-    sd = float(np.sqrt(spread**2 * (1.0 + 1.0 / len(others)) + more))
-    return abs(row[1] - middle) / max(sd, 1e-12), row, middle, spread
+def _leave_one_out(rows: Sequence[Estimated]) -> tuple[Array, Array, Array]:
+    """Of each row (n,): its studentised distance from the others, their mean and their standard deviation."""
+    values, errors = (np.array([row[k] for row in rows]) for k in (1, 2))
+    others = len(rows) - 1
+    apart = values - values.mean()
+    middle = values.mean() - apart / others
+    squares = (apart**2).sum() - apart**2 * (1.0 + 1.0 / others)
+    spread = np.sqrt(np.maximum(squares, 0.0) / (others - 1))
+    more = np.maximum(0.0, errors**2 - _medians_of_others(errors) ** 2)
+    sd = np.sqrt(spread**2 * (1.0 + 1.0 / others) + more)
+    return np.abs(values - middle) / np.maximum(sd, 1e-12), middle, spread
+
+
+def _medians_of_others(values: Array) -> Array:
+    """(n,), of each value the median of all others."""
+    order = np.argsort(values)
+    ranks, ordered = np.empty(len(values), dtype=np.int64), values[order]
+    ranks[order] = np.arange(len(values))
+    lower, upper = (len(values) - 2) // 2, (len(values) - 1) // 2
+    below, above = (np.where(rank < ranks, ordered[rank], ordered[rank + 1]) for rank in (lower, upper))
+    return np.asarray(0.5 * (below + above))
 
 
 def _by_key(estimates: Sequence[ArmEstimates]) -> dict[str, list[Estimated]]:

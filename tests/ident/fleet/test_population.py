@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lrm_ident.diagnosis.forward_selection import forward_select
 from lrm_ident.diagnosis.linearised_fit import linearise
 from lrm_ident.estimation.priors import EffectRates
+from lrm_ident.fleet import fleet_findings
 from lrm_ident.fleet.effect_rates import effect_rates
 from lrm_ident.fleet.population import ArmEvidence, fit_population
 from lrm_ident.progress import silent
@@ -118,3 +121,18 @@ def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well
     assert forward_select(ranked, linear, silent, weights)[0] is strong
     even = dict.fromkeys(weights, 1.0)
     assert forward_select(ranked, linear, silent, even)[0] is weak
+
+
+@given(st.lists(st.floats(-10.0, 10.0), min_size=4, max_size=12), st.integers(0, 1000))
+def test_leaving_one_out_is_as_leaving_it_out(values: list[float], seed: int) -> None:
+    errors = np.random.default_rng(seed).uniform(0.1, 1.0, len(values))
+    rows = [(k, value, float(error)) for k, (value, error) in enumerate(zip(values, errors, strict=True))]
+    _, middles, spreads = fleet_findings._leave_one_out(rows)
+    medians = fleet_findings._medians_of_others(errors)
+    for k in range(len(rows)):
+        rest = np.delete(values, k)
+        assert (middles[k], spreads[k]) == (
+            pytest.approx(rest.mean(), abs=1e-9),
+            pytest.approx(rest.std(ddof=1), abs=1e-6),
+        )
+        assert medians[k] == pytest.approx(np.median(np.delete(errors, k)))
