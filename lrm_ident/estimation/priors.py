@@ -154,8 +154,8 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
             raise FileError(
                 path, "parameters", f"'{pattern}' fits no parameter", name_suggestion(pattern, sorted(known))
             )
-    named = [(key, p) for key, p in zip(model.keys, model.parameters, strict=True)]
-    named = [(key, p) for key, p in named if p.fixed is None or key in file.parameters]
+    every = zip(model.keys, model.parameters, strict=True)
+    named = [(key, p) for key, p in every if p.fixed is None or key in file.parameters]
     means, sds = np.array([_gaussian(file, key, parameter) for key, parameter in named]).T
     keys = tuple(key for key, _ in named)
     return Prior(file.name, keys, means, _correlations(path, file, keys) * np.outer(sds, sds))

@@ -22,7 +22,7 @@ from lrmd.link.protocol import BoardStatus, ErrorCode
 from lrmd.sim.board import SIMULATED, SimulatedBoard
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from tests.soak.fuzz_link import damaged, random_frame, random_string
-from tests.support.firmware_board import BOOT, FIRMWARE, MS, FakeI2cBus, FirmwareBoard, firmware_module
+from tests.support.daemon.firmware_board import BOOT, FIRMWARE, MS, FakeI2cBus, FirmwareBoard, firmware_module
 
 DOCUMENT = FIRMWARE.parent / "docs" / "protocol.md"
 ERRORS = {BadFrameReason.COBS: 1, BadFrameReason.LENGTH: 1, BadFrameReason.CRC: 2, BadFrameReason.TOO_LONG: 7}

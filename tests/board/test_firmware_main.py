@@ -12,7 +12,7 @@ import pytest
 
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, encode
-from tests.support.firmware_board import FIRMWARE, MS, FakeI2cBus, firmware_module
+from tests.support.daemon.firmware_board import FIRMWARE, MS, FakeI2cBus, firmware_module
 
 
 class Pico:

@@ -11,7 +11,7 @@ from lrm_math.errors import LrmError
 from lrmd.config import load_config
 from lrmd.main import main
 from tests.conftest import TABLE_B2
-from tests.support.in_memory_daemon import CONFIG
+from tests.support.daemon.in_memory_daemon import CONFIG
 
 SHIPPED = CONFIG.read_text(encoding="utf-8")
 

@@ -13,7 +13,7 @@ from lrmd.config import load_config
 from lrmd.control.state_machine import TABLE, Mode, Trigger
 from lrmd.safety.thermal_model import ThermalModel
 from tests.conftest import ROOT
-from tests.support.in_memory_daemon import CONFIG
+from tests.support.daemon.in_memory_daemon import CONFIG
 
 TEXT = (ROOT / "docs" / "daemon.md").read_text(encoding="utf-8")
 

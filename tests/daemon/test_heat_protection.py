@@ -29,7 +29,7 @@ from lrmd.messages.control import (
 from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.safety.thermal_model import gravity_torques
-from tests.support.in_memory_daemon import CONFIG, CYCLE, WALL, SimulatedDaemon
+from tests.support.daemon.in_memory_daemon import CONFIG, CYCLE, WALL, SimulatedDaemon
 
 SECOND = 1_000_000_000
 TIME_CONSTANT = 10.0

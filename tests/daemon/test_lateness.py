@@ -14,8 +14,8 @@ from lrmd.config import load_config
 from lrmd.messages.codec import MessageError, pack, unpack
 from lrmd.messages.control import MetricsState
 from lrmd.ramp.shared_memory import BUCKET_NS, BUCKETS
-from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
-from tests.support.in_memory_zenoh import InMemoryDaemon
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
 
 LATENESS = st.integers(0, 3_000_000) | st.integers(0, 200_000) | st.sampled_from([0, 4999, 5000, 2_554_999, 2_555_000])
 """ns"""

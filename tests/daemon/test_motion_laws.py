@@ -25,7 +25,7 @@ from lrmd.messages.control import (
     ResetRequest,
 )
 from lrmd.ramp.shared_memory import LinkState
-from tests.support.in_memory_daemon import SimulatedDaemon, config_at
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 
 SECOND = 1_000_000_000
 TICK = 6_500_000

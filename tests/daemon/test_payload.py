@@ -21,7 +21,7 @@ from lrmd.ik.planner import JointPath, Planner
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest
 from lrmd.safety.collision_guard import guard_of
 from tests.conftest import TABLE_B2
-from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 
 HEAVY = 0.5
 ABOVE = {"joint1": 0.57, "joint2": 1.15, "joint3": -0.75, "joint4": -0.14, "joint5": -0.76, "joint6": -1.12}

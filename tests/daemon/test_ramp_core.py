@@ -19,7 +19,7 @@ from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampFault, RampOrder
 from lrmd.ramp.stepping import Pace
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.pca9685_chip import Pca9685Chip
-from tests.support.in_memory_daemon import CONFIG
+from tests.support.daemon.in_memory_daemon import CONFIG
 
 TICK = 6_500_000
 N = 9

@@ -19,7 +19,7 @@ from lrmd.messages.control import ArmRequest, LeaseRequest
 from lrmd.persistence import state_file
 from lrmd.persistence.arm_identity import arm_identity, of_this_arm
 from lrmd.persistence.state_file import StoredState
-from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 
 MS = 1_000_000
 NAMES = st.text(min_size=1, max_size=12)

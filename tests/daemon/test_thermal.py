@@ -13,7 +13,7 @@ from lrmd.errors import RequestError
 from lrmd.persistence.state_file import StoredState
 from lrmd.safety.thermal_model import ThermalLevel, ThermalModel
 from lrmd.safety.thermal_monitor import ThermalMonitor
-from tests.support.in_memory_daemon import CONFIG
+from tests.support.daemon.in_memory_daemon import CONFIG
 
 SECOND = 1_000_000_000
 MODEL = ThermalModel.of(load_config(CONFIG))

@@ -24,7 +24,7 @@ from lrm_math.ik.kernel import shared_library
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.support.commands import part_of_example
-from tests.support.daemon_process import free_port
+from tests.support.daemon.daemon_process import free_port
 
 PIP = ("install", "--quiet", "--disable-pip-version-check", "--no-index", "-c", ROOT / "constraints.txt")
 READY = 60.0

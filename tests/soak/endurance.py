@@ -24,7 +24,7 @@ from lrm_math.errors import LrmError
 from lrmd.control.state_machine import STATIONARY, Mode
 from lrmd.messages.codec import Message
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest, RelaxRequest, ResetRequest
-from tests.support.in_memory_daemon import SimulatedDaemon, config_at
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 
 SECOND = 1_000_000_000
 RENEW = 20

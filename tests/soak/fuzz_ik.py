@@ -23,7 +23,7 @@ from lrmd.messages.kinematics import IkReply, IkRequest
 from tests.soak.fuzz_ik_checks import AnsweredGoal, CommandErrors, check
 from tests.soak.fuzz_ik_queries import CORRUPTIONS, ServiceUnderTest, damaged, random_requests, random_service
 from tests.soak.fuzz_result import FuzzResult
-from tests.support.in_memory_daemon import CONFIG
+from tests.support.daemon.in_memory_daemon import CONFIG
 
 QUERIES = 20_000
 BLOCK = 1000

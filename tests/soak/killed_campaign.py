@@ -22,8 +22,8 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.tracker.udp import UdpTracker
 from lrm_math.arm.arm_file import load_arm
 from lrmd.client import Rover
-from tests.support.daemon_process import DaemonSetup, running_daemon, wait_for
-from tests.support.tracker_of_board import tracker_of
+from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.tracker_of_board import tracker_of
 
 START = (0.0, -60.0, 0.0, 0.0, 0.0, 0.0)
 LATEST_S = 8.0

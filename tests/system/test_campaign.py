@@ -11,8 +11,8 @@ import numpy as np
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.tracker.udp import UdpTracker
 from lrm_math.arm.arm_file import load_arm
-from tests.support.daemon_process import DaemonSetup, running_daemon, wait_for
-from tests.support.tracker_of_board import tracker_of
+from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.tracker_of_board import tracker_of
 
 POSES = 5
 HEAD = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"

@@ -24,8 +24,8 @@ from lrmd.messages.codec import pack
 from lrmd.messages.control import Event, JointsState, LeaseRequest, MoveRequest
 from lrmd.messages.zenoh_session import client
 from lrmd.persistence.state_file import load
-from tests.support.daemon_harness import DaemonHarness, connected
-from tests.support.daemon_process import (
+from tests.support.daemon.daemon_harness import DaemonHarness, connected
+from tests.support.daemon.daemon_process import (
     SECOND,
     BoardProcess,
     DaemonProcess,
@@ -34,8 +34,8 @@ from tests.support.daemon_process import (
     is_alive,
     wait_for,
 )
+from tests.support.daemon.pulse_invariants import read_frames
 from tests.support.full_disk import full_disk
-from tests.support.pulse_invariants import read_frames
 
 FAR = {"joint1": 1.5}
 """Half a minute away from `HOME`."""

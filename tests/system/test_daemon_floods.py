@@ -17,8 +17,8 @@ from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
 from lrmd.messages.zenoh_session import client
 from lrmd.persistence import state_file
 from lrmd.persistence.state_file import StoredState
-from tests.support.daemon_harness import DaemonHarness, connected
-from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
+from tests.support.daemon.daemon_harness import DaemonHarness, connected
+from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
 
 BAD_MESSAGES, TAKES = 600, 400
 

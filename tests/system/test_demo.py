@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.support.daemon_process import wait_for
+from tests.support.daemon.daemon_process import wait_for
 
 
 def test_the_demo_shows_the_daemon_at_work_and_leaves_nothing_behind(tmp_path: Path) -> None:

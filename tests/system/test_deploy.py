@@ -11,7 +11,7 @@ import pytest
 from lrmd.cli import app
 from lrmd.client import GoalEntry, IkRequest, NoReply, RequestRefused, Rover
 from tests.conftest import ROOT
-from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, running_daemon, wait_for
 
 MODEL = (ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml").read_text(encoding="utf-8")
 OTHER = MODEL + "\n# another file of the same model\n"

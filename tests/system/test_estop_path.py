@@ -16,8 +16,8 @@ from lrm_math.errors import LrmError
 from lrmd.messages.codec import pack
 from lrmd.messages.control import EstopCommand
 from lrmd.messages.zenoh_session import client
-from tests.support.daemon_harness import DaemonHarness, connected
-from tests.support.daemon_process import BoardProcess, DaemonSetup, wait_for
+from tests.support.daemon.daemon_harness import DaemonHarness, connected
+from tests.support.daemon.daemon_process import BoardProcess, DaemonSetup, wait_for
 
 FAR = {"joint1": 1.5}
 

@@ -24,7 +24,7 @@ from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkReply, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
 from tests.conftest import TABLE_B2
-from tests.support.daemon_process import DaemonProcess, DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import DaemonProcess, DaemonSetup, running_daemon, wait_for
 
 GOAL = GoalEntry(position_m=[0.2, 0.1, 0.3])
 LONG = IkRequest(id="long", goals=[GOAL] * 1000, method="cube", deadline_ms=60_000.0)

@@ -20,8 +20,8 @@ from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
 from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.control import ArmRequest
 from lrmd.messages.zenoh_session import client
-from tests.support.daemon_harness import HOME, wait_for_link
-from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
+from tests.support.daemon.daemon_harness import HOME, wait_for_link
+from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
 
 
 @contextmanager

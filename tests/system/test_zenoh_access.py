@@ -21,7 +21,7 @@ from lrmd.api.presence import Presence
 from lrmd.config import ZenohTable
 from lrmd.messages.zenoh_session import client, own_endpoints
 from tests.conftest import ROOT
-from tests.support.daemon_process import free_port
+from tests.support.daemon.daemon_process import free_port
 
 SHIPPED = ROOT / "config" / "zenoh"
 TIMEOUT = 5.0

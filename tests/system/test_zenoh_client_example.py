@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT
-from tests.support.daemon_process import DaemonSetup, running_daemon
+from tests.support.daemon.daemon_process import DaemonSetup, running_daemon
 
 PROGRAM = ROOT / "docs" / "zenoh_client.py"
 

@@ -18,9 +18,9 @@ from lrmd.config import load_config
 from lrmd.messages.codec import Message, pack, unpack
 from lrmd.messages.control import ArmRequest, EstopCommand, Event, LeaseRequest, MoveRequest, Reply
 from lrmd.messages.zenoh_session import client
-from tests.support.daemon_harness import HOME, wait_for_link
-from tests.support.daemon_process import SECOND, DaemonProcess, DaemonSetup, children, is_alive, wait_for
-from tests.support.pulse_invariants import pulse_invariants, read_frames
+from tests.support.daemon.daemon_harness import HOME, wait_for_link
+from tests.support.daemon.daemon_process import SECOND, DaemonProcess, DaemonSetup, children, is_alive, wait_for
+from tests.support.daemon.pulse_invariants import pulse_invariants, read_frames
 from validation.daemon_performance.measurement import (
     FAR,
     MS,

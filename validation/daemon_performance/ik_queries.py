@@ -21,8 +21,8 @@ from rich.table import Table
 from lrmd.messages.codec import pack, unpack
 from lrmd.messages.kinematics import IkRequest
 from lrmd.messages.zenoh_session import client
-from tests.support.daemon_harness import HOME
-from tests.support.daemon_process import DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_harness import HOME
+from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
 from validation.calibrated_ik import TABLE_B2
 from validation.daemon_performance.measurement import PerformanceFigure
 from validation.daemon_performance.timing import (

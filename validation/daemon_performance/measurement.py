@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tests.support.daemon_harness import DaemonHarness, connected
-from tests.support.daemon_process import BoardProcess, DaemonSetup, wait_for
-from tests.support.pulse_invariants import FrameLogEntry, PulseInvariants, read_frames
+from tests.support.daemon.daemon_harness import DaemonHarness, connected
+from tests.support.daemon.daemon_process import BoardProcess, DaemonSetup, wait_for
+from tests.support.daemon.pulse_invariants import FrameLogEntry, PulseInvariants, read_frames
 
 MS = 1_000_000
 FAR, NEAR = {"joint1": 1.5}, {"joint1": -1.5}

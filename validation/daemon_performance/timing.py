@@ -21,7 +21,7 @@ from lrmd.messages.codec import pack
 from lrmd.messages.control import JointsState, MetricsState
 from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkRequest
 from lrmd.messages.zenoh_session import client
-from tests.support.daemon_process import START_TIMEOUT, DaemonProcess, DaemonSetup, children
+from tests.support.daemon.daemon_process import START_TIMEOUT, DaemonProcess, DaemonSetup, children
 from validation.daemon_performance.measurement import MS, PerformanceFigure, running_harness, setup_with_board
 
 QUERIES_PER_S = 200

@@ -25,7 +25,7 @@ from lrmd.control.updates import FAULT_RESPONSES
 from lrmd.messages.codec import LONGEST, Header, Message, unpack
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.conftest import ROOT
-from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.message_schemas import every_message
 
 TEXT = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")

@@ -23,8 +23,8 @@ from lrmd.messages.codec import MessageError
 from lrmd.messages.control import Event, FaultEntry, FaultsState, ThermalState
 from lrmd.ramp.shared_memory import BUCKETS
 from tests.conftest import ROOT
-from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
-from tests.support.in_memory_zenoh import InMemoryDaemon
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
 
 ZERO = "0,0,0,0,0,0"
 NOBODY = "tcp/127.0.0.1:1"

@@ -18,8 +18,8 @@ from lrmd.config import load_config
 from lrmd.messages.codec import LONGEST, ErrorReply, Message, MessageError, pack, unpack
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest
 from lrmd.messages.kinematics import IkAnswer, IkReply
-from tests.support.in_memory_daemon import CONFIG, SimulatedDaemon
-from tests.support.in_memory_zenoh import InMemoryDaemon
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
 from tests.support.message_schemas import contents, every_message
 
 MESSAGES = every_message()

@@ -30,7 +30,7 @@ from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, 
 from tests.conftest import TABLE_B2
 from tests.math.test_collision import sampled_distance
 from tests.soak.fuzz_ik import fuzz
-from tests.support.in_memory_daemon import CONFIG
+from tests.support.daemon.in_memory_daemon import CONFIG
 
 EXACT = 1e-6
 """m: largest error of a polished answer, a thousandth of a millimetre."""

@@ -16,7 +16,7 @@ from tests.soak.hostile.flood import KINDS, flooded
 from tests.soak.hostile.link_attacks import ATTACKS
 from tests.soak.hostile.link_proxy import LinkProxy
 from tests.soak.hostile.trial import AttackResult, Trial, link_trial, trial
-from tests.support.daemon_process import wait_for
+from tests.support.daemon.daemon_process import wait_for
 
 Attack = Callable[[Trial, float], None]
 """Attacks a moving arm for some seconds."""

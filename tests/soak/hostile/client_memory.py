@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.support.daemon_process import DaemonSetup, children, running_daemon
+from tests.support.daemon.daemon_process import DaemonSetup, children, running_daemon
 
 CLIENTS, CLIENTS_AT_ONCE = 100, 4
 GROWTH_MB = 30.0

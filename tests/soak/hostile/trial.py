@@ -20,9 +20,9 @@ from lrmd.messages.codec import pack
 from lrmd.messages.control import EstopCommand
 from lrmd.messages.zenoh_session import client
 from tests.soak.hostile.link_proxy import LinkProxy
-from tests.support.daemon_harness import HOME
-from tests.support.daemon_process import SECOND, BoardProcess, DaemonProcess, DaemonSetup, wait_for
-from tests.support.pulse_invariants import FrameLogEntry, PulseInvariants, pulse_invariants, read_frames
+from tests.support.daemon.daemon_harness import HOME
+from tests.support.daemon.daemon_process import SECOND, BoardProcess, DaemonProcess, DaemonSetup, wait_for
+from tests.support.daemon.pulse_invariants import FrameLogEntry, PulseInvariants, pulse_invariants, read_frames
 
 RECOVERY_S = 30.0
 """After an attack, until the arm moves again on request."""

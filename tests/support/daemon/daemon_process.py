@@ -25,7 +25,7 @@ from lrmd.messages.zenoh_session import key
 from lrmd.sim.control_queries import QueryReply
 from lrmd.sim.control_socket import query_board
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 TIMEOUT, START_TIMEOUT = 10.0, 60.0
 """s; only a failing wait takes this long."""
 SECOND = 1_000_000_000

@@ -15,7 +15,7 @@ from lrmd.ramp.shared_memory import LinkState, RampOrder, RampReport
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.pca9685_chip import Pca9685Chip
 
-CONFIG = Path(__file__).resolve().parents[2] / "config" / "lrmd.toml"
+CONFIG = Path(__file__).resolve().parents[3] / "config" / "lrmd.toml"
 WALL = 1_700_000_000_000_000_000
 """ns: the wall clock at its start."""
 CYCLE = 3

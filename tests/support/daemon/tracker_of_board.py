@@ -12,7 +12,7 @@ import numpy as np
 
 from lrm_ident.tracker.dtrack import dtrack_text
 from lrm_ident.tracker.frames import TargetPose, TrackerFrame
-from tests.support.daemon_process import BoardProcess
+from tests.support.daemon.daemon_process import BoardProcess
 
 FRAME_S = 0.02
 

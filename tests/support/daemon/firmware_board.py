@@ -14,7 +14,7 @@ from lrmd.link.frames import Frame, FrameDecoder, encode
 from lrmd.link.protocol import BoardStatus
 from lrmd.sim.pca9685_chip import I2cNoAcknowledge, Pca9685Chip
 
-FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
+FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 MS = 1_000_000
 BOOT = 14972
 

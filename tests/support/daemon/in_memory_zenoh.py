@@ -22,7 +22,7 @@ from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import LeaseRequest
 from lrmd.messages.zenoh_session import key
 from lrmd.ramp.shared_memory import SharedRecords
-from tests.support.in_memory_daemon import SimulatedDaemon
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon
 
 STRIDE = 15
 """Ticks that pass between two reads of the mode, about 100 ms."""

@@ -9,8 +9,8 @@ from typing import Literal
 
 from lrmd.client.rover import Rover
 from lrmd.config import load_config
-from tests.support.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
-from tests.support.pulse_invariants import PulseInvariants, pulse_invariants, read_frames
+from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
+from tests.support.daemon.pulse_invariants import PulseInvariants, pulse_invariants, read_frames
 
 HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
 
