@@ -41,7 +41,7 @@ def fit_model(
 
     Args:
         parameters: 'identifiable', 'option1' to 'option5' of the thesis, or names and patterns by commas. With a prior,
-            'identifiable' means all that it names: the prior determines what the data do not.
+            'identifiable' means all, and what else it names: the prior determines what the data do not.
         unbounded: whether values are allowed that physics forbids, such as negative compliances.
 
     Raises `LrmError`: unknown parameters, too few poses, no convergence, or nothing that these poses can tell.
@@ -63,7 +63,9 @@ def _fit_named(
         keys = tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
         return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
     else:
-        keys = prior.keys
+        keys = tuple(
+            key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None or key in prior.keys
+        )
     free = replace(model, free=keys)
     return IdentifiedFit(fit(free, data, fit_bounds(free, unbounded), loss, prior), ())
 

@@ -102,20 +102,27 @@ class Objective:
         return np.array([self.model.parameters[j].typical for j in self.columns])
 
     @cached_property
+    def _with_prior(self) -> list[int]:
+        """The K free parameters that have a prior."""
+        return [] if self.prior is None else [j for j, key in enumerate(self.model.free) if key in self.prior.keys]
+
+    @cached_property
     def _prior_mean(self) -> Array:
-        """(P,), scaled."""
-        free = self.model.free
-        return np.zeros(len(free)) if self.prior is None else np.asarray(self.prior.mean_of(free) / self.typical)
+        """(P,), scaled; zero where there is no prior."""
+        mean, keys = np.zeros(len(self.model.free)), [self.model.free[j] for j in self._with_prior]
+        if self.prior is not None:
+            mean[self._with_prior] = self.prior.mean_of(keys) / self.typical[self._with_prior]
+        return mean
 
     @cached_property
     def _prior_root(self) -> Array:
-        """(P, P), a matrix whose product with its transpose, root.T @ root, is the prior's precision, scaled; without
-        a prior no rows."""
-        free = self.model.free
-        if self.prior is None:
-            return np.zeros((0, len(free)))
-        covariance = self.prior.covariance_of(free) / np.outer(self.typical, self.typical)
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+        """(K, P), a matrix for which root.T @ root is the prior's precision, scaled."""
+        root, places = np.zeros((len(self._with_prior), len(self.model.free))), self._with_prior
+        if self.prior is not None:
+            typical = self.typical[places]
+            covariance = self.prior.covariance_of([self.model.free[j] for j in places]) / np.outer(typical, typical)
+            root[:, places] = np.linalg.inv(np.linalg.cholesky(covariance))
+        return root
 
     @cached_property
     def _prior_precision(self) -> Array:

@@ -14,6 +14,7 @@ from pydantic import Field
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, FORMS, Effect, Parameter
+from lrm_math.effects.anchor import Anchor
 from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
 from lrm_math.model.covariance import CovarianceTable, correlation_matrix
 from lrm_math.model.model import Model
@@ -146,7 +147,8 @@ def _prior_path(name_or_path: str) -> Path:
 def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:
     """Applies a prior file to the parameters of a model; SI units. Raises `FileError`.
 
-    Patterns mean all parameters but shapes; a shape parameter has a prior where the file has its whole key.
+    Patterns mean all parameters but shapes; a shape parameter has a prior where the file has its whole key. Where the
+    fixed end of measured distances stands has none: it is no property of the arm.
     """
     known = set(model.keys) | _possible_keys(model.arm, (*catalogue, *FORMS))
     for pattern in file.parameters:
@@ -154,13 +156,15 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
             raise FileError(
                 path, "parameters", f"'{pattern}' fits no parameter", name_suggestion(pattern, sorted(known))
             )
-    every = zip(model.keys, model.parameters, strict=True)
+    every = [one for one in zip(model.keys, model.parameters, strict=True) if not one[0].startswith(SET_UP)]
     named = [(key, p) for key, p in every if p.fixed is None or key in file.parameters]
     means, sds = np.array([_gaussian(file, key, parameter) for key, parameter in named]).T
     keys = tuple(key for key, _ in named)
     return Prior(file.name, keys, means, _correlations(path, file, keys) * np.outer(sds, sds))
 
 
+SET_UP = f"{Anchor.id}."
+"""Of the keys of parameters of the measurement."""
 WEAK = "vague"
 """Name of the shipped prior that `weak_prior` is."""
 WEAK_SD = 3.0  # typical sizes

@@ -30,9 +30,9 @@ class PriorComparison:
     def share_from_data(self, key: str) -> float | None:
         """Part (0 to 1) of a parameter's prior variance that the data removed: 1 − variance after / before.
 
-        None for a parameter at its bound.
+        None for a parameter at its bound, or without a prior.
         """
-        if key in self.fit.at_bound:
+        if key in self.fit.at_bound or key not in self.prior.keys:
             return None
         after = self.fit.standard_error[self.fit.model.free.index(key)]
         return max(0.0, float(1.0 - (after / self.prior.sd_of([key])[0]) ** 2))
@@ -42,7 +42,7 @@ class PriorComparison:
         parameters: dict[str, object] = {}
         for key in self.fit.model.free:
             unit = self.fit.model.parameters[self.fit.model.position(key)].si
-            mean, sd = self.prior.mean_of([key])[0] / unit, self.prior.sd_of([key])[0] / unit
+            mean, sd = self._mean_sd(key, 1.0 / unit)
             parameters[key] = {"mean": mean, "sd": sd, "told_by_data": self.share_from_data(key)}
         alone: dict[str, object] = {"reason": self.alone}
         if not isinstance(self.alone, str):
@@ -54,6 +54,12 @@ class PriorComparison:
             "parameters": parameters,
             "elimination": alone,
         }
+
+    def _mean_sd(self, key: str, scale: float) -> tuple[float, float] | tuple[None, None]:
+        """Of a parameter's prior, times `scale`; none of each where it has none."""
+        if key not in self.prior.keys:
+            return None, None
+        return float(self.prior.mean_of([key])[0] * scale), float(self.prior.sd_of([key])[0] * scale)
 
     def blocks(self) -> list[Block]:
         """Every parameter with prior, posterior and elimination; then the errors of both."""
@@ -73,11 +79,9 @@ class PriorComparison:
         rows = []
         for key in self.fit.model.free:
             name, scale, unit = screen_unit(self.fit.model, key)
-            mean, sd, share = self.prior.mean_of([key])[0], self.prior.sd_of([key])[0], self.share_from_data(key)
-            prior, from_data = (
-                f"{mean * scale:.3g} ± {sd * scale:.3g}",
-                None if share is None else f"{100 * share:.0f} %",
-            )
+            (mean, sd), share = self._mean_sd(key, scale), self.share_from_data(key)
+            prior = "none" if mean is None else f"{mean:.3g} ± {sd:.3g}"
+            from_data = None if share is None else f"{100 * share:.0f} %"
             estimates = _estimate(self.fit, key, scale), from_data, _estimate(self.alone, key, scale)
             rows.append((name, prior, *estimates, unit))
         columns = ("parameter", "prior|", "with prior|", "from data|", "elimination|", "unit")

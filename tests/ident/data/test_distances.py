@@ -14,12 +14,15 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.estimation.cross_validation import held_out_residual
+from lrm_ident.estimation.error_breakdown import HeldOutResidual
 from lrm_ident.estimation.identifiability import fit_identifiable
 from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.loss import SQUARED
 from lrm_ident.estimation.model_fit import fit_model, nominal_model
+from lrm_ident.estimation.priors import load_prior
 from lrm_ident.registration.anchor import trilaterate, with_anchor
 from lrm_ident.registration.similarity import robust_similarity
+from lrm_ident.report.priors import PriorComparison
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
@@ -115,6 +118,18 @@ def test_distances_alone_identify_the_arm(lab: Arm, stated: bool) -> None:
     motion = robust_similarity(seen, true, mirrored=False, scale=1.0)  # a turn about the point does not show
     assert np.sqrt(((motion.apply(seen) - true) ** 2).sum(axis=1).mean()) < 10.0 * SD
     assert np.linalg.norm(motion.apply(point[None])[0] - POINT) < 20.0 * SD
+
+
+@pytest.mark.slow
+def test_a_prior_of_the_arm_says_nothing_of_the_fixed_end(lab: Arm) -> None:
+    """It is fitted beside what the prior knows, and found, though far from the arm's base."""
+    data, model = measured(true_model(lab), 60, 4, positions=30, point=False), nominal_model(lab)
+    prior = load_prior("printed", model)
+    found = fit_model(model, data, "identifiable", SQUARED, prior=prior).fit
+    assert not set(ANCHOR) & set(prior.keys)
+    assert np.linalg.norm([found.model.value(key) for key in ANCHOR] - POINT) < 20.0 * SD
+    beside = PriorComparison(prior, found, HeldOutResidual(None), "not tried", HeldOutResidual(None))
+    assert {row["parameter"]: row["prior"] for row in beside.blocks()[0].records()}["anchor.distance.x"] == "none"
 
 
 @pytest.mark.slow
