@@ -75,9 +75,10 @@ const lrmFleet = (() => {
       return;
     }
     box.style.height = `${90 + ROW_PX * Math.max(names.length, 2)}px`;
+    const size = Math.max(4, Math.min(11, 0.6 * box.clientWidth / state.values.arms.length));
     const row = new Map(names.map((one, k) => [one.name, k]));
     const points = state.values.arms.flatMap((arm, number) => arm.effects.map((e) => [number, row.get(e.name), e.words, e.sure]));
-    const traces = byLevel(points, (own) => ({ size: 11, symbol: own.map((one) => (one[3] ? "square" : "square-open")) }));
+    const traces = byLevel(points, (own) => ({ size, symbol: own.map((one) => (one[3] ? "square" : "square-open")) }));
     draw("effects", traces, { showlegend: Boolean(state.tag), yaxis: { range: [names.length - 0.5, -0.5], tickmode: "array",
       tickvals: names.map((_, k) => k), ticktext: names.map((one) => one.words), zeroline: false } });
   }
