@@ -363,7 +363,7 @@ with Rover("test", [sys.argv[1]]) as rover, rover.control("late"):
         rover.move({"joint1": 1.5})
     except MotionInterrupted as error:
         print(error.why, flush=True)
-    for _ in range(50):
+    for _ in range(15):
         here = rover.joints().q_rad[0]
         try:
             rover.move({"joint1": here + 0.02})
