@@ -3,7 +3,7 @@
 const lrmFleet = (() => {
   const { colour, layout, CONFIG } = lrmChart;
   const LEVELS = ["--model", "--held", "--good", "--accent", "#e69f00", "#999999", "#882255", "#8c6d31"];
-  const MOST_NAMES = 40, ROW_PX = 22;
+  const MOST_NAMES = 40, ROW_PX = 36, WIDE_PX = 700, LEFT_PX = 190;
   const TICKS = [-3, -2, -1, 0, 1, 2].flatMap((p) => [1, 2, 5].map((k) => Number((k * 10 ** p).toPrecision(1))));
   const place = (id) => document.getElementById("lrm-" + id);
   const state = { values: null, tag: "", key: "", marked: null };
@@ -25,8 +25,10 @@ const lrmFleet = (() => {
     const sorted = order(), names = sorted.map((number) => state.values.arms[number].name);
     const shapes = state.marked === null ? [] : [{ type: "line", x0: sorted.indexOf(state.marked), x1: sorted.indexOf(state.marked),
       yref: "paper", y0: 0, y1: 1, line: { color: colour("accent"), width: 1 } }];
-    const few = names.length <= MOST_NAMES;
+    const few = names.length <= MOST_NAMES, wide = place("errors").clientWidth > WIDE_PX;
     return layout(Object.assign({ dragmode: "zoom" }, options, {
+      margin: { l: wide ? LEFT_PX : 8, r: 8, t: 8, b: 8 }, // on a wide page an arm is at the same place in all figures
+      yaxis: { ...options.yaxis, automargin: !wide },
       shapes: [...(options.shapes || []), ...shapes],
       xaxis: { range: [-0.7, names.length - 0.3], tickmode: "array", tickvals: few ? names.map((_, k) => k) : [], ticktext: names,
         title: { text: few ? "" : "arms" + (state.tag ? ", sorted by " + state.tag : "") }, showgrid: false, zeroline: false },
