@@ -162,9 +162,10 @@ def auto(
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
     errors = ErrorSummary(nominal_error(the_model.arm, last.data), error_stats(last.fit.residual), held_out)
     show(*errors.blocks(title))
+    with_prior: ErrorSummary | None = None
     if prior is not None:
-        final, errors = prior_step(final, course.model, last.data, prior, catalogue, loss)
-        show(*errors.blocks(f"Then {final.history[-1].step}: all {len(final.sigma)} parameters fitted"))
+        final, with_prior = prior_step(final, course.model, last.data, prior, catalogue, loss)
+        show(*with_prior.blocks(f"Then {final.history[-1].step}: all {len(final.sigma)} parameters fitted"))
     write_text(output, model_text(final))
     show(f"Model written to {output}")
     whole = HeldOutResidual(None, "not requested (--no-nested)")
@@ -172,7 +173,7 @@ def auto(
         with executor_for(cluster, effects_file, FOLDS) as pool, progress("choosing anew in every fold") as tick:
             whole = nested_held_out(the_model, measured, pool, max_effects, catalogue, tick, loss, rates)
     publish(
-        course_document(course, report_of(course.judgement), held_out, whole, None if prior is None else errors),
+        course_document(course, report_of(course.judgement), held_out, whole, with_prior),
         json,
         most=None if show_all else LISTED,
     )

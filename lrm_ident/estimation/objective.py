@@ -139,9 +139,8 @@ class Objective:
     def value(self, iterate: Iterate, noise: NoiseScale) -> float:
         """The objective."""
         deviation = self._prior_root @ (iterate.z - self._prior_mean)
-        return float(self.loss.rho(iterate.distance / noise.scale).sum()) + 0.5 * noise.prior_weight * float(
-            deviation @ deviation
-        )
+        prior = 0.5 * noise.prior_weight * float(deviation @ deviation)
+        return float(self.loss.rho(iterate.distance / noise.scale).sum()) + prior
 
     def linearise(self, iterate: Iterate, noise: NoiseScale, poses: NDArray[np.int64] | None = None) -> CompressedRows:
         """Scaled Jacobian and residual of all or some poses, weighted by the loss (iteratively reweighted)."""

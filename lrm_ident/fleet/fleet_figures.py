@@ -5,24 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 from lrm_ident.fleet.fleet_prior import FleetKnowledge
-from lrm_ident.fleet.fleet_report import FleetResult
+from lrm_ident.fleet.fleet_report import FleetResult, causes_words
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.report.fit import screen_unit
-
-MOST_CAUSES = 3
-"""Causes that one arm's data cannot tell apart, of which the words name so many."""
 
 
 def fleet_figures(result: FleetResult) -> dict[str, Any]:
     """Arms (errors in mm, effects, tags), effects with their rates, and every parameter of every arm."""
-    tags = list(dict.fromkeys(name for member in result.members for name, _ in member.tags))
+    tags = result.tags
     arms = [
         {
             "name": record.name,
             "tags": {tag: dict(member.tags).get(tag, "") for tag in tags},
             "nominal": _rounded(record.nominal_rms_mm),
             "held_out": _rounded(record.held_out_rms_mm),
-            "effects": [{"name": step[0], "sure": len(step) == 1, "words": _words(step)} for step in record.steps],
+            "effects": [
+                {"name": step[0], "sure": len(step) == 1, "words": causes_words(step)} for step in record.steps
+            ],
         }
         for member, record in zip(result.members, result.records, strict=True)
     ]
@@ -57,14 +56,17 @@ def _parameters(result: FleetResult) -> list[dict[str, Any]]:
     """Estimates and standard errors of every parameter, with the arms' mean and spread, for the screen."""
     place = {record.name: number for number, record in enumerate(result.records)}
     models = {key: one.model for one in result.estimates.values() for key in one.keys}
-    population = {} if isinstance(result.known, str) else {key: j for j, key in enumerate(result.known.keys)}
+    common = dict[str, tuple[float, float]]()
+    if not isinstance(result.known, str):
+        found = result.known.population
+        common = dict(zip(result.known.keys, zip(found.mean, found.spread, strict=True), strict=True))
     odd = {(one.key, one.arm) for one in result.outliers}
     out = []
     for key, model in models.items():
         label, scale, unit = screen_unit(model, key)
         scale *= model.parameters[model.position(key)].typical
         have = [(name, one.keys.index(key), one) for name, one in result.estimates.items() if key in one.keys]
-        common = None if isinstance(result.known, str) or key not in population else result.known.population
+        mean, spread = (_rounded(value * scale) for value in common[key]) if key in common else (None, None)
         out.append(
             {
                 "key": key,
@@ -73,8 +75,8 @@ def _parameters(result: FleetResult) -> list[dict[str, Any]]:
                 "arms": [place[name] for name, _, _ in have],
                 "value": [_rounded(one.mean[j] * scale) for _, j, one in have],
                 "error": [_rounded(one.covariance[j, j] ** 0.5 * scale) for _, j, one in have],
-                "mean": None if common is None else _rounded(common.mean[population[key]] * scale),
-                "spread": None if common is None else _rounded(common.spread[population[key]] * scale),
+                "mean": mean,
+                "spread": spread,
                 "outliers": [place[name] for name, _, _ in have if (key, name) in odd],
             }
         )
@@ -86,10 +88,6 @@ def _first_parameter(result: FleetResult, keys: list[str]) -> str:
     notable = (*(one.key for one in result.outliers), *(link.what for link in result.links))
     softness = (key for key in keys if key.startswith("compliance.joint"))
     return next((key for key in (*notable, *softness, *keys) if key in keys), "")
-
-
-def _words(step: list[str]) -> str:
-    return " or ".join(step[:MOST_CAUSES]) + (" or …" if len(step) > MOST_CAUSES else "")
 
 
 def _rounded(value: float | None) -> float | None:

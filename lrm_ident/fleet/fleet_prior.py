@@ -64,10 +64,10 @@ def arm_estimates(name: str, evidence: ModelFile, arm: Arm) -> ArmEstimates:
     Args:
         evidence: of the arm called `name` (`evidence_of`). arm: the description that the evidence names.
     """
-    file, model = evidence, to_model(Path(name), evidence, arm)
-    if file.covariance is None:
+    model = to_model(Path(name), evidence, arm)
+    if evidence.covariance is None:
         raise LrmError(f"{name}: the fit has no covariance")
-    known = to_covariance(file.covariance, file.sigma, model)
+    known = to_covariance(evidence.covariance, evidence.sigma, model)
     typical = np.array([model.parameters[model.position(key)].typical for key in known.keys])
     mean = np.array([model.value(key) for key in known.keys]) / typical
     return ArmEstimates(model, known.keys, mean, known.matrix / np.outer(typical, typical))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -16,7 +17,7 @@ from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 
-MOST_RATES = 20
+MOST_RATES, MOST_CAUSES = 20, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,11 @@ class FleetResult:
     known: FleetKnowledge | str
     links: tuple[TagAssociation, ...]
     outliers: tuple[FleetOutlier, ...]
+
+    @property
+    def tags(self) -> list[str]:
+        """Names of the manifest's tags."""
+        return list(dict.fromkeys(name for member in self.members for name, _ in member.tags))
 
 
 def fleet_document(result: FleetResult) -> Document:
@@ -120,17 +126,21 @@ def _row(member: FleetMember, record: ArmRecord) -> dict[str, Any]:
 
 
 def _arms_table(result: FleetResult) -> ResultTable:
-    tags = list(dict.fromkeys(name for member in result.members for name, _ in member.tags))
-    rows = []
+    tags, rows = result.tags, []
     for member, record in zip(result.members, result.records, strict=True):
         own = dict(member.tags)
-        found = ", ".join(" or ".join(step[:2]) + (" or …" if len(step) > 2 else "") for step in record.steps)
+        found = ", ".join(map(causes_words, record.steps))
         cells = (record.nominal_rms_mm, record.held_out_rms_mm)
         rms = [None if value is None else f"{value:.2f}" for value in cells]
         missing = "not identified" if record.reason else found or "nothing"
         rows.append((record.name, *(own.get(tag, "") for tag in tags), str(record.poses or ""), *rms, missing))
     columns = ("arm", *tags, "poses|", "nominal RMS mm|", "held out mm|", "what is missing in the plain model")
     return ResultTable(columns, rows, "Arms")
+
+
+def causes_words(causes: Sequence[str]) -> str:
+    """Causes that one arm's data cannot tell apart; of many the first ones."""
+    return " or ".join(causes[:MOST_CAUSES]) + (" or …" if len(causes) > MOST_CAUSES else "")
 
 
 def _link_words(link: TagAssociation) -> str:

@@ -28,7 +28,6 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile
 
-WITH_PRIOR = "with the prior "  # name of the step
 NamedProgress = Callable[[str], OnProgress]
 """Called with what is being done; gives the callback of its progress."""
 
@@ -91,11 +90,9 @@ def prior_step(
     known = load_prior(prior, model, catalogue)
     result = fit_model(model, data, "identifiable", loss, prior=known).fit
     left = try_held_out(result.model, data, loss=loss, prior=known)
-    errors, step = (
-        ErrorSummary(nominal_error(model.arm, data), error_stats(result.residual), left),
-        WITH_PRIOR + known.name,
-    )
-    return model_file(result, data, left, file.arm, step, loss.name, file.history, prior_name_for(prior)), errors
+    errors = ErrorSummary(nominal_error(model.arm, data), error_stats(result.residual), left)
+    step, where = f"with the prior {known.name}", prior_name_for(prior)
+    return model_file(result, data, left, file.arm, step, loss.name, file.history, where), errors
 
 
 def error_of(model: Model, data: Measurements) -> ErrorStats:

@@ -35,8 +35,8 @@ const lrmFleet = (() => {
     }));
   }
 
-  const about = (arm) => [`<b>${arm.name}</b>`, ...Object.entries(arm.tags).map(([name, level]) => `${name}: ${level || "(none)"}`),
-    `error ${arm.nominal === null ? "–" : arm.nominal + " → " + arm.held_out + " mm"}`, ...arm.effects.map((e) => e.words)].join("<br>");
+  const about = (arm) => [arm.name, ...Object.entries(arm.tags).map(([name, level]) => `${name}: ${level || "(none)"}`),
+    `error ${arm.nominal === null ? "–" : arm.nominal + " → " + arm.held_out + " mm"}`, ...arm.effects.map((e) => e.words)];
 
   function draw(id, traces, options) {
     const element = place(id);
@@ -54,7 +54,7 @@ const lrmFleet = (() => {
       const own = points.filter(([number]) => levelOf(arms[number]) === level);
       return Object.assign({ name: level, legendgroup: level, mode: "markers", x: own.map(([number]) => at.get(number)),
         y: own.map(([, y]) => y), customdata: own.map(([number]) => number), hoverinfo: "text",
-        text: own.map(([number, , words]) => about(arms[number]) + (words ? "<br>" + words : "")),
+        text: own.map(([number, , words]) => [...about(arms[number]), ...(words ? [words] : [])].join("<br>")),
         marker: Object.assign({ color: colourOf(level) }, marker(own)) }, more(own));
     }).filter((trace) => trace.x.length);
   }
@@ -105,7 +105,7 @@ const lrmFleet = (() => {
     drawErrors();
     drawEffects();
     drawParameter();
-    place("marked").innerHTML = state.marked === null ? "" : about(state.values.arms[state.marked]);
+    place("marked").textContent = state.marked === null ? "" : about(state.values.arms[state.marked]).join("; ");
   }
 
   function mark(number) {
