@@ -35,7 +35,8 @@ class ServoOutput:
 class BoardSettings:
     """Servos, PWM clock and limits of the board. `step`: largest pulse change per tick, ns; `count_s`: s of a count.
 
-    `reply`: timeout, ns; `pause`: ns without a frame of our own after which the handshake is repeated.
+    `reply`: timeout, ns, of which one late tick counts at most half, since it may come before the reply.
+    `pause`: ns without a frame of our own after which the handshake is repeated.
     `simulated`: the ramp's clock is not real time, so only a simulated board is accepted.
     """
 
@@ -81,7 +82,7 @@ class RampCore:
         self._move: Move | None = None
         self._k = self._seq = self._first_seq = 0
         self._pulses_changed, self._pulses_confirmed = False, True
-        self._last_reply = self._last_sent = 0
+        self._last_sent = self._unanswered = 0
         self._freeze(RampFault.STARTED)
 
     @property
@@ -93,7 +94,7 @@ class RampCore:
     def standing_by(self) -> bool:
         """Whether no servo has pulses and the board replied to the last frame, so that slower ticks delay nothing."""
         resting = not self.outputs and not self.board_outputs and self._pulses_confirmed
-        return resting and self.link is LinkState.READY and self._last_reply == self._last_sent
+        return resting and self.link is LinkState.READY and not self._unanswered
 
     @property
     def remaining(self) -> int:
@@ -106,10 +107,11 @@ class RampCore:
         `alive`: time (ns) on the clock of `order.heartbeat`. `received`: bytes from the port since the last tick, None
         while it is closed.
         """
+        self._unanswered += min(now - self._last_sent, self._board.reply // 2)
         if received is None:
             self.close()
         else:
-            self._receive(now, received)
+            self._receive(received)
         if estop:
             self._stop_pulses(RampFault.ESTOP)
         if order is not None:
@@ -117,15 +119,15 @@ class RampCore:
         if self.link is LinkState.CLOSED:
             return b""
         paused = now - self._last_sent > self._board.pause and self.link is LinkState.READY
-        if paused or now - self._last_reply > self._board.reply:
-            self._reconnect(now)
+        if paused or self._unanswered > self._board.reply:
+            self._reconnect()
         self._last_sent = now
         return self._next_frame()
 
     def opened(self, now: int) -> None:
         """The port was opened: restarts the handshake with HELLO."""
         self._decoder = FrameDecoder()
-        self.link, self._last_reply, self.other_version = LinkState.GREETING, now, 0
+        self.link, self._last_sent, self._unanswered, self.other_version = LinkState.GREETING, now, 0, 0
         self.reconnects += 1
 
     def close(self) -> None:
@@ -137,10 +139,10 @@ class RampCore:
         if was_ready:
             self._freeze(RampFault.LINK_LOST)
 
-    def _reconnect(self, now: int) -> None:
+    def _reconnect(self) -> None:
         """Reply timeout, or a gap in our own ticks: repeats the handshake before any further pulse."""
         self._leave_link(LinkState.GREETING)
-        self._last_reply = now
+        self._unanswered = 0
 
     def _freeze(self, why: RampFault) -> None:
         self._move, self._k = None, 0
@@ -152,13 +154,13 @@ class RampCore:
 
     # ---- frames from the board
 
-    def _receive(self, now: int, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         for event in self._decoder.feed(data):
             try:
                 if isinstance(event, BadFrame):
                     self.bad_frames += 1
                 elif self._handle_frame(event):
-                    self._last_reply = now
+                    self._unanswered = 0
             except protocol.OtherVersion as other:
                 self.bad_frames += self.link is LinkState.READY
                 self.other_version = other.version if self.link is LinkState.GREETING else self.other_version

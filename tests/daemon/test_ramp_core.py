@@ -143,6 +143,30 @@ def test_after_a_pause_of_its_own_it_queries_the_board_before_it_sends_pulses(co
     assert line.sent[0].type == FrameType.HELLO
 
 
+@given(late_ms=st.integers(7, 490))
+@settings(max_examples=30, deadline=None)
+def test_a_late_tick_that_comes_before_the_reply_loses_no_link(config: Config, late_ms: int) -> None:
+    line = RampWithBoard(config).ready()
+    line.tick(line.order())
+    reply, line.back = line.back, b""
+    faults = line.ramp.fault_count
+    line.tick(pause=late_ms * MS)
+    line.back = reply + line.back
+    line.tick()
+    assert (line.ramp.link, line.ramp.fault_count) == (LinkState.READY, faults)
+
+
+def test_a_board_that_does_not_reply_is_lost_after_the_timeout(config: Config) -> None:
+    line = RampWithBoard(config).ready()
+    ticks = 0
+    while line.ramp.link is LinkState.READY:
+        line.back = b""
+        line.tick()
+        ticks += 1
+    assert config.reply < ticks * TICK <= config.reply + 2 * TICK
+    assert line.ramp.fault is RampFault.LINK_LOST
+
+
 @given(register=st.integers(200, 400), seed=st.integers(0, 100))
 @settings(max_examples=40, deadline=None)
 def test_it_adopts_exactly_the_registers_of_the_board(config: Config, register: int, seed: int) -> None:

@@ -22,7 +22,7 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.tracker.udp import UdpTracker
 from lrm_math.arm.arm_file import load_arm
 from lrmd.client import Rover
-from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for
 from tests.support.daemon.tracker_of_board import tracker_of
 
 START = (0.0, -60.0, 0.0, 0.0, 0.0, 0.0)
@@ -65,7 +65,7 @@ def main() -> int:
     options = parser.parse_args()
     rng, faults = np.random.default_rng(options.seed), list[str]()
     with tempfile.TemporaryDirectory(prefix="lrm-killed-") as folder:
-        setup = DaemonSetup.make(Path(folder), {"step_us = 1.0": "step_us = 10.0"})
+        setup = DaemonSetup.make(Path(folder), {**SLOW_BOARD, "step_us = 1.0": "step_us = 10.0"})
         q = poses(3 * options.kills + 10, rng)
         plan, data = Path(folder) / "poses.csv", Path(folder) / "data.csv"
         lines = [",".join([str(k), *(f"{angle:.1f}" for angle in row)]) for k, row in enumerate(q, start=1)]

@@ -11,7 +11,7 @@ import numpy as np
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.tracker.udp import UdpTracker
 from lrm_math.arm.arm_file import load_arm
-from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for
 from tests.support.daemon.tracker_of_board import tracker_of
 
 POSES = 5
@@ -19,7 +19,7 @@ HEAD = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
 
 
 def test_killed_the_arm_holds_and_resumed_no_pose_is_lost_or_doubled(tmp_path: Path) -> None:
-    setup = DaemonSetup.make(tmp_path, {"step_us = 1.0": "step_us = 10.0"})
+    setup = DaemonSetup.make(tmp_path, {**SLOW_BOARD, "step_us = 1.0": "step_us = 10.0"})
     q = np.array([[0, -60, 0, 0, 0, 0]]) + 10.0 * np.arange(1, POSES + 1)[:, None] * [1, 0, 1, -1, 0, 1]
     poses, data = tmp_path / "poses.csv", tmp_path / "data.csv"
     rows = [",".join([str(k), *(f"{angle:g}" for angle in row)]) for k, row in enumerate(q, start=1)]

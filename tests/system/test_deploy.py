@@ -11,7 +11,14 @@ import pytest
 from lrmd.cli import app
 from lrmd.client import GoalEntry, IkRequest, NoReply, RequestRefused, Rover
 from tests.conftest import ROOT
-from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import (
+    SLOW_BOARD,
+    BoardProcess,
+    DaemonProcess,
+    DaemonSetup,
+    running_daemon,
+    wait_for,
+)
 
 MODEL = (ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml").read_text(encoding="utf-8")
 OTHER = MODEL + "\n# another file of the same model\n"
@@ -34,7 +41,7 @@ def answered_with(rover: Rover) -> str:
 def daemon(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[tuple[DaemonSetup, BoardProcess, DaemonProcess, Rover]]:
-    setup = DaemonSetup.make(tmp_path_factory.mktemp("deploy"))
+    setup = DaemonSetup.make(tmp_path_factory.mktemp("deploy"), SLOW_BOARD)
     with running_daemon(setup) as (board, process), setup.rover() as rover:
         wait_for(lambda: answered_with(rover) == "", "the nominal arm answers")
         yield setup, board, process, rover
@@ -86,7 +93,7 @@ def test_effects_that_cannot_be_compensated_are_named(
 
 
 def test_a_deployed_model_is_there_after_a_restart(tmp_path: Path) -> None:
-    setup = DaemonSetup.make(tmp_path)
+    setup = DaemonSetup.make(tmp_path, SLOW_BOARD)
     with BoardProcess(setup):
         with DaemonProcess(setup) as first, first.ready(), setup.rover() as rover:
             rover.deploy(MODEL)

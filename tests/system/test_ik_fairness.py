@@ -15,7 +15,7 @@ from lrmd.ik.process import SHARE
 from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.kinematics import CancelRequest, FkRequest, GoalEntry, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
-from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for
 
 GOAL = GoalEntry(position_m=[0.2, 0.1, 0.3])
 HOG = IkRequest(id="hog", goals=[GOAL] * 1000, deadline_ms=60_000.0)
@@ -26,7 +26,7 @@ PLAN = PlanRequest(
 
 @pytest.fixture(scope="module")
 def setup(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonSetup]:
-    setup = DaemonSetup.make(tmp_path_factory.mktemp("daemon"))
+    setup = DaemonSetup.make(tmp_path_factory.mktemp("daemon"), SLOW_BOARD)
     with running_daemon(setup), setup.rover() as rover:
 
         def answers() -> bool:

@@ -24,7 +24,7 @@ from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkReply, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
 from tests.conftest import TABLE_B2
-from tests.support.daemon.daemon_process import DaemonProcess, DaemonSetup, running_daemon, wait_for
+from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonProcess, DaemonSetup, running_daemon, wait_for
 
 GOAL = GoalEntry(position_m=[0.2, 0.1, 0.3])
 LONG = IkRequest(id="long", goals=[GOAL] * 1000, method="cube", deadline_ms=60_000.0)
@@ -65,7 +65,7 @@ def harness(tmp_path_factory: pytest.TempPathFactory) -> Iterator[IkHarness]:
     folder = tmp_path_factory.mktemp("daemon")
     model = folder / "model.toml"
     shutil.copy(TABLE_B2, model)
-    setup = DaemonSetup.make(folder, {'# model = "/etc/lrm/model.toml"': f'model = "{model}"'})
+    setup = DaemonSetup.make(folder, {**SLOW_BOARD, '# model = "/etc/lrm/model.toml"': f'model = "{model}"'})
     with running_daemon(setup) as (_, daemon), setup.rover() as rover:
         harness = IkHarness(setup, daemon, rover, model)
         harness.wait_for_answers()

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT
-from tests.support.daemon.daemon_process import DaemonSetup, running_daemon
+from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon
 
 PROGRAM = ROOT / "docs" / "zenoh_client.py"
 
 
 def test_the_example_without_our_client_moves_the_arm(tmp_path: Path) -> None:
-    setup = DaemonSetup.make(tmp_path)
+    setup = DaemonSetup.make(tmp_path, SLOW_BOARD)
     with running_daemon(setup):
         done = subprocess.run(
             [sys.executable, str(PROGRAM), setup.endpoint], capture_output=True, text=True, timeout=60, cwd=tmp_path
