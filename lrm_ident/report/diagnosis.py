@@ -66,6 +66,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
             for function, rms in found.unexplained.ranking
         ],
         "outliers": found.outliers,
+        "far_poses": [int(found.data.pose[row]) for row in found.fit.outliers],
         "audit": report.limitations,
         "hints": report.hints,
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
@@ -82,6 +83,7 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {in_mm(report.fit.rms)} mm in the "
         f"fit, {in_mm(report.held_out.rms)} mm held out; noise floor {noise}; "
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p = {found.structure.p_value:.1g}",
+        *_far_poses(report),
         *left_blocks(report.left),
         _ranking_table(report),
     ]
@@ -121,6 +123,24 @@ def _verdict(report: DiagnosisReport) -> str:
             "loose, a target that moved, or noise larger than said; with more poses it may show what it follows."
         )
     return VERDICTS[report.verdict]
+
+
+def _far_poses(report: DiagnosisReport) -> Iterator[str]:
+    """Where more than noise is left: the few poses that hold it, if others show much less."""
+    fit, data, floor = report.diagnosis.fit, report.diagnosis.data, report.diagnosis.floor.sd
+    if not fit.outliers or report.verdict not in ("unexplained_structure", "unpredictable"):
+        return
+    distance = np.linalg.norm(fit.residual, axis=1)
+    rows = sorted(fit.outliers, key=lambda row: -distance[row])
+    poses = enumerate_words([f"{data.pose[row]} ({in_mm(distance[row])} mm)" for row in rows], SHOWN)
+    others = np.delete(distance, rows)
+    sigma = fit.sigma * np.sqrt((others @ others) / (distance @ distance))
+    noise = "" if floor is None else f", {sigma / floor:.2f} times the noise"
+    which, they = ("pose", "it") if len(rows) == 1 else ("poses", "they")
+    yield (
+        f"Far off: {which} {poses}; the RMS of the others is {in_mm(float(np.sqrt(np.mean(others**2))))} mm{noise}. "
+        f"Measure there again, and near there: either {they} went wrong, or what is missing shows only there."
+    )
 
 
 def _ranking_table(report: DiagnosisReport) -> ResultTable:

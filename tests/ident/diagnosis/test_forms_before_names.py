@@ -23,6 +23,7 @@ from lrm_ident.estimation.loss import SQUARED
 from lrm_ident.estimation.model_fit import fit_model, nominal_model
 from lrm_ident.estimation.parameter_hints import parameter_hints
 from lrm_ident.plots.diagnosis import draw_report
+from lrm_ident.report.diagnosis import diagnosis_document
 from lrm_ident.synthetic import (
     ArmDescription,
     AxialFloat,
@@ -189,6 +190,25 @@ def test_more_than_the_noise_is_never_called_nothing(lab: Arm, described: ArmDes
     assert diagnose(base_fit(lab, data), data).verdict == "nothing_missing"
     quieter = replace(data, noise_sd=NOISE / 2)
     assert diagnose(base_fit(lab, data), quieter).verdict == "unpredictable"
+
+
+@pytest.mark.slow
+def test_the_few_poses_that_hold_what_is_left_are_named(lab: Arm, described: ArmDescription) -> None:
+    data = hidden(described, 7)
+    moved = data.tcp.copy()
+    moved[[10, 40, 70], 2] += 8 * NOISE
+    wrong = replace(data, tcp=moved)
+    found = diagnose(base_fit(lab, wrong), wrong)
+    assert set(data.pose[[10, 40, 70]]) <= {*found.outliers, *found.data.pose[list(found.fit.outliers)]}
+    document = diagnosis_document(build_report(replace(found, floor=replace(found.floor, sd=NOISE / 2))))
+    far = document.values["far_poses"]
+    assert far == [int(found.data.pose[row]) for row in found.fit.outliers]
+    sentence = next((str(block) for block in document.blocks if str(block).startswith("Far off: pose")), "")
+    assert far
+    assert all(f"{pose} (" in sentence for pose in far)
+    left = [row for row in range(len(found.data)) if row not in found.fit.outliers]
+    rms = np.sqrt((found.fit.residual[left] ** 2).sum(axis=1).mean()) * 1e3
+    assert f"the RMS of the others is {rms:.2f} mm" in sentence
 
 
 @pytest.mark.slow
