@@ -98,42 +98,32 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
         "steps": fit.steps,
         "estimates": estimates(fit, se_at_bound=None),
         "correlation": {"keys": model.free, "matrix": np.round(fit.correlation, 6)},
-        "held_at_zero": [
-            {
-                "parameter": held.key,
-                "survival": held.survival,
-                "se_if_fitted": held.standard_error / model.parameters[model.position(held.key)].si,
-                "moves_the_tcp_like": dict(held.combination),
-            }
-            for held in result.held
-        ],
+        "held_at_zero": [_held(model, held) for held in result.held],
         "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
     }
     return Document(blocks, "lrm/fit/1", values)
 
 
+def _held(model: Model, held: UnidentifiableParameter) -> dict[str, object]:
+    return {
+        "parameter": held.key,
+        "survival": held.survival,
+        "se_if_fitted": held.standard_error / model.parameters[model.position(held.key)].si,
+        "moves_the_tcp_like": dict(held.combination),
+    }
+
+
 def comparison_document(found: ModelComparison) -> Document:
     """Result of `lrm-ident compare`, schema `lrm/comparison/1`."""
     data = found.data
-    free, q = len(found.rest.model.free), np.degrees(data.poses.q)
+    free = len(found.rest.model.free)
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
-    load, residual = data.poses.payload * 1e3, found.residual * 1e3
-    distance = [np.linalg.norm(row) * 1e3 for row in found.residual]
-    angles = " ".join(f"{'q' + str(i + 1):>4s}" for i in range(q.shape[1]))
-    worst, places = [], decimals(found.error.rms * 1e3)
-    for i in found.worst:
-        turned = " ".join(f"{angle:4.0f}" for angle in q[i]) + "    "
-        worst.append((data.pose[i], turned, load[i], distance[i], _vector(residual[i], places)))
     blocks = [
         *errors.blocks(f"{len(data)} poses, {free} parameters"),
         *([] if found.predictable is None else [found.predictable.sentence]),
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *(_group_table(factor) for factor in found.factors[:2]),
-        ResultTable(
-            ("pose|", angles + "|", "load g|.1f", f"error mm|.{places}f", "residual mm|"),
-            worst,
-            "The worst poses (angles in deg)",
-        ),
+        _worst_table(found),
     ]
     values = {
         "poses": len(data),
@@ -146,15 +136,27 @@ def comparison_document(found: ModelComparison) -> Document:
         "worst_poses": [
             {
                 "pose": data.pose[row],
-                "q_deg": np.round(q[row], 6),
-                "payload_g": load[row],
-                "error_mm": distance[row],
-                "residual_mm": residual[row],
+                "q_deg": np.round(np.degrees(data.poses.q[row]), 6),
+                "payload_g": data.poses.payload[row] * 1e3,
+                "error_mm": np.linalg.norm(found.residual[row]) * 1e3,
+                "residual_mm": found.residual[row] * 1e3,
             }
             for row in found.worst
         ],
     }
     return Document(blocks, "lrm/comparison/1", values)
+
+
+def _worst_table(found: ModelComparison) -> ResultTable:
+    data, residual, places = found.data, found.residual * 1e3, decimals(found.error.rms * 1e3)
+    q, load = np.degrees(data.poses.q), data.poses.payload * 1e3
+    angles = " ".join(f"{'q' + str(i + 1):>4s}" for i in range(q.shape[1]))
+    rows = []
+    for i in found.worst:
+        turned = " ".join(f"{angle:4.0f}" for angle in q[i]) + "    "
+        rows.append((data.pose[i], turned, load[i], np.linalg.norm(residual[i]), _vector(residual[i], places)))
+    columns = ("pose|", angles + "|", "load g|.1f", f"error mm|.{places}f", "residual mm|")
+    return ResultTable(columns, rows, "The worst poses (angles in deg)")
 
 
 def parameter_table(fit: Fit) -> ResultTable:

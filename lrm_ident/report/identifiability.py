@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from lrm_ident.design.finite_difference_study import MAX_RELATIVE_ERROR, StepSizeStudy
-from lrm_ident.design.observability import UNITS
+from lrm_ident.design.observability import UNITS, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
 from lrm_ident.estimation.identifiability import UnidentifiableParameter
 from lrm_ident.estimation.parameter_sets import TABLE_4_5
@@ -32,13 +32,7 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
         )
     ]
     for units in UNITS:
-        indices = ", ".join(f"{name} {number:.3g}" for name, number in vars(found.observability[units]).items())
-        lines = (
-            f"all {len(found.keys)}: {_values(sets[units]['all'])}",
-            f"the {kept} kept: {_values(sets[units]['kept'])}",
-            f"of those: {indices}",
-        )
-        blocks += section(f"\nSingular values, {UNIT_WORDS[units]}:", lines)
+        blocks += section(f"\nSingular values, {UNIT_WORDS[units]}:", _singular_values(found, units))
     symbols = ("  ".join(map(symbol, found.kept[k : k + PER_LINE])) for k in range(0, kept, PER_LINE))
     blocks += section("\nKept:", [*symbols, *_against_table_4_5(found)])
     why = (f"{removal.key}: {in_words(model, held)}" for removal, held in removed)
@@ -69,6 +63,13 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
     ]
     behind = ResultTable(("units", "set", "number", "singular_value_mm|.9g"), rows)
     return Document(blocks, "lrm/identifiability/1", values, behind)
+
+
+def _singular_values(found: ParameterElimination, units: Units) -> Iterator[str]:
+    indices = ", ".join(f"{name} {number:.3g}" for name, number in vars(found.observability[units]).items())
+    yield f"all {len(found.keys)}: {_values(found.all_values[units])}"
+    yield f"the {len(found.kept)} kept: {_values(found.kept_values[units])}"
+    yield f"of those: {indices}"
 
 
 def _against_table_4_5(found: ParameterElimination) -> list[str]:

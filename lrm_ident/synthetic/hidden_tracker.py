@@ -25,6 +25,7 @@ class SkewTracker(HiddenEffect):
     centre_m: Vector3 = (0.0, 0.0, 0.0)
 
     def measurement_error(self, tcp_m: Array) -> Array:
+        """The affine error of each position (P, 3) in m."""
         yx, zx, zy = np.tan(self.lean_rad)
         shear = np.array([[1.0, yx, zx], [0.0, 1.0, zy], [0.0, 0.0, 1.0]])
         change = rotation_matrix(self.turn_rad) @ shear @ np.diag(1.0 + np.array(self.stretch)) - np.eye(3)

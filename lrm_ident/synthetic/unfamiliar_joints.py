@@ -23,6 +23,7 @@ class UnequalPlay(HiddenEffect):
     softness_nm: float
 
     def added_angles(self, load: JointLoad) -> Array:
+        """The width of the side that the torque presses on."""
         side = np.tanh(load.tau_nm[:, self.joint - 1] / self.softness_nm)
         return at_joint(self.joint, np.where(side > 0.0, self.up_rad, self.down_rad) * side, load.tau_nm)
 
@@ -40,6 +41,7 @@ class StickSlip(HiddenEffect):
     growth_per_nm: float
 
     def added_angles(self, load: JointLoad) -> Array:
+        """What stays behind after each move, in measured order."""
         q = load.poses.q_rad[:, self.joint - 1]
         behind = np.empty_like(q)
         now = -self.slip_rad * load.poses.direction[0, self.joint - 1]
@@ -63,6 +65,7 @@ class DahlLoop(HiddenEffect):
     travel_rad: float
 
     def added_angles(self, load: JointLoad) -> Array:
+        """The state's solution over each move, in measured order."""
         q, side = load.poses.q_rad[:, self.joint - 1], load.poses.direction[:, self.joint - 1]
         state = np.zeros_like(q)
         for row in range(1, len(q)):
@@ -83,6 +86,7 @@ class CreepingJoint(HiddenEffect):
     constant_s: float
 
     def added_angles(self, load: JointLoad) -> Array:
+        """The torque as it was followed so far, an exponential between measurements."""
         tau, time = load.tau_nm[:, self.joint - 1], load.poses.time_s
         kept = np.exp(-np.diff(time) / self.constant_s)
         followed = tau.copy()
@@ -102,6 +106,7 @@ class HardStop(HiddenEffect):
     corner_rad: float
 
     def added_angles(self, load: JointLoad) -> Array:
+        """What is missing beyond the stop, with a rounded corner."""
         beyond = self.side * (load.poses.q_rad[:, self.joint - 1] - self.at_rad)
         past = 0.5 * (beyond + np.hypot(beyond, self.corner_rad))
         return at_joint(self.joint, -self.side * (1.0 - self.give) * past, load.tau_nm)
@@ -117,6 +122,7 @@ class GearRipple(HiddenEffect):
     phase_rad: float
 
     def added_angles(self, load: JointLoad) -> Array:
+        """The first and second harmonic."""
         turned = self.waves * load.poses.q_rad[:, self.joint - 1] + self.phase_rad
         ripple = np.sin(turned) + 0.5 * np.cos(2.0 * turned)
         return at_joint(self.joint, self.size_rad * ripple, load.tau_nm)
@@ -131,6 +137,7 @@ class SharedCable(HiddenEffect):
     stiffness_nm_per_rad: float
 
     def added_torques(self, load: JointLoad) -> Array:
+        """The cable's pull on both joints, its slack rounded."""
         first, second = (load.poses.q_rad[:, joint - 1] for joint in self.joints)
         pull = -self.stiffness_nm_per_rad * np.logaddexp(0.0, 6.0 * (first + second - self.slack_rad)) / 6.0
         return sum((at_joint(joint, pull, load.tau_nm) for joint in self.joints), np.zeros_like(load.tau_nm))
@@ -148,6 +155,7 @@ class TwoStageWarmUp(HiddenEffect):
     constants_s: tuple[float, float]
 
     def added_angles(self, load: JointLoad) -> Array:
+        """The sum of both stages, each by its own exponential within and between sessions."""
         time, session = load.poses.time_s, load.poses.session
         drift = np.zeros_like(time)
         for final, constant in zip(self.final_rad, self.constants_s, strict=True):
@@ -169,6 +177,7 @@ class FormulaJoint(HiddenEffect):
     formula: str
 
     def added_angles(self, load: JointLoad) -> Array:
+        """The formula's values."""
         poses, at = load.poses, self.joint - 1
         known = {
             "np": np,
@@ -192,6 +201,7 @@ class WeatherLag(HiddenEffect):
     lag_s: float
 
     def added_angles(self, load: JointLoad) -> Array:
+        """The sine after a first-order lag, in steady state."""
         turn = 2.0 * np.pi / self.period_s
         delay = np.arctan(turn * self.lag_s)
         swing = np.cos(delay) * np.sin(turn * load.poses.time_s - delay)

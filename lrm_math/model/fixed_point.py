@@ -61,10 +61,7 @@ class EquilibriumSearch:
                 load + self.pushed[k] if k in self.pushed else load
                 for k, load in zip(model.load_slots, tau, strict=True)
             ]
-            target = {k: self.rigid[k] for k in binding.moving}
-            for effect in binding.elastic:
-                for k, amount in effect.motion(poses, tau):
-                    target[k] = target[k] + amount
+            target = self._bent(tau)
             steps = [target[k] - slots[k] for k in binding.moving]
             change: Number = 0.0
             for k, step in zip(binding.moving, steps, strict=True):
@@ -92,6 +89,15 @@ class EquilibriumSearch:
         diverging = np.flatnonzero(~(np.broadcast_to(change, len(poses)) <= self.tolerance))
         left = f"after {number} iterations the TCP still moves {worst * 1e3:.3g} mm"
         raise NoEquilibrium(poses.names(diverging), left)
+
+    def _bent(self, tau: list[Number]) -> dict[int, Number]:
+        """Where the moving slots are under these loads."""
+        binding = self.model.binding
+        bent = {k: self.rigid[k] for k in binding.moving}
+        for effect in binding.elastic:
+            for k, amount in effect.motion(self.poses, tau):
+                bent[k] = bent[k] + amount
+        return bent
 
     def _with_slow(self, now: SlotIterate, slow: NDArray[np.int64]) -> SlotIterate:
         """The poses at rest, and the slow ones settled alone."""

@@ -74,58 +74,79 @@ def parser() -> argparse.ArgumentParser:
             add_options(sub)
         return sub
 
-    c = command("state", status.state, "mode, servos, temperatures and faults")
+    command("state", status.state, "mode, servos, temperatures and faults", _state)
+    command("info", status.info, "names, limits and rates")
+    command("arm", motion.arm, "switch servos on where they stand", _arm)
+    command("move", motion.move, "move servos and wait until they are there", _move)
+    command("gripper", motion.gripper, "turn the gripper's servo", _motion).add_argument("angle", metavar="ANGLE")
+    command("pan-tilt", motion.pan_tilt, "turn the camera", _motion, _pan_tilt)
+    command("ik", cartesian.ik, "commands that bring the bent arm's tool to a place (mm)", _goal)
+    command("goto", cartesian.goto, "bring the tool to a place (mm): plan a way, and go", _goal, _motion)
+    command("plan", cartesian.plan, "a way to joint angles, round what is between; with --go, take it", _plan, _motion)
+    fk = command("fk", cartesian.fk, "where the bent arm's tool is for joint angles (mm)")
+    fk.add_argument("--q", metavar="Q1,Q2,...", help="default: the last commanded angles")
+    _payload(fk)
+    command("hold", motion.hold, "stop where it is, with pulses on; anybody may")
+    relax = command("relax", motion.relax, "stop the pulses: what they carried falls")
+    relax.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
+    command("reload", status.reload, "take the model's file as it is now; nothing moves")
+    command("deploy", status.deploy, "give the daemon a model: checked, kept, used at once; nothing moves", _deploy)
+    command("disarm", motion.disarm, "stop all pulses of an arm that stands still")
+    command("reset", motion.reset, "leave fault or estop; nothing moves")
+    estop = command("estop", motion.estop, "stop all pulses at the next tick; anybody may")
+    estop.add_argument("--why", default="", help="for the log")
+    logs = command("logs", status.logs, "the last events")
+    logs.add_argument("--follow", action="store_true", help="and those to come, until Ctrl-C")
+    text = "calibrate one servo with a protractor and write its table into an arm file"
+    command("level1", motion.level1, text, _level1)
+    return p
+
+
+def _state(c: argparse.ArgumentParser) -> None:
     c.add_argument("--watch", action="store_true", help="again and again, until Ctrl-C")
     c.add_argument("--metrics", action="store_true", help="and how well the ramp keeps its time")
-    command("info", status.info, "names, limits and rates")
-    c = command("arm", motion.arm, "switch servos on where they stand")
+
+
+def _arm(c: argparse.ArgumentParser) -> None:
     where = c.add_mutually_exclusive_group()
     where.add_argument("--q", metavar="Q1,Q2,...", help="the joints stand at these angles")
     where.add_argument("--at", action="append", nargs=2, metavar=("SERVO", "ANGLE"), help="this servo stands here")
     where.add_argument("--stored", action="store_true", help="nobody touched the arm since the daemon left it")
     where.add_argument("--board", action="store_true", help="take over what the board is still putting out (default)")
     c.add_argument("--servo", action="append", metavar="NAME", help="with --stored: only these")
-    c = command("move", motion.move, "move servos and wait until they are there")
+
+
+def _move(c: argparse.ArgumentParser) -> None:
     pair: dict[str, Any] = {"action": "append", "nargs": 2, "default": []}
     c.add_argument("--joint", **pair, metavar=("N", "ANGLE"), help="joint number and angle")
     c.add_argument("--servo", **pair, metavar=("NAME", "ANGLE"), help="any servo")
     c.add_argument("--q", metavar="Q1,Q2,...", help="all joints")
     _motion(c)
     c.add_argument("--payload-g", type=float, metavar="G", help="what the gripper carries from now on")
-    command("gripper", motion.gripper, "turn the gripper's servo", _motion).add_argument("angle", metavar="ANGLE")
-    c = command("pan-tilt", motion.pan_tilt, "turn the camera", _motion)
+
+
+def _pan_tilt(c: argparse.ArgumentParser) -> None:
     c.add_argument("pan", metavar="PAN")
     c.add_argument("tilt", metavar="TILT")
-    command("ik", cartesian.ik, "commands that bring the bent arm's tool to a place (mm)", _goal)
-    command("goto", cartesian.goto, "bring the tool to a place (mm): plan a way, and go", _goal, _motion)
-    c = command("plan", cartesian.plan, "a way to joint angles, round what is between; with --go, take it")
+
+
+def _plan(c: argparse.ArgumentParser) -> None:
     c.add_argument("--q", required=True, metavar="Q1,Q2,...", help="where to")
     c.add_argument("--seed", type=int, default=0, help="another seed finds another way")
     c.add_argument("--go", action="store_true", help="and move there")
-    _motion(c)
-    c = command("fk", cartesian.fk, "where the bent arm's tool is for joint angles (mm)")
-    c.add_argument("--q", metavar="Q1,Q2,...", help="default: the last commanded angles")
-    _payload(c)
-    command("hold", motion.hold, "stop where it is, with pulses on; anybody may")
-    c = command("relax", motion.relax, "stop the pulses: what they carried falls")
-    c.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
-    command("reload", status.reload, "take the model's file as it is now; nothing moves")
-    c = command("deploy", status.deploy, "give the daemon a model: checked, kept, used at once; nothing moves")
+
+
+def _deploy(c: argparse.ArgumentParser) -> None:
     c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident")
     c.add_argument("--undo", action="store_true", help="back to the model before the last one deployed")
-    command("disarm", motion.disarm, "stop all pulses of an arm that stands still")
-    command("reset", motion.reset, "leave fault or estop; nothing moves")
-    c = command("estop", motion.estop, "stop all pulses at the next tick; anybody may")
-    c.add_argument("--why", default="", help="for the log")
-    c = command("logs", status.logs, "the last events")
-    c.add_argument("--follow", action="store_true", help="and those to come, until Ctrl-C")
-    c = command("level1", motion.level1, "calibrate one servo with a protractor and write its table into an arm file")
+
+
+def _level1(c: argparse.ArgumentParser) -> None:
     c.add_argument("servo", metavar="SERVO", help="joint1 ... or another servo")
     c.add_argument("--arm", required=True, metavar="ARM", help="the arm file to start from, or a shipped arm")
     c.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the new arm file")
     text = "where to measure (default: %(default)s)"
     c.add_argument("--angles", default="-100,0,100", metavar="A1,A2,...", help=text)
-    return p
 
 
 def _goal(c: argparse.ArgumentParser) -> None:

@@ -44,6 +44,7 @@ class BitFlip(FrameFault):
     """One flipped bit per frame, possibly in its final 0x00."""
 
     def corrupted(self, wire: bytes, random: Random) -> bytes:
+        """The frame with one bit changed."""
         bit = random.randrange(8 * len(wire))
         out = bytearray(wire)
         out[bit // 8] ^= 1 << bit % 8
@@ -54,6 +55,7 @@ class LostFrames(FrameFault):
     """Frame loss."""
 
     def corrupted(self, wire: bytes, random: Random) -> bytes:
+        """Nothing."""
         return b""
 
 
@@ -61,6 +63,7 @@ class DoubledFrames(FrameFault):
     """Frame duplication."""
 
     def corrupted(self, wire: bytes, random: Random) -> bytes:
+        """The frame twice."""
         return wire + wire
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from lrm_ident.report.document import Block, Document, ResultTable
@@ -37,33 +39,40 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
         ("body", "mass_g|.1f", "com_x_mm|.2f", "com_y_mm|.2f", "com_z_mm|.2f", "frame", "loads joint|d"),
         [(b.name, b.mass / GRAM, *(c / MM for c in b.com), _frame(arm, b.frame), b.loads_joint) for b in arm.bodies],
     )
-    mass = sum(body.mass for body in arm.bodies)
-    reach = chain_of(arm).length
-    x, y, z = tcp.tolist()
     at = "at zero" if q is None else "at " + ", ".join(f"{angle:g}°" for angle in np.degrees(angles))
-    lines = [
-        f"TCP {at}: {x:.2f}, {y:.2f}, {z:.2f} mm. From joint 1 it reaches {reach / MM:.0f} mm at most. "
-        f"Moving: {mass / GRAM:.0f} g."
-    ]
-    parallel = [f"{i} and {i + 1}" for i in range(1, arm.dof) if arm.joints[i - 1].leads_parallel]
-    if parallel:
-        lines.append(f"(Nearly) parallel axes: {'; '.join(parallel)}.")
-    if not mass:
-        lines.append("No mass: gravity loads nothing, so that no compliance can be found.")
-    if difference is not None:
-        lines.append(f"Largest difference from the URDF's own kinematics at random poses: {difference:.1g} (m, rad).")
-    blocks: list[Block] = [joints, links, bodies, *lines]
+    x, y, z = tcp.tolist()
+    blocks: list[Block] = [joints, links, bodies, *_lines(arm, f"{at}: {x:.2f}, {y:.2f}, {z:.2f}", difference)]
     values = {
         "arm": arm.name,
         "joints": joints.records(),
         "links": links.records(),
         "bodies": bodies.records(),
         "tcp_mm": tcp,
-        "longest_mm": reach / MM,
-        "moving_mass_g": mass / GRAM,
+        "longest_mm": chain_of(arm).length / MM,
+        "moving_mass_g": _moving_mass(arm) / GRAM,
         "largest_difference": difference,
     }
     return Document(blocks, "lrm/arm-report/1", values, links)
+
+
+def _moving_mass(arm: Arm) -> float:
+    return sum(body.mass for body in arm.bodies)
+
+
+def _lines(arm: Arm, tcp: str, difference: float | None) -> Iterator[str]:
+    """What the tables do not say; `tcp`: where the TCP is, in mm."""
+    mass = _moving_mass(arm)
+    yield (
+        f"TCP {tcp} mm. From joint 1 it reaches {chain_of(arm).length / MM:.0f} mm at most. "
+        f"Moving: {mass / GRAM:.0f} g."
+    )
+    parallel = [f"{i} and {i + 1}" for i in range(1, arm.dof) if arm.joints[i - 1].leads_parallel]
+    if parallel:
+        yield f"(Nearly) parallel axes: {'; '.join(parallel)}."
+    if not mass:
+        yield "No mass: gravity loads nothing, so that no compliance can be found."
+    if difference is not None:
+        yield f"Largest difference from the URDF's own kinematics at random poses: {difference:.1g} (m, rad)."
 
 
 def _link_row(arm: Arm, i: int) -> tuple[object, ...]:
