@@ -22,8 +22,8 @@ from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.levenberg_marquardt import fit, no_bounds
-from lrm_ident.estimation.parameter_sets import TABLE_4_5, select_parameters
+from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.parameter_sets import TABLE_4_5, no_bounds, select_parameters
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.chain import chain_of, pull_back, trig

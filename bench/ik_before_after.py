@@ -109,7 +109,7 @@ def compare(
     """Prints one line per kind of goal."""
     from lrm_math.ik.calibrated import CalibratedSolver
     from lrm_math.ik.goal import pose
-    from lrm_math.ik.solver_context import IkQuery
+    from lrm_math.ik.solutions import IkQuery
     from validation.calibrated_ik import distinct, exhaustive, goals
 
     solver, tools = CalibratedSolver.of(model), goals(model, max(counts.values()), seed=7)

@@ -32,7 +32,8 @@ from lrm_math.ik.goal import pose
 from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.library import CHAR_LENGTH
 from lrm_math.ik.reply import CalibratedReply, NotConverged, Solved
-from lrm_math.ik.solver_context import AT_LIMIT, IkQuery, Method
+from lrm_math.ik.solutions import AT_LIMIT, IkQuery
+from lrm_math.ik.solver_context import Method
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.batch_equilibrium import batch_equilibrium

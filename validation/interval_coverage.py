@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident import synthetic
-from lrm_ident.estimation.levenberg_marquardt import fit, no_bounds
-from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.parameter_sets import no_bounds, select_parameters
 from lrm_ident.estimation.priors import Prior, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array

@@ -17,8 +17,8 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.levenberg_marquardt import fit, no_bounds
-from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.parameter_sets import no_bounds, select_parameters
 from lrm_ident.estimation.priors import load_prior
 from lrm_ident.thesis.thesis_options import cross_apply, nominal_model, option_named, residual_of, run_options
 from lrm_ident.thesis.thesis_results import NO_LOAD

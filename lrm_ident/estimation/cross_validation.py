@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.fold_steps import models_without
-from lrm_ident.estimation.levenberg_marquardt import Bounds, fit
+from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.loss import Loss
+from lrm_ident.estimation.parameter_sets import Bounds
 from lrm_ident.estimation.priors import Prior
 from lrm_ident.nonparametric.predictability import HeldOutBlock, held_out_rows
 from lrm_ident.progress import OnProgress, silent

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.cross_validation import held_out_blocks
-from lrm_ident.estimation.levenberg_marquardt import Bounds
 from lrm_ident.estimation.loss import Loss
+from lrm_ident.estimation.parameter_sets import Bounds
 from lrm_ident.estimation.priors import Prior
 from lrm_ident.nonparametric.predictability import HeldOutBlock, PredictableError, held_out_rows, predictable_error
 from lrm_ident.progress import OnProgress, silent

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.block_qr import CompressedRows
-from lrm_ident.estimation.levenberg_marquardt import Bounds, bounds_of, fit
+from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.loss import SQUARED, Loss
 from lrm_ident.estimation.objective import Objective
+from lrm_ident.estimation.parameter_sets import Bounds, bounds_of
 from lrm_ident.estimation.priors import Prior
 from lrm_math.model.model import Model
 

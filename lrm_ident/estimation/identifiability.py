@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.block_qr import compress
-from lrm_ident.estimation.levenberg_marquardt import Bounds, Fit, bounds_of, check_enough, fit
+from lrm_ident.estimation.levenberg_marquardt import Fit, check_enough, fit
 from lrm_ident.estimation.loss import Loss
+from lrm_ident.estimation.parameter_sets import Bounds, bounds_of
 from lrm_ident.weights.whitening import PLAIN, Whitening
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import chain_geometry

@@ -7,7 +7,6 @@ does not converge, it is damped by weak priors (ridge regression, Hoerl & Kennar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.loss import SQUARED, Loss, robust_scale
 from lrm_ident.estimation.objective import Iterate, NoiseScale, NoiseUpdate, Objective
+from lrm_ident.estimation.parameter_sets import Bounds, bounds_of
 from lrm_ident.estimation.priors import WEAK_SD, Prior, weak_prior
 from lrm_ident.registration.collapse import check_arm
 from lrm_math.arrays import Array
@@ -44,14 +44,6 @@ class FitNotConverged(LrmError):
             f"the fit did not converge in {steps} steps (last step {step:.2g} of the typical sizes); "
             "hold some parameters, start from a fitted model, or try a narrower prior (--prior)"
         )
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Lower and upper bound of each fitted parameter (SI), (P,) each."""
-
-    lower: Array
-    upper: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,17 +98,6 @@ class Fit:
         error = self.standard_error
         scale = np.where(error > 0, error, 1.0)
         return np.asarray(self.covariance / np.outer(scale, scale))
-
-
-def bounds_of(model: Model, keys: Sequence[str]) -> Bounds:
-    """The physical bounds that the effects state, for instance compliances ≥ 0, for the parameters `keys`."""
-    chosen = [model.parameters[model.position(key)] for key in keys]
-    return Bounds(np.array([p.lower for p in chosen]), np.array([p.upper for p in chosen]))
-
-
-def no_bounds(keys: Sequence[str]) -> Bounds:
-    """Infinite bounds, for instance for the thesis's unconstrained options."""
-    return Bounds(np.full(len(keys), -np.inf), np.full(len(keys), np.inf))
 
 
 def fit(

@@ -8,9 +8,9 @@ from dataclasses import replace
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.identifiability import IdentifiedFit, fit_identifiable
-from lrm_ident.estimation.levenberg_marquardt import Bounds, bounds_of, fit, no_bounds
+from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.loss import Loss
-from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.estimation.parameter_sets import Bounds, bounds_of, no_bounds, select_parameters
 from lrm_ident.estimation.priors import Prior
 from lrm_ident.registration.anchor import with_anchor
 from lrm_ident.registration.collapse import CHECK

@@ -1,9 +1,14 @@
-"""Named sets of parameters to fit."""
+"""Named sets of parameters to fit, and the bounds of each."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
+import numpy as np
+
+from lrm_math.arrays import Array
 from lrm_math.errors import UnknownName
 from lrm_math.model.model import Model
 
@@ -43,3 +48,22 @@ def select_parameters(model: Model, choice: str) -> tuple[str, ...]:
         if not any(fnmatchcase(key, pattern) for key in model.keys):
             raise UnknownName("parameter", pattern, (*THESIS_OPTIONS, *model.keys))
     return tuple(key for key in model.keys if any(fnmatchcase(key, pattern) for pattern in patterns))
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Lower and upper bound of each fitted parameter (SI), (P,) each."""
+
+    lower: Array
+    upper: Array
+
+
+def bounds_of(model: Model, keys: Sequence[str]) -> Bounds:
+    """The physical bounds that the effects state, for instance compliances ≥ 0, for the parameters `keys`."""
+    chosen = [model.parameters[model.position(key)] for key in keys]
+    return Bounds(np.array([p.lower for p in chosen]), np.array([p.upper for p in chosen]))
+
+
+def no_bounds(keys: Sequence[str]) -> Bounds:
+    """Infinite bounds, for instance for the thesis's unconstrained options."""
+    return Bounds(np.full(len(keys), -np.inf), np.full(len(keys), np.inf))

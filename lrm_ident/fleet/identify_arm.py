@@ -21,9 +21,10 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.estimation.error_breakdown import HeldOutResidual
-from lrm_ident.estimation.levenberg_marquardt import Bounds, bounds_of, fit
+from lrm_ident.estimation.levenberg_marquardt import fit
 from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS
 from lrm_ident.estimation.model_history import model_file, model_text, tool_version
+from lrm_ident.estimation.parameter_sets import Bounds, bounds_of
 from lrm_ident.estimation.priors import WEAK, weak_prior
 from lrm_ident.progress import silent
 from lrm_ident.workflow.inputs import ModelInputs, read_measurements

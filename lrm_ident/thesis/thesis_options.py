@@ -13,8 +13,8 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.detmax import exchange
 from lrm_ident.design.fisher_information import Rows
 from lrm_ident.design.observability import identification_jacobian
-from lrm_ident.estimation.levenberg_marquardt import Fit, bounds_of, fit, no_bounds
-from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.estimation.levenberg_marquardt import Fit, fit
+from lrm_ident.estimation.parameter_sets import bounds_of, no_bounds, select_parameters
 from lrm_ident.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array

@@ -21,7 +21,8 @@ from lrm_math.ik.cube import Cube
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved
-from lrm_math.ik.solver_context import IkQuery, IkSolution, IkSolutions, Method, SolverContext, Stalled
+from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
+from lrm_math.ik.solver_context import Method, SolverContext
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import clock_of, deployed_part

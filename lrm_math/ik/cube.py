@@ -13,7 +13,8 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.kernel.flat_arm import frames_as_numbers, matrices
-from lrm_math.ik.solver_context import IkQuery, IkSolutions, SolverContext
+from lrm_math.ik.solutions import IkQuery, IkSolutions
+from lrm_math.ik.solver_context import SolverContext
 
 REGION = 0.05
 """rad: rounding of known commands, so that the search starts beside them."""

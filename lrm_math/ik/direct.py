@@ -8,7 +8,8 @@ import numpy as np
 
 from lrm_math.errors import LrmError
 from lrm_math.ik.nearest import error_of, nearest
-from lrm_math.ik.solver_context import IkQuery, IkSolution, IkSolutions, SolverContext
+from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions
+from lrm_math.ik.solver_context import SolverContext
 
 REACHED = 0.01
 """m: a goal that the nearest command misses by less is tried once more from there."""

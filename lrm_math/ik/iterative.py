@@ -8,7 +8,8 @@ import numpy as np
 
 from lrm_math.ik.cube import initial_guesses
 from lrm_math.ik.goal import pose
-from lrm_math.ik.solver_context import IkQuery, IkSolution, IkSolutions, SolverContext, Stalled
+from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
+from lrm_math.ik.solver_context import SolverContext
 
 STILL = 1e-6
 """m: the error has settled when it changes by less."""

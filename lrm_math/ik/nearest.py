@@ -11,7 +11,8 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Nearest
 from lrm_math.ik.kernel.flat_arm import matrices
 from lrm_math.ik.library import CHAR_LENGTH
-from lrm_math.ik.solver_context import IkQuery, SolverContext
+from lrm_math.ik.solutions import IkQuery
+from lrm_math.ik.solver_context import SolverContext
 
 
 @lru_cache(maxsize=4)

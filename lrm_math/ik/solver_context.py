@@ -12,7 +12,6 @@ import numpy as np
 
 from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
-from lrm_math.ik.goal import Goal
 from lrm_math.ik.joint_laws import JointLaws
 from lrm_math.ik.kernel.flat_arm import FlatArm, Twelve, flat_arm, frames_as_numbers, with_form, with_laws
 from lrm_math.ik.kernel.linkage import Indices
@@ -22,14 +21,13 @@ from lrm_math.ik.library import PoseLibrary
 from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
 from lrm_math.ik.nominal.pieper import pieper_form
 from lrm_math.ik.nominal.solver import NominalSolver, solver_of
+from lrm_math.ik.solutions import AT_LIMIT, IkQuery, IkSolution, IkSolutions, Stalled
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.model import CACHED_PAYLOADS, Model
 
-AT_LIMIT = 1e-9
-"""rad: a command this far beyond a limit is at the limit."""
 SLACK = 0.4
 """rad: the nominal solutions may break the limits by so much, since the commands then differ from them."""
 FREE_STARTS = (10, 96)
@@ -39,66 +37,6 @@ ALIGNED = 1e-4
 """m/rad: where some joint motion moves the tool no faster, a solution is called singular."""
 LINEARISATIONS, STEADY = 30, 1e-11
 """Most calls of the kernel for effects that it does not know; rad: change of the slots that ends them."""
-
-
-@dataclass(frozen=True, slots=True)
-class IkQuery:
-    """The goal, the payload (kg), and the present joint angles (rad), if known."""
-
-    goal: Goal
-    payload: float = 0.0
-    near: tuple[float, ...] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class IkSolution:
-    """One command that reaches a goal.
-
-    Attributes:
-        q: rad, whatever the limits.
-        direction: the side that each joint arrives from (see `Poses`), zeros where it is not known.
-        detour: joints from 1 that a move straight from `near` would bring from the other side.
-        slots: amounts of the moving slots (rad, m).
-        margin: distance to the nearest limit (rad), negative beyond.
-        free: number from 1 of a joint that can turn while the tool hardly moves; None if there is none.
-    """
-
-    q: tuple[float, ...]
-    direction: tuple[int, ...]
-    detour: tuple[int, ...]
-    slots: tuple[float, ...]
-    margin: float
-    free: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class IkSolutions:
-    """Commands that a method found, and its steps; `error`: m, before the final Newton's method, if it has one."""
-
-    commands: tuple[IkSolution, ...]
-    steps: int
-    error: float | None = None
-
-    @property
-    def within(self) -> list[IkSolution]:
-        """Those within the limits."""
-        return [command for command in self.commands if command.margin >= -AT_LIMIT]
-
-    @property
-    def beyond(self) -> list[IkSolution]:
-        """Those beyond, the least excess first."""
-        return sorted((c for c in self.commands if c.margin < -AT_LIMIT), key=lambda command: -command.margin)
-
-
-@dataclass(frozen=True, eq=False)
-class Stalled:
-    """A method that ended away from the goal.
-
-    `q`: its last command (rad). `errors`: m, the distance from the goal after each step.
-    """
-
-    q: tuple[float, ...]
-    errors: tuple[float, ...]
 
 
 class Method(Protocol):

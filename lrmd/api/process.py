@@ -33,9 +33,9 @@ from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import DeployRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
-from lrmd.persistence import state_file
-from lrmd.persistence.arm_identity import of_this_arm
 from lrmd.persistence.background_writer import BackgroundWriter
+from lrmd.persistence.restored_state import restored_state
+from lrmd.persistence.save_schedule import SaveSchedule
 from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
@@ -44,7 +44,6 @@ RAMP_TIMEOUT = SECOND // 2
 """ns without a tick after which the ramp process is restarted: half of the board's own timeout."""
 START_TIMEOUT = 20 * SECOND
 IK_TIMEOUT, ROUTER_TIMEOUT = 5 * SECOND, 2 * SECOND
-SAVE_INTERVAL = 60 * SECOND
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 
@@ -63,8 +62,8 @@ class ApiProcess:
         self._model = ActiveModel(config, self._shared)
         if self._model.guard is None:
             self._emit("no_shapes", "warning", f"{config.arm.name} has no collision shapes; no move is checked")
-        guard = self._model.guard or (lambda *_: None)
-        self._controller = Controller(config, gravity_torques(config.arm), self._load(), guard, now, time.time_ns())
+        guard, stored = self._model.guard or (lambda *_: None), restored_state(config, self._emit)
+        self._controller = Controller(config, gravity_torques(config.arm), stored, guard, now, time.time_ns())
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik)
         self._publisher.model = self._model.deployed.path
         self._writer = BackgroundWriter(config.state, self._on_write)
@@ -72,8 +71,7 @@ class ApiProcess:
         self._server: ZenohServer | None = None
         self._presence: Presence | None = None
         self._tick_seen, self._ticked_at = 0, now
-        self._saved_at = 0
-        self._saved: tuple[Any, ...] = ()
+        self._saving = SaveSchedule(config.save)
 
     def run(self) -> int:
         """Runs until SIGTERM or SIGINT. Returns the exit code: 0, or 1 if a process cannot be kept alive."""
@@ -222,42 +220,10 @@ class ApiProcess:
         child.start(now)
         return True
 
-    def _load(self) -> state_file.StoredState | None:
-        folder = self._config.state
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            stored = state_file.load(folder)
-        except FileError as error:
-            self._emit("state_damaged", "error", f"{error}; it is set aside, and the pose is unknown")
-            self._set_aside(".damaged")
-            return None
-        except OSError as error:
-            self._emit("state_not_saved", "error", f"{folder}: {error.strerror}")
-            return None
-        if stored is None:
-            return None
-        stored, why_not = of_this_arm(stored, self._config)
-        if why_not:
-            text = f"{folder / state_file.NAME}: {why_not}; it is set aside, and the pose is unknown"
-            self._emit("state_foreign", "error", text)
-            self._set_aside(".foreign")
-        return stored
-
-    def _set_aside(self, suffix: str) -> None:
-        try:
-            state_file.set_aside(self._config.state, suffix)
-        except OSError as fault:
-            self._emit("state_not_saved", "error", f"it cannot be set aside either ({fault.strerror})")
-
     def _save(self, now: int, at_once: bool = False) -> None:
-        """Saves on change, at least once a minute; during a motion only at the configured interval."""
         c = self._controller
         state = (c.mode, c.position, c.report.moving, c.payload, *map(c.thermal.model.level, c.thermal.temperature))
-        still_moving = c.report.moving and bool(self._saved) and self._saved[2]
-        wait = self._config.save if still_moving else 0
-        changed = state != self._saved and now - self._saved_at >= wait
-        if at_once or changed or now - self._saved_at > SAVE_INTERVAL:
-            self._saved_at, self._saved = now, state
+        if self._saving.due(state, c.report.moving, now) or at_once:
             c.stored = c.saved(time.time_ns())
             self._writer.put(c.stored)
 

@@ -83,9 +83,7 @@ def parser() -> argparse.ArgumentParser:
     command("ik", cartesian.ik, "commands that bring the bent arm's tool to a place (mm)", _goal)
     command("goto", cartesian.goto, "bring the tool to a place (mm): plan a way, and go", _goal, _motion)
     command("plan", cartesian.plan, "a way to joint angles, round what is between; with --go, take it", _plan, _motion)
-    fk = command("fk", cartesian.fk, "where the bent arm's tool is for joint angles (mm)")
-    fk.add_argument("--q", metavar="Q1,Q2,...", help="default: the last commanded angles")
-    _payload(fk)
+    command("fk", cartesian.fk, "where the bent arm's tool is for joint angles (mm)", _fk, _payload)
     command("hold", motion.hold, "stop where it is, with pulses on; anybody may")
     relax = command("relax", motion.relax, "stop the pulses: what they carried falls")
     relax.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
@@ -134,6 +132,10 @@ def _plan(c: argparse.ArgumentParser) -> None:
     c.add_argument("--q", required=True, metavar="Q1,Q2,...", help="where to")
     c.add_argument("--seed", type=int, default=0, help="another seed finds another way")
     c.add_argument("--go", action="store_true", help="and move there")
+
+
+def _fk(c: argparse.ArgumentParser) -> None:
+    c.add_argument("--q", metavar="Q1,Q2,...", help="default: the last commanded angles")
 
 
 def _deploy(c: argparse.ArgumentParser) -> None:

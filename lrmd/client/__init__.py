@@ -8,7 +8,8 @@ with Rover("rover") as rover, rover.control("my program"):
     print(rover.joints().q_rad)
 """
 
-from lrmd.client.rover import MotionInterrupted, NoReply, RequestRefused, Rover
+from lrmd.client.rover import MotionInterrupted, Rover
+from lrmd.client.session import NoReply, RequestRefused, RoverSession
 from lrmd.messages.control import LEASE_LOST, InfoState
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 
@@ -24,4 +25,5 @@ __all__ = [
     "PlanRequest",
     "RequestRefused",
     "Rover",
+    "RoverSession",
 ]

@@ -21,7 +21,8 @@ from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose_rpy
 from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, Solved, Unsolved
-from lrm_math.ik.solver_context import IkQuery, Method, SolverContext
+from lrm_math.ik.solutions import IkQuery
+from lrm_math.ik.solver_context import Method, SolverContext
 from lrm_math.kinematics.poses import Poses
 from lrmd.config import Config
 from lrmd.errors import RequestError

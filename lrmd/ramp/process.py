@@ -14,8 +14,9 @@ import signal
 from dataclasses import dataclass
 
 from lrmd.link.serial_port import SerialPort
+from lrmd.ramp.board_settings import BoardSettings
 from lrmd.ramp.clock import MonotonicClock
-from lrmd.ramp.core import BoardSettings, RampCore
+from lrmd.ramp.core import RampCore
 from lrmd.ramp.parent import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
 from lrmd.ramp.shared_memory import BUCKET_NS, BUCKETS, LinkState, RampReport, SharedRecords

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lrmd.config import MS, Config
-from lrmd.ramp.core import BoardSettings, ServoOutput
+from lrmd.ramp.board_settings import BoardSettings, ServoOutput
 from lrmd.ramp.process import RampSetup
 from lrmd.ramp.shared_fd import SharedFd
 

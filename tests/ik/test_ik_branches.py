@@ -12,7 +12,7 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.library import CHAR_LENGTH
-from lrm_math.ik.solver_context import IkQuery, IkSolutions
+from lrm_math.ik.solutions import IkQuery, IkSolutions
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium

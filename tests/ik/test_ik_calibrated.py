@@ -25,7 +25,7 @@ from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.reply import NotConverged, Solved, Unsolved
-from lrm_math.ik.solver_context import IkQuery
+from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.batch_equilibrium import batch_equilibrium

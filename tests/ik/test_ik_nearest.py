@@ -24,7 +24,7 @@ from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.library import CHAR_LENGTH
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.reply import Solved, Unsolved
-from lrm_math.ik.solver_context import IkQuery
+from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.batch_equilibrium import batch_equilibrium

@@ -27,7 +27,8 @@ from lrm_math.ik.kernel.laws import KERNEL_LAWS
 from lrm_math.ik.kernel.structures import KernelArm
 from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
 from lrm_math.ik.nominal.pieper import pieper_form
-from lrm_math.ik.solver_context import IkQuery, SolverContext
+from lrm_math.ik.solutions import IkQuery
+from lrm_math.ik.solver_context import SolverContext
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of

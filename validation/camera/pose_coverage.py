@@ -20,7 +20,8 @@ from lrm_ident.camera.consistency import measured_covariance_of
 from lrm_ident.camera.lens import Lens
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.identifiability import select_identifiable
-from lrm_ident.estimation.levenberg_marquardt import fit, no_bounds
+from lrm_ident.estimation.levenberg_marquardt import fit
+from lrm_ident.estimation.parameter_sets import no_bounds
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses

@@ -17,9 +17,9 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.cross_validation import held_out_residual, joint_space_folds
 from lrm_ident.estimation.error_breakdown import compare, try_held_out
 from lrm_ident.estimation.identifiability import fit_identifiable, select_identifiable
-from lrm_ident.estimation.levenberg_marquardt import FitNotConverged, bounds_of, fit, no_bounds
+from lrm_ident.estimation.levenberg_marquardt import FitNotConverged, fit
 from lrm_ident.estimation.loss import LOSSES, Cauchy, Huber, robust_scale
-from lrm_ident.estimation.parameter_sets import THESIS_OPTIONS, select_parameters
+from lrm_ident.estimation.parameter_sets import THESIS_OPTIONS, bounds_of, no_bounds, select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.levenberg_marquardt import Fit, fit, no_bounds
+from lrm_ident.estimation.levenberg_marquardt import Fit, fit
 from lrm_ident.estimation.loss import SQUARED, loss_named
 from lrm_ident.estimation.model_fit import fit_model
-from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.estimation.parameter_sets import no_bounds, select_parameters
 from lrm_ident.estimation.priors import Prior, PriorFile, load_prior, shipped_priors, to_prior
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms

@@ -168,7 +168,7 @@ class InMemoryDaemon:
     @contextmanager
     def reachable(self) -> Iterator[None]:
         """Lets every `Rover` that is made meanwhile reach this daemon."""
-        with mock.patch("lrmd.client.rover.zenoh.open", side_effect=self._opened):
+        with mock.patch("lrmd.client.session.zenoh.open", side_effect=self._opened):
             yield
 
     def _opened(self, _: Any) -> FakeZenohSession:
