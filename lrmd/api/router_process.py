@@ -24,6 +24,8 @@ from lrmd.ramp.shared_fd import SharedFd
 from lrmd.ramp.shared_memory import SharedRecords
 
 HEARTBEAT_S = 0.2
+HEARTBEAT_KEY = "@lrmd/heartbeat"
+"""Of a put that no `**` receives: it passes zenoh's routing tables, and raises after a thread panicked in them."""
 CONFIRM_S, POLL_S = 0.1, 0.001
 """s: how long the ramp may take to confirm, 15 of its ticks, and how often that is looked for."""
 LONGEST_REASON = 64
@@ -126,6 +128,7 @@ def run(setup: RouterSetup) -> None:
         with zenoh.open(zenoh.Config.from_json5(setup.zenoh)) as session:
             EstopServer(session, setup.keys, setup.query, setup.replies, RampSignal(shared, setup.estop.number).stop)
             while not ending:
+                session.put(HEARTBEAT_KEY, b"")
                 shared.router[0] = time.monotonic_ns()
                 time.sleep(HEARTBEAT_S)
     except zenoh.ZError as error:
