@@ -79,6 +79,14 @@ class DiagnosisReport:
         """The effect to add, if any."""
         return self.ranking[0] if self.verdict == "effect_missing" else None
 
+    @property
+    def far_rows(self) -> tuple[int, ...]:
+        """Where more than noise is left without a name: rows far from what the others show, the farthest first."""
+        if self.verdict not in ("unexplained_structure", "unpredictable"):
+            return ()
+        fit = self.diagnosis.fit
+        return tuple(sorted(fit.outliers, key=lambda row: -float(np.linalg.norm(fit.residual[row]))))
+
 
 def build_report(diagnosis: Diagnosis, on_progress: Callable[[str], object] = str) -> DiagnosisReport:
     """Judges a diagnosis and reports it.

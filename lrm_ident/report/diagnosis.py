@@ -66,7 +66,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
             for function, rms in found.unexplained.ranking
         ],
         "outliers": found.outliers,
-        "far_poses": [int(found.data.pose[row]) for row in found.fit.outliers],
+        "far_poses": [int(found.data.pose[row]) for row in report.far_rows],
         "audit": report.limitations,
         "hints": report.hints,
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
@@ -126,12 +126,12 @@ def _verdict(report: DiagnosisReport) -> str:
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
-    """Where more than noise is left: the few poses that hold it, if others show much less."""
-    fit, data, floor = report.diagnosis.fit, report.diagnosis.data, report.diagnosis.floor.sd
-    if not fit.outliers or report.verdict not in ("unexplained_structure", "unpredictable"):
+    """The few poses that hold what is left, if others show much less."""
+    rows = report.far_rows
+    if not rows:
         return
+    fit, data, floor = report.diagnosis.fit, report.diagnosis.data, report.diagnosis.floor.sd
     distance = np.linalg.norm(fit.residual, axis=1)
-    rows = sorted(fit.outliers, key=lambda row: -distance[row])
     poses = enumerate_words([f"{data.pose[row]} ({in_mm(distance[row])} mm)" for row in rows], SHOWN)
     others = np.delete(distance, rows)
     sigma = fit.sigma * np.sqrt((others @ others) / (distance @ distance))

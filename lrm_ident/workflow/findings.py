@@ -34,7 +34,7 @@ class Findings:
         field: the error field of every step. drivers: what errors may follow, at the drawn poses.
         comparison, diagnosis: what the commands of these names print; None as long as they are not done.
         candidates: the best ones beside the data, in the order of the ranking.
-        marked: numbers of the poses to look at, by why: worst, outliers, regimes in which the error is larger.
+        marked: numbers of the poses to look at, by why: worst, outliers, far poses, regimes in which the error is larger.
     """
 
     file: ModelFile
@@ -110,5 +110,6 @@ def with_diagnosis(found: Findings, report: DiagnosisReport) -> Findings:
     views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
     numbers = diagnosis.data.pose
     regimes = {f"regime {one.where}": tuple(numbers[one.rows].tolist()) for one in report.left.regimes}
-    marked = {**(found.marked or {}), "outliers": diagnosis.outliers, **regimes}
+    far = tuple(int(numbers[row]) for row in report.far_rows)
+    marked = {**(found.marked or {}), "outliers": diagnosis.outliers, "far poses": far, **regimes}
     return replace(found, diagnosis=diagnosis_document(report), candidates=views, marked=marked)
