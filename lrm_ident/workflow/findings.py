@@ -34,7 +34,7 @@ class Findings:
         field: the error field of every step. drivers: what errors may follow, at the drawn poses.
         comparison, diagnosis: what the commands of these names print; None as long as they are not done.
         candidates: the best ones beside the data, in the order of the ranking.
-        marked: numbers of the poses to look at, by why: worst, outliers, far poses, regimes in which the error is larger.
+        marked: numbers of the poses to look at, by why: worst, outliers, far poses, regimes of larger error.
     """
 
     file: ModelFile
