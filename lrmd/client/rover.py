@@ -6,8 +6,6 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-import zenoh
-
 from lrm_math.errors import LrmError
 from lrmd.client.session import RoverSession, S
 from lrmd.messages.codec import field_named, pack, unpack
@@ -148,11 +146,8 @@ class Rover(RoverSession):
 
     def _solve(self, kind: type[S], tail: str, request: IkRequest | FkRequest | PlanRequest) -> S:
         """Asks the ik process, in this session's name: it has a share of the queue of its own."""
-        if self._querier is None:
-            self._querier = self._session.declare_querier(key(self.robot, tail))
-        source = zenoh.SourceInfo(self._querier.id, 0)
         timeout = self._timeout + request.deadline_ms / 1000
-        return unpack(kind, self._replies(tail, pack(request), timeout, source)[0])
+        return unpack(kind, self._replies(tail, pack(request), timeout, self._source(tail))[0])
 
     def cancel(self, name: str) -> None:
         """Cancels the query or plan with this `id`; its caller gets the verdict `cancelled`."""

@@ -152,6 +152,12 @@ class RoverSession:
             raise NoReply(f"no answer from {whole} at {self._where}: no daemon of that name, or no permission")
         return found
 
+    def _source(self, tail: str) -> zenoh.SourceInfo:
+        """This session's name, by its querier, which is of the first key that it is asked for."""
+        if self._querier is None:
+            self._querier = self._session.declare_querier(key(self.robot, tail))
+        return zenoh.SourceInfo(self._querier.id, 0)
+
     def _error(self, data: bytes) -> LrmError:
         try:
             return RequestRefused(unpack(ErrorReply, data))

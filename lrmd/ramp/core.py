@@ -43,7 +43,7 @@ class RampCore:
         self._move: Move | None = None
         self._k = self._seq = self._first_seq = 0
         self._pulses_changed, self._pulses_confirmed = False, True
-        self._last_sent = self._unanswered = 0
+        self._last_sent = self._unanswered = 0  # ns: time of the last frame sent; waiting time since the last reply
         self._freeze(RampFault.STARTED)
 
     @property
