@@ -31,7 +31,7 @@ from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
-from lrmd.messages.control import DeployRequest, ReloadRequest, UndeployRequest
+from lrmd.messages.control import DeployRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.background_writer import BackgroundWriter
 from lrmd.persistence.restored_state import restored_state
@@ -43,6 +43,8 @@ PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
 RAMP_TIMEOUT = SECOND // 2
 """ns without a tick after which the ramp process is restarted: half of the board's own timeout."""
 START_TIMEOUT = 20 * SECOND
+SETTLING_TIME = SECOND // 10
+"""ns, 15 ticks of the ramp: for the last order to be read before the next motion."""
 IK_TIMEOUT, ROUTER_TIMEOUT = 5 * SECOND, 2 * SECOND
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
@@ -168,7 +170,8 @@ class ApiProcess:
                 self._flush()
             raise RequestError("model", text) from None
         with self._lock:
-            self._controller.motion_check.guard = self._model.guard or self._controller.motion_check.guard
+            if self._model.guard is not None:
+                self._controller.adopt_guard(self._model.guard, time.monotonic_ns())
             self._publisher.model = deployed.path
             self._emit("model_loaded", "info", f"model {deployed.path}", model_sha256=deployed.sha256)
             self._flush()
@@ -242,6 +245,8 @@ class ApiProcess:
             deployed = self._changed_model(request)
             self._model.wait_for_ik(deployed)
             return self._publisher.reloaded(tail, deployed)
+        if isinstance(request, MoveRequest | JogRequest):
+            self._wait_until_settled()
         with self._lock:
             now = time.monotonic_ns()
             self._observe(now)
@@ -249,6 +254,14 @@ class ApiProcess:
             self._write_order()
             self._flush()
             return self._publisher.reply(tail, result)
+
+    def _wait_until_settled(self) -> None:
+        """Waits until the ramp has read the newest order, or `SETTLING_TIME`: a motion begins at a known place."""
+        end = time.monotonic_ns() + SETTLING_TIME
+        while (report := self._shared.read_report()) and report.order != self._controller.order.number:
+            if time.monotonic_ns() > end:
+                return
+            time.sleep(0.001)
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
         match request:

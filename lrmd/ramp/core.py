@@ -13,8 +13,8 @@ from lrmd.link import protocol
 from lrmd.link.frames import BadFrame, Frame, FrameDecoder, FrameType, ProtocolError, encode
 from lrmd.link.protocol import BoardStatus, ErrorCode
 from lrmd.ramp.board_settings import BoardSettings
-from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport
-from lrmd.ramp.stepping import Move, move
+from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport
+from lrmd.ramp.stepping import Way, move
 
 API_TIMEOUT = 500_000_000
 """ns without a heartbeat of the API process after which a move is frozen."""
@@ -40,8 +40,8 @@ class RampCore:
         self.reconnects = earlier.reconnects
         self.link, self.other_version = LinkState.CLOSED, 0
         self._decoder = FrameDecoder()
-        self._move: Move | None = None
-        self._k = self._seq = self._first_seq = 0
+        self._way = Way()
+        self._seq = self._first_seq = 0
         self._pulses_changed, self._pulses_confirmed = False, True
         self._last_sent = self._unanswered = 0  # ns: time of the last frame sent; waiting time since the last reply
         self._freeze(RampFault.STARTED)
@@ -49,7 +49,7 @@ class RampCore:
     @property
     def moving(self) -> bool:
         """Whether a move is in progress."""
-        return self._move is not None
+        return bool(self._way.parts)
 
     @property
     def standing_by(self) -> bool:
@@ -59,8 +59,8 @@ class RampCore:
 
     @property
     def remaining(self) -> int:
-        """Ticks left in the move if no frame is lost."""
-        return 0 if self._move is None else self._move.length - self._k
+        """Ticks left in the motion if no frame is lost."""
+        return self._way.remaining
 
     def tick(self, now: int, alive: int, order: RampOrder | None, received: bytes | None, estop: bool) -> bytes:
         """Runs one tick at `now` (ns) and returns the bytes to send.
@@ -106,7 +106,7 @@ class RampCore:
         self._unanswered = 0
 
     def _freeze(self, why: RampFault) -> None:
-        self._move, self._k = None, 0
+        self._way = Way()
         self.fault_count, self.fault = self.fault_count + 1, why
 
     def _stop_pulses(self, why: RampFault) -> None:
@@ -208,19 +208,24 @@ class RampCore:
     # ---- orders from the API process
 
     def _check_order(self, order: RampOrder, alive: int) -> None:
-        if self._move is not None and alive - order.heartbeat > API_TIMEOUT:
+        if self.moving and alive - order.heartbeat > API_TIMEOUT:
             self._freeze(RampFault.API_SILENT)
         if order.number == self.order:
             return
+        in_time = order.branch_at == AT_ONCE or (order.after == self.order and order.branch_at <= self.remaining)
         self.order = order.number
-        self.order_accepted = order.fault_count == self.fault_count and self.link is LinkState.READY
+        self.order_accepted = in_time and order.fault_count == self.fault_count and self.link is LinkState.READY
         if self.order_accepted:
             self._start_order(order)
+        else:
+            self._way = Way()
 
     def _start_order(self, order: RampOrder) -> None:
         n = len(self._channels)
         fresh = order.outputs & ~self.outputs
-        start = tuple(order.pose[i] if fresh >> i & 1 else self.position[i] for i in range(n))
+        way = Way() if order.branch_at == AT_ONCE else self._way
+        there = way.at(order.branch_at) if way.parts else self.position
+        start = tuple(order.pose[i] if fresh >> i & 1 else there[i] for i in range(n))
         target = tuple(
             order.target[i] if order.outputs >> i & 1 and order.target[i] != HOLD_PULSE else start[i] for i in range(n)
         )
@@ -232,9 +237,10 @@ class RampCore:
                 self._freeze(RampFault.REFUSED)
                 return
         self._pulses_changed = True
-        self.outputs, self.position = order.outputs, start
-        planned = move(start, target, tuple(max(1, s) for s in order.stride[:n]), order.pace)
-        self._move, self._k = (planned if planned.length else None), 0
+        self.outputs = order.outputs
+        self.position = tuple(start[i] if fresh >> i & 1 else self.position[i] for i in range(n))
+        onward = move(start, target, tuple(max(1, s) for s in order.stride[:n]), order.pace)
+        self._way = way.branch(order.branch_at if way.parts else 0, onward)
 
     # ---- frames to the board
 
@@ -254,11 +260,9 @@ class RampCore:
         return encode(frame)
 
     def _pulse_frame(self) -> Frame:
-        if self._pulses_confirmed and self._move is not None:
-            self._k += 1
-            self.position, self._pulses_changed = self._move.at(self._k), True
-            if not self.remaining:
-                self._move, self._k = None, 0
+        if self._pulses_confirmed and self.moving:
+            self.position, self._pulses_changed = self._way.at(self.remaining - 1), True
+            self._way = self._way.step()
         if self._pulses_changed:
             self._pulses_changed, self._pulses_confirmed, self._first_seq = False, False, self._seq
         counts = self._board.counts(self.outputs, self.position)

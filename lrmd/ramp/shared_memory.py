@@ -20,6 +20,8 @@ SERVOS = 16
 NONE = (0,) * SERVOS
 HOLD_PULSE = -(2**31)
 """As a target: keep the present pulse."""
+AT_ONCE = 2**32 - 1
+"""As `branch_at`: wherever the servos are."""
 
 
 class RampFault(IntEnum):
@@ -51,9 +53,11 @@ class RampOrder:
 
     `fault_count`: faults that the sender had seen. `outputs`: bit i = servo i has pulses. `pose`: pulse (ns) of a servo
     that this order switches on. `target`: ns, or `HOLD_PULSE`. `stride`: ns per tick. `heartbeat`: monotonic ns.
+    `branch_at`: where the motion begins: when so many ticks of the motion of order `after` remain, so that it begins
+    at the pulses from which it was checked. If they are over by then, or that order was never read, the servos stop.
     """
 
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct(f"<IqIHB{SERVOS}i{SERVOS}i{SERVOS}H")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct(f"<IqIHBII{SERVOS}i{SERVOS}i{SERVOS}H")
 
     number: int = 0
     heartbeat: int = 0
@@ -63,18 +67,22 @@ class RampOrder:
     pose: tuple[int, ...] = NONE
     target: tuple[int, ...] = NONE
     stride: tuple[int, ...] = NONE
+    after: int = 0
+    branch_at: int = AT_ONCE
 
     def pack(self) -> bytes:
         """The record's bytes."""
-        head = (self.number, self.heartbeat, self.fault_count, self.outputs, self.pace)
+        head = (
+            self.number, self.heartbeat, self.fault_count, self.outputs, self.pace, self.after, self.branch_at,
+        )  # fmt: skip
         return self.LAYOUT.pack(*head, *_padded(self.pose), *_padded(self.target), *_padded(self.stride))
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
         """The record from its bytes."""
         v = cls.LAYOUT.unpack(data)
-        rows = v[5 : 5 + SERVOS], v[5 + SERVOS : 5 + 2 * SERVOS], v[5 + 2 * SERVOS :]
-        return cls(v[0], v[1], v[2], v[3], Pace(v[4]), *rows)
+        rows = v[7 : 7 + SERVOS], v[7 + SERVOS : 7 + 2 * SERVOS], v[7 + 2 * SERVOS :]
+        return cls(v[0], v[1], v[2], v[3], Pace(v[4]), *rows, v[5], v[6])
 
 
 @dataclass(frozen=True, slots=True)

@@ -137,7 +137,7 @@ class InMemoryDaemon:
         self.sim.core.events.clear()
 
     def handle(self, tail: str, request: Message) -> Message:
-        self.sim.core.observe(self.sim.report, self.sim.now)
+        self.sim.settle()
         result = self.sim.core.handle(request, self.sim.now)
         self._flush()
         return self._publisher.reply(tail, result)
