@@ -69,9 +69,14 @@ class SequenceResult:
     refused: int
 
     @property
+    def required(self) -> float:
+        """The margin or, where it is smaller, the separation when armed (m)."""
+        return min(MARGIN, self.armed)
+
+    @property
     def kept(self) -> bool:
-        """Whether it never fell below the margin or, where that was smaller, the separation when armed; to 10 µm."""
-        return self.least >= min(MARGIN, self.armed) - 1e-5
+        """Whether the separation never fell below what is required; to 10 µm, for the ramp's whole nanoseconds."""
+        return self.least >= self.required - 1e-5
 
 
 class GuardedSequence:
