@@ -29,8 +29,8 @@ HEARTBEAT_KEY = "@lrmd/heartbeat"
 CONFIRM_S, POLL_S = 0.1, 0.001
 """s: how long the ramp may take to confirm, 15 of its ticks, and how often that is looked for."""
 READERS = "(rx: (worker_threads: 16))"
-"""zenoh's setting of its runtime: threads that read from clients. One reads from a client for as long as there is something,
-so two flooding clients would keep its usual two from all others."""
+"""zenoh's setting of its runtime: threads that read from clients. One reads from a client for as long as there is
+something, so two flooding clients would keep its usual two from all others."""
 NICENESS = -10
 """Before everything without a real-time priority, where the system allows it (`LimitNICE` of the unit)."""
 LONGEST_REASON = 64

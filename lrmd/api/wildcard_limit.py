@@ -1,9 +1,9 @@
 """Limit of the messages whose wildcards match the emergency stop's keys, per client, in the router itself.
 
-A put on `lrm/**` matches the subscriber of `cmd/estop`, so that each one would call it. zenoh's downsampling limits every
-message whose key expression intersects one of a rule. The rules here are keys next to the emergency stop's: with a chunk or a
-letter put in somewhere. A wildcard that matches the stop's key matches one of these as well, since what it leaves open
-may be longer, too; the stop's key itself, and that of all robots, match none of them and are never limited.
+A put on `lrm/**` matches the subscriber of `cmd/estop`, so that each one would call it. zenoh's downsampling limits
+every message whose key expression intersects one of a rule. The rules here are keys next to the emergency stop's: with
+a chunk or a letter put in somewhere. A wildcard that matches the stop's key matches one of these as well, since what it
+leaves open may be longer, too. The stop's key itself, and that of all robots, match none: they are never limited.
 """
 
 from __future__ import annotations

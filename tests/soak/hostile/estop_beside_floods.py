@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from tests.soak.hostile.flood import FLOODS, flooded
@@ -39,7 +39,7 @@ def busy_loops(count: int) -> Iterator[None]:
 
 
 def stops_of(t: Trial, count: int, seconds: float) -> tuple[float, ...]:
-    """Delays (ms) of up to `count` stops of the moving arm within a time. Raises `AssertionError` if a law is broken."""
+    """Delays (ms) of up to `count` stops of the arm within a time. Raises `AssertionError` if a law is broken."""
     rng, end = random.Random(count), time.monotonic() + seconds
     while len(t.estops_at) < count and time.monotonic() < end:
         wait_for(lambda: bool(t.board.pulses()), "the arm is armed again", seconds=60.0, pause=0.02)
@@ -55,9 +55,10 @@ def percentile(values: Sequence[float], share: float) -> float:
 
 def row(name: str, loops: int, stops: int, seconds: float) -> str:
     """Measures one flood beside so many busy loops."""
-    with tempfile.TemporaryDirectory() as folder, trial(Path(folder)) as t, busy_loops(loops):
-        with nullcontext() if name == NONE else flooded(t.setup.endpoint, FLOODS[name], seconds=2 * seconds + 60.0):
-            delays = stops_of(t, stops, seconds)
+    with tempfile.TemporaryDirectory() as folder, trial(Path(folder)) as t, busy_loops(loops), ExitStack() as flood:
+        if name != NONE:
+            flood.enter_context(flooded(t.setup.endpoint, FLOODS[name], seconds=2 * seconds + 60.0))
+        delays = stops_of(t, stops, seconds)
     figures = " | ".join(f"{percentile(delays, share):.1f}" for share in (0.5, 0.99, 1.0))
     return f"| {name} | {loops} | {os.getloadavg()[0]:.1f} | {len(delays)} | {figures} |"
 

@@ -83,25 +83,25 @@ def large(session: zenoh.Session, robot: str, rng: random.Random) -> None:
     session.put(f"lrm/{robot}/{rng.choice(['cmd/target', 'rpc/ik', 'state/joints'])}", rng.randbytes(2_000_000))
 
 
-def small(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+def small(session: zenoh.Session, _: str, __: random.Random) -> None:
     """A few bytes on every key at once, the emergency stop's among them, as fast as they are taken."""
-    for _ in range(100):
+    for ___ in range(100):
         session.put("lrm/**", b"x")
 
 
-def small_patterns(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+def small_patterns(session: zenoh.Session, robot: str, _: random.Random) -> None:
     """The same on patterns of all kinds that match the keys of the emergency stop."""
     for pattern in ("**", f"lrm/{robot}/**", "lrm/*/cmd/*", "lrm/**/estop", f"lrm/{robot}/cmd/e$*p", "lrm/*/*/estop"):
         session.put(pattern, b"x")
 
 
-def small_commands(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+def small_commands(session: zenoh.Session, robot: str, _: random.Random) -> None:
     """The same on a key of commands, exactly."""
-    for _ in range(100):
+    for __ in range(100):
         session.put(f"lrm/{robot}/cmd/target", b"x")
 
 
-def asking(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+def asking(session: zenoh.Session, _: str, __: random.Random) -> None:
     """Queries to every key at once, the emergency stop's among them, without waiting for the replies."""
     session.get("lrm/**", lambda _: None, timeout=0.1)
 
