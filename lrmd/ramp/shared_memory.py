@@ -71,7 +71,7 @@ class ReportLayout(Layout):
             "max_late_ns", "starts", "remaining",
         )),
         *((name, U16) for name in ("outputs", "board_outputs", "boot", "port_error", "other_version")),
-        ("link", U8), ("fault", U8), ("moving", ctypes.c_bool), ("order_accepted", ctypes.c_bool), ("realtime", ctypes.c_bool),
+        ("link", U8), ("fault", U8), *((name, ctypes.c_bool) for name in ("moving", "order_accepted", "realtime")),
         ("position", I32 * SERVOS), ("register", I32 * SERVOS),
     )  # fmt: skip
 
