@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lrmd.api.router_process import EstopReplies, RouterSetup
+from lrmd.api.wildcard_limit import limit_wildcards
 from lrmd.config import Config
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
@@ -24,4 +25,4 @@ def router_setup(config: Config, memory: SharedFd, estop: SharedFd) -> RouterSet
     """Start arguments of the router process. Raises `FileError` for a zenoh configuration that cannot be read."""
     query = key(config.robot, "rpc/estop")
     keys = key(config.robot, "cmd/estop"), key("*", "cmd/estop")
-    return RouterSetup(str(router(config.zenoh)), keys, query, estop_replies(query), memory, estop)
+    return RouterSetup(str(limit_wildcards(router(config.zenoh))), keys, query, estop_replies(query), memory, estop)

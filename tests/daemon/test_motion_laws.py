@@ -286,7 +286,7 @@ def test_hot_servos_derate_then_rest_then_stop(sim: SimulatedDaemon) -> None:
     for _ in range(3000):
         sim.now += SECOND
         sim.core.handle(LeaseRequest(action="acquire", holder="test", take=True), sim.now)
-        sim.board._last_arm = sim.ramp._last_sent = sim.now
+        sim.board._last_arm = sim.ramp._link._last_sent = sim.now
         sim.run(6)
         modes.append(sim.core.mode)
         if "too_hot" in sim.core.faults:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from random import Random
 
 import pytest
 from hypothesis import given, settings
@@ -11,53 +10,18 @@ from hypothesis import strategies as st
 
 from lrmd.config import MS, Config, load_config
 from lrmd.link import protocol
-from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
+from lrmd.link.frames import FrameType, encode
 from lrmd.ramp.core import RampCore
 from lrmd.ramp.process import STANDBY_TICKS
 from lrmd.ramp.setup import board_settings
-from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampFault, RampOrder
-from lrmd.ramp.stepping import Pace
-from lrmd.sim.board import SimulatedBoard
-from lrmd.sim.pca9685_chip import Pca9685Chip
+from lrmd.ramp.shared_memory import LinkState, RampFault
 from tests.support.daemon.in_memory_daemon import CONFIG
-
-TICK = 6_500_000
-N = 9
-MIDDLE = 1_500_000
+from tests.support.daemon.ramp_with_board import MIDDLE, TICK, RampWithBoard
 
 
 @pytest.fixture(scope="module")
 def config() -> Config:
     return load_config(CONFIG)
-
-
-class RampWithBoard:
-    """A ramp and a board, tick by tick; `sent` are the frames of the last tick."""
-
-    def __init__(self, config: Config) -> None:
-        self.now = 10**9
-        self.board = SimulatedBoard(Pca9685Chip(), Random(1), self.now)
-        self.ramp = RampCore(board_settings(config))
-        self.ramp.opened(self.now)
-        self.back = b""
-        self.sent: list[Frame] = []
-
-    def tick(self, order: RampOrder | None = None, pause: int = TICK, estop: bool = False) -> None:
-        self.now += pause
-        out = self.ramp.tick(self.now, self.now, order, self.back, estop)
-        self.sent = [f for f in FrameDecoder().feed(out) if isinstance(f, Frame)]
-        self.back = self.board.feed(out, self.now)
-
-    def ready(self) -> RampWithBoard:
-        for _ in range(5):
-            self.tick()
-        assert self.ramp.link is LinkState.READY
-        return self
-
-    def order(self, number: int = 1, **changes) -> RampOrder:
-        rows = (MIDDLE,) * 16, (HOLD_PULSE,) * 16, (1000,) * 16
-        base = RampOrder(number, self.now, self.ramp.fault_count, 0b1, Pace.TOGETHER, *rows)
-        return replace(base, **changes)
 
 
 def test_a_new_order_switches_on_at_its_pose_and_moves(config: Config) -> None:

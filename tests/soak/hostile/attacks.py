@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from tests.soak.hostile.flood import KINDS, flooded
+from tests.soak.hostile.flood import FLOODS, flooded
 from tests.soak.hostile.link_attacks import ATTACKS
 from tests.soak.hostile.link_proxy import LinkProxy
 from tests.soak.hostile.trial import AttackResult, Trial, link_trial, trial
@@ -136,7 +136,7 @@ def read_only_folder(t: Trial, seconds: float) -> None:
 
 ON_LINK: dict[str, AttackOnLink] = {f"link: {name}": on_link(name) for name in ATTACKS} | {"link: yanked": yanked}
 ON_DAEMON: dict[str, Attack] = {
-    "none": nothing, **{f"flood: {kind}": by_flood(kind) for kind in KINDS}, "flood: all of them": by_flood(*KINDS),
+    "none": nothing, **{f"flood: {name}": by_flood(*kinds) for name, kinds in FLOODS.items()},
     "api stopped": stopped_api, "kills and stops": kills, "state folder full": full_folder,
     "state folder read-only": read_only_folder,
 }  # fmt: skip

@@ -83,9 +83,40 @@ def large(session: zenoh.Session, robot: str, rng: random.Random) -> None:
     session.put(f"lrm/{robot}/{rng.choice(['cmd/target', 'rpc/ik', 'state/joints'])}", rng.randbytes(2_000_000))
 
 
+def small(session: zenoh.Session, _: str, __: random.Random) -> None:
+    """A few bytes on every key at once, the emergency stop's among them, as fast as they are taken."""
+    for ___ in range(100):
+        session.put("lrm/**", b"x")
+
+
+def small_patterns(session: zenoh.Session, robot: str, _: random.Random) -> None:
+    """The same on patterns of all kinds that match the keys of the emergency stop."""
+    for pattern in ("**", f"lrm/{robot}/**", "lrm/*/cmd/*", "lrm/**/estop", f"lrm/{robot}/cmd/e$*p", "lrm/*/*/estop"):
+        session.put(pattern, b"x")
+
+
+def small_commands(session: zenoh.Session, robot: str, _: random.Random) -> None:
+    """The same on a key of commands, exactly."""
+    for __ in range(100):
+        session.put(f"lrm/{robot}/cmd/target", b"x")
+
+
+def asking(session: zenoh.Session, _: str, __: random.Random) -> None:
+    """Queries to every key at once, the emergency stop's among them, without waiting for the replies."""
+    session.get("lrm/**", lambda _: None, timeout=0.1)
+
+
 KINDS: dict[str, Callable[[zenoh.Session, str, random.Random], None]] = {
-    "malformed": malformed, "fight": fight, "curious": curious, "hog": hog, "large": large,
+    "malformed": malformed, "fight": fight, "curious": curious, "hog": hog, "large": large, "small": small,
+    "small patterns": small_patterns, "small commands": small_commands, "asking": asking,
 }  # fmt: skip
+MIXED = ("malformed", "fight", "curious", "hog", "large")
+FLOODS: dict[str, tuple[str, ...]] = {
+    **{kind: (kind,) for kind in KINDS}, "five kinds at once": MIXED,
+    **{f"{kind}, {n} clients": (kind,) * n for kind in ("small", "small patterns", "small commands") for n in (2, 4)},
+    "asking, 4 clients": ("asking",) * 4,
+}  # fmt: skip
+"""Floods by name: the kind of each client."""
 
 
 def flood(endpoint: str, kind: str, seconds: float, robot: str = "rover") -> int:
@@ -105,7 +136,7 @@ def flood(endpoint: str, kind: str, seconds: float, robot: str = "rover") -> int
 
 
 @contextmanager
-def flooded(endpoint: str, kinds: tuple[str, ...] = tuple(KINDS), seconds: float = 600.0) -> Iterator[None]:
+def flooded(endpoint: str, kinds: tuple[str, ...] = MIXED, seconds: float = 600.0) -> Iterator[None]:
     """Floods of these kinds while the block runs, each from a process of its own."""
     command = [sys.executable, "-m", "tests.soak.hostile.flood", endpoint]
     running = [
