@@ -128,12 +128,12 @@ class GoalRun:
             except Unreachable as error:
                 return str(error)
             rest = rest_at(self.tracker, self.numbers, self.clock, self.timing, self.clock.now())
-            if isinstance(rest, RestMean):
+            why = self.arm.disturbed() if isinstance(rest, RestMean) else rest.why
+            if isinstance(rest, RestMean) and not why:
                 spread = rest.sd / rest.frames**0.5
                 rounding = answer.rounded_error_m or 0.0
                 tip = tuple(rest.tip.tolist())
                 return AttainedPosition(number, goal.place, goal.position, tip, rounding, answer.sd_m, spread)
-            why = rest.why
         return why
 
     def _solve(self, goal: Sequence[float]) -> IkAnswer:
