@@ -120,7 +120,7 @@ class PoseCampaign:
             except Unreachable as error:
                 faults.append(str(error))
                 break
-            if isinstance(rest, RestMean) and (why := self.arm.disturbed()):
+            if why := self.arm.disturbed():
                 words = f"pose {pose.number}: its row is dropped: {why}"
                 self.on_progress(CampaignProgress(words, len(file.done), 0, 0.0, True))
                 rest = UnfitRest(why)
