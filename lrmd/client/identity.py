@@ -59,7 +59,7 @@ class Daemon:
 
 
 @dataclass(frozen=True)
-class Answer:
+class QueryAnswer:
     """One program's reply to a query; `refused`: it is an error reply. `origin`: None if it says nothing of that."""
 
     data: bytes
@@ -67,7 +67,7 @@ class Answer:
     origin: Origin | None
 
     @classmethod
-    def of(cls, reply: zenoh.Reply, key: str) -> Answer:
+    def of(cls, reply: zenoh.Reply, key: str) -> QueryAnswer:
         """The reply to a query of this key; one of another key says nothing."""
         if reply.ok is None:
             data = b"" if reply.err is None else reply.err.payload.to_bytes()
@@ -90,6 +90,6 @@ def origin_of(data: bytes) -> Origin | None:
     return None
 
 
-def boot_ids(answers: Iterable[Answer]) -> list[str]:
+def boot_ids(answers: Iterable[QueryAnswer]) -> list[str]:
     """Boot ids that answers carry, each once."""
     return sorted({answer.origin.boot_id for answer in answers if answer.origin is not None})

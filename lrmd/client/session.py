@@ -13,7 +13,7 @@ from typing import Self, TypeVar
 import zenoh
 
 from lrm_math.errors import LrmError
-from lrmd.client.identity import Answer, Daemon, DaemonRestarted, SeveralDaemons, boot_ids
+from lrmd.client.identity import QueryAnswer, Daemon, DaemonRestarted, SeveralDaemons, boot_ids
 from lrmd.client.subscription import Subscription
 from lrmd.messages.codec import ErrorReply, Header, Message, field_named, pack, unpack
 from lrmd.messages.control import LeaseRequest, Reply
@@ -190,16 +190,18 @@ class RoverSession:
             raise self._several(tail, own)
         return [own[0].data]
 
-    def _ask(self, tail: str, payload: bytes, timeout: float, source: zenoh.SourceInfo | None = None) -> list[Answer]:
+    def _ask(
+        self, tail: str, payload: bytes, timeout: float, source: zenoh.SourceInfo | None = None
+    ) -> list[QueryAnswer]:
         """Replies of everybody. Asked are all: who declares that he alone has the whole answer is not believed."""
         whole = key(self.robot, tail)
         replies = self._session.get(
             whole, payload=payload, timeout=timeout, target=zenoh.QueryTarget.ALL,
             consolidation=zenoh.ConsolidationMode.NONE, source_info=source,
         )  # fmt: skip
-        return [Answer.of(reply, whole) for reply in replies]
+        return [QueryAnswer.of(reply, whole) for reply in replies]
 
-    def _of_daemon(self, answers: Sequence[Answer], known: Daemon | None) -> list[Answer]:
+    def _of_daemon(self, answers: Sequence[QueryAnswer], known: Daemon | None) -> list[QueryAnswer]:
         """The daemon's own answers among those of everybody; asks `info` if they may be those of its next start."""
         if known is None:
             return [answer for answer in answers if answer.origin is not None]
@@ -245,14 +247,14 @@ class RoverSession:
             self._querier = self._session.declare_querier(key(self.robot, tail))
         return zenoh.SourceInfo(self._querier.id, 0)
 
-    def _several(self, tail: str, answers: Sequence[Answer]) -> SeveralDaemons:
+    def _several(self, tail: str, answers: Sequence[QueryAnswer]) -> SeveralDaemons:
         ids = ", ".join(boot_ids(answers))
         return SeveralDaemons(
             f"{len(answers)} programs answer {key(self.robot, tail)} (boot id {ids}), and one should: another daemon "
             "has the name, or somebody imitates it; end the others"
         )
 
-    def _no_reply(self, tail: str, answers: Sequence[Answer]) -> NoReply:
+    def _no_reply(self, tail: str, answers: Sequence[QueryAnswer]) -> NoReply:
         whole = key(self.robot, tail)
         if others := ", ".join(boot_ids(answers)):
             return NoReply(f"no answer of the daemon from {whole}; there is one of boot id {others}, or an old one")
