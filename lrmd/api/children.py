@@ -11,6 +11,7 @@ from lrmd.api.router_setup import router_setup
 from lrmd.api.supervisor import ChildProcess
 from lrmd.config import Config
 from lrmd.ik import entry as ik_entry
+from lrmd.messages.codec import new_boot_id
 from lrmd.ramp import process as ramp_process
 from lrmd.ramp.setup import ramp_setup
 from lrmd.ramp.shared_fd import SharedFd
@@ -18,16 +19,20 @@ from lrmd.ramp.shared_memory import SharedRecords
 
 
 class ChildProcesses:
-    """`with` starts those that take long to load and touch no hardware, while the api process loads itself."""
+    """`with` starts those that take long to load and touch no hardware, while the api process loads itself.
+
+    `boot_id`: identifier of this start of the daemon, in the messages of all of its processes.
+    """
 
     def __init__(self, config: Config, speed: float = 1.0) -> None:
         """`speed`: ratio of a simulated board's clock to real time. Raises `FileError` for zenoh's configuration."""
-        self.shared = SharedRecords.create()
+        self.shared, self.boot_id = SharedRecords.create(), new_boot_id()
         memory = SharedFd(self.shared.descriptor)
         estop = SharedFd(os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
         self.ramp = ChildProcess("ramp", ramp_process.run, ramp_setup(config, speed, memory, estop))
-        self.ik = ChildProcess("ik", ik_entry.run, config, memory)
-        self.router = ChildProcess("router", router_process.run, router_setup(config, memory, estop))
+        self.ik = ChildProcess("ik", ik_entry.run, config, memory, self.boot_id)
+        router = router_setup(config, memory, estop, self.boot_id)
+        self.router = ChildProcess("router", router_process.run, router)
 
     def __enter__(self) -> Self:
         now = time.monotonic_ns()

@@ -53,7 +53,7 @@ class ApiProcess:
     """The daemon's main process."""
 
     def __init__(self, config: Config, children: ChildProcesses) -> None:
-        self._config, self._children = config, children
+        self._config, self._children, self.boot_id = config, children, children.boot_id
         self._shared, self._ramp, self._ik, self._router = children.shared, children.ramp, children.ik, children.router
         self._log = structlog.get_logger().bind(robot=config.robot)
         self._lock = threading.RLock()
@@ -66,7 +66,7 @@ class ApiProcess:
             self._emit("no_shapes", "warning", f"{config.arm.name} has no collision shapes; no move is checked")
         guard, stored = self._model.guard or (lambda *_: None), restored_state(config, self._emit)
         self._controller = Controller(config, gravity_torques(config.arm), stored, guard, now, time.time_ns())
-        self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik)
+        self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
         self._publisher.model = self._model.deployed.path
         self._writer = BackgroundWriter(config.state, self._on_write)
         self._stopping = self._reloading = False
@@ -89,7 +89,7 @@ class ApiProcess:
             with zenoh.open(own_client(self._config.zenoh)) as session:
                 self._wait_for_ramp()
                 self._server = ZenohServer(session, self._config.robot, self, tuple(self._publisher.states))
-                self._presence = Presence(session, self._config.robot, self._publisher.boot_id)
+                self._presence = Presence(session, self._config.robot, self.boot_id)
                 self._loop(IkProbe(session, self._config.robot))
                 notify("STOPPING=1")
                 self._server = None
@@ -136,7 +136,7 @@ class ApiProcess:
             if not ready and self._ready(probe, now):
                 ready = True
                 notify(f"READY=1\nSTATUS={self._controller.mode}")
-                self._log.info("ready", boot_id=self._publisher.boot_id, port=self._config.link.port)
+                self._log.info("ready", boot_id=self.boot_id, port=self._config.link.port)
             if ready and now - notified_at >= notify_every and now - self._ticked_at < RAMP_TIMEOUT:
                 notified_at = now
                 notify(f"WATCHDOG=1\nSTATUS={self._controller.mode}")
@@ -273,7 +273,7 @@ class ApiProcess:
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
         """Emits an event for a refused command, which has no reply."""
-        reply = error_reply(error)
+        reply = error_reply(error, self.boot_id)
         with self._lock:
             self._emit("refused", "warning", f"{tail}: {reply.msg}", why=reply.code)
             self._flush()

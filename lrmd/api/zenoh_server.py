@@ -43,7 +43,9 @@ COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogR
 
 
 class RequestHandler(Protocol):
-    """Handler of the messages that arrive; called from zenoh's threads."""
+    """Handler of the messages that arrive; called from zenoh's threads. `boot_id`: of this start of the daemon."""
+
+    boot_id: str
 
     def handle(self, tail: str, request: Message) -> Message:
         """Carries a request out: the reply. Raises what `error_reply` makes a reply of."""
@@ -100,7 +102,7 @@ class ZenohServer:
                 for reply in replies:
                     query.reply(own, reply)
 
-        serve(self._session, own, handle, partial(reply_error, log=self._log), wildcards)
+        serve(self._session, own, handle, partial(reply_error, log=self._log, boot_id=self._handler.boot_id), wildcards)
 
     def _state(self, tail: str, _: bytes) -> list[bytes]:
         return [pack(self._handler.state(tail))]

@@ -81,13 +81,13 @@ class QueuedQuery:
 class IkProcess:
     """The queue between zenoh's threads and the thread that solves."""
 
-    def __init__(self, config: Config, memory: SharedFd) -> None:
+    def __init__(self, config: Config, memory: SharedFd, boot_id: str) -> None:
         self._config = config
         self._shared = SharedRecords(memory.number)
         self._log = structlog.get_logger().bind(robot=config.robot, process="ik")
         self._queue: FairQueue[QueuedQuery] = FairQueue(QUEUE, SHARE)
         self._ending = False
-        self._headers = HeaderSource()
+        self._headers = HeaderSource(boot_id)
         self._service: IkService | None = None
         self._checked: tuple[bytes, bytes] | None = None
         self._shared.ik_model = NO_MODEL
@@ -119,7 +119,7 @@ class IkProcess:
             if queued.request.id == request.id:
                 queued.cancelled.set()
         with query:
-            query.reply(query.key_expr, pack(Message()))
+            query.reply(query.key_expr, pack(Header(**self._headers.next("cancel"))))
 
     def _work(self) -> None:
         """One turn of the next query, and of a plan."""
@@ -221,7 +221,7 @@ class IkProcess:
 
     def _refuse(self, query: zenoh.Query, error: Exception) -> None:
         self._shared.ik[2] += 1
-        reply_error(query, error, self._log)
+        reply_error(query, error, self._log, self._headers.boot_id)
 
 
 def _plan_content(path: JointPath | str) -> dict[str, Any]:
@@ -231,8 +231,8 @@ def _plan_content(path: JointPath | str) -> dict[str, Any]:
     return {"found": True, "text": moves, "waypoints_rad": [list(q) for q in path.waypoints]}
 
 
-def run(config: Config, memory: SharedFd) -> None:
+def run(config: Config, memory: SharedFd, boot_id: str) -> None:
     """Entry point of the process: answers queries until SIGTERM or until its parent ends."""
     die_with_parent()
     log.set_up()
-    IkProcess(config, memory).run()
+    IkProcess(config, memory, boot_id).run()

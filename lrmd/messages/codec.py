@@ -57,13 +57,19 @@ class ErrorReply(Message):
     msg: str
     retryable: bool = False
     detail: dict[str, JsonValue] = {}
+    boot_id: str = ""
+
+
+def new_boot_id() -> str:
+    """A random identifier of one start of the daemon, which all of its processes have in common."""
+    return secrets.token_hex(8)
 
 
 class HeaderSource:
-    """Values of the `Header` fields of one process: a random `boot_id`, a sequence number per key, both clocks."""
+    """Values of the `Header` fields of one process: the daemon's `boot_id`, a sequence number per key, both clocks."""
 
-    def __init__(self) -> None:
-        self.boot_id = secrets.token_hex(8)
+    def __init__(self, boot_id: str) -> None:
+        self.boot_id = boot_id
         self._seq: Counter[str] = Counter()
 
     def next(self, key: str) -> dict[str, Any]:
@@ -95,17 +101,18 @@ def unpack(kind: type[M], data: bytes) -> M:
         return kind.model_validate(content)
 
 
-def error_reply(error: Exception) -> ErrorReply:
+def error_reply(error: Exception, boot_id: str) -> ErrorReply:
     """The reply to a request that raised: with the code of a `RequestError`, else `error` or `internal`."""
     match error:
-        case RequestError():
-            return ErrorReply(code=error.code, msg=str(error), retryable=error.retryable, detail=error.detail)
+        case RequestError(code=code, retryable=again, detail=detail):
+            return ErrorReply(code=code, msg=str(error), retryable=again, detail=detail, boot_id=boot_id)
         case UnknownName():
-            return ErrorReply(code="unknown_servo", msg=str(error), detail={"valid": list(error.valid)})
+            valid: list[JsonValue] = list(error.valid)
+            return ErrorReply(code="unknown_servo", msg=str(error), detail={"valid": valid}, boot_id=boot_id)
         case LrmError():
-            return ErrorReply(code="error", msg=str(error))
+            return ErrorReply(code="error", msg=str(error), boot_id=boot_id)
         case _:
-            return ErrorReply(code="internal", msg=f"{type(error).__name__}: {error}")
+            return ErrorReply(code="internal", msg=f"{type(error).__name__}: {error}", boot_id=boot_id)
 
 
 @contextmanager

@@ -86,12 +86,12 @@ def wildcard_error(own: str) -> RequestError:
     return RequestError("wildcard", f"ask {own} itself; requests to several at once are not carried out")
 
 
-def reply_error(query: zenoh.Query, error: Exception, log: Any) -> None:
-    """Closes a query with an `ErrorReply`; logs software faults."""
+def reply_error(query: zenoh.Query, error: Exception, log: Any, boot_id: str) -> None:
+    """Closes a query with an `ErrorReply` of this start of the daemon; logs software faults."""
     if not isinstance(error, LrmError):
         log.exception("internal_error", key=str(query.key_expr), exc_info=error)
     with query:
-        query.reply_err(pack(error_reply(error)))
+        query.reply_err(pack(error_reply(error, boot_id)))
 
 
 def _from_file(path: str | None) -> zenoh.Config:

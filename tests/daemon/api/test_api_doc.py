@@ -179,7 +179,7 @@ def literals(pattern: str) -> set[str]:
 def states() -> set[str]:
     config = load_config(CONFIG)
     ramp, ik = ChildProcess("ramp", print), ChildProcess("ik", print)
-    return set(StatePublisher(config, SimulatedDaemon(config).core, SharedRecords.create(), ramp, ik).states)
+    return set(StatePublisher(config, SimulatedDaemon(config).core, SharedRecords.create(), ramp, ik, "boot").states)
 
 
 def test_every_key_is_in_the_table_with_its_message() -> None:

@@ -119,16 +119,16 @@ class FakeZenohSession:
 class InMemoryDaemon:
     """The request handler behind the zenoh server. Time passes when a client reads the mode; that renews the lease."""
 
-    def __init__(self, sim: SimulatedDaemon) -> None:
-        self.sim, self.session = sim, FakeZenohSession()
+    def __init__(self, sim: SimulatedDaemon, boot_id: str = "b00710000000000d") -> None:
+        self.sim, self.session, self.boot_id = sim, FakeZenohSession(), boot_id
         self.published: list[bytes] = []
         self.shared = SharedRecords.create()
         self._publisher = StatePublisher(
-            sim.config, sim.core, self.shared, ChildProcess("ramp", print), ChildProcess("ik", print)
+            sim.config, sim.core, self.shared, ChildProcess("ramp", print), ChildProcess("ik", print), boot_id
         )
         self.server = ZenohServer(self.session, sim.config.robot, self, tuple(self._publisher.states))
         command, query = (key(sim.config.robot, tail) for tail in ("cmd/estop", "rpc/estop"))
-        self.estop = EstopServer(self.session, (command,), query, estop_replies(query), self.emergency_stop)
+        self.estop = EstopServer(self.session, (command,), query, estop_replies(query, boot_id), self.emergency_stop)
 
     def _flush(self) -> None:
         for event in self.sim.core.events:
@@ -143,7 +143,7 @@ class InMemoryDaemon:
         return self._publisher.reply(tail, result)
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
-        reply = error_reply(error)
+        reply = error_reply(error, self.boot_id)
         self.sim.core.events.append(ControllerEvent("refused", "warning", f"{tail}: {reply.msg}", {"why": reply.code}))
         self._flush()
 
