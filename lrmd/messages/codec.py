@@ -5,21 +5,23 @@ Validation is strict: an unknown field or a wrong value is an error that names t
 
 from __future__ import annotations
 
+import re
 import secrets
 import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgpack
-from pydantic import BaseModel, ConfigDict, JsonValue, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, ValidationError
 
 from lrm_math.errors import LrmError, UnknownName
 from lrmd.errors import RequestError
+from lrmd.messages.bounds import Bounds, bounds_of
 
-LONGEST = 2_097_152
-"""Bytes; a longer message is refused unparsed. The longest that the limits below allow is shorter."""
+LONGEST_TEXT = 1000
+"""Characters of the text of an error."""
 
 
 class MessageError(RequestError):
@@ -35,10 +37,16 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
 
 
+def _no_bool(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError(f"input should be 1, not {str(value).lower()}")
+    return value
+
+
 class Message(Part):
     """A message of version 1."""
 
-    v: Literal[1] = 1
+    v: Annotated[Literal[1], BeforeValidator(_no_bool)] = 1
 
 
 class Header(Message):
@@ -82,30 +90,79 @@ def pack(message: Message) -> bytes:
 
 
 def unpack(kind: type[M], data: bytes) -> M:
-    """A message from msgpack. Raises `MessageError` that says which field is wrong, and how."""
-    if len(data) > LONGEST:
-        raise MessageError(f"message of {len(data)} bytes; at most {LONGEST} are read")
-    try:
-        content = msgpack.unpackb(data, strict_map_key=True, use_list=True) if data else {}
-    except (ValueError, msgpack.UnpackException) as error:
-        raise MessageError(f"not msgpack ({error or type(error).__name__})") from None
+    """A message from msgpack. Raises `MessageError` that says which field is wrong, and how.
+
+    What is larger than any valid message of the kind is refused before it is read, or before it is validated.
+    """
+    bounds = bounds_of(kind)
+    if len(data) > bounds.size:
+        raise MessageError(f"{len(data)} bytes; a {kind.__name__} has at most {bounds.size}")
+    content = _parsed(data, bounds) if data else {}
     if not isinstance(content, dict):
         raise MessageError(f"a {type(content).__name__}; should be a map with the fields of {kind.__name__}")
     with field_named():
         return kind.model_validate(content)
 
 
+def _parsed(data: bytes, bounds: Bounds) -> Any:
+    """The content of msgpack within bounds. Raises `MessageError`."""
+    parts = 0
+
+    def counted(items: list[Any], each: int = 1) -> list[Any]:
+        """Items of a list, or of a map with two parts each, while there are not too many parts."""
+        nonlocal parts
+        parts += each * len(items)
+        if parts > bounds.parts:
+            raise MessageError(f"more than {bounds.parts} keys and values; no valid message has so many")
+        return items
+
+    def mapped(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        """A map of which every key is there once."""
+        fields = dict(counted(pairs, 2))
+        if len(fields) < len(pairs):
+            once: set[str] = set()
+            twice = next(key for key, _ in pairs if key in once or once.add(key))  # type: ignore[func-returns-value]
+            raise MessageError(f"{_shown(twice)}: given twice in one map; should be there once")
+        return fields
+
+    try:
+        return msgpack.unpackb(
+            data, strict_map_key=True, use_list=True, list_hook=counted, object_pairs_hook=mapped,
+            max_str_len=bounds.text, max_bin_len=bounds.text, max_ext_len=bounds.text,
+            max_array_len=bounds.elements, max_map_len=bounds.entries,
+        )  # fmt: skip
+    except (ValueError, msgpack.UnpackException) as error:
+        raise MessageError(_not_read(error)) from None
+
+
+def _not_read(error: Exception) -> str:
+    """Why msgpack refused the bytes, as one line."""
+    text = str(error) or type(error).__name__
+    beyond = re.fullmatch(r"(\d+) exceeds max_(\w+)_len\((\d+)\)", text)
+    if beyond is None:
+        return f"not msgpack ({text})"
+    found, kind, most = beyond.groups()
+    what = {"array": "an array of {} elements", "map": "a map of {} entries"}.get(kind, "a text of {} bytes")
+    return f"{what.format(found)}; no valid message has more than {most}"
+
+
+def shortened(text: str) -> str:
+    """A text for a reply, cut where it would be longer than clients read."""
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."
+
+
 def error_reply(error: Exception) -> ErrorReply:
     """The reply to a request that raised: with the code of a `RequestError`, else `error` or `internal`."""
+    text = shortened(str(error))
     match error:
         case RequestError():
-            return ErrorReply(code=error.code, msg=str(error), retryable=error.retryable, detail=error.detail)
+            return ErrorReply(code=error.code, msg=text, retryable=error.retryable, detail=error.detail)
         case UnknownName():
-            return ErrorReply(code="unknown_servo", msg=str(error), detail={"valid": list(error.valid)})
+            return ErrorReply(code="unknown_servo", msg=text, detail={"valid": list(error.valid)})
         case LrmError():
-            return ErrorReply(code="error", msg=str(error))
+            return ErrorReply(code="error", msg=text)
         case _:
-            return ErrorReply(code="internal", msg=f"{type(error).__name__}: {error}")
+            return ErrorReply(code="internal", msg=shortened(f"{type(error).__name__}: {error}"))
 
 
 @contextmanager

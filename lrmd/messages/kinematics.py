@@ -135,7 +135,7 @@ class IkReply(Header):
     model: str
     model_sha256: str
     left_out: list[str]
-    answers: list[IkAnswer]
+    answers: Annotated[list[IkAnswer], Field(max_length=1000)]
     elapsed_ms: float
 
 
@@ -148,7 +148,7 @@ class PlanReply(Header):
 
     found: bool
     text: str
-    waypoints_rad: list[list[float]] = []
+    waypoints_rad: Annotated[list[list[float]], Field(max_length=4000)] = []
     model: str
     model_sha256: str
     elapsed_ms: float
@@ -169,5 +169,5 @@ class FkReply(Header):
     model: str
     model_sha256: str
     left_out: list[str]
-    places: list[FkAnswer]
+    places: Annotated[list[FkAnswer], Field(max_length=1000)]
     elapsed_ms: float

@@ -17,6 +17,9 @@ from lrmd.messages.codec import error_reply, pack
 NO_SCOUTING = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False, "scouting/delay": 0}
 NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
 """Each client that used it would leave 17 MB in /dev/shm; messages of 500 bytes do not gain by it."""
+LARGEST_MESSAGE = 4_400_000
+"""Bytes; zenoh takes no longer one from anybody. The longest valid ones are shorter: a way of a thousand waypoints."""
+SHORT_MESSAGES = {"transport/link/rx/max_message_size": LARGEST_MESSAGE}
 OWN_TIMEOUT_MS = 5000
 """For the daemon's own processes to reach its router."""
 
@@ -107,6 +110,6 @@ def _from_file(path: str | None) -> zenoh.Config:
 
 def _configured(path: str | None, values: dict[str, Any]) -> zenoh.Config:
     config = _from_file(path)
-    for place, value in (values | NO_SCOUTING | NO_SHARED_MEMORY).items():
+    for place, value in (values | NO_SCOUTING | NO_SHARED_MEMORY | SHORT_MESSAGES).items():
         config.insert_json5(place, json.dumps(value))
     return config
