@@ -94,14 +94,19 @@ def unpack(kind: type[M], data: bytes) -> M:
 
     What is larger than any valid message of the kind is refused before it is read, or before it is validated.
     """
-    bounds = bounds_of(kind)
-    if len(data) > bounds.size:
-        raise MessageError(f"{len(data)} bytes; a {kind.__name__} has at most {bounds.size}")
-    content = _parsed(data, bounds) if data else {}
+    check_size(kind, len(data))
+    content = _parsed(data, bounds_of(kind)) if data else {}
     if not isinstance(content, dict):
         raise MessageError(f"a {type(content).__name__}; should be a map with the fields of {kind.__name__}")
     with field_named():
         return kind.model_validate(content)
+
+
+def check_size(kind: type[Message], size: int) -> None:
+    """Raises `MessageError` if no message of a kind has so many bytes."""
+    most = bounds_of(kind).size
+    if size > most:
+        raise MessageError(f"{size} bytes; a {kind.__name__} has at most {most}")
 
 
 def _parsed(data: bytes, bounds: Bounds) -> Any:
