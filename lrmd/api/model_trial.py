@@ -44,7 +44,8 @@ def check_in_trial(config: Config, path: Path | None) -> None:
         trial.join()
         ours.close()
     if reason is None:
-        raise RequestError("busy", f"not checked within {DEADLINE:g} s, for lack of computing time; ask again", True)
+        late = f"not checked within {DEADLINE:g} s, for lack of computing time; ask again"
+        raise RequestError("busy", late, retryable=True)
     if reason:
         raise LrmError(reason)
 

@@ -5,7 +5,6 @@ Validation is strict: an unknown field or a wrong value is an error that names t
 
 from __future__ import annotations
 
-import re
 import secrets
 import time
 from collections import Counter
@@ -18,7 +17,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, Validati
 
 from lrm_math.errors import LrmError, UnknownName
 from lrmd.errors import RequestError
-from lrmd.messages.bounds import Bounds, bounds_of
+from lrmd.messages.bounds import bounds_of
+from lrmd.messages.msgpack_scan import excess
 
 LONGEST_TEXT = 1000
 """Characters of the text of an error."""
@@ -95,7 +95,12 @@ def unpack(kind: type[M], data: bytes) -> M:
     What is larger than any valid message of the kind is refused before it is read, or before it is validated.
     """
     check_size(kind, len(data))
-    content = _parsed(data, bounds_of(kind)) if data else {}
+    if (much := excess(data, bounds_of(kind))) is not None:
+        raise MessageError(much)
+    try:
+        content = msgpack.unpackb(data, strict_map_key=True, use_list=True, object_pairs_hook=_fields) if data else {}
+    except (ValueError, msgpack.UnpackException) as error:
+        raise MessageError(f"not msgpack ({error or type(error).__name__})") from None
     if not isinstance(content, dict):
         raise MessageError(f"a {type(content).__name__}; should be a map with the fields of {kind.__name__}")
     with field_named():
@@ -109,46 +114,13 @@ def check_size(kind: type[Message], size: int) -> None:
         raise MessageError(f"{size} bytes; a {kind.__name__} has at most {most}")
 
 
-def _parsed(data: bytes, bounds: Bounds) -> Any:
-    """The content of msgpack within bounds. Raises `MessageError`."""
-    parts = 0
-
-    def counted(items: list[Any], each: int = 1) -> list[Any]:
-        """Items of a list, or of a map with two parts each, while there are not too many parts."""
-        nonlocal parts
-        parts += each * len(items)
-        if parts > bounds.parts:
-            raise MessageError(f"more than {bounds.parts} keys and values; no valid message has so many")
-        return items
-
-    def mapped(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        """A map of which every key is there once."""
-        fields = dict(counted(pairs, 2))
-        if len(fields) < len(pairs):
-            once: set[str] = set()
-            twice = next(key for key, _ in pairs if key in once or once.add(key))  # type: ignore[func-returns-value]
-            raise MessageError(f"{_shown(twice)}: given twice in one map; should be there once")
-        return fields
-
-    try:
-        return msgpack.unpackb(
-            data, strict_map_key=True, use_list=True, list_hook=counted, object_pairs_hook=mapped,
-            max_str_len=bounds.text, max_bin_len=bounds.text, max_ext_len=bounds.text,
-            max_array_len=bounds.elements, max_map_len=bounds.entries,
-        )  # fmt: skip
-    except (ValueError, msgpack.UnpackException) as error:
-        raise MessageError(_not_read(error)) from None
-
-
-def _not_read(error: Exception) -> str:
-    """Why msgpack refused the bytes, as one line."""
-    text = str(error) or type(error).__name__
-    beyond = re.fullmatch(r"(\d+) exceeds max_(\w+)_len\((\d+)\)", text)
-    if beyond is None:
-        return f"not msgpack ({text})"
-    found, kind, most = beyond.groups()
-    what = {"array": "an array of {} elements", "map": "a map of {} entries"}.get(kind, "a text of {} bytes")
-    return f"{what.format(found)}; no valid message has more than {most}"
+def _fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A map of which every key is there once. Raises `MessageError`."""
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
+        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise MessageError(f"{_shown(twice)}: given twice in one map; should be there once")
+    return fields
 
 
 def shortened(text: str) -> str:
