@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from lrmd.errors import RequestError
 
-PLACES, BYTES = 64, 8_000_000
+PLACES, BYTES = 256, 8_000_000
 """Messages of one key that wait or are worked on, and their bytes together."""
 Send = Callable[[], None]
 """Sends what was computed; the message's place is free by then, so that its sender may send the next one."""
