@@ -7,7 +7,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -129,8 +128,7 @@ class ApiProcess:
             now = time.monotonic_ns()
             if self._reloading:
                 self._reloading = False
-                with suppress(RequestError):
-                    self.reload()
+                threading.Thread(target=self._reload_on_signal, daemon=True).start()
             with self._lock:
                 self._cycle(now)
             if not ready and self._ready(probe, now):
@@ -157,6 +155,13 @@ class ApiProcess:
     def reload(self) -> DeployedModel:
         """Reads the model file again. Raises `RequestError` if it cannot be used: the model in use stays."""
         return self._adopt(self._model.load)
+
+    def _reload_on_signal(self) -> None:
+        """Reads the model file again; in the next cycle if another model is being loaded."""
+        try:
+            self.reload()
+        except RequestError as error:
+            self._reloading = self._reloading or error.code == "busy"
 
     def _adopt(self, load: Callable[[], DeployedModel]) -> DeployedModel:
         try:

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -26,6 +27,8 @@ from lrmd.ramp.shared_memory import SharedRecords
 HEARTBEAT_S = 0.2
 HEARTBEAT_KEY = "@lrmd/heartbeat"
 """Of a put that no `**` receives: it passes zenoh's routing tables, and raises after a thread panicked in them."""
+GONE_KEY = "@lrmd/gone"
+"""Prefix of the keys `<GONE_KEY>/<zenoh id>` of puts that tell of a client whose session ended."""
 CONFIRM_S, POLL_S = 0.1, 0.001
 """s: how long the ramp may take to confirm, 15 of its ticks, and how often that is looked for."""
 READERS = "(rx: (worker_threads: 16))"
@@ -121,6 +124,12 @@ class RampSignal:
         return 0 if report is None else report.tick
 
 
+def tell_gone(session: zenoh.Session, event: zenoh.TransportEvent) -> None:
+    """Tells the daemon's other processes which client's session has been closed, or was broken off."""
+    if event.kind == zenoh.SampleKind.DELETE:
+        session.put(f"{GONE_KEY}/{event.transport.zid}", b"")
+
+
 def run(setup: RouterSetup) -> None:
     """Entry point of the process: routes until SIGTERM or until its parent ends."""
     die_with_parent()
@@ -132,6 +141,7 @@ def run(setup: RouterSetup) -> None:
     _go_first()
     try:
         with zenoh.open(zenoh.Config.from_json5(setup.zenoh)) as session:
+            session.info.declare_transport_events_listener(partial(tell_gone, session))
             EstopServer(session, setup.keys, setup.query, setup.replies, RampSignal(shared, setup.estop.number).stop)
             while not ending:
                 session.put(HEARTBEAT_KEY, b"")

@@ -14,7 +14,8 @@ import msgpack
 import zenoh
 
 from lrm_math.errors import LrmError
-from lrmd.messages.codec import LONGEST
+from lrmd.messages.bounds import ANY_MESSAGE
+from lrmd.messages.msgpack_scan import excess
 
 BOOT_ID = r"[0-9A-Za-z]{1,64}"
 
@@ -78,8 +79,10 @@ class QueryAnswer:
 
 def origin_of(data: bytes) -> Origin | None:
     """Origin of a packed message; None if it is no message of a daemon."""
+    if not 0 < len(data) <= ANY_MESSAGE.size or excess(data, ANY_MESSAGE) is not None:
+        return None
     try:
-        content = msgpack.unpackb(data) if 0 < len(data) <= LONGEST else None
+        content = msgpack.unpackb(data)
     except (ValueError, msgpack.UnpackException):
         return None
     if not isinstance(content, dict):

@@ -16,13 +16,15 @@ import zenoh
 
 from lrm_math.errors import FileError, LrmError
 from lrmd import log
+from lrmd.api.router_process import GONE_KEY
 from lrmd.config import MS, Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import deploy, digest_of
 from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
-from lrmd.messages.codec import Header, HeaderSource, Message, pack, unpack
+from lrmd.messages.codec import Header, HeaderSource, Message, pack
+from lrmd.messages.inbox import Inbox
 from lrmd.messages.kinematics import (
     CancelRequest,
     FkReply,
@@ -38,10 +40,11 @@ from lrmd.ramp.parent import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
 from lrmd.ramp.shared_memory import NO_MODEL, SharedRecords
 
-QUEUE = 128
-"""Capacity of the queue; a query beyond it is refused as `busy`."""
-SHARE = QUEUE // 2
-"""Queries of one client in the queue. Clients that do not name themselves (zenoh's source info) have one share."""
+QUEUE = 16_000
+"""Capacity of the queue in goals; what has no room is refused as `busy`. Clients that do not name themselves (zenoh's
+source info) are one client."""
+LEAST_LOAD = QUEUE // 128
+"""Goals that a query counts as at least: so there are no more than 128."""
 TURN = 25 * MS
 """ns: a query whose turn it is computes goals until so much time has passed, one at least."""
 SWITCH_INTERVAL = 0.5e-3
@@ -66,6 +69,14 @@ class QueuedQuery:
     steps: Steps | None = None
 
     @property
+    def load(self) -> int:
+        """Goals or poses, which take memory until they are answered."""
+        match self.request:
+            case IkRequest(goals=items) | FkRequest(q_rad=items):
+                return max(len(items), LEAST_LOAD)
+        return LEAST_LOAD
+
+    @property
     def plans(self) -> bool:
         """Whether it is a plan: one at a time, whose pauses are the turns of the others."""
         return isinstance(self.request, PlanRequest)
@@ -85,7 +96,7 @@ class IkProcess:
         self._config = config
         self._shared = SharedRecords(memory.number)
         self._log = structlog.get_logger().bind(robot=config.robot, process="ik")
-        self._queue: FairQueue[QueuedQuery] = FairQueue(QUEUE, SHARE)
+        self._queue: FairQueue[QueuedQuery] = FairQueue(QUEUE, lambda queued: queued.load)
         self._ending = False
         self._headers = HeaderSource(boot_id)
         self._service: IkService | None = None
@@ -101,25 +112,32 @@ class IkProcess:
         sys.setswitchinterval(SWITCH_INTERVAL)
         with zenoh.open(own_client(self._config.zenoh)) as session:
             for tail, kind in REQUESTS.items():
-                serve(session, key(self._config.robot, tail), partial(self._enqueue, kind), self._refuse)
-            serve(session, key(self._config.robot, "rpc/cancel"), self._cancel, self._refuse)
+                serve(session, key(self._config.robot, tail), kind, self._enqueue, self._refuse, Inbox())
+            serve(session, key(self._config.robot, "rpc/cancel"), CancelRequest, self._cancel, self._refuse, Inbox())
+            session.declare_subscriber(f"{GONE_KEY}/*", self._gone)
             while not self._ending:
                 self._work()
 
-    def _enqueue(self, kind: type[KinematicsRequest], query: zenoh.Query, data: bytes) -> None:
-        arrived = time.monotonic_ns()
-        request = with_payload(unpack(kind, data), self._shared.payload)
-        source = query.source_info
+    def _enqueue(self, query: zenoh.Query, request: KinematicsRequest) -> None:
+        asked, source = with_payload(request, self._shared.payload), query.source_info
         asker = "" if source is None else str(source.source_id.zid)
-        self._queue.add(asker, QueuedQuery(query, asker, request, arrived + int(request.deadline_ms * MS)))
+        until = time.monotonic_ns() + int(asked.deadline_ms * MS)
+        gave_way = RequestError("busy", "it gave way to another client's; ask again", retryable=True)
+        for pushed_out in self._queue.add(asker, QueuedQuery(query, asker, asked, until)):
+            pushed_out.cancelled.set()
+            self._refuse(pushed_out.query, gave_way)
 
-    def _cancel(self, query: zenoh.Query, data: bytes) -> None:
-        request = unpack(CancelRequest, data)
+    def _cancel(self, _: zenoh.Query, request: CancelRequest) -> list[bytes]:
         for queued in self._queue:
             if queued.request.id == request.id:
                 queued.cancelled.set()
-        with query:
-            query.reply(query.key_expr, pack(Header(**self._headers.next("cancel"))))
+        return [pack(Header(**self._headers.next("cancel")))]
+
+    def _gone(self, sample: zenoh.Sample) -> None:
+        """Cancels the queries of a session that the router has seen closing, or breaking off."""
+        for queued in self._queue:
+            if queued.client and queued.client == str(sample.key_expr).rpartition("/")[2]:
+                queued.cancelled.set()
 
     def _work(self) -> None:
         """One turn of the next query, and of a plan."""
@@ -209,10 +227,10 @@ class IkProcess:
         except RequestError as error:
             self._end(queued, error)
             return
-        self._shared.ik[1] += 1
-        self._queue.remove(queued.client, queued)
-        with queued.query as query:
-            query.reply(query.key_expr, data)
+        if self._queue.remove(queued.client, queued):
+            self._shared.ik[1] += 1
+            with queued.query as query:
+                query.reply(query.key_expr, data)
 
     def _end(self, queued: QueuedQuery, error: Exception) -> None:
         """Refuses a query, once."""

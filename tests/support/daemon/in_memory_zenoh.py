@@ -20,6 +20,7 @@ from lrmd.api.zenoh_server import ZenohServer
 from lrmd.control.events import ControllerEvent
 from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import LeaseRequest
+from lrmd.messages.inbox import Inbox, Send
 from lrmd.messages.zenoh_session import key
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon
@@ -36,6 +37,9 @@ class FakePayload:
 
     def to_bytes(self) -> bytes:
         return self.data
+
+    def __len__(self) -> int:
+        return len(self.data)
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,13 @@ class FakeQuery:
 
     def reply_err(self, data: bytes) -> None:
         self.answers.append(FakeReply(err=FakeSample(self.key_expr, FakePayload(data))))
+
+
+class AtOnce(Inbox):
+    """An inbox whose work is done when it is put in."""
+
+    def put(self, size: int, work: Callable[[], Send]) -> None:
+        work()()
 
 
 class FakeZenohSession:
@@ -126,7 +137,8 @@ class InMemoryDaemon:
         self._publisher = StatePublisher(
             sim.config, sim.core, self.shared, ChildProcess("ramp", print), ChildProcess("ik", print), boot_id
         )
-        self.server = ZenohServer(self.session, sim.config.robot, self, tuple(self._publisher.states))
+        states = tuple(self._publisher.states)
+        self.server = ZenohServer(self.session, sim.config.robot, self, states, lambda _: AtOnce())
         command, query = (key(sim.config.robot, tail) for tail in ("cmd/estop", "rpc/estop"))
         self.estop = EstopServer(self.session, (command,), query, estop_replies(query, boot_id), self.emergency_stop)
 
