@@ -13,6 +13,7 @@ from typing import Any
 
 import structlog
 import zenoh
+from zenoh.handlers import Callback
 
 from lrm_math.errors import FileError, LrmError
 from lrmd import log
@@ -24,7 +25,7 @@ from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
 from lrmd.messages.codec import Header, HeaderSource, Message, pack
-from lrmd.messages.inbox import Inbox
+from lrmd.messages.inbox import Inbox, Send
 from lrmd.messages.kinematics import (
     CancelRequest,
     FkReply,
@@ -111,10 +112,12 @@ class IkProcess:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         sys.setswitchinterval(SWITCH_INTERVAL)
         with zenoh.open(own_client(self._config.zenoh)) as session:
+            inbox = Inbox()
             for tail, kind in REQUESTS.items():
-                serve(session, key(self._config.robot, tail), kind, self._enqueue, self._refuse, Inbox())
+                serve(session, key(self._config.robot, tail), kind, self._enqueue, self._refuse, inbox)
             serve(session, key(self._config.robot, "rpc/cancel"), CancelRequest, self._cancel, self._refuse, Inbox())
-            session.declare_subscriber(f"{GONE_KEY}/*", self._gone)
+            gone: Callback[zenoh.Sample] = Callback(lambda sample: inbox.after(partial(self._gone, str(sample.key_expr))), indirect=False)
+            session.declare_subscriber(f"{GONE_KEY}/*", gone)
             while not self._ending:
                 self._work()
 
@@ -133,11 +136,12 @@ class IkProcess:
                 queued.cancelled.set()
         return [pack(Message())]
 
-    def _gone(self, sample: zenoh.Sample) -> None:
+    def _gone(self, told_on: str) -> Send:
         """Cancels the queries of a session that the router has seen closing, or breaking off."""
         for queued in self._queue:
-            if queued.client and queued.client == str(sample.key_expr).rpartition("/")[2]:
+            if queued.client == told_on.removeprefix(f"{GONE_KEY}/"):
                 queued.cancelled.set()
+        return lambda: None
 
     def _work(self) -> None:
         """One turn of the next query, and of a plan."""
