@@ -31,7 +31,8 @@ GONE_KEY = "@lrmd/gone"
 """Prefix of the keys `<GONE_KEY>/<zenoh id>` of puts that tell of a client whose session ended."""
 CONFIRM_S, POLL_S = 0.1, 0.001
 """s: how long the ramp may take to confirm, 15 of its ticks, and how often that is looked for."""
-LONGEST_REASON = 64
+LONGEST_REASON, LONGEST_COMMAND = 64, 1313
+"""Characters of a reason that are kept, and bytes of an `EstopCommand`; what is longer is not read."""
 UNREADABLE = "a message that cannot be read"
 
 
@@ -60,7 +61,7 @@ class RouterSetup:
 def reason_of(data: bytes) -> str:
     """The `why` of an `EstopCommand`; also a message that cannot be read stops the arm."""
     try:
-        content = msgpack.unpackb(data) if data else {}
+        content = msgpack.unpackb(data[: LONGEST_COMMAND + 1]) if data else {}
     except (ValueError, msgpack.UnpackException):
         return UNREADABLE
     reason = content.get("why", "") if isinstance(content, dict) else UNREADABLE

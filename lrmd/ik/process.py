@@ -116,7 +116,9 @@ class IkProcess:
             for tail, kind in REQUESTS.items():
                 serve(session, key(self._config.robot, tail), kind, self._enqueue, self._refuse, inbox)
             serve(session, key(self._config.robot, "rpc/cancel"), CancelRequest, self._cancel, self._refuse, Inbox())
-            gone: Callback[zenoh.Sample] = Callback(lambda sample: inbox.after(partial(self._gone, str(sample.key_expr))), indirect=False)
+            gone: Callback[zenoh.Sample] = Callback(
+                lambda sample: inbox.after(partial(self._gone, str(sample.key_expr))), indirect=False
+            )
             session.declare_subscriber(f"{GONE_KEY}/*", gone)
             while not self._ending:
                 self._work()

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lrmd.messages.bounds import Bounds
-
 
 class Head(NamedTuple):
     """Meaning of a first byte: so many bytes or items `follow`, and as many more as `width` bytes say."""
