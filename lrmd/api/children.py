@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from typing import Self
 
 from lrmd.api import router_process
 from lrmd.api.router_setup import router_setup
-from lrmd.api.supervisor import ChildProcess
+from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded
 from lrmd.config import Config
 from lrmd.ik import entry as ik_entry
 from lrmd.messages.codec import new_boot_id
@@ -42,6 +43,27 @@ class ChildProcesses:
 
     def __exit__(self, *_: object) -> None:
         self.stop()
+
+    def wait_for_router(self, listen: Sequence[str], timeout: int) -> None:
+        """Waits until the router on addresses `listen` routes. Raises `RestartLimitExceeded` after `timeout` (ns)."""
+        deadline = time.monotonic_ns() + timeout
+        while not self.shared.router[0]:
+            if (ended := self.router.ended()) or time.monotonic_ns() > deadline:
+                how = f"ended ({ended}); another program may use the address" if ended else "does not answer"
+                raise RestartLimitExceeded(f"no zenoh router on {', '.join(listen)}: its process {how}")
+            time.sleep(0.002)
+
+    def wait_for_ramp(self, timeout: int) -> None:
+        """Waits until the ramp has ticked or ended, or for `timeout` (ns)."""
+        deadline = time.monotonic_ns() + timeout
+        while self.shared.read_report() is None and time.monotonic_ns() < deadline and not self.ramp.ended():
+            time.sleep(0.002)
+
+    def wait_for_order(self, number: int, timeout: int) -> None:
+        """Waits until the ramp has read an order, or for `timeout` (ns): then it is known where a motion begins."""
+        deadline = time.monotonic_ns() + timeout
+        while (report := self.shared.read_report()) and report.order != number and time.monotonic_ns() < deadline:
+            time.sleep(0.001)
 
     def stop(self) -> None:
         """Ends all of them."""

@@ -84,9 +84,9 @@ class ApiProcess:
         self._shared.write_order(self._controller.order)
         self._ramp.start(now)
         try:
-            self._wait_for_router()
+            self._children.wait_for_router(self._config.zenoh.listen, START_TIMEOUT)
             with zenoh.open(own_client(self._config.zenoh)) as session:
-                self._wait_for_ramp()
+                self._children.wait_for_ramp(START_TIMEOUT)
                 self._server = ZenohServer(session, self._config.robot, self, tuple(self._publisher.states))
                 self._presence = Presence(session, self._config.robot, self.boot_id)
                 self._loop(IkProbe(session, self._config.robot))
@@ -106,20 +106,6 @@ class ApiProcess:
                 signal.signal(number, signal.SIG_IGN)
         self._log.info("stopped")
         return 0
-
-    def _wait_for_router(self) -> None:
-        deadline = time.monotonic() + START_TIMEOUT / SECOND
-        while not self._shared.router[0]:
-            if (ended := self._router.ended()) or time.monotonic() > deadline:
-                listen = ", ".join(self._config.zenoh.listen)
-                how = f"ended ({ended}); another program may use the address" if ended else "does not answer"
-                raise RestartLimitExceeded(f"no zenoh router on {listen}: its process {how}")
-            time.sleep(0.002)
-
-    def _wait_for_ramp(self) -> None:
-        deadline = time.monotonic() + START_TIMEOUT / SECOND
-        while self._shared.read_report() is None and time.monotonic() < deadline and not self._ramp.ended():
-            time.sleep(0.002)
 
     def _loop(self, probe: IkProbe) -> None:
         notify_every = int((watchdog_s() or 2.0) / 4 * SECOND)
@@ -251,7 +237,7 @@ class ApiProcess:
             self._model.wait_for_ik(deployed)
             return self._publisher.reloaded(tail, deployed)
         if isinstance(request, MoveRequest | JogRequest):
-            self._wait_until_settled()
+            self._children.wait_for_order(self._controller.order.number, SETTLING_TIME)
         with self._lock:
             now = time.monotonic_ns()
             self._observe(now)
@@ -259,14 +245,6 @@ class ApiProcess:
             self._write_order()
             self._flush()
             return self._publisher.reply(tail, result)
-
-    def _wait_until_settled(self) -> None:
-        """Waits until the ramp has read the newest order, or `SETTLING_TIME`: a motion begins at a known place."""
-        end = time.monotonic_ns() + SETTLING_TIME
-        while (report := self._shared.read_report()) and report.order != self._controller.order.number:
-            if time.monotonic_ns() > end:
-                return
-            time.sleep(0.001)
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
         match request:

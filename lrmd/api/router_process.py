@@ -27,8 +27,6 @@ from lrmd.ramp.shared_memory import SharedRecords
 HEARTBEAT_S = 0.2
 HEARTBEAT_KEY = "@lrmd/heartbeat"
 """Of a put that no `**` receives: it passes zenoh's routing tables, and raises after a thread panicked in them."""
-GONE_KEY = "@lrmd/gone"
-"""Prefix of the keys `<GONE_KEY>/<zenoh id>` of puts that tell of a client whose session ended."""
 CONFIRM_S, POLL_S = 0.1, 0.001
 """s: how long the ramp may take to confirm, 15 of its ticks, and how often that is looked for."""
 READERS = "(rx: (worker_threads: 16))"
@@ -36,7 +34,8 @@ READERS = "(rx: (worker_threads: 16))"
 something, so two flooding clients would keep its usual two from all others."""
 NICENESS = -10
 """Before everything without a real-time priority, where the system allows it (`LimitNICE` of the unit)."""
-LONGEST_REASON = 64
+LONGEST_REASON, LONGEST_COMMAND = 64, 1313
+"""Characters of a reason that are kept, and bytes of an `EstopCommand`; what is longer is not read."""
 UNREADABLE = "a message that cannot be read"
 
 
@@ -52,11 +51,12 @@ class EstopReplies:
 @dataclass(frozen=True)
 class RouterSetup:
     """Start arguments. `zenoh`: the router's configuration as JSON; `keys`: on which a put is an emergency stop;
-    `query`: the key of the query."""
+    `query`: the key of the query; `gone`: the prefix of the keys on which ended sessions of clients are told."""
 
     zenoh: str
     keys: tuple[str, ...]
     query: str
+    gone: str
     replies: EstopReplies
     memory: SharedFd
     estop: SharedFd
@@ -65,7 +65,7 @@ class RouterSetup:
 def reason_of(data: bytes) -> str:
     """The `why` of an `EstopCommand`; also a message that cannot be read stops the arm."""
     try:
-        content = msgpack.unpackb(data) if data else {}
+        content = msgpack.unpackb(data[: LONGEST_COMMAND + 1]) if data else {}
     except (ValueError, msgpack.UnpackException):
         return UNREADABLE
     reason = content.get("why", "") if isinstance(content, dict) else UNREADABLE
@@ -124,10 +124,10 @@ class RampSignal:
         return 0 if report is None else report.tick
 
 
-def tell_gone(session: zenoh.Session, event: zenoh.TransportEvent) -> None:
+def tell_gone(session: zenoh.Session, gone: str, event: zenoh.TransportEvent) -> None:
     """Tells the daemon's other processes which client's session has been closed, or was broken off."""
     if event.kind == zenoh.SampleKind.DELETE:
-        session.put(f"{GONE_KEY}/{event.transport.zid}", b"")
+        session.put(f"{gone}/{event.transport.zid}", b"")
 
 
 def run(setup: RouterSetup) -> None:
@@ -141,7 +141,7 @@ def run(setup: RouterSetup) -> None:
     _go_first()
     try:
         with zenoh.open(zenoh.Config.from_json5(setup.zenoh)) as session:
-            session.info.declare_transport_events_listener(partial(tell_gone, session))
+            session.info.declare_transport_events_listener(partial(tell_gone, session, setup.gone))
             EstopServer(session, setup.keys, setup.query, setup.replies, RampSignal(shared, setup.estop.number).stop)
             while not ending:
                 session.put(HEARTBEAT_KEY, b"")

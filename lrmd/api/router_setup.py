@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from lrmd.api.router_process import EstopReplies, RouterSetup
-from lrmd.api.wildcard_limit import limit_wildcards
 from lrmd.config import Config
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.messages.codec import HeaderSource, error_reply
 from lrmd.messages.control import Reply
-from lrmd.messages.zenoh_session import key, router, wildcard_error
+from lrmd.messages.wildcard_limit import limit_wildcards
+from lrmd.messages.zenoh_session import GONE_KEY, key, router, wildcard_error
 from lrmd.ramp.shared_fd import SharedFd
 
 
@@ -26,4 +26,4 @@ def router_setup(config: Config, memory: SharedFd, estop: SharedFd, boot_id: str
     query = key(config.robot, "rpc/estop")
     keys = key(config.robot, "cmd/estop"), key("*", "cmd/estop")
     zenoh = str(limit_wildcards(router(config.zenoh)))
-    return RouterSetup(zenoh, keys, query, estop_replies(query, boot_id), memory, estop)
+    return RouterSetup(zenoh, keys, query, GONE_KEY, estop_replies(query, boot_id), memory, estop)

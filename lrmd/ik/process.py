@@ -13,10 +13,10 @@ from typing import Any
 
 import structlog
 import zenoh
+from zenoh.handlers import Callback
 
 from lrm_math.errors import FileError, LrmError
 from lrmd import log
-from lrmd.api.router_process import GONE_KEY
 from lrmd.config import MS, Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import deploy, digest_of
@@ -24,7 +24,7 @@ from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
 from lrmd.messages.codec import Header, HeaderSource, Message, pack
-from lrmd.messages.inbox import Inbox
+from lrmd.messages.inbox import Inbox, Send
 from lrmd.messages.kinematics import (
     CancelRequest,
     FkReply,
@@ -35,7 +35,7 @@ from lrmd.messages.kinematics import (
     PlanRequest,
     with_payload,
 )
-from lrmd.messages.zenoh_session import key, own_client, reply_error, serve
+from lrmd.messages.zenoh_session import GONE_KEY, key, own_client, reply_error, serve
 from lrmd.ramp.parent import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
 from lrmd.ramp.shared_memory import NO_MODEL, SharedRecords
@@ -111,10 +111,14 @@ class IkProcess:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         sys.setswitchinterval(SWITCH_INTERVAL)
         with zenoh.open(own_client(self._config.zenoh)) as session:
+            inbox = Inbox()
             for tail, kind in REQUESTS.items():
-                serve(session, key(self._config.robot, tail), kind, self._enqueue, self._refuse, Inbox())
+                serve(session, key(self._config.robot, tail), kind, self._enqueue, self._refuse, inbox)
             serve(session, key(self._config.robot, "rpc/cancel"), CancelRequest, self._cancel, self._refuse, Inbox())
-            session.declare_subscriber(f"{GONE_KEY}/*", self._gone)
+            gone: Callback[zenoh.Sample] = Callback(
+                lambda sample: inbox.after(partial(self._gone, str(sample.key_expr))), indirect=False
+            )
+            session.declare_subscriber(f"{GONE_KEY}/*", gone)
             while not self._ending:
                 self._work()
 
@@ -133,11 +137,12 @@ class IkProcess:
                 queued.cancelled.set()
         return [pack(Header(**self._headers.next("cancel")))]
 
-    def _gone(self, sample: zenoh.Sample) -> None:
+    def _gone(self, told_on: str) -> Send:
         """Cancels the queries of a session that the router has seen closing, or breaking off."""
         for queued in self._queue:
-            if queued.client and queued.client == str(sample.key_expr).rpartition("/")[2]:
+            if queued.client == told_on.removeprefix(f"{GONE_KEY}/"):
                 queued.cancelled.set()
+        return lambda: None
 
     def _work(self) -> None:
         """One turn of the next query, and of a plan."""

@@ -1,4 +1,4 @@
-"""Bounds of a message, from its JSON Schema: how long, and of how many parts, a valid one of its kind may be.
+"""MessageBounds of a message, from its JSON Schema: how long, and of how many parts, a valid one of its kind may be.
 
 They are checked before the parts become objects: what is far larger than any valid message costs nothing to refuse.
 """
@@ -28,7 +28,7 @@ LIMITS = {"string": ("maxLength", "enum", "const"), "array": ("maxItems",), "obj
 
 
 @dataclass(frozen=True)
-class Bounds:
+class MessageBounds:
     """Largest `size` of a message in bytes, number of keys and values in all its maps and arrays (`parts`), of
     `entries` of one map, of `elements` of one array, and of bytes of one `text`."""
 
@@ -38,19 +38,19 @@ class Bounds:
     elements: int = 0
     text: int = 0
 
-    def widened(self) -> Bounds:
+    def widened(self) -> MessageBounds:
         """With room for mistakes: a message with a field too many, or somewhat too long, is told which field it is."""
-        return Bounds(self.size + 1024, self.parts + 64, self.entries + 16, self.elements + 16, self.text + 256)
+        return MessageBounds(self.size + 1024, self.parts + 64, self.entries + 16, self.elements + 16, self.text + 256)
 
 
-ANYTHING = Bounds(16 * TEXT, 4 * ITEMS, ITEMS, ITEMS, TEXT)
+ANYTHING = MessageBounds(16 * TEXT, 4 * ITEMS, ITEMS, ITEMS, TEXT)
 """Of a JSON value, as in the `detail` of an event."""
-ANY_MESSAGE = Bounds(LONGEST, LONGEST // PART, ITEMS, LONGEST // PART, LONGEST)
+ANY_MESSAGE = MessageBounds(LONGEST, LONGEST // PART, ITEMS, LONGEST // PART, LONGEST)
 """Of a message whose kind is not known yet."""
 
 
 @cache
-def bounds_of(kind: type[BaseModel]) -> Bounds:
+def bounds_of(kind: type[BaseModel]) -> MessageBounds:
     """The bounds of a kind of message, at most `LONGEST` where its fields do not limit it."""
     schema = kind.model_json_schema()
     found = _of(schema, schema.get("$defs", {}))
@@ -71,7 +71,7 @@ def _limited(schema: Any) -> bool:
     return (limits is None or any(limit in schema for limit in limits)) and all(map(_limited, schema.values()))
 
 
-def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Bounds:
+def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> MessageBounds:
     match schema:
         case {"$ref": "#/$defs/JsonValue"}:
             return ANYTHING
@@ -87,39 +87,41 @@ def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Bounds:
             return _text(CHARACTER * schema["maxLength"] if "maxLength" in schema else TEXT)
         case {"type": "array"}:
             count, item = schema.get("maxItems", ITEMS), _of(schema["items"], defs)
-            whole = Bounds(HEAD + count * item.size, count * (1 + item.parts), elements=count)
+            whole = MessageBounds(HEAD + count * item.size, count * (1 + item.parts), elements=count)
             return _deepened(whole, [item])
         case {"type": "object", "properties": fields}:
             inside = [*map(_key, fields), *(_of(field, defs) for field in fields.values())]
             parts = sum(1 + part.parts for part in inside)
-            return _deepened(Bounds(HEAD + sum(part.size for part in inside), parts, entries=len(fields)), inside)
+            return _deepened(
+                MessageBounds(HEAD + sum(part.size for part in inside), parts, entries=len(fields)), inside
+            )
         case {"type": "object"}:
             name = _of({"type": "string", **schema.get("propertyNames", {})}, defs)
             count, item = schema.get("maxProperties", ITEMS), _of(schema.get("additionalProperties", {}), defs)
-            whole = Bounds(HEAD + count * (name.size + item.size), count * (2 + item.parts), entries=count)
+            whole = MessageBounds(HEAD + count * (name.size + item.size), count * (2 + item.parts), entries=count)
             return _deepened(whole, [name, item])
         case {}:
-            return Bounds(NUMBER) if "type" in schema or "const" in schema else ANYTHING
+            return MessageBounds(NUMBER) if "type" in schema or "const" in schema else ANYTHING
     raise AssertionError(f"no bounds of {schema}")
 
 
-def _key(name: object) -> Bounds:
+def _key(name: object) -> MessageBounds:
     return _text(len(str(name).encode()))
 
 
-def _text(count: int) -> Bounds:
-    return Bounds(HEAD + count, text=count)
+def _text(count: int) -> MessageBounds:
+    return MessageBounds(HEAD + count, text=count)
 
 
-def _either(choices: Iterable[Bounds]) -> Bounds:
+def _either(choices: Iterable[MessageBounds]) -> MessageBounds:
     found = list(choices)
-    return _deepened(Bounds(max(one.size for one in found), max(one.parts for one in found)), found)
+    return _deepened(MessageBounds(max(one.size for one in found), max(one.parts for one in found)), found)
 
 
-def _deepened(whole: Bounds, parts: list[Bounds]) -> Bounds:
+def _deepened(whole: MessageBounds, parts: list[MessageBounds]) -> MessageBounds:
     """The size and parts of the whole, with the largest map, array and text of it and its parts."""
     found = [whole, *parts]
-    return Bounds(
+    return MessageBounds(
         whole.size, whole.parts, max(one.entries for one in found), max(one.elements for one in found),
         max(one.text for one in found),
     )  # fmt: skip

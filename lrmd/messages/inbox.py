@@ -32,12 +32,20 @@ class Inbox:
         with self._changed:
             if self._taken >= self._places or size > self._room:
                 raise RequestError("busy", "earlier requests are still worked on; ask again", retryable=True)
-            self._taken, self._room = self._taken + 1, self._room - size
-            self._waiting.append((size, work))
-            self._changed.notify()
-            if self._thread is None:
-                self._thread = threading.Thread(target=self._work, daemon=True)
-                self._thread.start()
+            self._take(size, work)
+
+    def after(self, work: Callable[[], Send]) -> None:
+        """Takes work of the daemon's own, which is done after what waits, whether there is room or not."""
+        with self._changed:
+            self._take(0, work)
+
+    def _take(self, size: int, work: Callable[[], Send]) -> None:
+        self._taken, self._room = self._taken + 1, self._room - size
+        self._waiting.append((size, work))
+        self._changed.notify()
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._work, daemon=True)
+            self._thread.start()
 
     def _work(self) -> None:
         while True:

@@ -23,6 +23,8 @@ NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
 LARGEST_MESSAGE = 4_400_000
 """Bytes; zenoh takes no longer one from anybody. The longest valid ones are shorter: a way of a thousand waypoints."""
 SHORT_MESSAGES = {"transport/link/rx/max_message_size": LARGEST_MESSAGE}
+GONE_KEY = "@lrmd/gone"
+"""Prefix of the keys `<GONE_KEY>/<zenoh id>` of puts that tell of a client whose session ended."""
 OWN_TIMEOUT_MS = 5000
 """For the daemon's own processes to reach its router."""
 

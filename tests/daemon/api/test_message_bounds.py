@@ -13,9 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrmd.messages.bounds import LONGEST, Bounds, bounds_of
+from lrmd.api.router_process import LONGEST_COMMAND, UNREADABLE, reason_of
+from lrmd.messages.bounds import LONGEST, MessageBounds, bounds_of
 from lrmd.messages.codec import ErrorReply, Header, Message, MessageError, error_reply, pack, unpack
-from lrmd.messages.control import DeployRequest, HoldRequest, MoveRequest
+from lrmd.messages.control import DeployRequest, EstopCommand, HoldRequest, MoveRequest
 from lrmd.messages.kinematics import IkReply, IkRequest
 from lrmd.messages.msgpack_scan import excess
 from lrmd.messages.zenoh_session import LARGEST_MESSAGE
@@ -159,7 +160,7 @@ def test_a_model_file_of_the_longest_text_is_read() -> None:
 
 
 def test_the_text_of_an_error_is_not_longer_than_its_reader_takes() -> None:
-    reply = error_reply(MessageError("x" * 1_000_000))
+    reply = error_reply(MessageError("x" * 1_000_000), "boot")
     assert len(reply.msg) == 1000
     assert unpack(ErrorReply, pack(reply)) == reply
 
@@ -170,7 +171,7 @@ CONTENT = st.recursive(
 )
 
 
-def extent(content: Any) -> Bounds:
+def extent(content: Any) -> MessageBounds:
     """The bounds that a content just keeps."""
     inside: list[Any] = []
     if isinstance(content, dict):
@@ -179,7 +180,7 @@ def extent(content: Any) -> Bounds:
         inside = content
     parts = [extent(part) for part in inside]
     size = len(content.encode() if isinstance(content, str) else content) if isinstance(content, str | bytes) else 0
-    return Bounds(
+    return MessageBounds(
         len(msgpack.packb(content)), sum(1 + part.parts for part in parts),
         max([len(content) if isinstance(content, dict) else 0, *(part.entries for part in parts)]),
         max([len(content) if isinstance(content, list) else 0, *(part.elements for part in parts)]),
@@ -200,4 +201,10 @@ def test_the_walk_over_the_bytes_finds_what_is_there(content: Any) -> None:
 
 @given(data=st.binary(max_size=300))
 def test_the_walk_ends_on_any_bytes(data: bytes) -> None:
-    assert excess(data, Bounds(0, 9, 9, 9, 9)) is None or data
+    assert excess(data, MessageBounds(0, 9, 9, 9, 9)) is None or data
+
+
+def test_the_router_reads_no_more_of_an_emergency_stop_than_one_has() -> None:
+    assert bounds_of(EstopCommand).size == LONGEST_COMMAND
+    assert reason_of(pack(EstopCommand(why=WIDE * 64))) == WIDE * 64
+    assert reason_of(msgpack.packb({f"{i}": 1 for i in range(300_000)})) == UNREADABLE
