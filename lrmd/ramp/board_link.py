@@ -37,7 +37,7 @@ STRAYS = 2
 which one may have the right number by chance: none of that tick counts."""
 
 
-class Reply(Enum):
+class BoardReply(Enum):
     """What the board says in the answer to a frame."""
 
     PULSES_SET = auto()
@@ -71,8 +71,8 @@ class Action(Enum):
     """The board has no pulses: ours are off, too, until the next order."""
 
 
-S, R, A = LinkState, Reply, Action
-TABLE: dict[tuple[LinkState, Reply], tuple[LinkState, Action | None]] = {
+S, R, A = LinkState, BoardReply, Action
+TABLE: dict[tuple[LinkState, BoardReply], tuple[LinkState, Action | None]] = {
     (S.GREETING, R.PULSING): (S.READING, None),
     (S.GREETING, R.RESTING): (S.READY, A.BEGIN),
     (S.GREETING, R.BARE): (S.SETTING_UP, A.BEGIN),
@@ -155,7 +155,7 @@ class BoardLink:
         """The board lived when this frame was sent."""
         self._alive = max(self._alive, sent.due)
 
-    def step(self, reply: Reply) -> Action | None:
+    def step(self, reply: BoardReply) -> Action | None:
         """Follows `TABLE`."""
         self.state, action = TABLE.get((self.state, reply), (self.state, None))
         return action
@@ -167,25 +167,25 @@ def answers(reply: Frame, sent: SentFrame) -> bool:
     return reply.type == FrameType.ERROR or (ANSWER[FrameType(sent.type)] == reply.type and asked)
 
 
-def reply_of_ack(status: BoardStatus, sent: SentFrame) -> Reply:
+def reply_of_ack(status: BoardStatus, sent: SentFrame) -> BoardReply:
     """Kind of an ACK."""
     if BoardStatus.SET_UP not in status:
-        return Reply.NOT_SET_UP
-    return Reply.WAS_SET_UP if sent.type == FrameType.SETUP else Reply.PULSES_SET
+        return BoardReply.NOT_SET_UP
+    return BoardReply.WAS_SET_UP if sent.type == FrameType.SETUP else BoardReply.PULSES_SET
 
 
-def reply_of_error(frame: Frame) -> Reply:
+def reply_of_error(frame: Frame) -> BoardReply:
     """Kind of an ERROR. Raises `ProtocolError` on invalid content."""
     not_set_up = protocol.error_of(frame).code is ErrorCode.NOT_SET_UP
-    return Reply.NOT_SET_UP if not_set_up else Reply.OTHER_ERROR
+    return BoardReply.NOT_SET_UP if not_set_up else BoardReply.OTHER_ERROR
 
 
-def reply_of_info(info: BoardInfo, board: BoardSettings) -> Reply:
+def reply_of_info(info: BoardInfo, board: BoardSettings) -> BoardReply:
     """Kind of an INFO, where the settings are to be those of `board`."""
     same = info.prescale == board.prescale and info.silence_ms == board.silence_ms
     as_wanted = same and BoardStatus.SET_UP in info.status
     if BoardStatus.CHIP_FAULT in info.status:
-        return Reply.FOREIGN if BoardStatus.SET_UP in info.status else Reply.NOT_SET_UP
+        return BoardReply.FOREIGN if BoardStatus.SET_UP in info.status else BoardReply.NOT_SET_UP
     if BoardStatus.PULSING in info.status:
-        return Reply.PULSING if as_wanted else Reply.FOREIGN
-    return Reply.RESTING if as_wanted else Reply.BARE
+        return BoardReply.PULSING if as_wanted else BoardReply.FOREIGN
+    return BoardReply.RESTING if as_wanted else BoardReply.BARE

@@ -18,7 +18,7 @@ from lrmd.ramp.board_link import (
     NUMBERS,
     Action,
     BoardLink,
-    Reply,
+    BoardReply,
     SentFrame,
     reply_of_ack,
     reply_of_error,
@@ -155,7 +155,7 @@ class RampCore:
             return
         if frame.type != FrameType.ERROR:
             self._link.sign_of_life(sent)
-        self.acknowledged += kind is Reply.PULSES_SET
+        self.acknowledged += kind is BoardReply.PULSES_SET
         match self._link.step(kind):
             case Action.CONFIRM:
                 self._pulses_confirmed |= not self._pulses_changed and sent.number >= self._first
@@ -166,7 +166,7 @@ class RampCore:
                     self._stop_pulses(RampFault.BOARD_SILENCED)
                 self._pulses_changed, self._pulses_confirmed = False, True
 
-    def _read(self, frame: Frame, sent: SentFrame) -> tuple[Reply | None, dict[int, int]]:
+    def _read(self, frame: Frame, sent: SentFrame) -> tuple[BoardReply | None, dict[int, int]]:
         """The kind of an answer, None if it is of a board that is not ours, and the counts of a STATE."""
         match frame.type:
             case FrameType.ACK:
@@ -181,7 +181,7 @@ class RampCore:
                 self.other_version = 0
                 return reply_of_info(info, self._board), {}
             case FrameType.STATE:
-                return Reply.REGISTERS, protocol.state_of(frame)
+                return BoardReply.REGISTERS, protocol.state_of(frame)
         return reply_of_error(frame), {}
 
     def _check_board(self, status: BoardStatus, boot: int) -> None:

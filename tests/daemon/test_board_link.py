@@ -13,7 +13,7 @@ from lrmd.config import Config, load_config
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
 from lrmd.link.protocol import BoardStatus
-from lrmd.ramp.board_link import NUMBERS, TABLE, Action, BoardLink, Reply
+from lrmd.ramp.board_link import NUMBERS, TABLE, Action, BoardLink, BoardReply
 from lrmd.ramp.shared_memory import LinkState, RampFault
 from tests.support.daemon.in_memory_daemon import CONFIG
 from tests.support.daemon.ramp_with_board import MIDDLE, TICK, RampWithBoard
@@ -169,17 +169,17 @@ def test_every_frame_is_answered_at_most_once_and_in_order(steps: list[tuple[int
 def test_the_table_makes_ready_only_by_the_answer_that_belongs_to_each_state() -> None:
     ready = {key for key, (state, _) in TABLE.items() if state is LinkState.READY and key[0] is not LinkState.READY}
     assert ready == {
-        (LinkState.GREETING, Reply.RESTING), (LinkState.READING, Reply.REGISTERS),
-        (LinkState.SETTING_UP, Reply.WAS_SET_UP),
+        (LinkState.GREETING, BoardReply.RESTING), (LinkState.READING, BoardReply.REGISTERS),
+        (LinkState.SETTING_UP, BoardReply.WAS_SET_UP),
     }  # fmt: skip
     adopting = {key for key, (_, action) in TABLE.items() if action is Action.ADOPT}
-    assert adopting == {(LinkState.READING, Reply.REGISTERS)}
-    for reply in Reply:
+    assert adopting == {(LinkState.READING, BoardReply.REGISTERS)}
+    for reply in BoardReply:
         assert (LinkState.CLOSED, reply) not in TABLE
 
 
-@pytest.mark.parametrize(("state", "reply"), list(product(LinkState, Reply)))
-def test_a_reply_that_is_not_in_the_table_changes_nothing(state: LinkState, reply: Reply) -> None:
+@pytest.mark.parametrize(("state", "reply"), list(product(LinkState, BoardReply)))
+def test_a_reply_that_is_not_in_the_table_changes_nothing(state: LinkState, reply: BoardReply) -> None:
     link = BoardLink(10**8)
     link.begin(state)
     action = link.step(reply)
