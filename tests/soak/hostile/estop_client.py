@@ -17,6 +17,8 @@ from typing import Self
 import msgpack
 import zenoh
 
+SETTLING_S = 0.2
+"""After the connection is made: whoever has the stop at hand is connected before he needs it."""
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -31,6 +33,7 @@ def serve(endpoint: str, key: str) -> None:
         config.insert_json5(place, value)
     with zenoh.open(config) as session:
         publisher = session.declare_publisher(key, express=True)
+        time.sleep(SETTLING_S)
         print("ready", flush=True)
         for _ in sys.stdin:
             print(time.monotonic_ns(), flush=True)
