@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from lrmd.messages.bounds import MessageBounds
+
 
 class Head(NamedTuple):
     """Meaning of a first byte: so many bytes or items `follow`, and as many more as `width` bytes say."""
@@ -35,7 +37,7 @@ def _heads() -> list[Head]:
 HEADS = _heads()
 
 
-def excess(data: bytes, bounds: Bounds) -> str | None:
+def excess(data: bytes, bounds: MessageBounds) -> str | None:
     """What of a message is beyond its bounds, as text; None if nothing is, as far as the bytes go."""
     at, parts, left, size = 0, 0, 1, len(data)
     most = {"text": bounds.text, "array": bounds.elements, "map": bounds.entries, "number": 8}
