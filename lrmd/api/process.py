@@ -138,18 +138,15 @@ class ApiProcess:
         ik = probe.answered and self._shared.ik[0] > 0 and self._shared.ik_model == self._shared.model
         return ik and self._shared.read_report() is not None
 
-    def reload(self) -> DeployedModel:
-        """Reads the model file again. Raises `RequestError` if it cannot be used: the model in use stays."""
-        return self._adopt(self._model.load)
-
     def _reload_on_signal(self) -> None:
         """Reads the model file again; in the next cycle if another model is being loaded."""
         try:
-            self.reload()
+            self._adopt(self._model.load)
         except RequestError as error:
             self._reloading = self._reloading or error.code == "busy"
 
     def _adopt(self, load: Callable[[], DeployedModel]) -> DeployedModel:
+        """Uses a model. Raises `RequestError` if it cannot be used: the model in use stays."""
         try:
             deployed = load()
         except RequestError:
@@ -247,12 +244,9 @@ class ApiProcess:
             return self._publisher.reply(tail, result)
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
-        match request:
-            case DeployRequest():
-                return self._adopt(partial(self._model.deploy, request.text))
-            case UndeployRequest():
-                return self._adopt(self._model.undo)
-        return self.reload()
+        if isinstance(request, DeployRequest):
+            return self._adopt(partial(self._model.deploy, request.text))
+        return self._adopt(self._model.undo if isinstance(request, UndeployRequest) else self._model.load)
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
         """Emits an event for a refused command, which has no reply."""
