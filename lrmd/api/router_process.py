@@ -19,7 +19,10 @@ from typing import Any
 
 import msgpack
 import zenoh
+from zenoh.handlers import Callback
 
+from lrm_math.errors import LrmError
+from lrmd.messages.inbox import Inbox
 from lrmd.ramp.parent import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
 from lrmd.ramp.shared_memory import SharedRecords
@@ -62,10 +65,14 @@ class RouterSetup:
     estop: SharedFd
 
 
-def reason_of(data: bytes) -> str:
-    """The `why` of an `EstopCommand`; also a message that cannot be read stops the arm."""
+def reason_of(payload: zenoh.ZBytes | None) -> str:
+    """The `why` of an `EstopCommand`; also a message that cannot be read, or is too long to be one, stops the arm."""
+    if payload is None or not len(payload):
+        return ""
+    if len(payload) > LONGEST_COMMAND:
+        return UNREADABLE
     try:
-        content = msgpack.unpackb(data[: LONGEST_COMMAND + 1]) if data else {}
+        content = msgpack.unpackb(payload.to_bytes())
     except (ValueError, msgpack.UnpackException):
         return UNREADABLE
     reason = content.get("why", "") if isinstance(content, dict) else UNREADABLE
@@ -75,26 +82,38 @@ def reason_of(data: bytes) -> str:
 
 
 class EstopServer:
-    """The keys of the emergency stop on a session. `stop`: stops for a reason; whether the ramp confirmed it."""
+    """The keys of the emergency stop on a session: `signal` stops for a reason, `confirmed` waits for the ramp.
+
+    The signal is sent in zenoh's own thread, so that nothing piles up before it; only replies wait, in an inbox.
+    """
 
     def __init__(
         self, session: zenoh.Session, keys: tuple[str, ...], query: str, replies: EstopReplies,
-        stop: Callable[[str], bool],
+        signal: Callable[[str], None], confirmed: Callable[[], bool], inbox: Inbox,
     ) -> None:  # fmt: skip
-        self._keys, self._query, self._replies, self._stop = keys, query, replies, stop
-        self._seq = count(1)
-        session.declare_subscriber(keys[0], self._command)
-        session.declare_queryable(query, self._request)
+        self._keys, self._query, self._replies, self._signal = keys, query, replies, signal
+        self._confirmed, self._inbox, self._seq = confirmed, inbox, count(1)
+        session.declare_subscriber(keys[0], Callback(self._command, indirect=False))
+        session.declare_queryable(query, Callback(self._request, indirect=False))
 
     def _command(self, sample: zenoh.Sample) -> None:
         if str(sample.key_expr) in self._keys:
-            self._stop(reason_of(sample.payload.to_bytes()))
+            self._signal(reason_of(sample.payload))
 
     def _request(self, query: zenoh.Query) -> None:
-        with query:
-            if str(query.key_expr) != self._query:
+        if str(query.key_expr) != self._query:
+            with query:
                 query.reply_err(msgpack.packb(self._replies.wildcard))
-            elif self._stop(reason_of(query.payload.to_bytes() if query.payload else b"")):
+            return
+        self._signal(reason_of(query.payload))
+        try:
+            self._inbox.put(0, lambda: partial(self._reply, query, self._confirmed()))
+        except LrmError:
+            self._reply(query, False)
+
+    def _reply(self, query: zenoh.Query, confirmed: bool) -> None:
+        with query:
+            if confirmed:
                 now = {"seq": next(self._seq), "t_mono_ns": time.monotonic_ns(), "t_wall_ns": time.time_ns()}
                 query.reply(self._query, msgpack.packb(self._replies.stopped | now))
             else:
@@ -107,11 +126,14 @@ class RampSignal:
     def __init__(self, shared: SharedRecords, estop: int) -> None:
         self._shared, self._estop = shared, estop
 
-    def stop(self, reason: str) -> bool:
-        """Signals the ramp, then the api process; whether the ramp has read the signal, which it does in every tick."""
+    def send(self, reason: str) -> None:
+        """Signals the ramp, then the api process."""
         os.eventfd_write(self._estop, 1)
         self._shared.estop_reason = reason
         self._shared.router[1] += 1
+
+    def confirmed(self) -> bool:
+        """Waits until the ramp has read the signal, which it does in every tick; whether it has."""
         before, deadline = self._tick(), time.monotonic() + CONFIRM_S
         while self._tick() < before + 2:
             if time.monotonic() > deadline:
@@ -142,7 +164,8 @@ def run(setup: RouterSetup) -> None:
     try:
         with zenoh.open(zenoh.Config.from_json5(setup.zenoh)) as session:
             session.info.declare_transport_events_listener(partial(tell_gone, session, setup.gone))
-            EstopServer(session, setup.keys, setup.query, setup.replies, RampSignal(shared, setup.estop.number).stop)
+            ramp = RampSignal(shared, setup.estop.number)
+            EstopServer(session, setup.keys, setup.query, setup.replies, ramp.send, ramp.confirmed, Inbox())
             while not ending:
                 session.put(HEARTBEAT_KEY, b"")
                 shared.router[0] = time.monotonic_ns()

@@ -10,6 +10,7 @@ from typing import Any
 
 import msgpack
 import pytest
+import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -206,5 +207,5 @@ def test_the_walk_ends_on_any_bytes(data: bytes) -> None:
 
 def test_the_router_reads_no_more_of_an_emergency_stop_than_one_has() -> None:
     assert bounds_of(EstopCommand).size == LONGEST_COMMAND
-    assert reason_of(pack(EstopCommand(why=WIDE * 64))) == WIDE * 64
-    assert reason_of(msgpack.packb({f"{i}": 1 for i in range(300_000)})) == UNREADABLE
+    assert reason_of(zenoh.ZBytes(pack(EstopCommand(why=WIDE * 64)))) == WIDE * 64
+    assert reason_of(zenoh.ZBytes(msgpack.packb({f"{i}": 1 for i in range(300_000)}))) == UNREADABLE

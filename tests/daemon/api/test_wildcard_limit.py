@@ -10,10 +10,10 @@ import pytest
 import zenoh
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from lrmd.api.wildcard_limit import MESSAGES, RATE_HZ, limit_wildcards, neighbours
 
 from lrmd.api.router_setup import router_setup
 from lrmd.config import load_config
+from lrmd.messages.wildcard_limit import MESSAGES, RATE_HZ, limit_wildcards, neighbours
 from lrmd.messages.zenoh_session import client
 from lrmd.ramp.shared_fd import SharedFd
 from tests.support.daemon.daemon_process import DaemonSetup
@@ -60,7 +60,7 @@ def test_every_wildcard_that_matches_the_stop_matches_a_rule_and_the_stop_itself
 
 def test_a_flood_of_wildcards_hardly_reaches_the_stop_and_no_stop_is_lost_in_it(tmp_path: Path) -> None:
     setup = DaemonSetup.make(tmp_path)
-    configured = router_setup(load_config(setup.config), SharedFd(0), SharedFd(0))
+    configured = router_setup(load_config(setup.config), SharedFd(0), SharedFd(0), "boot")
     reached: list[str] = []
     started = time.monotonic()
     with zenoh.open(zenoh.Config.from_json5(configured.zenoh)) as session:

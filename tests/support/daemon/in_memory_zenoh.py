@@ -140,7 +140,10 @@ class InMemoryDaemon:
         states = tuple(self._publisher.states)
         self.server = ZenohServer(self.session, sim.config.robot, self, states, lambda _: AtOnce())
         command, query = (key(sim.config.robot, tail) for tail in ("cmd/estop", "rpc/estop"))
-        self.estop = EstopServer(self.session, (command,), query, estop_replies(query, boot_id), self.emergency_stop)
+        replies, confirmed = estop_replies(query, boot_id), (lambda: True)
+        self.estop = EstopServer(
+            self.session, (command,), query, replies, self.emergency_stop, confirmed, AtOnce()
+        )
 
     def _flush(self) -> None:
         for event in self.sim.core.events:
@@ -159,11 +162,10 @@ class InMemoryDaemon:
         self.sim.core.events.append(ControllerEvent("refused", "warning", f"{tail}: {reply.msg}", {"why": reply.code}))
         self._flush()
 
-    def emergency_stop(self, reason: str) -> bool:
+    def emergency_stop(self, reason: str) -> None:
         self.sim.estop_requested = True
         self.sim.core.estop(self.sim.now, reason)
         self.sim.run(2)
-        return True
 
     def state(self, tail: str) -> Message:
         core = self.sim.core
