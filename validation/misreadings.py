@@ -13,14 +13,14 @@ from itertools import product
 
 import numpy as np
 
-from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.registration.question import Answer, ask
+from lrm_ident.data.registration.question import Answer, ask
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.reading import Reading
+from validation import synthetic
 from validation.synthetic_measurements import measured
 
 ARMS = ("lrm-lab", "so101", "ur5")

@@ -13,12 +13,12 @@ from rich.progress import Progress
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.effect_plugins import Catalogue
-from lrm_ident.progress import OnProgress
+from lrm_ident.fitting.effect_plugins import Catalogue
+from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.report.document import Block, Document, ResultTable, write
-from lrm_ident.workflow import inputs
-from lrm_ident.workflow.inputs import ModelInputs
-from lrm_ident.workflow.steps import NamedProgress
+from lrm_ident.study import inputs
+from lrm_ident.study.inputs import ModelInputs
+from lrm_ident.study.steps import NamedProgress
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError, UnknownName

@@ -28,22 +28,24 @@ from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report, report_of
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
-from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.estimation.cross_validation import FOLDS
-from lrm_ident.estimation.error_breakdown import HeldOutResidual
-from lrm_ident.estimation.model_history import model_text, undo_step
-from lrm_ident.estimation.priors import load_rates
-from lrm_ident.executors import executor_for
-from lrm_ident.plots.diagnosis import draw_report
+from lrm_ident.fitting.cross_validation import FOLDS
+from lrm_ident.fitting.effect_plugins import catalogue_with
+from lrm_ident.fitting.executors import executor_for
+from lrm_ident.fitting.priors import load_rates
 from lrm_ident.report.diagnosis import (
     course_document,
     diagnosis_document,
     effect_blocks,
     selftest_document,
     step_blocks,
+    step_document,
 )
-from lrm_ident.report.fit import ErrorSummary, fit_words
-from lrm_ident.workflow.steps import add_step, auto_files, nominal_error, prior_step
+from lrm_ident.report.fit import error_blocks
+from lrm_ident.report.plots.diagnosis import draw_report
+from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.study.model_history import fit_words, model_text, undo_step
+from lrm_ident.study.steps import add_step, auto_files, nominal_error, prior_step
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.effects import FORMS, effects_at
 from lrm_math.errors import LrmError, UnknownName
@@ -110,7 +112,8 @@ def add(
         notice(f"outliers, left out: poses {', '.join(map(str, found.outliers))}")
     with named_progress() as named:
         taken = add_step(inputs, found, effect, named)
-    publish(taken.document, json, most=None if show_all else LISTED)
+    result = step_document(effect, len(inputs.model.free), taken.before, taken.fit, taken.after)
+    publish(result, json, most=None if show_all else LISTED)
     write_text(output, model_text(taken.file))
     show(f"Model written to {output}")
 
@@ -161,11 +164,11 @@ def auto(
     *_, final = file, *auto_files(inputs, course.steps)
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
     errors = ErrorSummary(nominal_error(the_model.arm, last.data), error_stats(last.fit.residual), held_out)
-    show(*errors.blocks(title))
+    show(*error_blocks(errors, title))
     with_prior: ErrorSummary | None = None
     if prior is not None:
         final, with_prior = prior_step(final, course.model, last.data, prior, catalogue, loss)
-        show(*with_prior.blocks(f"Then {final.history[-1].step}: all {len(final.sigma)} parameters fitted"))
+        show(*error_blocks(with_prior, f"Then {final.history[-1].step}: all {len(final.sigma)} parameters fitted"))
     write_text(output, model_text(final))
     show(f"Model written to {output}")
     whole = HeldOutResidual(None, "not requested (--no-nested)")

@@ -28,20 +28,21 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import arm_for, metadata_of
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.effect_plugins import Catalogue, catalogue_with
-from lrm_ident.estimation.error_breakdown import HeldOutResidual, try_held_out
-from lrm_ident.estimation.error_breakdown import compare as run_compare
-from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_ident.estimation.loss import Loss, loss_named
-from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
-from lrm_ident.estimation.model_history import arm_name_for, model_file, model_text
-from lrm_ident.estimation.priors import load_prior, prior_name_for, prior_of_file
-from lrm_ident.plots.comparison import draw_comparison
-from lrm_ident.progress import OnProgress
+from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.loss import Loss, loss_named
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
+from lrm_ident.fitting.priors import load_prior, prior_name_for, prior_of_file
+from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.report.document import Document, ResultTable
-from lrm_ident.report.fit import ErrorSummary, comparison_document, fit_document
+from lrm_ident.report.fit import comparison_document, fit_document
+from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
-from lrm_ident.workflow.steps import nominal_error
+from lrm_ident.residual.error_breakdown import HeldOutResidual, try_held_out
+from lrm_ident.residual.error_breakdown import compare as run_compare
+from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.study.model_history import arm_name_for, model_file, model_text
+from lrm_ident.study.steps import nominal_error
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.equilibrium import Equilibrium, equilibrium

@@ -19,8 +19,8 @@ from lrm_ident.design.pose_design import DesignProblem, design
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep, run_auto
 from lrm_ident.diagnosis.diagnose import Verdict
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD
-from lrm_ident.estimation.loss import SQUARED
-from lrm_ident.estimation.model_fit import fit_model, nominal_model
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import LrmError

@@ -10,11 +10,11 @@ from scipy.optimize import minimize_scalar
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.estimation.identifiability import fit_identifiable, identifiable_beside, some_rows
-from lrm_ident.estimation.levenberg_marquardt import Fit, FitNotConverged, fit
-from lrm_ident.estimation.loss import Loss
-from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS
-from lrm_ident.registration.collapse import DestroyedArm
+from lrm_ident.data.registration.collapse import DestroyedArm
+from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, some_rows
+from lrm_ident.fitting.levenberg_marquardt import Fit, FitNotConverged, fit
+from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.model import Model, model_of

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS
-from lrm_ident.estimation.priors import WEAK_SD, EffectRateTable, GaussianTable, PriorFile
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
+from lrm_ident.fitting.priors import WEAK_SD, EffectRateTable, GaussianTable, PriorFile
 from lrm_ident.fleet.effect_rates import EffectRate, effect_rates
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.population import ArmEvidence, Population, fit_population

@@ -20,15 +20,15 @@ from pydantic import Field
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import AutoRun, run_auto
-from lrm_ident.estimation.error_breakdown import HeldOutResidual
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS
-from lrm_ident.estimation.model_history import model_file, model_text, tool_version
-from lrm_ident.estimation.parameter_sets import Bounds, bounds_of
-from lrm_ident.estimation.priors import WEAK, weak_prior
-from lrm_ident.progress import silent
-from lrm_ident.workflow.inputs import ModelInputs, read_measurements
-from lrm_ident.workflow.steps import auto_files, first_fit, nominal_error
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
+from lrm_ident.fitting.priors import WEAK, weak_prior
+from lrm_ident.fitting.progress import silent
+from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.inputs import ModelInputs, read_measurements
+from lrm_ident.study.model_history import model_file, model_text, tool_version
+from lrm_ident.study.steps import auto_files, first_fit, nominal_error
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
@@ -120,7 +120,7 @@ def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
         arm_path.write_text(task.arm_text, encoding="utf-8")
     arm = load_arm(task.stored_arm if task.arm_text is None else arm_path)
     data = read_measurements(data_path, arm, task.stored_arm, notices.append)
-    first = first_fit(arm, task.stored_arm, data, lambda _: silent).file
+    first = first_fit(arm, task.stored_arm, data, lambda _: silent)
     inputs = ModelInputs(first, to_model(data_path, first, arm), data, CATALOGUE)
     run = run_auto(inputs.model, data, loss=inputs.loss)
     *_, final = first, *auto_files(inputs, run.steps)

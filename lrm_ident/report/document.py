@@ -135,11 +135,6 @@ def section(title: str, lines: Iterable[str]) -> list[Block]:
     return [ListSection(title, found)] if found else []
 
 
-def enumerate_words(names: Sequence[str], most: int) -> str:
-    """The first names, and how many more there are."""
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
-
-
 def _cell(value: object, spec: str) -> str:
     if value is None:
         return ""

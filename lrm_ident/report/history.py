@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from lrm_ident.digits import decimals
-from lrm_ident.report.document import ResultTable, enumerate_words
+from lrm_ident.data.wording import decimals, enumerate_words
+from lrm_ident.report.document import ResultTable
 from lrm_math.model.model_file import HistoryTable, ModelFile
 
 POSES_SHOWN = 20

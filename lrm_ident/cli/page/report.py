@@ -13,11 +13,11 @@ from lrm_ident.cli.common import log, notice, progress, read_inputs, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
-from lrm_ident.estimation.error_breakdown import compare
-from lrm_ident.estimation.priors import prior_of_file
-from lrm_ident.page.html_report import html_report
-from lrm_ident.workflow.findings import first_look, with_comparison, with_diagnosis
-from lrm_ident.workflow.inputs import identifiable
+from lrm_ident.fitting.priors import prior_of_file
+from lrm_ident.report.findings import first_look, with_comparison, with_diagnosis
+from lrm_ident.residual.error_breakdown import compare
+from lrm_ident.study.inputs import identifiable
+from lrm_ident.workbench.html_report import html_report
 from lrm_math.model.reading import AS_NAMED, Reading
 
 

@@ -34,7 +34,7 @@ from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_me
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.output_files import is_something_else
 from lrm_ident.data.pose_table import in_units, poses_of_table, read_angles, read_whole
-from lrm_ident.weights.rotations import turned_covariance
+from lrm_ident.data.weights.rotations import turned_covariance
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
