@@ -17,8 +17,8 @@ from lrm_ident.report.plots.interactive.candidate_view import CandidateView, can
 from lrm_ident.residual.drivers import Driver, drivers
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.error_field import ErrorField, error_field
-from lrm_ident.study.inputs import ModelInputs
 from lrm_ident.study.model_history import models_of_history
+from lrm_ident.study.study import Study
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model_file import ModelFile, to_model
 
@@ -77,10 +77,10 @@ class Findings:
         return Document(blocks, "lrm/report/1", values)
 
 
-def first_look(inputs: ModelInputs) -> Findings:
+def first_look(study: Study) -> Findings:
     """What costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
-    file, model, data = inputs.file, inputs.model, inputs.data
-    models = [(name, to_model(data.path, one, model.arm, inputs.catalogue)) for name, one in models_of_history(file)]
+    file, model, data = study.file, study.model, study.data
+    models = [(name, to_model(data.path, one, model.arm, study.catalogue)) for name, one in models_of_history(file)]
     field = error_field(data, models)
     known = drivers(data, equilibrium(model, data.poses).joint_torque)
     errors = {key: sd * models[-1][1].parameters[models[-1][1].position(key)].si for key, sd in file.sigma.items()}

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
-from functools import partial, singledispatch
-from pathlib import Path
+from functools import singledispatch
+from itertools import count
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.metadata import arm_for
-from lrm_ident.diagnosis.auto import AutoStep, run_auto
-from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
-from lrm_ident.diagnosis.diagnosis_report import build_report
+from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.laws.law_file import law_id
-from lrm_ident.diagnosis.laws.proposal import propose_law
 from lrm_ident.fitting.effect_plugins import sha256_of
-from lrm_ident.fitting.priors import prior_of_file
-from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.document_html import blocks_html
 from lrm_ident.report.findings import Findings, first_look, with_comparison, with_diagnosis
 from lrm_ident.report.laws import proposal_document
-from lrm_ident.residual.error_breakdown import compare
-from lrm_ident.study.inputs import ModelInputs, OnNotice, identifiable, read_inputs, read_measurements
-from lrm_ident.study.model_history import arm_name_for, model_text
-from lrm_ident.study.steps import add_step, auto_files, first_fit
+from lrm_ident.study.inputs import read_measurements, read_study
+from lrm_ident.study.study import Study
 from lrm_ident.workbench.work.showing import step_shown
 from lrm_ident.workbench.work.tasks import (
     AddTask,
@@ -39,10 +34,8 @@ from lrm_ident.workbench.work.tasks import (
     kept_name,
     unpacked,
 )
-from lrm_ident.workbench.work.worker import Say, WorkFailure, WorkMessage, WorkNotice, WorkProgress, WorkResult
-from lrm_math.arm.arm_file import shipped_arms
+from lrm_ident.workbench.work.worker import Say, WorkFailure, WorkNotice, WorkProgress, WorkResult
 
-MOST_EFFECTS = 20
 _LAST: dict[str, Diagnosis] = {}
 """The last diagnosis, by the hashes of its files."""
 
@@ -58,18 +51,17 @@ def open_files(task: OpenTask, say: Say) -> None:
     """Reads the files, fits a model if there is none, and keeps it."""
     say(WorkProgress("reading the files"))
     files = OpenFiles(task.kept, task.data, task.effects_file, task.reading)
-    if task.model is None:
-        name, arm = arm_for(task.data, task.arm)
-        data = read_measurements(task.data, arm, name, _notice(say), task.reading)
-        say(WorkProgress("fitting"))
-        file = first_fit(arm, arm_name_for(name, task.kept.parent), data, partial(_bar, say))
-        write_text(task.kept, model_text(file))
-        _say_step(files, say)
+    if task.model is not None:
+        study = _noticed(read_study(task.model, task.data, task.effects_file, task.reading), say)
+        study.save(task.kept)
+        say(WorkResult(step_found(files, first_look(study))))
         return
-    inputs = read_inputs(task.model, task.data, task.effects_file, _notice(say), task.reading)
-    file = inputs.file.model_copy(update={"arm": _arm_of_copy(task.model, inputs.file.arm)})
-    write_text(task.kept, model_text(file))
-    say(WorkResult(step_found(files, first_look(replace(inputs, file=file)))))
+    name, arm = arm_for(task.data, task.arm)
+    data = read_measurements(task.data, arm, name, task.reading)
+    say(WorkProgress("fitting"))
+    study = Study.of(data, progress=_bars(say)).fit()
+    study.save(task.kept)
+    _say_step(files, say)
 
 
 @do.register
@@ -83,52 +75,43 @@ def look(task: CompareTask, say: Say) -> None:
 def diagnose_step(task: DiagnoseTask, say: Say) -> None:
     """Compares, then diagnoses."""
     say(WorkProgress("held-out error"))
-    files = task.files
-    inputs = _inputs(files, silent_say)
-    prior = prior_of_file(inputs.file, inputs.model, inputs.catalogue)
-    compared = compare(inputs.model, inputs.data, _bar(say, "held-out error"), prior, inputs.loss)
-    found = with_comparison(unpacked(task.packed), compared)
-    say(WorkResult(step_found(files, found)))
-    report = build_report(_diagnosis(files, say), lambda what: say(WorkProgress(what)))
-    say(WorkResult(step_found(files, with_diagnosis(found, report))))
+    study = _study(task.files, say)
+    found = with_comparison(unpacked(task.packed), study.compare())
+    say(WorkResult(step_found(task.files, found)))
+    found = with_diagnosis(found, study.diagnose(screened=_screened(task.files, study)))
+    say(WorkResult(step_found(task.files, found)))
 
 
 @do.register
 def add_effect(task: AddTask, say: Say) -> None:
     """Adds the effect, refits everything, and keeps the model."""
     say(WorkProgress(f"adding {task.effect}: looking for outliers"))
-    found = _diagnosis(task.files, say)
+    study = _study(task.files, say)
+    screened = _screened(task.files, study)
     say(WorkProgress(f"adding {task.effect}: refitting everything"))
-    inputs = identifiable(_inputs(task.files, silent_say), str)
-    taken = add_step(inputs, found, task.effect, partial(_bar, say))
-    write_text(task.kept, model_text(taken.file))
+    study.add(task.effect, screened).save(task.kept)
     _say_step(replace(task.files, model=task.kept), say)
 
 
 @do.register
 def follow_advice(task: AutoTask, say: Say) -> None:
     """Takes step after step and keeps each."""
-    inputs = identifiable(_inputs(task.files, silent_say), str)
-    now = [inputs]
+    numbers = count(task.number)
 
-    def on_step(step: AutoStep) -> None:
+    def on_step(step: AutoStep, study: Study) -> None:
         """Keeps the model of a step, and reports it to the page."""
-        for file in auto_files(now[-1], [step]):
-            kept = task.folder / kept_name(task.number + len(now) - 1)
-            write_text(kept, model_text(file))
-            now.append(replace(inputs, file=file))
+        if step.added:
+            kept = task.folder / kept_name(next(numbers))
+            study.save(kept)
             _say_step(replace(task.files, model=kept), say)
 
-    progress = _bar(say, "auto: looking for what is missing")
-    run_auto(inputs.model, inputs.data, MOST_EFFECTS, inputs.catalogue, on_step, inputs.loss, progress)
+    _study(task.files, say).auto(on_step=on_step)
 
 
 @do.register
 def propose(task: ProposeTask, say: Say) -> None:
     """Looks for a law, and keeps its file."""
-    inputs = identifiable(_inputs(task.files, silent_say), str)
-    tick = _bar(say, "trying every law at every joint")
-    found = propose_law(inputs.model, inputs.data, tick, lambda what: say(WorkProgress(what)), inputs.loss)
+    found = _study(task.files, say).propose()
     words = blocks_html(proposal_document(found).blocks)
     if found.best is None:
         say(WorkResult(LawResult(words)))
@@ -143,41 +126,30 @@ def step_found(files: OpenFiles, found: Findings) -> StepResult:
     return StepResult(files, step_shown(found), pickle.dumps(found))
 
 
-def silent_say(_: WorkMessage) -> None:
-    """For files that have been read, and reported, before."""
+def _study(files: OpenFiles, say: Say) -> Study:
+    """The study of files whose notices were shown before; it says what it does. Raises `FileError`."""
+    return read_study(files.model, files.data, files.effects_file, files.reading, _bars(say))
 
 
-def _inputs(files: OpenFiles, say: Say) -> ModelInputs:
-    """Read and checked as every command does. Raises `FileError`."""
-    return read_inputs(files.model, files.data, files.effects_file, _notice(say), files.reading)
-
-
-def _arm_of_copy(model: Path, arm: str) -> str:
-    """The arm that a model file names, as a copy of it in another folder names it."""
-    named = model.parent / arm
-    return arm if arm in shipped_arms() or not named.exists() else str(named.resolve())
-
-
-def _notice(say: Say) -> OnNotice:
-    return lambda words: say(WorkNotice(words))
+def _noticed(study: Study, say: Say) -> Study:
+    for words in study.notices:
+        say(WorkNotice(words))
+    return study
 
 
 def _say_step(files: OpenFiles, say: Say) -> None:
-    say(WorkResult(step_found(files, first_look(_inputs(files, say)))))
+    say(WorkResult(step_found(files, first_look(_noticed(_study(files, say), say)))))
 
 
-def _bar(say: Say, what: str) -> OnProgress:
-    say(WorkProgress(what))
-    return lambda done, of: say(WorkProgress(what, done, of))
+def _bars(say: Say) -> Progress:
+    return lambda what, done, of: say(WorkProgress(what, done, of))
 
 
-def _diagnosis(files: OpenFiles, say: Say) -> Diagnosis:
-    """The diagnosis of a step, made once in a process: `add` needs the one that its ranking came from."""
-    inputs = identifiable(_inputs(files, silent_say), str)
-    content = f"{sha256_of(files.model)} {inputs.data.sha256} {files.effects_file}"
+def _screened(files: OpenFiles, study: Study) -> Diagnosis:
+    """The screening of a step, made once in a process: `add` needs the one that its ranking came from."""
+    content = f"{sha256_of(files.model)} {study.data.sha256} {files.effects_file}"
     if content not in _LAST:
-        tick = _bar(say, "trying every effect at every place")
-        found = diagnose(inputs.model, inputs.data, inputs.catalogue, tick, inputs.loss)
+        found = study.screen()
         _LAST.clear()
         _LAST[content] = found
     return _LAST[content]
