@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from itertools import count
 from typing import Annotated
@@ -12,6 +13,7 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     LISTED,
+    bars,
     identifiable,
     opened,
     progress,
@@ -24,7 +26,6 @@ from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnosis_report import report_of
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
-from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for
@@ -161,10 +162,8 @@ def auto(
     show(f"Model written to {output}")
     whole = HeldOutResidual(None, "not requested (--no-nested)")
     if nested:
-        with executor_for(cluster, effects_file, FOLDS) as pool, progress("choosing anew in every fold") as tick:
-            whole = nested_held_out(
-                study.model, study.data, pool, max_effects, study.catalogue, tick, study.loss, rates
-            )
+        with executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
+            whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
     publish(
         course_document(course, report_of(course.judgement), after.held_out, whole, with_prior),
         json,

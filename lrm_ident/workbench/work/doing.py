@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import singledispatch
 from itertools import count
@@ -52,12 +53,14 @@ def open_files(task: OpenTask, say: Say) -> None:
     say(WorkProgress("reading the files"))
     files = OpenFiles(task.kept, task.data, task.effects_file, task.reading)
     if task.model is not None:
-        study = _noticed(read_study(task.model, task.data, task.effects_file, task.reading), say)
+        study = read_study(task.model, task.data, task.effects_file, task.reading)
+        _tell(study.notices, say)
         study.save(task.kept)
         say(WorkResult(step_found(files, first_look(study))))
         return
     name, arm = arm_for(task.data, task.arm)
     data = read_measurements(task.data, arm, name, task.reading)
+    _tell(data.notices, say)
     say(WorkProgress("fitting"))
     study = Study.of(data, progress=_bars(say)).fit()
     study.save(task.kept)
@@ -131,14 +134,15 @@ def _study(files: OpenFiles, say: Say) -> Study:
     return read_study(files.model, files.data, files.effects_file, files.reading, _bars(say))
 
 
-def _noticed(study: Study, say: Say) -> Study:
-    for words in study.notices:
+def _tell(notices: Iterable[str], say: Say) -> None:
+    for words in notices:
         say(WorkNotice(words))
-    return study
 
 
 def _say_step(files: OpenFiles, say: Say) -> None:
-    say(WorkResult(step_found(files, first_look(_noticed(_study(files, say), say)))))
+    study = _study(files, say)
+    _tell(study.notices, say)
+    say(WorkResult(step_found(files, first_look(study))))
 
 
 def _bars(say: Say) -> Progress:
