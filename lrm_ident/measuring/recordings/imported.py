@@ -13,9 +13,9 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.csv_table import csv_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import metadata_of
-from lrm_ident.data.measurement_table import numbered, read_measurement_table
+from lrm_ident.data.measurement_table import read_measurement_table
+from lrm_ident.data.number_table import read_numbers
 from lrm_ident.data.output_files import is_something_else
-from lrm_ident.data.pose_table import read_whole
 from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
@@ -128,10 +128,10 @@ def _driven(path: Path, arm: Arm) -> DrivenPoses:
     if path.suffix in (".mat", ".txt"):
         found = read_mat_poses(path, arm.dof)
         return DrivenPoses(found.number, found.q, np.zeros(len(found.q)), found.number)
-    poses, table = load_poses(path, arm, metadata_of(path)), numbered(read_measurement_table(path))
-    number = read_whole(table, "pose").astype(np.float64)
-    of = read_whole(table, "repeat_of").astype(np.float64) if "repeat_of" in table.header else number
-    return DrivenPoses(number, poses.q, poses.payload, of)
+    poses = load_poses(path, arm, metadata_of(path))
+    table = read_numbers(read_measurement_table(path), ("pose", "repeat_of"))
+    number = table.columns["pose"]
+    return DrivenPoses(number, poses.q, poses.payload, table.columns.get("repeat_of", number))
 
 
 def _one_each(source: Path, driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
