@@ -180,8 +180,10 @@ class Study:
 
     def undo(self) -> Study:
         """Takes the last step back. Raises `LrmError` if there is none."""
-        if self.before is not None:
-            return self.before
+        own = self._filed
+        before = None if own is None or own.before is None else own.before._filed
+        if before is not None:
+            return before
         file = undo_step(self.file)
         model = to_model(self.data.path, file, self.model.arm, self.catalogue)
         return replace(self, model=model, source=file, step=None)
@@ -244,14 +246,18 @@ class Study:
     @cached_property
     def file(self) -> ModelFile:
         """The model file, with the history of all steps. Raises `LrmError` if nothing was fitted or read."""
-        if self.step is not None and self.step.name:
-            history = self.before.file.history if self.before is not None and self.before.is_fitted else ()
-            step, loss = self.step, self.loss.name
-            return model_file(step.fit, self.data, self.held_out, self.arm, step.name, loss, history, step.prior_name)
-        known = self.source or (None if self.before is None else self.before.file)
-        if known is None:
+        own = self._filed
+        if own is None:
             raise LrmError("nothing is fitted yet: there is no model to write")
-        return known
+        if own is not self:
+            return own.file
+        if self.source is not None:
+            return self.source
+        before = None if self.before is None else self.before._filed
+        history, step = () if before is None else before.file.history, self.taken
+        return model_file(
+            step.fit, self.data, self.held_out, self.arm, step.name, self.loss.name, history, step.prior_name
+        )
 
     @property
     def taken(self) -> Step:
@@ -260,15 +266,16 @@ class Study:
             raise LrmError("nothing is fitted yet")
         return self.step
 
-    @property
-    def is_fitted(self) -> bool:
-        """Whether there is a model file of it."""
-        named = self.step is not None and self.step.name != ""
-        return named or self.source is not None or (self.before is not None and self.before.is_fitted)
-
     def save(self, path: str | Path) -> None:
         """Writes the model file, which the command line and the daemon read. Raises `FileError`."""
         write_model(Path(path), self.file, self.arm)
+
+    @property
+    def _filed(self) -> Study | None:
+        """The nearest study, from this one back, that has a model file of its own."""
+        if self.source is not None or (self.step is not None and self.step.name):
+            return self
+        return None if self.before is None else self.before._filed
 
     @property
     def _fitted(self) -> Model:
