@@ -58,7 +58,7 @@ schemas: setup ## the JSON Schemas of the daemon's messages, written anew from t
 	$(BIN)/python -m lrmd.messages.json_schemas
 
 docs: setup ## the API reference, built from the docstrings, in out/reference
-	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.study.api lrm_ident.report.plots.plot lrmd.client lrm_math.effects lrm_math.model
+	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.study.api lrm_ident.study.study lrm_ident.report.plots.plot lrmd.client lrm_math.effects lrm_math.model
 
 bench: setup ## our figures beside the peers', as ratios; calibrated IK and the daemon for MINUTES=10
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,dev,bench]'

@@ -37,7 +37,7 @@ def read_study(
 
     Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
     """
-    path, catalogue = Path(model), catalogue_with(None if effects_file is None else Path(effects_file))
+    path, catalogue = Path(model), catalogue_with(effects_file)
     file, loaded, notices = read_model(path, catalogue)
     known = file.provenance
     measured = read_measurements(Path(data), loaded.arm, file.arm, reading, None if known is None else known.reading)
