@@ -22,7 +22,7 @@ from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_math.arrays import Array
 
-FEWEST_SISTERS, FEWEST_OF_A_LEVEL = 4, 2
+MIN_OTHER_ARMS, FEWEST_OF_A_LEVEL = 4, 2
 MOST_LEVELS = 8
 DETERMINED = 1.0  # typical sizes: a standard error above it says nothing of one arm
 Estimated = tuple[int, float, float]
@@ -97,10 +97,10 @@ def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) ->
     The farthest is taken out and the rest looked at again, so that one cannot hide another.
     """
     known = {key: [row for row in rows if row[2] < DETERMINED] for key, rows in _by_key(estimates).items()}
-    tests = sum(len(rows) for rows in known.values() if len(rows) > FEWEST_SISTERS)
+    tests = sum(len(rows) for rows in known.values() if len(rows) > MIN_OTHER_ARMS)
     found = []
     for key, rows in known.items():
-        while len(rows) > FEWEST_SISTERS:
+        while len(rows) > MIN_OTHER_ARMS:
             distances, middles, spreads = _leave_one_out(rows)
             far = int(distances.argmax())
             if 2.0 * float(stdtr(len(rows) - 2, -distances[far])) * tests > SIGNIFICANCE:

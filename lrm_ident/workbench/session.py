@@ -37,7 +37,7 @@ from lrm_ident.workbench.work.worker import (
 from lrm_math.errors import LrmError
 
 if TYPE_CHECKING:
-    from lrm_ident.report.findings import Findings
+    from lrm_ident.report.model_report import ModelReport
 
 NOTICES_KEPT = 8
 
@@ -93,9 +93,9 @@ class WorkbenchSession:
         return self.step.shown if self.step else None
 
     @property
-    def findings(self) -> Findings | None:
+    def report(self) -> ModelReport | None:
         """All that is known of the last step."""
-        return self.step.findings if self.step else None
+        return self.step.report if self.step else None
 
     @property
     def busy(self) -> bool:

@@ -11,7 +11,7 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import identifiable, opened, show
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.report.findings import first_look, with_comparison, with_diagnosis
+from lrm_ident.report.model_report import quick_report, with_comparison, with_diagnosis
 from lrm_ident.workbench.html_report import html_report
 from lrm_math.model.reading import AS_NAMED, Reading
 
@@ -30,7 +30,7 @@ def report(
     It holds the results of compare and diagnose, opens without a network, and prints well.
     """
     with opened(model, data, effects_file, reading) as study:
-        found = with_comparison(first_look(study), study.compare())
+        found = with_comparison(quick_report(study), study.compare())
         found = with_diagnosis(found, identifiable(study).diagnose())
     write_text(output, html_report(found))
     if json:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from lrm_ident.measuring.campaign.data_file import ArmState, DataFile
 from lrm_ident.measuring.campaign.plan import PlannedPose
-from lrm_ident.measuring.tracker.dwell import RestMean, UnfitRest, rest_mean
+from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, tip_position
 from lrm_math.errors import LrmError
 
@@ -126,7 +126,7 @@ class PoseCampaign:
         result.failed[pose.number] = faults[-1]
         return f"pose {pose.number} not measured: {faults[-1]}"
 
-    def measure(self, pose: PlannedPose) -> tuple[ArmState, RestMean | UnfitRest]:
+    def measure(self, pose: PlannedPose) -> tuple[ArmState, RestMean | UnstableDwell]:
         """Goes to a pose, waits for its time, and averages over the end of the rest."""
         begin = self.clock.now()
         state = self.arm.go(pose)
@@ -135,7 +135,7 @@ class PoseCampaign:
 
 def rest_at(
     tracker: Tracker, numbers: TargetNumbers, clock: Clock, timing: PoseTiming, begin: float
-) -> RestMean | UnfitRest:
+) -> RestMean | UnstableDwell:
     """The mean over the end of a rest whose pose began at a time (s): once the targets are seen again, and settled."""
     for _ in range(round(SIGHT_S / GLANCE_S)):
         if any(tip_position(frame, numbers) is not None for frame in tracker.frames(GLANCE_S)):

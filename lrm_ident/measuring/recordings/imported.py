@@ -22,7 +22,7 @@ from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, r
 from lrm_ident.measuring.recordings.rests import RestTimes, check_number, regular_rests, still_rests
 from lrm_ident.measuring.recordings.take import RecordedTake
 from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
-from lrm_ident.measuring.tracker.dwell import UnfitRest, rest_mean
+from lrm_ident.measuring.tracker.dwell import UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
@@ -152,12 +152,14 @@ def _averaged(take: RecordedTake, driven: DrivenPoses, order: RecordingOrder) ->
         rests = list(check_number(still_rests(t, pair.tip, order.dwell), count, order.skip))
     means = [rest_mean(pair.frames(rows), pair.numbers) for rows in rests]
     left_out = {
-        int(number): mean.why for number, mean in zip(driven.number, means, strict=True) if isinstance(mean, UnfitRest)
+        int(number): mean.why
+        for number, mean in zip(driven.number, means, strict=True)
+        if isinstance(mean, UnstableDwell)
     }
-    kept = [k for k, mean in enumerate(means) if not isinstance(mean, UnfitRest)]
+    kept = [k for k, mean in enumerate(means) if not isinstance(mean, UnstableDwell)]
     if not kept:
         raise FileError(take.path, "", f"no rest is fit: {next(iter(left_out.values()))}")
-    good = [mean for mean in means if not isinstance(mean, UnfitRest)]
+    good = [mean for mean in means if not isinstance(mean, UnstableDwell)]
     tip = read_positions(Reading(axes=order.axes), np.array([mean.tip for mean in good]))
     times, sd = np.array([mean.t for mean in good]) - take.t[0], np.array([mean.sd for mean in good])
     return ImportedRows(driven.take(np.array(kept)), tip, times, sd, left_out)

@@ -57,7 +57,7 @@ class WorkFailure:
 
 
 WorkMessage = WorkProgress | WorkNotice | WorkResult | WorkDone | WorkFailure
-Say = Callable[[WorkMessage], None]
+Send = Callable[[WorkMessage], None]
 
 
 @dataclass
@@ -126,11 +126,13 @@ def work_process() -> WorkProcess:
 
 def _work(pipe: Connection) -> None:
     """Takes tasks until the other end closes."""
-    do = import_module("lrm_ident.workbench.work.doing").do  # here: only this process needs what computes
+    run_task = import_module(
+        "lrm_ident.workbench.work.run_task"
+    ).run_task  # here: only this process needs what computes
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
     said = 0.0
 
-    def say(message: WorkMessage) -> None:
+    def send(message: WorkMessage) -> None:
         """Sends a message to the page; of progress not more than one per `SMALLEST_PAUSE`."""
         nonlocal said
         now = time.monotonic()
@@ -145,7 +147,7 @@ def _work(pipe: Connection) -> None:
         except (EOFError, OSError):
             return
         try:
-            do(task, say)
+            run_task(task, send)
             pipe.send(WorkDone())
         except LrmError as error:
             pipe.send(WorkFailure(str(error)))

@@ -115,7 +115,7 @@ def unsure(error: float = 1e-3, names: tuple[str, ...] = ("a@b", "c@d")) -> Adap
 
 
 def given(monkeypatch: pytest.MonkeyPatch, *findings: AdaptiveFindings) -> None:
-    """Findings one after the other, the last one again and again."""
+    """ModelReport one after the other, the last one again and again."""
     left = list(findings)
     monkeypatch.setattr(adaptive, "assess", lambda _: left.pop(0) if len(left) > 1 else left[0])
     chosen: Callable[..., object] = lambda *args: np.arange(min(BATCH, len(args[2])))  # noqa: E731

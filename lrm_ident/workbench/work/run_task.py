@@ -16,8 +16,8 @@ from lrm_ident.diagnosis.laws.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.document_html import blocks_html
-from lrm_ident.report.findings import Findings, first_look, with_comparison, with_diagnosis
 from lrm_ident.report.laws import proposal_document
+from lrm_ident.report.model_report import ModelReport, quick_report, with_comparison, with_diagnosis
 from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.study import Study
 from lrm_ident.workbench.work.showing import step_shown
@@ -35,69 +35,69 @@ from lrm_ident.workbench.work.tasks import (
     kept_name,
     unpacked,
 )
-from lrm_ident.workbench.work.worker import Say, WorkFailure, WorkNotice, WorkProgress, WorkResult
+from lrm_ident.workbench.work.worker import Send, WorkFailure, WorkNotice, WorkProgress, WorkResult
 
 _LAST: dict[str, Diagnosis] = {}
 """The last diagnosis, by the hashes of its files."""
 
 
 @singledispatch
-def do(task: WorkTask, say: Say) -> None:
-    """Does a task; says how far it is, and its results. Raises `LrmError`."""
-    say(WorkFailure(f"no work is known for {type(task).__name__}"))
+def run_task(task: WorkTask, send: Send) -> None:
+    """Does a task; sends how far it is, and its results. Raises `LrmError`."""
+    send(WorkFailure(f"no work is known for {type(task).__name__}"))
 
 
-@do.register
-def open_files(task: OpenTask, say: Say) -> None:
+@run_task.register
+def open_files(task: OpenTask, send: Send) -> None:
     """Reads the files, fits a model if there is none, and keeps it."""
-    say(WorkProgress("reading the files"))
+    send(WorkProgress("reading the files"))
     files = OpenFiles(task.kept, task.data, task.effects_file, task.reading)
     if task.model is not None:
         study = read_study(task.model, task.data, task.effects_file, task.reading)
-        _tell(study.notices, say)
+        _tell(study.notices, send)
         study.save(task.kept)
-        say(WorkResult(step_found(files, first_look(study))))
+        send(WorkResult(step_found(files, quick_report(study))))
         return
     name, arm = arm_for(task.data, task.arm)
     data = read_measurements(task.data, arm, name, task.reading)
-    _tell(data.notices, say)
-    say(WorkProgress("fitting"))
-    study = Study.of(data, progress=_bars(say)).fit()
+    _tell(data.notices, send)
+    send(WorkProgress("fitting"))
+    study = Study.of(data, progress=_bars(send)).fit()
     study.save(task.kept)
-    _say_step(files, say)
+    _send_step(files, send)
 
 
-@do.register
-def look(task: CompareTask, say: Say) -> None:
+@run_task.register
+def look(task: CompareTask, send: Send) -> None:
     """Reads the files anew."""
-    say(WorkProgress("reading the files"))
-    _say_step(task.files, say)
+    send(WorkProgress("reading the files"))
+    _send_step(task.files, send)
 
 
-@do.register
-def diagnose_step(task: DiagnoseTask, say: Say) -> None:
+@run_task.register
+def diagnose_step(task: DiagnoseTask, send: Send) -> None:
     """Compares, then diagnoses."""
-    say(WorkProgress("held-out error"))
-    study = _study(task.files, say)
+    send(WorkProgress("held-out error"))
+    study = _study(task.files, send)
     found = with_comparison(unpacked(task.packed), study.compare())
-    say(WorkResult(step_found(task.files, found)))
+    send(WorkResult(step_found(task.files, found)))
     found = with_diagnosis(found, study.diagnose(screened=_screened(task.files, study)))
-    say(WorkResult(step_found(task.files, found)))
+    send(WorkResult(step_found(task.files, found)))
 
 
-@do.register
-def add_effect(task: AddTask, say: Say) -> None:
+@run_task.register
+def add_effect(task: AddTask, send: Send) -> None:
     """Adds the effect, refits everything, and keeps the model."""
-    say(WorkProgress(f"adding {task.effect}: looking for outliers"))
-    study = _study(task.files, say)
+    send(WorkProgress(f"adding {task.effect}: looking for outliers"))
+    study = _study(task.files, send)
     screened = _screened(task.files, study)
-    say(WorkProgress(f"adding {task.effect}: refitting everything"))
+    send(WorkProgress(f"adding {task.effect}: refitting everything"))
     study.add(task.effect, screened).save(task.kept)
-    _say_step(replace(task.files, model=task.kept), say)
+    _send_step(replace(task.files, model=task.kept), send)
 
 
-@do.register
-def follow_advice(task: AutoTask, say: Say) -> None:
+@run_task.register
+def follow_advice(task: AutoTask, send: Send) -> None:
     """Takes step after step and keeps each."""
     numbers = count(task.number)
 
@@ -106,47 +106,47 @@ def follow_advice(task: AutoTask, say: Say) -> None:
         if step.added:
             kept = task.folder / kept_name(next(numbers))
             study.save(kept)
-            _say_step(replace(task.files, model=kept), say)
+            _send_step(replace(task.files, model=kept), send)
 
-    _study(task.files, say).auto(on_step=on_step)
+    _study(task.files, send).auto(on_step=on_step)
 
 
-@do.register
-def propose(task: ProposeTask, say: Say) -> None:
+@run_task.register
+def propose(task: ProposeTask, send: Send) -> None:
     """Looks for a law, and keeps its file."""
-    found = _study(task.files, say).propose()
+    found = _study(task.files, send).propose()
     words = blocks_html(proposal_document(found).blocks)
     if found.best is None:
-        say(WorkResult(LawResult(words)))
+        send(WorkResult(LawResult(words)))
         return
     write_text(task.kept, found.best.source)
     law = found.best.law
-    say(WorkResult(LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}")))
+    send(WorkResult(LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}")))
 
 
-def step_found(files: OpenFiles, found: Findings) -> StepResult:
+def step_found(files: OpenFiles, found: ModelReport) -> StepResult:
     """What is known of a step, for the page."""
     return StepResult(files, step_shown(found), pickle.dumps(found))
 
 
-def _study(files: OpenFiles, say: Say) -> Study:
+def _study(files: OpenFiles, send: Send) -> Study:
     """The study of files whose notices were shown before; it says what it does. Raises `FileError`."""
-    return read_study(files.model, files.data, files.effects_file, files.reading, _bars(say))
+    return read_study(files.model, files.data, files.effects_file, files.reading, _bars(send))
 
 
-def _tell(notices: Iterable[str], say: Say) -> None:
+def _tell(notices: Iterable[str], send: Send) -> None:
     for words in notices:
-        say(WorkNotice(words))
+        send(WorkNotice(words))
 
 
-def _say_step(files: OpenFiles, say: Say) -> None:
-    study = _study(files, say)
-    _tell(study.notices, say)
-    say(WorkResult(step_found(files, first_look(study))))
+def _send_step(files: OpenFiles, send: Send) -> None:
+    study = _study(files, send)
+    _tell(study.notices, send)
+    send(WorkResult(step_found(files, quick_report(study))))
 
 
-def _bars(say: Say) -> Progress:
-    return lambda what, done, of: say(WorkProgress(what, done, of))
+def _bars(send: Send) -> Progress:
+    return lambda what, done, of: send(WorkProgress(what, done, of))
 
 
 def _screened(files: OpenFiles, study: Study) -> Diagnosis:

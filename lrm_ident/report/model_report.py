@@ -26,7 +26,7 @@ CANDIDATES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Findings:
+class ModelReport:
     """A model on measurements, as plain values that go between processes.
 
     Attributes:
@@ -77,14 +77,14 @@ class Findings:
         return Document(blocks, "lrm/report/1", values)
 
 
-def first_look(study: Study) -> Findings:
+def quick_report(study: Study) -> ModelReport:
     """What costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
     file, model, data = study.file, study.model, study.data
     models = [(name, to_model(data.path, one, model.arm, study.catalogue)) for name, one in models_of_history(file)]
     field = error_field(data, models)
     known = drivers(data, equilibrium(model, data.poses).joint_torque)
     errors = {key: sd * models[-1][1].parameters[models[-1][1].position(key)].si for key, sd in file.sigma.items()}
-    return Findings(
+    return ModelReport(
         file=file,
         poses=data.take(field.rows),
         field=field,
@@ -93,14 +93,14 @@ def first_look(study: Study) -> Findings:
     )
 
 
-def with_comparison(found: Findings, compared: ModelComparison) -> Findings:
+def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelReport:
     """With the result of `compare`."""
     worst = tuple(int(compared.data.pose[row]) for row in compared.worst)
     marked = {**(found.marked or {}), "worst": worst}
     return replace(found, comparison=comparison_document(compared), marked=marked)
 
 
-def with_diagnosis(found: Findings, report: DiagnosisReport) -> Findings:
+def with_diagnosis(found: ModelReport, report: DiagnosisReport) -> ModelReport:
     """With the result of `diagnose`."""
     diagnosis = report.diagnosis
     fitted, data = diagnosis.seen
