@@ -1,4 +1,4 @@
-"""What all commands share: the consoles, reading of inputs, and the one writer of results."""
+"""Parts that all commands share: the consoles, reading of inputs, and the one writer of results."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def read_measurements(
 
 
 def notice(words: str) -> None:
-    """What a person should know, on stderr."""
+    """Tells a person something, on stderr."""
     log.print(f"notice: {words}")
 
 
@@ -156,7 +156,7 @@ def one_of(what: str, name: str, names: Sequence[Name]) -> Name:
 
 
 def tell(notices: Iterable[str]) -> None:
-    """What a person should know, one line each, on stderr."""
+    """Tells a person several things, one line each, on stderr."""
     for words in notices:
         notice(words)
 

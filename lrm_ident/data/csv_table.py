@@ -47,7 +47,7 @@ class CsvTable:
         return np.array(values, dtype=np.float64) * self.factors.get(column, 1.0)
 
     def with_factors(self, factors: Mapping[str, float]) -> CsvTable:
-        """The same table with other factors for some columns."""
+        """This table with other factors for some columns."""
         return replace(self, factors={**self.factors, **factors})
 
     def at(self, row: int, column: str) -> str:

@@ -41,7 +41,7 @@ DRAWS = 9
 
 @dataclass(frozen=True)
 class StoppingGoal:
-    """When enough is known. `error`: RMS of the held-out error (m) that must surely be reached, or None.
+    """Goal at which enough is known. `error`: RMS of the held-out error (m) that must surely be reached, or None.
 
     `explain`: whether every missing effect must have one name.
     """
@@ -52,7 +52,7 @@ class StoppingGoal:
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveFindings:
-    """What is known from the poses so far.
+    """Knowledge from the poses so far.
 
     Attributes:
         model: after the last step of `auto`. named: for each effect added, its name and those it cannot be told from.
@@ -115,7 +115,7 @@ def first_rows(model: Model, measured: Poses | None, candidates: Poses, count: i
 
 
 def random_poses_as_good(found: AdaptiveFindings, measured: Poses, every: Poses, seed: int) -> int | None:
-    """How many random ones of all poses would be expected to place the TCP as well as those measured (median draw).
+    """Number of random poses that would be expected to place the TCP as well as those measured (median draw).
 
     By the covariance of the fitted parameters. None: not even all of them.
     """

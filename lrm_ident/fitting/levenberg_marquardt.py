@@ -77,7 +77,7 @@ class Fit:
     damped: bool = False
 
     def take(self, rows: NDArray[np.int64]) -> Fit:
-        """The same fit, seen at some of its poses."""
+        """This fit, seen at some of its poses."""
         outliers = tuple(np.flatnonzero(np.isin(rows, self.outliers)).tolist())
         rest, residual, weight = self.rest.take(rows), self.residual[rows], self.weight[rows]
         return replace(self, rest=rest, residual=residual, weight=weight, outliers=outliers)

@@ -1,4 +1,4 @@
-"""What stands out in a fleet: effects and parameters that go with a tag, and arms unlike their sisters.
+"""Findings that stand out in a fleet: effects and parameters that go with a tag, and arms unlike their sisters.
 
 Tags: Fisher's exact test of an effect against a tag (Freeman & Halton 1951); of a parameter the rank test of Mann &
 Whitney 1947 between two levels, exact for few arms, of Kruskal & Wallis 1952 between more; all together adjusted by
@@ -71,7 +71,7 @@ def tag_associations(
     estimates: Sequence[ArmEstimates],
     rates: Sequence[EffectRate],
 ) -> tuple[TagAssociation, ...]:
-    """What goes significantly with a tag, surest first."""
+    """Findings that go significantly with a tag, surest first."""
     tried: dict[tuple[str, str], TagAssociation] = {}
     for tag in dict.fromkeys(name for member in members for name, _ in member.tags):
         cells = [dict(member.tags).get(tag, "") for member in members]
@@ -114,7 +114,7 @@ def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) ->
 
 
 def _leave_one_out(rows: Sequence[Estimated]) -> tuple[Array, Array, Array]:
-    """Of each row (n,): its studentised distance from the others, their mean and their standard deviation."""
+    """Studentised distance of each row (n,) from the others, their mean and their standard deviation."""
     values, errors = (np.array([row[k] for row in rows]) for k in (1, 2))
     others = len(rows) - 1
     apart = values - values.mean()
@@ -137,7 +137,7 @@ def _medians_of_others(values: Array) -> Array:
 
 
 def _by_key(estimates: Sequence[ArmEstimates]) -> dict[str, list[Estimated]]:
-    """For each parameter: (arm, estimate, standard error) in typical sizes."""
+    """Estimates of each parameter: (arm, estimate, standard error) in typical sizes."""
     known: dict[str, list[Estimated]] = {}
     for arm, one in enumerate(estimates):
         for key, value, variance in zip(one.keys, one.mean, np.diag(one.covariance), strict=True):

@@ -53,7 +53,7 @@ class ArmTask:
 
     @property
     def sha256(self) -> str:
-        """Of everything that the result depends on, the tool's version among it."""
+        """Hash of everything that the result depends on, the tool's version among it."""
         parts = (tool_version(), self.stored_arm, self.arm_text or "", self.data_name, self.data, self.beside or b"")
         digest = hashlib.sha256()
         for part in parts:
@@ -63,7 +63,7 @@ class ArmTask:
 
 
 class ArmRecord(StrictSchema):
-    """What is known of one arm, schema `lrm/fleet-arm/2`: the file of its result.
+    """Record of one arm, schema `lrm/fleet-arm/2`: the file of its result.
 
     `reason`: why there is no model, "" if there is one; all that follows is then empty. `steps`: of `auto`, each with
     the causes that it can stand for. `tested`: the effects that its poses could show. `evidence`: the model file of the

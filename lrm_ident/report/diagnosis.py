@@ -41,7 +41,7 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
 
 
 def _values(report: DiagnosisReport) -> dict[str, object]:
-    """For machines."""
+    """Values for machines."""
     found = report.diagnosis
     return {
         "poses": len(found.data),
@@ -76,7 +76,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
 
 
 def _blocks(report: DiagnosisReport) -> list[Block]:
-    """For a person."""
+    """Blocks for a person."""
     found = report.diagnosis
     noise = noise_words(_floor_mm(report), found.floor.source, report.left)
     blocks: list[Block] = [
@@ -260,7 +260,7 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
 
 
 def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
-    """What one effect is; in full, with source, places and parameters."""
+    """Explanation of one effect; in full, with source, places and parameters."""
     yield Text.assemble((kind.id, "bold"), f": {kind.cause}")
     yield f"    {kind.formula}"
     if kind.refines:

@@ -54,7 +54,7 @@ class ModelReport:
 
     @property
     def provenance(self) -> ResultTable:
-        """Where the model comes from."""
+        """Provenance of the model."""
         return provenance_table(self.file)
 
     @property
@@ -78,7 +78,7 @@ class ModelReport:
 
 
 def quick_report(study: Study) -> ModelReport:
-    """What costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
+    """Report that costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
     file, model, data = study.file, study.model, study.data
     models = [(name, to_model(data.path, one, model.arm, study.catalogue)) for name, one in models_of_history(file)]
     field = error_field(data, models)
@@ -94,14 +94,14 @@ def quick_report(study: Study) -> ModelReport:
 
 
 def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelReport:
-    """With the result of `compare`."""
+    """Adds the result of `compare`."""
     worst = tuple(int(compared.data.pose[row]) for row in compared.worst)
     marked = {**(found.marked or {}), "worst": worst}
     return replace(found, comparison=comparison_document(compared), marked=marked)
 
 
 def with_diagnosis(found: ModelReport, report: DiagnosisReport) -> ModelReport:
-    """With the result of `diagnose`."""
+    """Adds the result of `diagnose`."""
     diagnosis = report.diagnosis
     fitted, data = diagnosis.seen
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}

@@ -145,7 +145,7 @@ def covariance_table_of(fit: Fit) -> CovarianceTable | None:
 
 
 def fit_words(loss: str, left_out: Sequence[int]) -> str:
-    """How a model is fitted, where it differs from least squares of all poses; else nothing."""
+    """Manner of a fit in words, where it differs from least squares of all poses; else nothing."""
     how = [] if loss == "squared" else [f"loss {loss}"]
     if left_out:
         how.append(f"{len(left_out)} poses left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}")

@@ -36,5 +36,5 @@ class Step:
 
     @property
     def prior(self) -> Prior | None:
-        """What its fit knew beforehand: the prior that was stated, or the weak one that damped it."""
+        """Prior of its fit: the prior that was stated, or the weak one that damped it."""
         return self.stated_prior or self.fit.weak_prior

@@ -201,7 +201,7 @@ class Study:
 
     @cached_property
     def prior(self) -> Prior | None:
-        """What the last fit knew of the parameters beforehand. Raises `FileError` if its file is gone."""
+        """Prior of the last fit. Raises `FileError` if its file is gone."""
         if self.step is not None:
             return self.step.prior
         return None if self.source is None else prior_of_file(self.source, self.model, self.catalogue)
@@ -232,7 +232,7 @@ class Study:
 
     @cached_property
     def errors_before(self) -> ErrorSummary:
-        """The same of the model before the last step, on the data of that step."""
+        """Errors of the model before the last step, on the data of that step."""
         start = self.model if self.step is None or self.step.start is None else self.step.start
         tick = partial(self.progress, "held-out error, before")
         held_out = try_held_out(start, self.data, loss=self.loss, progress=tick)

@@ -1,4 +1,4 @@
-"""What the workbench's page fetches: scripts, values of the figures, the report, the model; and dropped files."""
+"""Routes of the workbench's page: scripts, values of the figures, the report, the model; and dropped files."""
 
 from __future__ import annotations
 

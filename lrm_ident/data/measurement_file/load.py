@@ -84,7 +84,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
 def _sensed_parts(
     table: NumberTable, arm: Arm, how: Reading, metadata: Metadata, tcp: Array, noise: float | None
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """What was measured beside positions `tcp`, and all scatter, as attributes of measurements; why some is not used.
+    """Parts measured beside positions `tcp`, and all scatter, as attributes of measurements; why some are not used.
 
     `noise`: standard deviation of all positions (m).
     """
@@ -185,7 +185,7 @@ def says_measured(path: Path) -> bool:
 
 
 def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:
-    """What the encoders read at the poses of a file, (N, n) in rad, and its standard deviation as stated (deg).
+    """Readings of the encoders at the poses of a file, (N, n) in rad, and its standard deviation as stated (deg).
 
     Raises `FileError`.
     """

@@ -1,4 +1,4 @@
-"""Where the fixed end of measured distances stands, from the arm as drawn (trilateration).
+"""Fixed end of measured distances, from the arm as drawn (trilateration).
 
 Differences of squared distances are linear in the point; Gauss-Newton steps then weigh all distances alike
 (Navidi, Murphy & Hereman 1998).

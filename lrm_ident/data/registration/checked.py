@@ -58,7 +58,7 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
 
 
 def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
-    """What may be amiss, in words. Raises `Misread`."""
+    """Doubts about the reading, in words. Raises `Misread`."""
     check = check_reading(arm, data)
     if check is None:
         return ()

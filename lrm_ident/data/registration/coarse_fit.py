@@ -104,7 +104,7 @@ def reach(arm: Arm) -> float:
 
 
 def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:
-    """What is fitted, at the equilibrium of the arm as drawn; a joint without torque cannot sag."""
+    """Columns that are fitted, at the equilibrium of the arm as drawn; a joint without torque cannot sag."""
     model, length = drawn.model, reach(drawn.model.arm)
     torque = dict(zip(model.arm.joint_names, np.abs(drawn.joint_torque).max(axis=0).tolist(), strict=True))
     torque["base"] = float(np.abs(drawn.base_moment).max())

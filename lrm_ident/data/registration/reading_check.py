@@ -1,4 +1,4 @@
-"""Is the question right? Whether an arm can have moved to the measured positions, as they were read or read otherwise.
+"""Check of the reading: can an arm have moved to the measured positions, as they were read or read otherwise?
 
 The measured points is compared with the nominal arm under few hypotheses. For each set of joint angles the best
 similarity (Umeyama 1991), proper and mirrored, determines unit, axes and frame; a coarse fit of the arm's dimensions
@@ -79,7 +79,7 @@ class Scored:
 
 @dataclass(frozen=True)
 class ReadingCheck:
-    """What the comparison found.
+    """Result of the comparison.
 
     Attributes:
         read: the file as it was read.

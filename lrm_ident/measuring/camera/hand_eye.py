@@ -1,4 +1,4 @@
-"""Where the camera stands and how the board is mounted: robot-world/hand-eye calibration (Shah 2013), then refined."""
+"""Place of the camera and mount of the board: robot-world/hand-eye calibration (Shah 2013), then refined."""
 
 from __future__ import annotations
 

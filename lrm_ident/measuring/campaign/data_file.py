@@ -44,7 +44,7 @@ class ArmState:
 
 @dataclass(frozen=True)
 class CampaignHead:
-    """What is known before the first row; `start`: commanded angles (rad). `started`: tracker time of t_s = 0 (s)."""
+    """Facts known before the first row; `start`: commanded angles (rad). `started`: tracker time of t_s = 0 (s)."""
 
     arm: str
     source: str

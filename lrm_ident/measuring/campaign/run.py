@@ -27,7 +27,7 @@ class CampaignArm(Protocol):
         """Moves there and waits. Raises `Unreachable`; other `LrmError`s end the campaign."""
 
     def too_warm(self) -> str:
-        """Which servo is too warm to go on, in words; empty if none is."""
+        """The servo that is too warm to go on, in words; empty if none is."""
 
     def cool(self, rest: PlannedPose) -> None:
         """Goes to a pose that loads it little, and waits until it is cool."""
@@ -58,7 +58,7 @@ class PoseTiming:
 
 @dataclass(frozen=True)
 class CampaignProgress:
-    """What happened at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s.
+    """Event at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s.
 
     `notable`: something was not as it should be.
     """
@@ -80,7 +80,7 @@ class CampaignResult:
 
 @dataclass(frozen=True)
 class PoseCampaign:
-    """What a campaign works with. `rest`: where the arm cools. Poses of `plan` that the file has are left out."""
+    """Parts that a campaign works with. `rest`: where the arm cools. Poses of `plan` that the file has are left out."""
 
     arm: CampaignArm
     tracker: Tracker

@@ -42,7 +42,7 @@ class RealClock:
 
 @dataclass(frozen=True)
 class CampaignOrder:
-    """What to measure with.
+    """Order of a campaign: what to measure with.
 
     `arm_name` as the metadata will have it; `loads`: has somebody change the load (kg); `on_findings`: called with what
     is known after a batch, if measuring is adaptive.

@@ -83,7 +83,7 @@ class Verification:
 
 @dataclass(frozen=True)
 class GoalRun:
-    """What goals are tried with. `nominal`: the arm as drawn, for the pose to cool at."""
+    """Parts that goals are tried with. `nominal`: the arm as drawn, for the pose to cool at."""
 
     arm: RoverArm
     nominal: Arm

@@ -33,7 +33,7 @@ from lrm_math.toml_file import schema_of
 
 @dataclass(frozen=True)
 class RecordingOrder:
-    """How to read a recording.
+    """Order to read a recording.
 
     `tool`, `base`: names of the bodies at the tip and at the base. `times`: of regular rests; None: they are looked
     for. `skip`: rests before the first pose. `dwell`: s at the end of a rest to average over. `axes`: as in `Reading`.
@@ -66,7 +66,7 @@ class DrivenPoses:
 
 @dataclass(frozen=True, eq=False)
 class ImportedRows:
-    """What a recording gave: tips (N, 3) in m, times (N,) in s or None, spreads (N,) in m or None.
+    """Rows of a recording: tips (N, 3) in m, times (N,) in s or None, spreads (N,) in m or None.
 
     `left_out`: numbers of poses whose rest was unfit, with the reason. `notices`: what a person should know.
     """

@@ -37,7 +37,7 @@ class RestMean:
 
 @dataclass(frozen=True)
 class UnstableDwell:
-    """Why the frames of a rest give no position."""
+    """Reason why the frames of a rest give no position."""
 
     why: str
 

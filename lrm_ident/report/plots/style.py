@@ -1,4 +1,4 @@
-"""What all figures share: colours for any colour vision (Okabe & Ito 2008), file formats, axes, writing."""
+"""Style that all figures share: colours for any colour vision (Okabe & Ito 2008), file formats, axes, writing."""
 
 from __future__ import annotations
 

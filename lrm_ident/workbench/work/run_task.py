@@ -125,7 +125,7 @@ def propose(task: ProposeTask, send: Send) -> None:
 
 
 def step_found(files: OpenFiles, found: ModelReport) -> StepResult:
-    """What is known of a step, for the page."""
+    """Result of a step, for the page."""
     return StepResult(files, step_shown(found), pickle.dumps(found))
 
 

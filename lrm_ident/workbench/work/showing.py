@@ -1,4 +1,4 @@
-"""What the page shows of a step, made where it was computed, so that the page's process only passes it on."""
+"""View of a step on the page, made where it was computed, so that the page's process only passes it on."""
 
 from __future__ import annotations
 

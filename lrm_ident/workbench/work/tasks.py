@@ -1,4 +1,4 @@
-"""What the workbench asks its process to do, and what comes back: plain values that need none of what computes.
+"""Tasks of the workbench for its process, and their results: plain values that need none of what computes.
 
 The page's process is up in a moment for that; `run_task.py` does the work.
 """
@@ -29,7 +29,7 @@ class OpenFiles:
 
 @dataclass(frozen=True)
 class StepView:
-    """What the page shows of a step.
+    """View of a step on the page.
 
     Attributes:
         title: arm, file, and how many poses. verdict: of the diagnosis, or "".

@@ -23,7 +23,7 @@ SMALLEST_PAUSE = 0.05
 
 @dataclass(frozen=True)
 class WorkProgress:
-    """What is being done; `of` is 0 as long as its length is not known."""
+    """Progress of the work; `of` is 0 as long as its length is not known."""
 
     what: str
     done: int = 0
@@ -32,7 +32,7 @@ class WorkProgress:
 
 @dataclass(frozen=True)
 class WorkNotice:
-    """What a person should know of a file."""
+    """Notice of a file for a person."""
 
     words: str
 
@@ -51,7 +51,7 @@ class WorkDone:
 
 @dataclass(frozen=True)
 class WorkFailure:
-    """Why a task ended without a result, in one line."""
+    """Reason why a task ended without a result, in one line."""
 
     words: str
 
@@ -84,7 +84,7 @@ class WorkProcess:
         self._pipe.send(task)
 
     def messages(self) -> Iterator[WorkMessage]:
-        """What has come since the last call; a failure, and a new process, if it died."""
+        """Messages that have come since the last call; a failure, and a new process, if it died."""
         try:
             while self._pipe.poll():
                 message = self._pipe.recv()

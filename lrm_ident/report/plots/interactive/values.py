@@ -1,4 +1,4 @@
-"""What `figures.js` draws, as plain JSON: rounded values in the units of the screen."""
+"""Values that `figures.js` draws, as plain JSON: rounded values in the units of the screen."""
 
 from __future__ import annotations
 
