@@ -19,7 +19,7 @@ from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.report.left_to_find import left_blocks, left_values, noise_words
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.error_summary import ErrorSummary
-from lrm_ident.study.step import Step
+from lrm_ident.study.step import StudyStep
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import Effect, Parameter
 
@@ -198,7 +198,7 @@ def step_blocks(number: int, step: AutoStep) -> Iterator[Block]:
         yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
 
-def step_document(effect: str, step: Step, before: ErrorSummary, after: ErrorSummary) -> Document:
+def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:
     """Result of `lrm-ident add`, schema `lrm/step/1`."""
     free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
     tables = [*error_blocks(before, f"before: {free} parameters"), *error_blocks(after, f"with {effect}: {now}")]

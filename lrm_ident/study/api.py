@@ -31,7 +31,7 @@ from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.study.inputs import read_measurements, read_study
-from lrm_ident.study.step import Step
+from lrm_ident.study.step import StudyStep
 from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
@@ -123,7 +123,7 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     """Writes a model file of one step, which the command line and the daemon read. Raises `FileError`."""
     numbers = fit.rest.poses.number
     outliers = [] if numbers is None else np.setdiff1d(data.pose, numbers).tolist()
-    replace(_study(fit, data.without(outliers), None), step=Step("fit", fit)).save(path)
+    replace(_study(fit, data.without(outliers), None), step=StudyStep("fit", fit)).save(path)
 
 
 def _study(model: Model | Fit, data: Measurements, loss: str | None) -> Study:

@@ -13,7 +13,7 @@ from lrm_math.model.model import Model
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class StudyStep:
     """A step that was taken.
 
     Attributes:

@@ -34,7 +34,7 @@ from lrm_ident.study.model_history import (
     model_text,
     undo_step,
 )
-from lrm_ident.study.step import Step
+from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import equilibrium
@@ -66,7 +66,7 @@ class Study:
     catalogue: Catalogue = CATALOGUE
     loss: Loss = SQUARED
     source: ModelFile | None = None
-    step: Step | None = None
+    step: StudyStep | None = None
     before: Study | None = None
     notices: tuple[str, ...] = ()
     progress: Progress = unheard
@@ -98,7 +98,7 @@ class Study:
         result = fit_model(self.model, self.data, parameters, loss, unbounded, known)
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
-        step = Step("fit", result.fit, result.held, bounds=bounds, stated_prior=known, prior_name=name)
+        step = StudyStep("fit", result.fit, result.held, bounds=bounds, stated_prior=known, prior_name=name)
         return replace(self, loss=loss, source=None)._after(step, None)
 
     def compare(self) -> ModelComparison:
@@ -131,7 +131,7 @@ class Study:
         left_out = f"outliers, left out: poses {', '.join(map(str, found.outliers))}"
         notices = (*own.notices, left_out) if found.outliers else own.notices
         then = replace(own, data=found.data, notices=notices)
-        return then._after(Step(f"add {effect}", fitted, start=own.model), self)
+        return then._after(StudyStep(f"add {effect}", fitted, start=own.model), self)
 
     def auto(
         self,
@@ -150,7 +150,7 @@ class Study:
             """Follows the run with a study."""
             nonlocal now
             name, held_out = auto_step_name(step), HeldOutResidual(step.held_out)
-            one = Step(name, step.fit, start=now.model, held_out=held_out)
+            one = StudyStep(name, step.fit, start=now.model, held_out=held_out)
             now = replace(own, data=step.data)._after(one, now)
             on_step(step, now)
 
@@ -170,7 +170,7 @@ class Study:
         known = load_prior(prior, self._fitted, self.catalogue)
         result = fit_model(self._fitted, self.data, "identifiable", self.loss, prior=known).fit
         name = f"with the prior {known.name}"
-        step = Step(name, result, start=self._fitted, stated_prior=known, prior_name=prior_name_for(prior))
+        step = StudyStep(name, result, start=self._fitted, stated_prior=known, prior_name=prior_name_for(prior))
         return self._after(step, self)
 
     def propose(self) -> LawProposal:
@@ -260,7 +260,7 @@ class Study:
         )
 
     @property
-    def taken(self) -> Step:
+    def taken(self) -> StudyStep:
         """The last step. Raises `LrmError` if none was taken."""
         if self.step is None:
             raise LrmError("nothing is fitted yet")
@@ -284,7 +284,7 @@ class Study:
     def _say(self, what: str) -> None:
         self.progress(what, 0, 0)
 
-    def _after(self, step: Step, before: Study | None) -> Study:
+    def _after(self, step: StudyStep, before: Study | None) -> Study:
         """After a step; its model is as its file would be read again, so that every door goes on alike."""
         model = as_written(step.fit.model, self.arm)
         return replace(self, model=model, source=None, step=step, before=before)
