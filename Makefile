@@ -9,7 +9,7 @@ MINUTES ?= 10
 HOURS ?= 24
 TARGETS ?= manylinux_2_17_x86_64 manylinux_2_17_aarch64 macosx_11_0_x86_64 macosx_11_0_arm64 win_amd64 win_arm64
 SIDE_BY_SIDE := -n 2 --dist worksteal
-UNITS := --ignore tests/system --ignore tests/package --ignore tests/page/test_in_browser.py
+UNITS := --ignore tests/system --ignore tests/package --ignore tests/ident/workbench/test_in_browser.py
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
@@ -31,7 +31,7 @@ $(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel
 demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; or on your own DATA= (ARM=)
 	@mkdir -p $(OUT)
 ifndef DATA
-	$(ONE_THREAD) $(BIN)/python -m lrm_ident.demo --out $(OUT) $(if $(SEED),--seed $(SEED))
+	$(ONE_THREAD) $(BIN)/python -m examples.demo --out $(OUT) $(if $(SEED),--seed $(SEED))
 else
 	$(BIN)/lrm-ident fit $(DATA) $(if $(ARM),--arm $(ARM)) -o $(OUT)/model.toml --json $(OUT)/fit.json
 	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png
@@ -48,7 +48,7 @@ quick: setup ## the unit tests that are not marked slow, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
 
 browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (about a minute)
-	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/page/test_in_browser.py
+	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/ident/workbench/test_in_browser.py
 
 lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
@@ -58,7 +58,7 @@ schemas: setup ## the JSON Schemas of the daemon's messages, written anew from t
 	$(BIN)/python -m lrmd.messages.json_schemas
 
 docs: setup ## the API reference, built from the docstrings, in out/reference
-	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.api lrmd.client lrm_math.effects lrm_math.model
+	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.study.api lrm_ident.study.study lrm_ident.report.plots.plot lrmd.client lrm_math.effects lrm_math.model
 
 bench: setup ## our figures beside the peers', as ratios; calibrated IK and the daemon for MINUTES=10
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,dev,bench]'

@@ -14,16 +14,16 @@ from rich.table import Table
 from bench.ik import one_pose
 from bench.peers import Pinocchio, decomposed_exchange, scipy_fit
 from bench.timing import Timing, race
-from lrm_ident import synthetic
+from lrm_ident.data.examples import EXAMPLE
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.detmax import exchange
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.parameter_sets import TABLE_4_5, no_bounds, select_parameters
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.parameter_sets import TABLE_4_5, no_bounds, select_parameters
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.chain import chain_of, pull_back, trig
@@ -32,9 +32,9 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
+from validation import synthetic
 
 POSES, FK_POSES, CHOSEN, TOLERANCE = 393, 1000, 50, 1e-6
-EXAMPLE = Path(synthetic.__file__).resolve().parents[1] / "examples" / "hidden-play.csv"
 OURS = "lrm_math"
 
 

@@ -1,12 +1,13 @@
 """Offline tool: identify the model of a robot arm from measured TCP positions, and find the effect that is missing.
 
-The public functions are those of `lrm_ident.api`. They are loaded at their first use, so that `lrm-ident` can name
-the extra to install where it is missing.
+The public functions are those of `lrm_ident.study.api`, and `plot`. They are loaded at their first use, so that
+`lrm-ident` can name the extra to install where it is missing.
 """
 
 from __future__ import annotations
 
 import os
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 # Matrices are small here: threads of the linear algebra library cost more than they bring (set before numpy loads).
@@ -14,25 +15,30 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
 if TYPE_CHECKING:
-    from lrm_ident.api import (
+    from lrm_ident.report.plots.plot import plot
+    from lrm_ident.study.api import (
         EXAMPLE,
+        Study,
         add,
         auto,
+        catalogue_with,
         compare,
         diagnose,
         fit,
         load,
         load_model,
         load_poses,
-        plot,
         predict,
+        read_study,
         save,
     )
 
 __all__ = [
     "EXAMPLE",
+    "Study",
     "add",
     "auto",
+    "catalogue_with",
     "compare",
     "diagnose",
     "fit",
@@ -41,6 +47,7 @@ __all__ = [
     "load_poses",
     "plot",
     "predict",
+    "read_study",
     "save",
 ]
 
@@ -48,9 +55,8 @@ __all__ = [
 def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module 'lrm_ident' has no attribute '{name}'")
-    from lrm_ident import api
-
-    return getattr(api, name)
+    home = "lrm_ident.report.plots.plot" if name == "plot" else "lrm_ident.study.api"
+    return getattr(import_module(home), name)
 
 
 def __dir__() -> list[str]:

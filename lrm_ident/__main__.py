@@ -14,7 +14,7 @@ def main() -> None:
     opens_page = sys.argv[1:2] == ["workbench"] and "--help" not in sys.argv
     try:
         if opens_page:
-            from lrm_ident.page.work.worker import start_early
+            from lrm_ident.workbench.work.worker import start_early
 
             start_early()
         import_module("lrm_ident.cli.page.workbench" if opens_page else "lrm_ident.cli.app")

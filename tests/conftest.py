@@ -16,7 +16,7 @@ from lrm_math.arm.arm_file import load_arm
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"
 TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
-EXAMPLE = ROOT / "lrm_ident" / "examples" / "hidden-play.csv"
+EXAMPLE = ROOT / "lrm_ident" / "data" / "examples" / "hidden-play.csv"
 
 _LAWS = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
 settings.register_profile("lrm", _LAWS, max_examples=20)

@@ -13,15 +13,13 @@ import sys
 import pytest
 
 from tests.conftest import ROOT
-from tests.support.source_files import files, imported_names, syntax_tree
+from tests.support.source_files import files, imported_names, room_arrows, syntax_tree
 
 ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
     "lrm_math": "errors arrays toml_file arm kinematics collision effects model ik",
-    "lrm_ident": "examples synthetic progress executors digits description weights tracker data recordings "
-    "registration effect_plugins nonparametric estimation camera diagnosis laws design thesis workspace views "
-    "report workflow fleet plots api page campaign cli demo",
+    "lrm_ident": "data fitting residual diagnosis study design report fleet measuring workbench cli",
     "lrmd": "errors log config persistence link messages ramp safety control sim ik api client cli main demo",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""
@@ -52,21 +50,34 @@ def test_rover_packages_import_only_what_they_may(package: str, allowed: set[str
         assert {name.split(".")[0] for name in imported_names(path)} - STDLIB <= allowed, path
 
 
+def test_rooms_of_the_offline_tool_are_few_and_loosely_coupled() -> None:
+    """At most 14 entries at its top, and 60 arrows from room to room."""
+    top = {path.name for path in (ROOT / "lrm_ident").iterdir() if path.name != "__pycache__"}
+    assert len(top) <= 14, sorted(top)
+    arrows = room_arrows("lrm_ident")
+    print(f"{len(arrows)} arrows between rooms of lrm_ident")
+    assert len(arrows) <= 60, sorted(arrows)
+
+
 def test_offline_tool_meets_the_daemon_through_its_client_only() -> None:
-    """Only measuring imports it, and its commands; the demo also starts a daemon and a simulated board of its own."""
+    """Only measuring imports it, and its commands."""
     for path in files("lrm_ident"):
         imported = {name for name in imported_names(path) if name.split(".")[0] == "lrmd"}
-        room = path.relative_to(ROOT / "lrm_ident").parts[0]
         own = path.relative_to(ROOT / "lrm_ident").as_posix()
-        if room != "demo":
-            measures = room == "campaign" or own == "cli/campaign.py"
-            assert not imported or (measures and all(name.startswith("lrmd.client.") for name in imported)), path
+        measures = own.startswith("measuring/campaign/") or own == "cli/campaign.py"
+        assert not imported or (measures and all(name.startswith("lrmd.client.") for name in imported)), path
+
+
+def test_what_ships_needs_nothing_that_does_not() -> None:
+    for path in (path for package in LAYERS for path in files(package)):
+        shipped = {name.split(".")[0] for name in imported_names(path)}
+        assert not shipped & {"validation", "examples", "bench", "tests"}, path
 
 
 def test_generator_shares_no_code_with_the_model() -> None:
-    for path in files("lrm_ident/synthetic"):
-        assert {name.split(".")[0] for name in imported_names(path)} - STDLIB <= {"lrm_ident", "numpy", "scipy"}, path
+    for path in files("validation/synthetic"):
+        assert {name.split(".")[0] for name in imported_names(path)} - STDLIB <= {"validation", "numpy", "scipy"}, path
         for node in ast.walk(syntax_tree(path)):
             if isinstance(node, ast.ImportFrom):
                 assert node.level in (0, 1), f"{path}: reaches out of its folder"
-                assert node.level or not (node.module or "").startswith("lrm_"), path
+                assert node.level or not (node.module or "").startswith(("lrm_", "validation")), path

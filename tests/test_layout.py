@@ -8,7 +8,8 @@ from collections import Counter, defaultdict
 from tests.conftest import ROOT
 from tests.support.source_files import files, syntax_tree
 
-PACKAGES = ("lrm_math", "lrmd", "lrm_ident", "bench", "validation", "firmware", "tests/support", "tests/soak")
+OTHERS = ("examples", "bench", "validation", "firmware", "tests/support", "tests/soak")
+PACKAGES = ("lrm_math", "lrmd", "lrm_ident", *OTHERS)
 MOST_FILES = 14
 
 

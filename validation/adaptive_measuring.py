@@ -20,21 +20,21 @@ from pathlib import Path
 
 import numpy as np
 
+from examples.demo.hidden import HiddenArm, hidden_arm
+from examples.demo.pose_files import LOAD_G, clear_poses
+from examples.demo.simulated_tracker import REST_SD_M
+from examples.demo.world import ARM
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.demo.hidden import HiddenArm, hidden_arm
-from lrm_ident.demo.pose_files import LOAD_G, clear_poses
-from lrm_ident.demo.simulated_tracker import REST_SD_M
-from lrm_ident.demo.world import ARM
 from lrm_ident.design.adaptive_batch import BATCH, FIRST_BATCH, AdaptiveFindings, assess, first_rows, next_rows
-from lrm_ident.estimation.model_fit import nominal_model
-from lrm_ident.synthetic import ArmDescription, load_arm, true_state
-from lrm_ident.synthetic.example import ARM_FILE
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm as model_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
+from validation.synthetic import ArmDescription, load_arm, true_state
+from validation.synthetic.example import ARM_FILE
 
 RANDOM_POSES, OFFERED, GOALS, REPEAT_EVERY = 120, 600, 300, 8
 
@@ -79,7 +79,7 @@ def drawn(arm: Arm, count: int, seed: Sequence[int]) -> Poses:
 
 
 def assessed(rig: SimulatedRig, every: Poses, rows: Sequence[int]) -> tuple[AdaptiveFindings, int]:
-    """Findings from measuring some rows, and how many poses were measured."""
+    """ModelReport from measuring some rows, and how many poses were measured."""
     again, of = with_repeats(rows)
     return assess(rig.measure(every.take(again), of)), len(again)
 

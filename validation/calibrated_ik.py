@@ -16,10 +16,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from lrm_ident import synthetic
+from lrm_ident.data.examples import EXAMPLE
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.parameter_sets import select_parameters
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arm.servo_table import PwmClock
@@ -42,7 +42,6 @@ from lrm_math.model.model_file import load_model
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
-EXAMPLE = Path(synthetic.__file__).resolve().parents[1] / "examples" / "hidden-play.csv"
 PLAY_AND_BENDING = ("backlash", "lateral_compliance", "servo_gain")
 SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
 PAYLOAD = 0.0663

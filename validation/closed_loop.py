@@ -22,7 +22,7 @@ RATIO = 1.5
 def demo_document(seed: int) -> dict[str, Any]:
     """The results of one demo. Raises `LrmError` if it fails."""
     with tempfile.TemporaryDirectory(prefix="lrm-loop-") as folder:
-        command = [sys.executable, "-m", "lrm_ident.demo", "--seed", str(seed), "--out", folder]
+        command = [sys.executable, "-m", "examples.demo", "--seed", str(seed), "--out", folder]
         done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         if done.returncode:
             raise LrmError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"exit {done.returncode}")

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident import synthetic
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.parameter_sets import no_bounds, select_parameters
-from lrm_ident.estimation.priors import Prior, PriorFile, to_prior
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.parameter_sets import no_bounds, select_parameters
+from lrm_ident.fitting.priors import Prior, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.model.model import Model, model_of
+from validation import synthetic
 from validation.synthetic_measurements import NOISE, measured
 
 ARM, POSES, SEEDS = "lrm-lab", 100, 100

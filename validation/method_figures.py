@@ -12,21 +12,20 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident import synthetic
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.parameter_sets import no_bounds, select_parameters
-from lrm_ident.estimation.priors import load_prior
-from lrm_ident.thesis.thesis_options import cross_apply, nominal_model, option_named, residual_of, run_options
-from lrm_ident.thesis.thesis_results import NO_LOAD
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.parameter_sets import no_bounds, select_parameters
+from lrm_ident.fitting.priors import load_prior
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
-from validation import two_loads
+from validation import synthetic, two_loads
 from validation.synthetic_measurements import measured
+from validation.thesis.thesis_options import cross_apply, nominal_model, option_named, residual_of, run_options
+from validation.thesis.thesis_results import NO_LOAD
 
 ARM, ARMS, FRESH = "lrm-lab", 12, 300
 COUNTS = (16, 20, 30, 45, 100)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident import synthetic
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
+from validation import synthetic
 
 NOISE = 3e-4
 """m per axis."""

@@ -6,8 +6,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lrm_ident import synthetic
 from lrm_math.arm.arm_file import shipped_arms
+from validation import synthetic
 
 ARM, POSES, SEED, NOISE = "lrm-lab", 393, 2024, 3e-4
 LOADS = {"no-load": 0.0, "loaded": 0.0663}

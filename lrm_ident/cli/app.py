@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 # Commands stand in the help in the order in which their modules are loaded.
-from lrm_ident.cli import identifiability, design, fit, thesis, component_tests, workspace, diagnosis, laws  # isort: skip
+from lrm_ident.cli import identifiability, design, fit, component_tests, workspace, diagnosis, laws  # isort: skip
 from lrm_ident.cli.groups import fleet  # isort: skip
 from lrm_ident.cli.page import report, workbench  # isort: skip
 from lrm_ident.cli import campaign  # isort: skip
@@ -24,7 +24,6 @@ __all__ = [
     "laws",
     "main",
     "report",
-    "thesis",
     "workbench",
     "workspace",
 ]

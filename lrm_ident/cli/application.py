@@ -23,9 +23,14 @@ def group() -> None:
 
 
 def main() -> None:
+    """Runs the command of `lrm-ident`."""
+    run(app)
+
+
+def run(application: typer.Typer) -> None:
     """Runs the command; every expected error is one line on stderr and exit code 2."""
     try:
-        app()
+        application()
     except LrmError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)

@@ -22,7 +22,7 @@ from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
 
 if TYPE_CHECKING:
-    from lrm_ident.campaign.run import CampaignProgress, CampaignResult
+    from lrm_ident.measuring.campaign.run import CampaignProgress, CampaignResult
 
 RobotName = Annotated[str, Option(help="Whose daemon.")]
 Connect = Annotated[
@@ -84,12 +84,12 @@ def measure(
     Adaptive (--until, --explain), it takes the most informative of POSES: after every batch it fits, diagnoses, and
     chooses the next ones, until that is enough; some are measured twice.
     """
-    from lrm_ident.campaign.plan import load_plan
-    from lrm_ident.campaign.run import PoseTiming
-    from lrm_ident.campaign.session import CampaignOrder
-    from lrm_ident.campaign.session import measure as run
     from lrm_ident.design.adaptive_batch import StoppingGoal
-    from lrm_ident.tracker.frames import TargetNumbers
+    from lrm_ident.measuring.campaign.plan import load_plan
+    from lrm_ident.measuring.campaign.run import PoseTiming
+    from lrm_ident.measuring.campaign.session import CampaignOrder
+    from lrm_ident.measuring.campaign.session import measure as run
+    from lrm_ident.measuring.tracker.frames import TargetNumbers
     from lrmd.client import Rover
 
     signal.signal(signal.SIGTERM, _stop)
@@ -201,9 +201,9 @@ def import_(
         import_lerobot(poses, output, arm, dwell)
         return
     from lrm_ident.data.measurement_file.metadata import arm_for
-    from lrm_ident.recordings.imported import RecordingOrder, import_recording, write_measurements
-    from lrm_ident.recordings.rests import RestTimes
-    from lrm_ident.recordings.vicon_csv import ROTATIONS
+    from lrm_ident.measuring.recordings.imported import RecordingOrder, import_recording, write_measurements
+    from lrm_ident.measuring.recordings.rests import RestTimes
+    from lrm_ident.measuring.recordings.vicon_csv import ROTATIONS
 
     if (every is None) != (first is None):
         raise LrmError("--every and --first go together")
@@ -246,13 +246,13 @@ def verify(
     The model is the one that the daemon uses. Beside the measured error stands what it predicts: rounding to counts,
     and the model's own uncertainty.
     """
-    from lrm_ident.campaign.goals import goals_named
-    from lrm_ident.campaign.rover_arm import RoverArm
-    from lrm_ident.campaign.run import PoseTiming
-    from lrm_ident.campaign.session import RealClock, connected
-    from lrm_ident.campaign.verification import GoalRun
-    from lrm_ident.campaign.verification_report import read_verification, verification_document
-    from lrm_ident.tracker.frames import TargetNumbers
+    from lrm_ident.measuring.campaign.goals import goals_named
+    from lrm_ident.measuring.campaign.rover_arm import RoverArm
+    from lrm_ident.measuring.campaign.run import PoseTiming
+    from lrm_ident.measuring.campaign.session import RealClock, connected
+    from lrm_ident.measuring.campaign.verification import GoalRun
+    from lrm_ident.measuring.campaign.verification_report import read_verification, verification_document
+    from lrm_ident.measuring.tracker.frames import TargetNumbers
     from lrmd.client import Rover
 
     signal.signal(signal.SIGTERM, _stop)

@@ -16,8 +16,8 @@ from lrm_ident.data.servo_stiffness import load_servo_test
 from lrm_ident.data.servo_stiffness import stiffness as run_stiffness
 from lrm_ident.data.tracker_alignment import align as run_align
 from lrm_ident.data.tracker_alignment import load_tracked, measurements_from
-from lrm_ident.plots.servo_stiffness import draw_stiffness
 from lrm_ident.report.component_tests import alignment_document, stiffness_document
+from lrm_ident.report.plots.servo_stiffness import draw_stiffness
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.errors import LrmError
 

@@ -11,7 +11,6 @@ from typing import Annotated
 import numpy as np
 from typer import Option
 
-from lrm_ident.camera.session import CameraSession, expected_weights, read_session, visible
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
@@ -29,20 +28,21 @@ from lrm_ident.data.measurement_file.load import load_poses, says_measured
 from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
 from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, candidate_grid, parse_levels
 from lrm_ident.design.observability import INDICES
 from lrm_ident.design.parameter_elimination import fittable
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
 from lrm_ident.design.pose_design import design as run_design
 from lrm_ident.design.pose_selection import select_poses
-from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.parameter_sets import TABLE_4_5, select_parameters
-from lrm_ident.executors import executor_for, in_this_process
-from lrm_ident.plots.design import draw_choice, draw_design
-from lrm_ident.registration.anchor import with_anchor
+from lrm_ident.fitting.effect_plugins import catalogue_with
+from lrm_ident.fitting.executors import executor_for, in_this_process
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.parameter_sets import TABLE_4_5, select_parameters
+from lrm_ident.measuring.camera.session import CameraSession, expected_weights, read_session, visible
 from lrm_ident.report.design import choice_document, design_document, pose_table
-from lrm_ident.weights.whitening import PLAIN, Whitening, measured_alike
+from lrm_ident.report.plots.design import draw_choice, draw_design
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.effects import effects_at
@@ -211,7 +211,7 @@ def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[s
 
 
 def _measured(path: Path, arm: Arm, arm_name: str) -> Measurements | None:
-    """What a file says of measured poses; None if it has commands alone. Raises `FileError`."""
+    """Measured poses of a file; None if it has commands alone. Raises `FileError`."""
     return read_measurements(path, arm, arm_name) if says_measured(path) else None
 
 

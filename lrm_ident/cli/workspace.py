@@ -12,16 +12,16 @@ from typer import Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import check_distinct, log, progress, publish
-from lrm_ident.plots.style import check_format
-from lrm_ident.plots.workspace import draw_reach
-from lrm_ident.progress import OnProgress
+from lrm_ident.design.workspace.arm_variants import ArmVariant, parse_variant
+from lrm_ident.design.workspace.capability_map import CapabilityMap, capability_map, pose_solver
+from lrm_ident.design.workspace.orientation_grid import directions as directions_round
+from lrm_ident.design.workspace.orientation_grid import rotations
+from lrm_ident.design.workspace.presets import default_study
+from lrm_ident.design.workspace.voxel_grid import grid_around, parse_area
+from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.report.plots.style import check_format
+from lrm_ident.report.plots.workspace import draw_reach
 from lrm_ident.report.workspace import AS_IT_IS, VariantComparison, reach_document
-from lrm_ident.workspace.arm_variants import ArmVariant, parse_variant
-from lrm_ident.workspace.capability_map import CapabilityMap, capability_map, pose_solver
-from lrm_ident.workspace.orientation_grid import directions as directions_round
-from lrm_ident.workspace.orientation_grid import rotations
-from lrm_ident.workspace.presets import default_study
-from lrm_ident.workspace.voxel_grid import grid_around, parse_area
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.collision.scene import Scene
 from lrm_math.errors import LrmError

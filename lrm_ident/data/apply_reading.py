@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lrm_ident.description.rigid_motion import to_xyz_angles
+from lrm_ident.data.robot_files.rigid_motion import to_xyz_angles
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.model.reading import AXES, FrameTable, Reading

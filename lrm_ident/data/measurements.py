@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lrm_ident.weights.rotations import rotation_vectors, turned_covariance
-from lrm_ident.weights.whitening import Whitening, whitening_of
+from lrm_ident.data.weights.rotations import rotation_vectors, turned_covariance
+from lrm_ident.data.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
@@ -86,7 +86,7 @@ class Measurements:
 
     @property
     def sensed(self) -> Sensed:
-        """Which rows there are."""
+        """Quantities that were measured."""
         point = None
         if self.distance is not None:
             x, y, z = self._anchor.tolist()

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from lrm_ident.design.fisher_information import Rows, WhitenedColumns, whiten
 from lrm_ident.design.observability import Index
 from lrm_ident.design.optimality import Criterion, PoseSetScore, criterion_of
-from lrm_ident.executors import in_order, in_this_process
-from lrm_ident.progress import OnProgress, silent
+from lrm_ident.fitting.executors import in_order, in_this_process
+from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.weights.whitening import PLAIN, Whitening
+from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_math.arrays import Array
 from lrm_math.effects import Parameter
 from lrm_math.model.equilibrium import Equilibrium

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.design.detmax import check_count, maximise_criterion
 from lrm_ident.design.discrimination import Discrimination, check_testable, discrimination_of, rival_columns
 from lrm_ident.design.fisher_information import RankDeficient, Rows, whiten
@@ -19,9 +20,8 @@ from lrm_ident.design.observability import MM_PER_M, Index, Observability, ident
 from lrm_ident.design.optimality import Criterion, DeterminantCriterion, criterion_of
 from lrm_ident.design.parameter_elimination import fittable
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD
-from lrm_ident.estimation.identifiability import select_identifiable
-from lrm_ident.progress import OnProgress, silent
-from lrm_ident.weights.whitening import PLAIN, Whitening
+from lrm_ident.fitting.identifiability import select_identifiable
+from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
@@ -85,7 +85,7 @@ class CandidateSet:
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """What a design is for.
+    """Problem that a design solves.
 
     Attributes:
         model: at whose parameters everything is linearised. keys: fitted parameters; None for all that are identifiable

@@ -12,9 +12,9 @@ from lrm_ident.design.detmax import STARTS, check_count, exchange, maximise_crit
 from lrm_ident.design.feasibility import FeasibleCriterion
 from lrm_ident.design.fisher_information import Rows, whiten
 from lrm_ident.design.observability import MM_PER_M, Index, Observability, identification_jacobian, observability
-from lrm_ident.estimation.levenberg_marquardt import Fit, fit
-from lrm_ident.estimation.parameter_sets import Bounds, bounds_of, no_bounds
-from lrm_ident.progress import OnProgress, silent
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, no_bounds
+from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model

@@ -11,10 +11,10 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
 from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.diagnosis.score_test import ScoredCandidate
-from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_ident.estimation.loss import Loss
-from lrm_ident.estimation.priors import EffectRates
-from lrm_ident.progress import OnProgress, silent
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.priors import EffectRates
+from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.model import Model

@@ -17,20 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.candidates import REFINEMENT, differentiate_candidates, split_testable, unfitted_effects
 from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE, equivalent_effects, forward_select
-from lrm_ident.diagnosis.free_functions import free_functions, poses_before
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
-from lrm_ident.diagnosis.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
 from lrm_ident.diagnosis.score_test import ScoredCandidate, benjamini_yekutieli, score_candidates
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
-from lrm_ident.estimation.cross_validation import joint_space_folds
-from lrm_ident.estimation.identifiability import some_rows
-from lrm_ident.estimation.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
-from lrm_ident.estimation.loss import Loss, robust_scale
-from lrm_ident.estimation.priors import EffectRates
-from lrm_ident.progress import OnProgress, silent
-from lrm_ident.weights.row_weights import RowWeights
+from lrm_ident.fitting.cross_validation import joint_space_folds
+from lrm_ident.fitting.identifiability import some_rows
+from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
+from lrm_ident.fitting.loss import Loss, robust_scale
+from lrm_ident.fitting.priors import EffectRates
+from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.free_functions import free_functions, poses_before
+from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.derivatives import parameter_jacobian

@@ -8,16 +8,16 @@ from typing import Literal
 
 import numpy as np
 
-from lrm_ident.data.data_audit import audit
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.forward_selection import MIN_GAIN
 from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.diagnosis.score_test import ScoredCandidate
-from lrm_ident.digits import in_mm
-from lrm_ident.estimation.left_to_find import LeftToFind, left_to_find
-from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_ident.estimation.parameter_hints import parameter_hints
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.residual.data_audit import audit
+from lrm_ident.residual.left_to_find import LeftToFind, left_to_find
+from lrm_ident.residual.parameter_hints import parameter_hints
 
 DISPLAY_UNITS = {
     "rad": (180.0 / np.pi, "°"),

@@ -15,7 +15,7 @@ import numpy as np
 from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
 from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, cosine_of_bases, paired_z
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate, f_test_p_value, yekutieli_factor
-from lrm_ident.progress import OnProgress
+from lrm_ident.fitting.progress import OnProgress
 
 SIGNIFICANCE = 0.01  # p value after Benjamini and Yekutieli, of all candidates together
 MIN_GAIN = 0.02  # part of the held-out RMS that an effect must save to be worth naming

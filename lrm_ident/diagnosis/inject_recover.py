@@ -16,10 +16,10 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
 from lrm_ident.diagnosis.diagnose import diagnose
-from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.executors import as_finished
-from lrm_ident.progress import OnProgress, silent
+from lrm_ident.fitting.effect_plugins import catalogue_with
+from lrm_ident.fitting.executors import as_finished
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import Effect, effects_at

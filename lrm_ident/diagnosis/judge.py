@@ -17,9 +17,9 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.forward_selection import MIN_GAIN
 from lrm_ident.diagnosis.linearised_fit import paired_z
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate
-from lrm_ident.estimation.cross_validation import held_out_blocks
-from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_ident.nonparametric.predictability import HeldOutBlock, decisive_rows, held_out_rows
+from lrm_ident.fitting.cross_validation import held_out_blocks
+from lrm_ident.fitting.held_out import HeldOutBlock, decisive_rows, held_out_rows
+from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 

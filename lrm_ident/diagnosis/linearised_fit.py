@@ -15,8 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.estimation.levenberg_marquardt import OUTLIER_DISTANCE
-from lrm_ident.estimation.loss import robust_scale
+from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE
+from lrm_ident.fitting.loss import robust_scale
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
-from lrm_ident.effect_plugins import Catalogue
-from lrm_ident.estimation.cross_validation import joint_space_folds
-from lrm_ident.estimation.error_breakdown import HeldOutResidual
-from lrm_ident.estimation.loss import Loss
-from lrm_ident.estimation.priors import EffectRates
-from lrm_ident.executors import in_order
-from lrm_ident.progress import OnProgress, silent
+from lrm_ident.fitting.cross_validation import joint_space_folds
+from lrm_ident.fitting.effect_plugins import Catalogue
+from lrm_ident.fitting.executors import in_order
+from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.priors import EffectRates
+from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError

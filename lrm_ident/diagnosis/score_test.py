@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
+from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.candidates import Candidate
 from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, projected_rank
-from lrm_ident.progress import OnProgress
-from lrm_ident.weights.row_weights import RowWeights
+from lrm_ident.fitting.progress import OnProgress
 from lrm_math.effects import Effect
 
 Z_THRESHOLD = 2.0  # standard errors by which one prediction must beat another to be distinguished from it

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.forward_selection import improves_prediction
-from lrm_ident.diagnosis.free_functions import FreeFunction
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, ProjectedColumns, paired_z
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate
-from lrm_ident.weights.row_weights import RowWeights
+from lrm_ident.residual.free_functions import FreeFunction
 
 MIN_FREE_GAIN = 0.10  # part of the held-out RMS that a free function must save to be unexplained structure
 MAX_FREE_FUNCTIONS = 3

@@ -12,11 +12,11 @@ from pydantic import ValidationError
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.output_files import is_something_else
-from lrm_ident.estimation.model_history import arm_name_for
-from lrm_ident.executors import as_finished
+from lrm_ident.fitting.executors import as_finished
+from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.fleet.identify_arm import ArmRecord, ArmTask, identify_arm
 from lrm_ident.fleet.manifest import FleetMember
-from lrm_ident.progress import OnProgress, silent
+from lrm_ident.study.model_history import arm_name_for
 from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.errors import FileError, LrmError
 

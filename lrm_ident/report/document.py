@@ -40,7 +40,7 @@ class ResultTable:
         return [column.partition("|")[0] for column in self.columns]
 
     def grid(self) -> Grid:
-        """For the terminal."""
+        """Text for the terminal."""
         out = Grid(title=self.title, title_justify="left", box=SIMPLE_HEAD, title_style="bold", pad_edge=False)
         for name, column in zip(self.names, self.columns, strict=True):
             out.add_column(name, justify="right" if "|" in column else "left")
@@ -133,11 +133,6 @@ def section(title: str, lines: Iterable[str]) -> list[Block]:
     """A heading with indented lines; nothing if there are none."""
     found = tuple(lines)
     return [ListSection(title, found)] if found else []
-
-
-def enumerate_words(names: Sequence[str], most: int) -> str:
-    """The first names, and how many more there are."""
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def _cell(value: object, spec: str) -> str:

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident import digits
+from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.digits import decimals
-from lrm_ident.estimation.error_breakdown import Factor, HeldOutResidual, ModelComparison, PoseGroup
-from lrm_ident.estimation.identifiability import IdentifiedFit, UnidentifiableParameter
-from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_ident.nonparametric.predictability import PredictableError
-from lrm_ident.report.document import Block, Document, ResultTable, enumerate_words, heading, section
+from lrm_ident.data.wording import decimals
+from lrm_ident.fitting.identifiability import IdentifiedFit, UnidentifiableParameter
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
+from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.study.model_history import fit_words
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
 PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
-LEFT_OUT_SHOWN, PARAMETER_DECIMALS = 12, 4
+PARAMETER_DECIMALS = 4
 DAMPED = (
     "Least squares alone did not converge; fitted with weak priors (three typical sizes about zero). Look at the "
     "standard errors: some parameters are hardly known."
@@ -30,41 +30,16 @@ DAMPED = (
 OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:"
 
 
-@dataclass(frozen=True)
-class ErrorSummary:
-    """Errors of a model beside the nominal arm's, in the fit and held out."""
-
-    nominal: ErrorStats
-    fitted: ErrorStats
-    held_out: HeldOutResidual
-    nameless: PredictableError | None = None
-
-    def blocks(self, title: str) -> list[Block]:
-        """A table of all three, or the reason why there is no held-out error."""
-        rows = [("nominal arm", *in_mm(self.nominal)), ("model", *in_mm(self.fitted))]
-        if self.held_out.error is not None:
-            rows.append(("held out (10 joint-space blocks)", *in_mm(self.held_out.error)))
-        if self.nameless is not None:
-            rows.append(("held out, with a nameless model on top", *in_mm(self.nameless.error)))
-        spec = f".{decimals(*(row[2] for row in rows))}f"
-        table = ResultTable(
-            ("TCP error, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))), rows, title
-        )
-        return [table] if self.held_out.error else [table, f"held out: none, because {self.held_out.reason}"]
-
-    def as_json(self) -> dict[str, object]:
-        """The table `error`."""
-        reason = {} if self.held_out.error else {"held_out_reason": self.held_out.reason}
-        nameless = {} if self.nameless is None else {"nameless": self.nameless}
-        return {"nominal": self.nominal, "fit": self.fitted, "held_out": self.held_out.error, **reason, **nameless}
-
-
-def fit_words(loss: str, left_out: Sequence[int]) -> str:
-    """How a model is fitted, where it differs from least squares of all poses; else nothing."""
-    how = [] if loss == "squared" else [f"loss {loss}"]
-    if left_out:
-        how.append(f"{len(left_out)} poses left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}")
-    return "; ".join(how)
+def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
+    """A table of a model's errors, or the reason why there is no held-out error."""
+    rows = [("nominal arm", *in_mm(errors.nominal)), ("model", *in_mm(errors.fitted))]
+    if errors.held_out.error is not None:
+        rows.append(("held out (10 joint-space blocks)", *in_mm(errors.held_out.error)))
+    if errors.nameless is not None:
+        rows.append(("held out, with a nameless model on top", *in_mm(errors.nameless.error)))
+    spec = f".{decimals(*(row[2] for row in rows))}f"
+    table = ResultTable(("TCP error, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))), rows, title)
+    return [table] if errors.held_out.error else [table, f"held out: none, because {errors.held_out.reason}"]
 
 
 def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements) -> Document:
@@ -81,11 +56,11 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
             (f"{p.key}: {_why(fit.rest, p)}" for p in result.held),
         ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
-        *section(OUTLIERS, (f"pose {pose}: {digits.in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
-        *errors.blocks(f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
-        f"The mean error fell from {digits.in_mm(before)} to {digits.in_mm(mean)} mm "
+        *section(OUTLIERS, (f"pose {pose}: {wording.in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
+        *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
+        f"The mean error fell from {wording.in_mm(before)} to {wording.in_mm(mean)} mm "
         f"({100 * (1 - mean / before):.0f} % less)"
-        + ("." if held_out is None else f"; on poses it never saw it is {digits.in_mm(held_out.mean)} mm."),
+        + ("." if held_out is None else f"; on poses it never saw it is {wording.in_mm(held_out.mean)} mm."),
     ]
     values = {
         "poses": len(data),
@@ -119,7 +94,7 @@ def comparison_document(found: ModelComparison) -> Document:
     free = len(found.rest.model.free)
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
     blocks = [
-        *errors.blocks(f"{len(data)} poses, {free} parameters"),
+        *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
         *([] if found.predictable is None else [found.predictable.sentence]),
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *(_group_table(factor) for factor in found.factors[:2]),

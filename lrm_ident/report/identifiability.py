@@ -1,16 +1,15 @@
-"""Reports of `identify-parameters` and `step-size`: singular values, dependent parameters, finite-difference steps."""
+"""Report of `identify-parameters`: singular values, and dependent parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from lrm_ident.design.finite_difference_study import MAX_RELATIVE_ERROR, StepSizeStudy
 from lrm_ident.design.observability import UNITS, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
-from lrm_ident.estimation.identifiability import UnidentifiableParameter
-from lrm_ident.estimation.parameter_sets import TABLE_4_5
+from lrm_ident.fitting.identifiability import UnidentifiableParameter
+from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import screen_unit
 from lrm_ident.report.symbols import symbol
@@ -83,7 +82,7 @@ def _against_table_4_5(found: ParameterElimination) -> list[str]:
 
 
 def in_words(model: Model, held: UnidentifiableParameter) -> str:
-    """What an unidentifiable parameter amounts to: `δd1 moves the tip exactly like +0.87 δx_b +0.5 δz_b`."""
+    """Words for an unidentifiable parameter: `δd1 moves the tip exactly like +0.87 δx_b +0.5 δz_b`."""
     name, (_, scale, unit) = symbol(held.key), screen_unit(model, held.key)
     if held.combination and held.survival <= ALIKE:
         parts = " ".join(
@@ -103,52 +102,3 @@ def _unit(model: Model, key: str) -> str:
 
 def _values(values: Array) -> str:
     return " ".join(f"{value:.2e}" if value > 1e-9 else "0" for value in values)
-
-
-def steps_document(studies: Sequence[StepSizeStudy], units: str) -> Document:
-    """Result of `lrm-ident step-size`, schema `lrm/step-size/1`; its figure shows norm and error by step."""
-    words = "rad, mm, rad/Nmm" if units == "thesis" else "typical sizes"
-    good = f"error < {MAX_RELATIVE_ERROR:g} from … to|"
-    columns = ("joints at", "parameters", "norm|.4g", "best step|.0e", "error|.0e", good)
-    rows = []
-    for study in studies:
-        span = "never" if study.usable_range is None else "{:.0e} … {:.0e}".format(*study.usable_range)
-        rows.append((f"{np.degrees(study.angle):.0f} deg", study.option, study.exact, *study.best, span))
-    blocks: list[Block] = [ResultTable(columns, rows, f"Central differences, steps in {words}"), _common_span(studies)]
-    collapsed = min((step for study in studies for step in study.no_equilibrium), default=None)
-    if collapsed is not None:
-        blocks.append(f"From {collapsed:.0e} on the arm collapses: a compliance that large has no equilibrium.")
-    values = {
-        "units": units,
-        "studies": [
-            {
-                "joints_deg": round(float(np.degrees(study.angle)), 9),
-                "parameters": study.option,
-                "exact_norm": study.exact,
-                "best_step": study.best[0],
-                "best_relative_error": study.best[1],
-                "good_steps": study.usable_range,
-                "steps": study.steps,
-                "norm": study.norm,
-                "relative_error": study.error,
-            }
-            for study in studies
-        ],
-    }
-    behind = ResultTable(
-        ("joints_deg|g", "parameters", "step|.6g", "norm|.12g", "relative_error|.6g"),
-        [
-            (np.degrees(study.angle), study.option, *row)
-            for study in studies
-            for row in zip(study.steps, study.norm, study.error, strict=True)
-        ],
-    )
-    return Document(blocks, "lrm/step-size/1", values, behind)
-
-
-def _common_span(studies: Sequence[StepSizeStudy]) -> str:
-    spans = [study.usable_range for study in studies if study.usable_range is not None]
-    low, high = max((span[0] for span in spans), default=np.inf), min((span[1] for span in spans), default=0.0)
-    if len(spans) == len(studies) and low <= high:
-        return f"One step for all of them: {low:.0e} to {high:.0e}."
-    return "No one step is good for all of them."

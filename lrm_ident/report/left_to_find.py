@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from lrm_ident.digits import in_mm
-from lrm_ident.estimation.left_to_find import LeftToFind
+from lrm_ident.data.wording import in_mm
 from lrm_ident.report.document import Block, section
+from lrm_ident.residual.left_to_find import LeftToFind
 
 
 def left_blocks(left: LeftToFind) -> list[Block]:

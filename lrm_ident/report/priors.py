@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.estimation.error_breakdown import HeldOutResidual
-from lrm_ident.estimation.levenberg_marquardt import Fit
-from lrm_ident.estimation.priors import Prior
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.priors import Prior
 from lrm_ident.report.document import Block, ResultTable
 from lrm_ident.report.fit import in_mm, screen_unit
+from lrm_ident.residual.error_breakdown import HeldOutResidual
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class PriorComparison:
         }
 
     def _mean_sd(self, key: str, scale: float) -> tuple[float, float] | tuple[None, None]:
-        """Of a parameter's prior, times `scale`; none of each where it has none."""
+        """Mean and sd of a parameter's prior, times `scale`; none of each where it has none."""
         if key not in self.prior.keys:
             return None, None
         return float(self.prior.mean_of([key])[0] * scale), float(self.prior.sd_of([key])[0] * scale)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from rich.text import Text
 
+from lrm_ident.design.workspace.arm_variants import ArmVariant
+from lrm_ident.design.workspace.capability_map import CapabilityMap
+from lrm_ident.design.workspace.voxel_grid import Area
 from lrm_ident.report.document import Block, Document, ResultTable, heading
-from lrm_ident.workspace.arm_variants import ArmVariant
-from lrm_ident.workspace.capability_map import CapabilityMap
-from lrm_ident.workspace.voxel_grid import Area
 
 AS_IT_IS = "as it is"
 INDEX_MEANING = (

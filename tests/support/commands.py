@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
 
@@ -12,8 +13,8 @@ from lrm_ident.cli.app import main
 from tests.conftest import EXAMPLE
 
 
-def run_command(*words: object) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of `lrm-ident WORDS`."""
+def run_command(*words: object, program: Callable[[], None] = main) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of `lrm-ident WORDS`, or of another program."""
     stdout, stderr, code = io.StringIO(), io.StringIO(), 0
     with (
         mock.patch.object(sys, "argv", ["lrm-ident", *map(str, words)]),
@@ -21,7 +22,7 @@ def run_command(*words: object) -> tuple[int, str, str]:
         contextlib.redirect_stderr(stderr),
     ):
         try:
-            main()
+            program()
         except SystemExit as end:
             code = int(end.code or 0)
     return code, stdout.getvalue(), stderr.getvalue()
@@ -35,16 +36,16 @@ def part_of_example(folder: Path, poses: int) -> Path:
     return path
 
 
-def stdout_of(*words: object) -> str:
+def stdout_of(*words: object, program: Callable[[], None] = main) -> str:
     """Stdout of a command that must succeed."""
-    code, stdout, stderr = run_command(*words)
+    code, stdout, stderr = run_command(*words, program=program)
     assert code == 0, stderr
     return stdout
 
 
-def stderr_of(*words: object) -> str:
+def stderr_of(*words: object, program: Callable[[], None] = main) -> str:
     """Stderr of a command that must end with exit code 2 and one line."""
-    code, stdout, stderr = run_command(*words)
+    code, stdout, stderr = run_command(*words, program=program)
     assert code == 2, stdout + stderr
     assert len(stderr.splitlines()) == 1, stderr
     assert stderr.startswith("error: ")

@@ -31,3 +31,16 @@ def imported_names(path: Path) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             package = path.relative_to(ROOT).parts[: -node.level] if node.level else ()
             yield from (".".join([*package, *filter(None, [node.module]), alias.name]) for alias in node.names)
+
+
+def room_arrows(package: str) -> set[tuple[str, str]]:
+    """Pairs of folders at the top of a package of which the first imports from the second, itself or in a subfolder."""
+    arrows = set()
+    for path in files(package):
+        room, *below = path.relative_to(ROOT / package).parts
+        for name in imported_names(path) if below else ():
+            head, _, rest = name.partition(".")
+            other = rest.partition(".")[0]
+            if head == package and (ROOT / package / other).is_dir() and other != room:
+                arrows.add((room, other))
+    return arrows

@@ -9,13 +9,13 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from lrm_ident.api import add, diagnose, fit, load
-from lrm_ident.camera.board import CharucoBoard, read_picture
-from lrm_ident.camera.capture import photos_in
-from lrm_ident.camera.detection import RejectedPhoto, find_corners
-from lrm_ident.camera.lens import Lens, calibrate_lens
-from lrm_ident.camera.session import measure, read_photos
 from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.measuring.camera.board import CharucoBoard, read_picture
+from lrm_ident.measuring.camera.capture import photos_in
+from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
+from lrm_ident.measuring.camera.lens import Lens, calibrate_lens
+from lrm_ident.measuring.camera.session import measure, read_photos
+from lrm_ident.study.api import add, diagnose, fit, load
 from lrm_math.model.equilibrium import equilibrium
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, HIDDEN, poses_in_view, rig, tip_error, write_arm_photos, write_lens_photos

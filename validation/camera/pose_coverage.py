@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.camera.board import BoardTable, CharucoBoard
-from lrm_ident.camera.board_pose import information_of
-from lrm_ident.camera.consistency import measured_covariance_of
-from lrm_ident.camera.lens import Lens
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.estimation.identifiability import select_identifiable
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.parameter_sets import no_bounds
+from lrm_ident.fitting.identifiability import select_identifiable
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.parameter_sets import no_bounds
+from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard
+from lrm_ident.measuring.camera.board_pose import information_of
+from lrm_ident.measuring.camera.consistency import measured_covariance_of
+from lrm_ident.measuring.camera.lens import Lens
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses

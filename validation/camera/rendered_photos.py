@@ -11,9 +11,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.camera.board import PIXELS, CharucoBoard
-from lrm_ident.camera.lens import Lens
-from lrm_ident.camera.opencv import opencv
+from lrm_ident.measuring.camera.board import PIXELS, CharucoBoard
+from lrm_ident.measuring.camera.lens import Lens
+from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array
 
 RAYS = 2  # per pixel along either side

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.camera.board import BoardTable, CharucoBoard
-from lrm_ident.camera.opencv import opencv
-from lrm_ident.camera.session import CameraSession
 from lrm_ident.data.apply_reading import rigid_motion
-from lrm_ident.description.rigid_motion import inverse
+from lrm_ident.data.robot_files.rigid_motion import inverse
+from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard
+from lrm_ident.measuring.camera.opencv import opencv
+from lrm_ident.measuring.camera.session import CameraSession
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array

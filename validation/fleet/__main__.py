@@ -23,8 +23,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from lrm_ident.estimation.priors import PriorFile
-from lrm_ident.executors import executor_for, in_order
+from lrm_ident.fitting.executors import executor_for, in_order
+from lrm_ident.fitting.priors import PriorFile
 from lrm_ident.fleet.fleet_prior import prior_text
 from lrm_ident.fleet.manifest import read_manifest
 from lrm_ident.fleet.run_fleet import MODELS, run_fleet, task_of

@@ -12,8 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrm_ident.synthetic import random_poses
-from lrm_ident.synthetic.generate import directions
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
@@ -34,6 +32,8 @@ from validation.fleet.simulated_fleet import (
     ArmOfKind,
     EffectOfKind,
 )
+from validation.synthetic import random_poses
+from validation.synthetic.generate import directions
 
 VAGUE = 3.0  # typical sizes
 GOALS = 200

@@ -14,12 +14,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.estimation.loss import SQUARED
-from lrm_ident.estimation.model_fit import fit_model, nominal_model
-from lrm_ident.estimation.priors import PriorFile, to_prior
+from lrm_ident.data.registration.checked import load_checked
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model, nominal_model
+from lrm_ident.fitting.priors import PriorFile, to_prior
 from lrm_ident.fleet.fleet_prior import arm_estimates, fleet_knowledge, prior_file
 from lrm_ident.fleet.identify_arm import ArmRecord, evidence_of
-from lrm_ident.registration.checked import load_checked
 from lrm_math.arm.arm_file import load_arm
 from validation.fleet.expected_errors import expected_errors
 from validation.fleet.held_out_arm import ARM, tip_error

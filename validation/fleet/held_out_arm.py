@@ -8,11 +8,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.diagnosis.auto import AutoRun, run_auto
-from lrm_ident.estimation.loss import SQUARED
-from lrm_ident.estimation.model_fit import DEFAULT_EFFECTS, fit_model, nominal_model
-from lrm_ident.estimation.priors import EffectRates, PriorFile, to_prior
-from lrm_ident.registration.checked import load_checked
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_model, nominal_model
+from lrm_ident.fitting.priors import EffectRates, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model

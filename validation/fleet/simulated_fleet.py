@@ -13,7 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.synthetic import (
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import Poses, poses_of
+from validation.synthetic import (
     ArmDescription,
     Deviations,
     FrictionLag,
@@ -27,10 +29,8 @@ from lrm_ident.synthetic import (
     true_state,
     write,
 )
-from lrm_ident.synthetic.example import ARM_FILE
-from lrm_ident.synthetic.generate import directions
-from lrm_math.arrays import Array
-from lrm_math.kinematics.poses import Poses, poses_of
+from validation.synthetic.example import ARM_FILE
+from validation.synthetic.generate import directions
 
 DEG, NOISE_M, FLOOR_M, LOAD_KG = np.pi / 180.0, 3e-4, 0.1, 0.0663
 KIND_ANGLE_SD, KIND_LENGTH_SD, OWN_ANGLE_SD, OWN_LENGTH_SD = 0.02, 0.0015, 0.005, 0.0005

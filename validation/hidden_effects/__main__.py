@@ -9,7 +9,7 @@ from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
 
-from lrm_ident.executors import as_finished, executor_for
+from lrm_ident.fitting.executors import as_finished, executor_for
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.confusion import CaseOutcome, examine
 from validation.hidden_effects.tables import report

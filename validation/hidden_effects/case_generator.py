@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.synthetic import (
+from validation.synthetic import (
     ArmDescription,
     BaseRocking,
     BaseWarmUp,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from lrm_ident.synthetic import EntangledJoint, WrongBody, WrongLoad
 from validation.hidden_effects.case_generator import (
     GRAM,
     MM,
@@ -26,6 +25,7 @@ from validation.hidden_effects.case_generator import (
     stretched,
     warms,
 )
+from validation.synthetic import EntangledJoint, WrongBody, WrongLoad
 
 NOTHING = HiddenEffectCase("nothing", (), lambda *_: ())
 SINGLE = named(

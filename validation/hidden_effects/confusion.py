@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from lrm_ident.executors import ONE_THREAD
+from lrm_ident.fitting.executors import ONE_THREAD
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import NOISE_M, write_case
 

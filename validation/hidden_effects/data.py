@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.synthetic import (
+from lrm_math.arrays import Array
+from validation.hidden_effects.case_generator import HiddenEffectCase, stable_seed
+from validation.synthetic import (
     ArmDescription,
     Dataset,
     GroundTruth,
@@ -18,8 +20,6 @@ from lrm_ident.synthetic import (
     simulate,
     write,
 )
-from lrm_math.arrays import Array
-from validation.hidden_effects.case_generator import HiddenEffectCase, stable_seed
 
 ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / "lrm-lab.toml"
 LOADS_KG = (0.0, 0.0663)

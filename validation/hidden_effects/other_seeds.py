@@ -19,9 +19,9 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
-from lrm_ident.estimation.cross_validation import held_out_residual
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.executors import executor_for, in_order
+from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.executors import executor_for, in_order
+from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError

@@ -18,10 +18,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.executors import executor_for, in_order
-from lrm_ident.laws.proposal import propose_law
-from lrm_ident.synthetic import FormulaJoint
+from lrm_ident.diagnosis.laws.proposal import propose_law
+from lrm_ident.fitting.executors import executor_for, in_order
+from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
@@ -31,6 +30,7 @@ from validation.hidden_effects.confusion import FLOOR_MM
 from validation.hidden_effects.tables import markdown_table, share
 from validation.hidden_effects.unfamiliar_data import arm_file, write_data
 from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, hidden, nothing
+from validation.synthetic import FormulaJoint
 
 ENOUGH = 1.15
 TUNE = {  # formula: (joint, size in rad)

@@ -25,7 +25,7 @@ def report(outcomes: Sequence[CaseOutcome], poses: int) -> str:
     seeds = max(len(found) for found in ran.values())
     parts = [
         "# Hidden effects: truth against named",
-        f"Independent generator (`lrm_ident.synthetic`), {poses} random poses, loads 0 and 66.3 g, noise 0.3 mm per "
+        f"Independent generator (`validation.synthetic`), {poses} random poses, loads 0 and 66.3 g, noise 0.3 mm per "
         f"axis (floor {FLOOR_MM:.2f} mm RMS), up to {seeds} seeds. *Hit*: a truth is in the first class, or the "
         "verdict is the right one. *Alone*: a hit whose class has no other member. *Wrong name*: a class of one that "
         "is not the truth. *Ratio*: held-out RMS over the floor after the first step, median (worst).",

@@ -14,7 +14,7 @@ from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
 
-from lrm_ident.executors import as_finished, executor_for
+from lrm_ident.fitting.executors import as_finished, executor_for
 from validation.hidden_effects.auto_outcome import NEAR_FLOOR, AutoOutcome, examine_auto
 from validation.hidden_effects.tables import markdown_table, share, spread
 from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR

@@ -7,7 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.synthetic import (
+from lrm_math.arrays import Array
+from validation.hidden_effects.case_generator import stable_seed
+from validation.hidden_effects.data import ARM_FILE, BREAK_S, FLOOR_M, NOISE_M
+from validation.hidden_effects.unfamiliar_effects import LAB, UnfamiliarCase
+from validation.synthetic import (
     ArmDescription,
     Dataset,
     GroundTruth,
@@ -20,10 +24,6 @@ from lrm_ident.synthetic import (
     true_state,
     write,
 )
-from lrm_math.arrays import Array
-from validation.hidden_effects.case_generator import stable_seed
-from validation.hidden_effects.data import ARM_FILE, BREAK_S, FLOOR_M, NOISE_M
-from validation.hidden_effects.unfamiliar_effects import LAB, UnfamiliarCase
 
 ARMS = Path(__file__).resolve().parent / "arms"
 FIRST_SEED = {"tune": 0, "report": 1000}

@@ -9,7 +9,15 @@ from typing import Literal
 
 import numpy as np
 
-from lrm_ident.synthetic import (
+from validation.hidden_effects.case_generator import (
+    DEG,
+    MM,
+    Build,
+    HiddenEffectCase,
+    RandomSizes,
+    stable_seed,
+)
+from validation.synthetic import (
     ArmDescription,
     AxialFloat,
     CreepingJoint,
@@ -27,14 +35,6 @@ from lrm_ident.synthetic import (
     TwoStageWarmUp,
     UnequalPlay,
     WeatherLag,
-)
-from validation.hidden_effects.case_generator import (
-    DEG,
-    MM,
-    Build,
-    HiddenEffectCase,
-    RandomSizes,
-    stable_seed,
 )
 
 Half = Literal["tune", "report"]

@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from lrm_ident.api import EXAMPLE
+from lrm_ident.study.api import EXAMPLE
 from tests.support.browser import PATIENCE_MS, RunningWorkbench, chromium, wait_for, workbench
 from tests.support.commands import stdout_of
 

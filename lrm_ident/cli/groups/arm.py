@@ -15,13 +15,13 @@ from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import notice, one_of, parse_numbers, publish, read_model, show
 from lrm_ident.cli.groups.arm_report import arm_document
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.description.arm_text import arm_text, template
-from lrm_ident.description.mjcf import mjcf
-from lrm_ident.description.urdf import read_urdf
-from lrm_ident.description.urdf_arm import import_arm
-from lrm_ident.description.urdf_export import bare_urdf, corrected_urdf, exported_difference, left_out, rigid_part
-from lrm_ident.effect_plugins import catalogue_with
-from lrm_ident.plots.arm import draw_arm
+from lrm_ident.data.robot_files.arm_text import arm_text, template
+from lrm_ident.data.robot_files.mjcf import mjcf
+from lrm_ident.data.robot_files.urdf import read_urdf
+from lrm_ident.data.robot_files.urdf_arm import import_arm
+from lrm_ident.data.robot_files.urdf_export import bare_urdf, corrected_urdf, exported_difference, left_out, rigid_part
+from lrm_ident.fitting.effect_plugins import catalogue_with
+from lrm_ident.report.plots.arm import draw_arm
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError, LrmError

@@ -10,11 +10,6 @@ import numpy as np
 import tomli_w
 from typer import Argument, Option, Typer
 
-from lrm_ident.camera.board import BoardTable, CharucoBoard, board_pdf, board_text, read_picture
-from lrm_ident.camera.capture import photos_in, take_photos
-from lrm_ident.camera.detection import RejectedPhoto, find_corners
-from lrm_ident.camera.lens import Lens, LensFile, calibrate_lens
-from lrm_ident.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
 from lrm_ident.cli.application import app
 from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import notice, progress, show
@@ -22,8 +17,13 @@ from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.output_files import check_outputs
-from lrm_ident.estimation.model_history import arm_name_for
+from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard, board_pdf, board_text, read_picture
+from lrm_ident.measuring.camera.capture import photos_in, take_photos
+from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
+from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
+from lrm_ident.measuring.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
 from lrm_ident.report.document import ListSection
+from lrm_ident.study.model_history import arm_name_for
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.toml_file import StrictSchema, read_toml

@@ -10,8 +10,8 @@ import tomli_w
 from lrm_ident.cli.common import show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.output_files import check_outputs
-from lrm_ident.estimation.model_history import arm_name_for
-from lrm_ident.recordings.lerobot import read_lerobot, rests_csv
+from lrm_ident.measuring.recordings.lerobot import read_lerobot, rests_csv
+from lrm_ident.study.model_history import arm_name_for
 from lrm_math.arm.arm_file import load_arm
 
 LEROBOT = "lerobot"

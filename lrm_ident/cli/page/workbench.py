@@ -9,10 +9,10 @@ from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.examples import EXAMPLE
-from lrm_ident.page.address import new_place
-from lrm_ident.page.server import serve
-from lrm_ident.page.work.tasks import OpenTask
+from lrm_ident.data.examples import EXAMPLE
+from lrm_ident.workbench.address import new_place
+from lrm_ident.workbench.server import serve
+from lrm_ident.workbench.work.tasks import OpenTask
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.reading import AS_NAMED, Reading
 

@@ -36,6 +36,10 @@ class Metadata(Reading):
     power_ons: list[str] = []
 
 
+NOTHING_STATED = Metadata(schema="lrm/measurements/1")
+"""Of a file that has none beside it."""
+
+
 def metadata_of(path: Path) -> Metadata | None:
     """Metadata of a CSV file; None if there is no such file, or the one of that name is of another schema.
 

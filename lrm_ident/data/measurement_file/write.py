@@ -8,7 +8,7 @@ from lrm_ident.data.csv_table import csv_text
 from lrm_ident.data.measurement_file.distance_columns import DISTANCE, DISTANCE_SD
 from lrm_ident.data.measurement_file.pose_columns import QUATERNION, covariance_columns
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.weights.rotations import quaternions
+from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
 

@@ -28,7 +28,7 @@ from lrmd.ik.service import IkService, goal_of, solver_of
 from lrmd.messages.codec import Message, MessageError, unpack
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 from tests.conftest import TABLE_B2
-from tests.math.test_collision import sampled_distance
+from tests.math.collision.test_collision import sampled_distance
 from tests.soak.fuzz_ik import fuzz
 from tests.support.daemon.in_memory_daemon import CONFIG
 

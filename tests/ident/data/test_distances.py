@@ -11,18 +11,18 @@ import pytest
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.anchor import trilaterate, with_anchor
+from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
 from lrm_ident.diagnosis.diagnose import diagnose
-from lrm_ident.estimation.cross_validation import held_out_residual
-from lrm_ident.estimation.error_breakdown import HeldOutResidual
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.loss import SQUARED
-from lrm_ident.estimation.model_fit import fit_model, nominal_model
-from lrm_ident.estimation.priors import load_prior
-from lrm_ident.registration.anchor import trilaterate, with_anchor
-from lrm_ident.registration.similarity import robust_similarity
+from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model, nominal_model
+from lrm_ident.fitting.priors import load_prior
 from lrm_ident.report.priors import PriorComparison
+from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at

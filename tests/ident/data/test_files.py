@@ -16,7 +16,7 @@ from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import directions
-from lrm_ident.estimation.model_history import model_text
+from lrm_ident.study.model_history import model_text
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import ArmFile, load_arm, read_arm, shipped_arms
 from lrm_math.effects import effects_at

@@ -13,9 +13,9 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import diagnose
-from lrm_ident.estimation.levenberg_marquardt import Fit, fit
-from lrm_ident.estimation.loss import SQUARED
-from lrm_ident.estimation.model_fit import fit_model
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array

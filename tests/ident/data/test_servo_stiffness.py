@@ -11,12 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrm_ident import synthetic
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.servo_stiffness import GRAVITY, ServoTest, load_servo_test, stiffness
 from lrm_ident.data.tracker_alignment import TrackerReadings, align, mean_quaternion, measurements_from, rotation_of
-from lrm_ident.estimation.identifiability import fit_identifiable
+from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at
@@ -26,8 +25,9 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.support.commands import stderr_of, stdout_of
+from validation import synthetic
 
-EXAMPLES = ROOT / "lrm_ident" / "examples"
+EXAMPLES = ROOT / "lrm_ident" / "data" / "examples"
 THERE_AND_BACK = np.array([0, 1, 2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0]) * 0.87
 BACK = np.array([0, 0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1], dtype=bool)
 NOISE = np.radians(0.06)

@@ -18,8 +18,8 @@ from lrm_ident.design.candidate_poses import ClearanceRules, candidate_grid, par
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, discrimination_of
 from lrm_ident.design.pose_design import DesignProblem, PoseDesign, design
 from lrm_ident.design.pose_selection import select_poses
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.parameter_sets import TABLE_4_5, bounds_of, no_bounds, select_parameters
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.parameter_sets import TABLE_4_5, bounds_of, no_bounds, select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.effects import effects_at

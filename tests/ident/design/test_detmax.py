@@ -20,8 +20,8 @@ from lrm_ident.design.feasibility import FeasibleCriterion
 from lrm_ident.design.fisher_information import RankDeficient, fisher_information, whiten
 from lrm_ident.design.observability import INDICES, Index, identification_jacobian, observability, unit_of
 from lrm_ident.design.optimality import criterion_of
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.parameter_sets import TABLE_4_5, no_bounds, select_parameters
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.parameter_sets import TABLE_4_5, no_bounds, select_parameters
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import Parameter, effects_at

@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 from lrm_ident.cli.app import app
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.weights.whitening import Whitening, measured_alike, root_of
 from lrm_ident.design.fisher_information import fisher_information, whiten
 from lrm_ident.design.pose_design import DesignProblem, design
-from lrm_ident.estimation.model_fit import nominal_model
-from lrm_ident.weights.whitening import Whitening, measured_alike, root_of
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at

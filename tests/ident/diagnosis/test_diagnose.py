@@ -14,7 +14,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrm_ident.data.data_audit import audit
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_ident.data.measurements import Measurements
@@ -24,20 +23,21 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 from lrm_ident.diagnosis.linearised_fit import linearise, paired_z, principal_cosine
-from lrm_ident.diagnosis.residual_structure import NoiseFloor, noise_floor, residual_structure
-from lrm_ident.effect_plugins import catalogue_with, effects_in
-from lrm_ident.estimation import identifiability
-from lrm_ident.estimation.cross_validation import held_out_residual, joint_space_folds
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.loss import loss_named
-from lrm_ident.estimation.parameter_sets import select_parameters
-from lrm_ident.executors import executor_for
-from lrm_ident.plots.diagnosis import draw_report
+from lrm_ident.fitting import identifiability
+from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds
+from lrm_ident.fitting.effect_plugins import catalogue_with, effects_in
+from lrm_ident.fitting.executors import executor_for
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.loss import loss_named
+from lrm_ident.fitting.parameter_sets import select_parameters
+from lrm_ident.report.plots.diagnosis import draw_report
+from lrm_ident.residual.data_audit import audit
+from lrm_ident.residual.residual_structure import NoiseFloor, noise_floor, residual_structure
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model, model_of
-from tests.conftest import ROOT
+from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import write_case
@@ -336,14 +336,14 @@ def test_an_installed_package_can_offer_effects(tmp_path: Path, monkeypatch: pyt
             return own
 
     monkeypatch.setattr(
-        "lrm_ident.effect_plugins.entry_points", lambda group: [Point()] if group == "lrm_arm.effects" else []
+        "lrm_ident.fitting.effect_plugins.entry_points", lambda group: [Point()] if group == "lrm_arm.effects" else []
     )
     assert catalogue_with(None) == (*CATALOGUE, own)
 
 
 @pytest.mark.slow
 def test_selftest_tells_what_a_plan_could_find(lab: Arm) -> None:
-    plan = InjectionPlan("lrm-lab", load_poses(ROOT / "lrm_ident" / "examples" / "hidden-play.csv", lab), 3e-4, 0, None)
+    plan = InjectionPlan("lrm-lab", load_poses(EXAMPLE, lab), 3e-4, 0, None)
     names, refused = detectable_effects(plan, "backlash@joint[23]")
     assert names == ["backlash@joint2", "backlash@joint3"]
     assert any(effect.id == "session" for effect, _ in refused)

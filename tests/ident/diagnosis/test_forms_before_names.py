@@ -9,22 +9,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from examples.demo.hidden import hidden_arm
+from examples.demo.pose_files import LOAD_G, clear_poses
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.demo.hidden import hidden_arm
-from lrm_ident.demo.pose_files import LOAD_G, clear_poses
 from lrm_ident.diagnosis.add_effect import add_effects, free_base_parameters
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.diagnosis.forward_selection import MIN_GAIN
-from lrm_ident.estimation.identifiability import fit_identifiable
-from lrm_ident.estimation.levenberg_marquardt import fit
-from lrm_ident.estimation.loss import SQUARED
-from lrm_ident.estimation.model_fit import fit_model, nominal_model
-from lrm_ident.estimation.parameter_hints import parameter_hints
-from lrm_ident.plots.diagnosis import draw_report
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.diagnosis import diagnosis_document
-from lrm_ident.synthetic import (
+from lrm_ident.report.plots.diagnosis import draw_report
+from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.model import Model, model_of
+from validation.hidden_effects.data import ARM_FILE
+from validation.synthetic import (
     ArmDescription,
     AxialFloat,
     GroundTruth,
@@ -41,14 +47,8 @@ from lrm_ident.synthetic import (
     random_poses,
     true_state,
 )
-from lrm_ident.synthetic.generate import directions
-from lrm_ident.synthetic.hidden_effect import EndLoad, at_joint
-from lrm_math.arm.arm import Arm
-from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
-from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.model import Model, model_of
-from validation.hidden_effects.data import ARM_FILE
+from validation.synthetic.generate import directions
+from validation.synthetic.hidden_effect import EndLoad, at_joint
 
 NOISE = 3e-4
 

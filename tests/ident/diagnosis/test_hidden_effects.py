@@ -13,8 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lrm_ident import synthetic
-from lrm_ident.synthetic import (
+from validation import synthetic
+from validation.hidden_effects import confusion
+from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, OUTSIDE, SINGLE, TRIPLE
+from validation.hidden_effects.confusion import CaseOutcome
+from validation.hidden_effects.data import ARM_FILE, measured_poses, true_arm, write_case
+from validation.hidden_effects.tables import report
+from validation.synthetic import (
     ArmDescription,
     AxialFloat,
     BaseRocking,
@@ -55,13 +60,8 @@ from lrm_ident.synthetic import (
     random_poses,
     true_state,
 )
-from lrm_ident.synthetic.chain import zero_configuration
-from lrm_ident.synthetic.screws import Array
-from validation.hidden_effects import confusion
-from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, OUTSIDE, SINGLE, TRIPLE
-from validation.hidden_effects.confusion import CaseOutcome
-from validation.hidden_effects.data import ARM_FILE, measured_poses, true_arm, write_case
-from validation.hidden_effects.tables import report
+from validation.synthetic.chain import zero_configuration
+from validation.synthetic.screws import Array
 
 NONE = (0.0, 0.0, 0.0)
 OF_SIZE_ZERO = [

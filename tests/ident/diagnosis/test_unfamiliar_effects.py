@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrm_ident.synthetic import (
+from lrm_math.arm.arm_file import load_arm as load_tool_arm
+from lrm_math.effects import CATALOGUE
+from validation.hidden_effects.auto_outcome import AutoOutcome
+from validation.hidden_effects.data import ARM_FILE
+from validation.hidden_effects.unfamiliar import section
+from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
+from validation.hidden_effects.unfamiliar_data import arm_file, measured, unseen
+from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase
+from validation.synthetic import (
     CreepingJoint,
     DahlLoop,
     GroundTruth,
@@ -23,16 +31,8 @@ from lrm_ident.synthetic import (
     even_schedule,
     load_arm,
 )
-from lrm_ident.synthetic.hidden_effect import CommandedPoses, EndLoad, HiddenEffect, JointLoad
-from lrm_ident.synthetic.screws import Array
-from lrm_math.arm.arm_file import load_arm as load_tool_arm
-from lrm_math.effects import CATALOGUE
-from validation.hidden_effects.auto_outcome import AutoOutcome
-from validation.hidden_effects.data import ARM_FILE
-from validation.hidden_effects.unfamiliar import section
-from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
-from validation.hidden_effects.unfamiliar_data import arm_file, measured, unseen
-from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase
+from validation.synthetic.hidden_effect import CommandedPoses, EndLoad, HiddenEffect, JointLoad
+from validation.synthetic.screws import Array
 
 
 def joint_load(q: Array, tau: Array) -> JointLoad:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lrm_ident.estimation.priors import EffectRates, PriorFile, load_prior, load_rates
-from lrm_ident.executors import executor_for, in_this_process
+from lrm_ident.fitting.executors import executor_for, in_this_process
+from lrm_ident.fitting.priors import EffectRates, PriorFile, load_prior, load_rates
 from lrm_ident.fleet import run_fleet as running
 from lrm_ident.fleet.identify_arm import ArmRecord, identify_arm
 from lrm_ident.fleet.manifest import read_manifest

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from lrm_ident.diagnosis.forward_selection import forward_select
 from lrm_ident.diagnosis.linearised_fit import linearise
-from lrm_ident.estimation.priors import EffectRates
+from lrm_ident.fitting.priors import EffectRates
+from lrm_ident.fitting.progress import silent
 from lrm_ident.fleet import fleet_findings
 from lrm_ident.fleet.effect_rates import effect_rates
 from lrm_ident.fleet.population import ArmEvidence, fit_population
-from lrm_ident.progress import silent
 from lrm_math.arrays import Array
 
 

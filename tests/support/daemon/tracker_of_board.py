@@ -10,8 +10,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from lrm_ident.tracker.dtrack import dtrack_text
-from lrm_ident.tracker.frames import TargetPose, TrackerFrame
+from lrm_ident.measuring.tracker.dtrack import dtrack_text
+from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrmd.sim.control_socket import ControlError
 from tests.support.daemon.daemon_process import BoardProcess
 

@@ -1,0 +1,109 @@
+"""A simulated ART tracker: asks the simulated board where the servos stand, and sends where the true tip is.
+
+The tip is that of the independent generator, with its hidden effect; nothing of the fitted model's code is in it. The
+targets are seen at rest only. Every rest has an error of its own, as a tracker's errors depend on the place, and every
+frame a further one. `python -m examples.demo.simulated_tracker BOARD PORT SEED` runs it until it is ended.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from examples.demo.hidden import HiddenArm, hidden_arm
+from lrm_ident.measuring.tracker.dtrack import dtrack_text
+from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
+from lrm_math.arrays import Array
+from lrmd.sim.control_socket import ControlError, query_board
+from validation.synthetic import ArmDescription, Schedule, load_arm, true_state
+from validation.synthetic.example import ARM_FILE
+
+REST_SD_M, FRAME_SD_M = 0.0002, 0.0001
+"""Per axis: error of a rest, and of a frame beside it. Together below the 0.5 mm of Conenna 2024, section 5.3."""
+FRAME_S = 0.015
+"""s of the computer's clock between frames."""
+STILL = 1e-9
+"""rad."""
+BASE, TOOL = 0, 1
+BASE_IN_ROOM = TargetPose(
+    np.array([0.812, -0.344, 0.951]),
+    np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]),
+)
+"""Where the base target stands in the tracker's room: level, turned about the vertical."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardState:
+    """What the board says: servo angles (n,) in rad, load (kg), its time (s), power-on session."""
+
+    q: Array
+    payload: float
+    t: float
+    session: int
+
+    @classmethod
+    def of(cls, board: Path, joints: int) -> BoardState:
+        """Asks the board at its link. Raises `ControlError`."""
+        servos, status = query_board(board, "joints"), query_board(board, "status")
+        q = np.radians([servos[f"joint{i + 1}"]["angle_deg"] for i in range(joints)])  # type: ignore[index]
+        numbers = {name: float(str(status[name])) for name in ("payload_g", "t_s", "session")}
+        return cls(q, numbers["payload_g"] * 1e-3, numbers["t_s"], int(numbers["session"]))
+
+    def same(self, other: BoardState | None) -> bool:
+        """Whether the arm has not moved and carries the same."""
+        return other is not None and self.payload == other.payload and float(np.abs(self.q - other.q).max()) < STILL
+
+
+def true_tip(arm: ArmDescription, hidden: HiddenArm, rest: BoardState) -> Array:
+    """(3,), true tip (m) at a rest, in the frame of the arm. No effect of `hidden` remembers where the arm was."""
+    schedule = Schedule(np.array([rest.t]), np.array([float(rest.session)]), rest.q)
+    return np.asarray(true_state(arm, hidden.truth, rest.q[None], rest.payload, schedule).tcp_m[0])
+
+
+def in_room(tip: Array) -> TargetPose:
+    """The tool's target in the tracker's room, for a tip in the frame of the base target."""
+    return TargetPose(BASE_IN_ROOM.position + BASE_IN_ROOM.rotation @ tip, BASE_IN_ROOM.rotation)
+
+
+def frames(board: Path, seed: int) -> Iterator[TrackerFrame]:
+    """One frame after the other, for as long as the board answers. Raises `ControlError` when it does not."""
+    arm, rng = load_arm(ARM_FILE), np.random.default_rng([seed, 99])
+    hidden = hidden_arm(arm, seed)
+    before: BoardState | None = None
+    rest: BoardState | None = None
+    tip = np.zeros(3)
+    for number in count(1):
+        seen = BoardState.of(board, len(arm.links))
+        targets = {BASE: BASE_IN_ROOM}
+        if seen.same(before):
+            if not seen.same(rest):
+                rest = seen
+                tip = true_tip(arm, hidden, rest) + rng.normal(scale=REST_SD_M, size=3)
+            targets[TOOL] = in_room(tip + rng.normal(scale=FRAME_SD_M, size=3))
+        before = seen
+        yield TrackerFrame(number, seen.t, targets)
+
+
+def main() -> None:
+    """Sends frames until the board or the parent process ends."""
+    board, port, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    sender, parent = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), os.getppid()
+    with suppress(ControlError, KeyboardInterrupt):
+        for frame in frames(board, seed):
+            sender.sendto(dtrack_text(frame), ("127.0.0.1", port))
+            time.sleep(FRAME_S)
+            if os.getppid() != parent:
+                return
+
+
+if __name__ == "__main__":
+    main()

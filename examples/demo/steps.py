@@ -1,0 +1,131 @@
+"""The steps of the demo: each is a command that a person would type, with the files that it reads and writes."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from examples.demo.pose_files import LOAD_G, pose_table
+from examples.demo.world import ARM, ROBOT, World
+from lrm_ident.cli.app import app
+from lrm_ident.cli.common import show
+from lrm_ident.report.document import heading
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import LrmError
+from lrmd.cli import app as lrm
+
+POSES, REPEATS, GOALS = 80, 8, 12
+SETTLE_S, DWELL_S = 0.05, 0.2
+"""Of the computer's clock; the simulated arm's runs faster."""
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """What `diagnose` found: its verdict, the effect that it would add, those that the data cannot tell from it."""
+
+    verdict: str
+    name: str
+    rivals: tuple[str, ...]
+    floor_mm: float | None
+
+    @property
+    def words(self) -> str:
+        """For a person."""
+        if self.verdict != "effect_missing":
+            return self.verdict.replace("_", " ")
+        return f"{self.name}, or {', '.join(self.rivals)}" if self.rivals else self.name
+
+    def agrees(self, truth: str) -> bool:
+        """Whether the truth is what was named, or among what was named with it."""
+        return self.verdict == "effect_missing" and truth in (self.name, *self.rivals)
+
+
+@dataclass(frozen=True)
+class DemoSteps:
+    """A demo in a folder, on a simulated rover."""
+
+    folder: Path
+    world: World
+    seed: int
+
+    def file(self, name: str) -> str:
+        """A path in the folder, as a word."""
+        return str(self.folder / name)
+
+    def measure(self) -> None:
+        """Draws poses, and measures them."""
+        arm = load_arm(ARM)
+        (self.folder / "poses.csv").write_text(pose_table(arm, POSES, REPEATS, self.seed), encoding="utf-8")
+        timing = ["--pause", "0", *self._timing, "--load-command", self.world.load_command]
+        self._ident("measure", self.file("poses.csv"), *self._rover, *timing, "-o", self.file("measured.csv"))
+
+    def verify(self, name: str) -> dict[str, Any]:
+        """Sends the tip to goals that were never measured; the result's values."""
+        result, load = self.file(f"goals-{name}.json"), ["--payload-g", str(LOAD_G)]  # still on, from measuring
+        goals = ["--goals", str(GOALS), "--seed", str(self.seed), *load]
+        self._ident("verify", *self._rover, *self._timing, *goals, "--json", result)
+        return read_json(Path(result))
+
+    def fit(self) -> None:
+        """The thesis's model: geometry, and the springs of joints and base."""
+        self._ident("fit", self.file("measured.csv"), "-o", self.file("fitted.toml"))
+
+    def compare(self) -> None:
+        """Where it fails."""
+        self._ident("compare", self.file("fitted.toml"), self.file("measured.csv"))
+
+    def diagnose(self) -> NamedEffect:
+        """What it misses."""
+        result = self.file("diagnosis.json")
+        self._ident("diagnose", self.file("fitted.toml"), self.file("measured.csv"), "--json", result)
+        found = read_json(Path(result))
+        first = next((one for one in found["ranking"] if one["verdict"] != "no_evidence"), None)
+        if first is None:
+            return NamedEffect(found["verdict"], "", (), found["noise_floor_rms_mm"])
+        name = f"{first['effect']}@{first['place']}"
+        return NamedEffect(found["verdict"], name, tuple(first["indistinguishable_from"]), found["noise_floor_rms_mm"])
+
+    def add(self, effect: str) -> None:
+        """The model with the effect."""
+        files = self.file("fitted.toml"), self.file("measured.csv"), effect, "-o", self.file("better.toml")
+        self._ident("add", *files)
+
+    def deploy(self, name: str) -> None:
+        """Gives a model to the daemon."""
+        self._run("lrm", ["--robot", ROBOT, "--connect", self.world.endpoint, "deploy", self.file(name)])
+
+    def report(self, name: str) -> None:
+        """The page of a model."""
+        self._ident("report", self.file(name), self.file("measured.csv"), "-o", self.file("report.html"))
+
+    @property
+    def _rover(self) -> list[str]:
+        tracker = f"dtrack:{self.world.tracker_port}"
+        return ["--robot", ROBOT, "--connect", self.world.endpoint, "--tracker", tracker]
+
+    @property
+    def _timing(self) -> list[str]:
+        return ["--settle", str(SETTLE_S), "--dwell", str(DWELL_S)]
+
+    def _ident(self, *words: str) -> None:
+        self._run("lrm-ident", words)
+
+    def _run(self, program: str, words: Sequence[str]) -> None:
+        """Runs a command in this process. Raises `LrmError`."""
+        show("", heading(f"$ {program} {shlex.join(words)}"))
+        began = time.monotonic()
+        code = lrm.main(list(words)) if program == "lrm" else app(list(words), standalone_mode=False)
+        show(f"({time.monotonic() - began:.1f} s)")
+        if code:
+            raise LrmError(f"{program} {words[0]} ended with exit code {code}")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The values of a result."""
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found

@@ -1,0 +1,128 @@
+"""Coarse fit: how near an arm comes to measured positions if it errs and gives within bounds (ridge regression).
+
+Gauss–Newton steps on all errors of the dimensions and on the joints' compliances, weighted by a Cauchy loss,
+regularised by the sizes that they have on an assembled arm, and clipped to bounds that no assembled arm exceeds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_ident.data.registration.similarity import cauchy_weight
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.errors import NoEquilibrium
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.model import Model, model_of
+
+STEPS, SETTLED = 10, 0.01  # relative change of the score
+OVERDETERMINED = 2.0  # coordinates per parameter
+ANGLE_SD, ANGLE_BOUND = np.radians(5.0), np.radians(15.0)
+LENGTH_SD, LENGTH_BOUND = 0.010, 0.030  # m, or of the reach where that is more:
+RELATIVE_SD, RELATIVE_BOUND = 0.010, 0.030
+SAG_SD, SAG_BOUND = np.radians(3.0), np.radians(10.0)  # of a joint under the greatest torque of the poses
+NO_TORQUE = 1e-9  # N·m
+SHARPEST = 1e-6  # m
+NEAR = 0.1  # share of the reach: an arm that misses by more does not do so because it sags
+TRUSTED = 0.8  # share of the poses, the nearest ones, that the score counts
+
+
+@dataclass(frozen=True, eq=False)
+class CoarseFit:
+    """`tcp`: (N, 3), predicted with the fitted dimensions (m). `score`: `trimmed_rms` of the distances (m).
+
+    `overdetermined`: whether there are so many coordinates that the fit cannot follow whatever was measured.
+    """
+
+    tcp: Array
+    score: float
+    overdetermined: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Sizes:
+    """Parameters of the fit, their usual sizes and their bounds (SI), (P,) each; `stiff`: upper ones without sag."""
+
+    keys: tuple[str, ...]
+    sd: Array
+    lower: Array
+    upper: Array
+    stiff: Array
+
+
+def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> CoarseFit:
+    """The arm's errors fitted to measured positions (N, 3), m.
+
+    Args:
+        fixed_base: whether the base is as drawn, because the frame of the measurements is free instead.
+    """
+    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    sizes = _sizes(equilibrium(model, poses), fixed_base)
+    columns = [model.position(key) for key in sizes.keys]
+    z, overdetermined = np.zeros(len(columns)), tcp.size >= OVERDETERMINED * len(columns)
+    best: CoarseFit | None = None
+    robust = overdetermined  # weights slow a fit that can follow anything, so such a one starts without
+    for step in range(STEPS + 1):
+        try:
+            rest = equilibrium(_filled(model, columns, z), poses)
+        except NoEquilibrium:
+            break
+        residual = tcp - rest.tcp
+        distance = np.linalg.norm(residual, axis=1)
+        now = CoarseFit(rest.tcp, trimmed_rms(distance), overdetermined)
+        settled = best is not None and abs(now.score - best.score) < SETTLED * best.score
+        best = now if best is None or now.score < best.score else best
+        if settled and robust:
+            break
+        robust = robust or settled or step == STEPS // 2
+        weight = cauchy_weight(distance) if robust else np.ones_like(distance)
+        root = np.sqrt(weight)[:, None] / max(now.score, SHARPEST)
+        J = (parameter_jacobian(rest, sizes.keys) * root[:, :, None]).reshape(-1, len(columns))
+        H = J.T @ J + np.diag(sizes.sd**-2)
+        gradient = J.T @ (residual * root).reshape(-1) - z / sizes.sd**2
+        upper = sizes.upper if now.score < NEAR * reach(arm) else sizes.stiff
+        z = np.clip(z + np.linalg.solve(H, gradient), sizes.lower, upper)
+    assert best is not None  # without any error the arm stands still
+    return best
+
+
+def trimmed_rms(distance: Array) -> float:
+    """RMS of the nearest 80 % of distances (N,), m: a tenth of wrong measurements does not matter."""
+    nearest = np.sort(distance)[: max(1, round(TRUSTED * len(distance)))]
+    return float(np.sqrt((nearest**2).mean()))
+
+
+def reach(arm: Arm) -> float:
+    """Sum of an arm's lengths from the base to the TCP (m)."""
+    links = sum(float(np.hypot(joint.d, joint.a)) + abs(joint.extra_z or 0.0) for joint in arm.joints)
+    return links + float(np.linalg.norm([arm.tool.x, arm.tool.y, arm.tool.z]))
+
+
+def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:
+    """Columns that are fitted, at the equilibrium of the arm as drawn; a joint without torque cannot sag."""
+    model, length = drawn.model, reach(drawn.model.arm)
+    torque = dict(zip(model.arm.joint_names, np.abs(drawn.joint_torque).max(axis=0).tolist(), strict=True))
+    torque["base"] = float(np.abs(drawn.base_moment).max())
+    rows = []
+    for key in model.keys:
+        effect, place, name = key.split(".")
+        if effect == "compliance" and torque[place] > NO_TORQUE:
+            rows.append((key, SAG_SD / torque[place], 0.0, SAG_BOUND / torque[place]))
+        elif effect == "offsets" and not (fixed_base and place == "base"):
+            turns = name.endswith("_rad")
+            bound = ANGLE_BOUND if turns else max(LENGTH_BOUND, RELATIVE_BOUND * length)
+            rows.append((key, ANGLE_SD if turns else max(LENGTH_SD, RELATIVE_SD * length), -bound, bound))
+    keys, sd, lower, upper = zip(*rows, strict=True)
+    stiff = [0.0 if key.startswith("compliance.") else bound for key, bound in zip(keys, upper, strict=True)]
+    return _Sizes(keys, np.array(sd), np.array(lower), np.array(upper), np.array(stiff))
+
+
+def _filled(model: Model, columns: list[int], z: Array) -> Model:
+    values = model.values.copy()
+    values[columns] = z
+    return model.with_values(values)

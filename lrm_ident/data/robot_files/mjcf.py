@@ -1,0 +1,128 @@
+"""MJCF (MuJoCo) of a model: what is rigid as bodies, what bends as springs, play as a joint with a range.
+
+A servo that holds an angle with a spring of compliance k is a position actuator with kp = 1/k; a link or base that
+bends is a hinge with stiffness 1/k; play b is a hinge with the range ±b/2 and no spring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+
+from lrm_ident.data.robot_files.rigid_motion import quaternion, shift, turn
+from lrm_math.arrays import Array
+from lrm_math.effects import Effect
+from lrm_math.model.model import Model
+
+RIGID_KP = 1e4
+"""N·m/rad, of joints to which the model gives no compliance: a thousand times that of a printed arm."""
+BALL = 0.03
+"""m, radius of the ball whose moment of inertia stands for that of a body, which is not measured."""
+SPRINGS = ("compliance", "base_compliance", "lateral_compliance")
+
+
+@dataclass(frozen=True)
+class MjcfFile:
+    """Text of an MJCF file, and the effects of the model, `effect@place`, that it does not hold."""
+
+    text: str
+    left_out: tuple[str, ...]
+
+
+def mjcf(model: Model) -> MjcfFile:
+    """The MJCF of a model."""
+    chain = model.chain
+    springs = _springs(model)
+    play = {e.place: model.value(f"{e.id}.{e.place}.b_rad") for e in model.effects if e.id == "backlash"}
+    root = ElementTree.Element("mujoco", model=model.arm.name)
+    ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
+    ElementTree.SubElement(root, "option", gravity=_words(model.arm.gravity))
+    parent = ElementTree.SubElement(root, "worldbody")
+    actuators = ElementTree.SubElement(root, "actuator")
+    pose, body, carriers = np.eye(4), 0, []
+    weights = model.weights(0.0)
+    for k, slot in enumerate(chain.slots):
+        while body < len(chain.bodies) and chain.bodies[body].before == k:
+            carriers.append((parent, pose, body))
+            body += 1
+        joint = slot.joint
+        if joint is not None or k in springs:
+            parent = ElementTree.SubElement(parent, "body", {"name": slot.key, **_placed(pose)})
+            pose = np.eye(4)
+            axis = _words(np.eye(3)[slot.axis])
+            if joint is None:
+                ElementTree.SubElement(
+                    parent, "joint", name=slot.key, axis=axis, stiffness=repr(springs[k]), damping="0.1"
+                )
+            else:
+                _add_servo(parent, actuators, model, joint, axis, springs.get(k, RIGID_KP), play.get(slot.place, 0.0))
+        amount = model.binding.constants[k]
+        unit = np.eye(3)[slot.axis]
+        pose = pose @ (turn(unit.tolist(), amount) if slot.rotates else shift((amount * unit).tolist()))
+    carriers += [(parent, pose, number) for number in range(body, len(chain.bodies))]
+    for element, where, number in carriers:
+        x, y, z = weights[number].com
+        _add_mass(element, where, float(weights[number].mass), (float(x), float(y), float(z)))
+    ElementTree.SubElement(parent, "site", {"name": "tcp", **_placed(pose)})
+    _fill_empty(root)
+    ElementTree.indent(root)
+    return MjcfFile(ElementTree.tostring(root, encoding="unicode") + "\n", _left_out(model))
+
+
+def _held(effect: Effect) -> bool:
+    return effect.constant or effect.id in (*SPRINGS, "backlash", "mass", "payload")
+
+
+def _left_out(model: Model) -> tuple[str, ...]:
+    return tuple(f"{effect.id}@{effect.place}" for effect in model.effects if not _held(effect))
+
+
+def _springs(model: Model) -> dict[int, float]:
+    """Stiffness (N·m/rad) of the slots that give way; compliances of one slot add up."""
+    out: dict[int, float] = {}
+    for effect, values in model.parts():
+        if effect.id in SPRINGS:
+            for key, k in zip(effect.moves, values, strict=True):
+                slot = model.chain.index[key]
+                out[slot] = out.get(slot, 0.0) + k
+    return {slot: 1.0 / k for slot, k in out.items() if k > 0.0}
+
+
+def _add_servo(
+    body: ElementTree.Element, actuators: ElementTree.Element, model: Model, joint: int, axis: str, kp: float, b: float
+) -> None:
+    drawn = model.arm.joints[joint]
+    name, limits = drawn.name or f"joint{joint + 1}", (drawn.lower, drawn.upper)
+    ElementTree.SubElement(body, "joint", name=name, axis=axis, damping="0.5", armature="0.01")
+    if b > 0.0:
+        half = _words((-0.5 * b, 0.5 * b))
+        ElementTree.SubElement(body, "joint", name=f"{name}_play", axis=axis, range=half, damping="0.01")
+    ElementTree.SubElement(actuators, "position", name=name, joint=name, kp=repr(float(kp)), ctrlrange=_words(limits))
+
+
+def _add_mass(element: ElementTree.Element, where: Array, weight: float, com: Sequence[float]) -> None:
+    if element.tag == "worldbody" or weight <= 0.0:
+        return
+    at = where @ np.array([*com, 1.0])
+    holder = ElementTree.SubElement(element, "body", pos=_words(at[:3]))
+    moment = _words([0.4 * weight * BALL**2] * 3)
+    ElementTree.SubElement(holder, "inertial", pos="0 0 0", mass=repr(weight), diaginertia=moment)
+
+
+def _fill_empty(root: ElementTree.Element) -> None:
+    """A body that moves needs a mass in MuJoCo: a milligram where the model has none."""
+    for body in root.iter("body"):
+        if body.find("joint") is not None:
+            moment = _words([1e-9] * 3)
+            ElementTree.SubElement(body, "inertial", pos="0 0 0", mass="1e-6", diaginertia=moment)
+
+
+def _placed(T: Array) -> dict[str, str]:
+    return {"pos": _words(T[:3, 3]), "quat": _words(quaternion(T[:3, :3]))}
+
+
+def _words(values: Iterable[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,231 @@
+"""Robot descriptions in URDF, read strictly: links, joints, one chain from a base to a tip, and its own kinematics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from lrm_ident.data.robot_files.rigid_motion import from_xyz_rpy, shift, turn
+from lrm_math.arrays import Array, Vector3
+from lrm_math.errors import FileError, name_suggestion
+
+TURNING = ("revolute", "continuous")
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfJoint:
+    """One `<joint>`: its `origin` (4, 4) in the parent link's frame (m), unit `axis` in its own; limits in rad."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Array
+    axis: Vector3
+    lower: float
+    upper: float
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a revolute joint."""
+        return self.kind in TURNING
+
+    def motion(self, q: float) -> Array:
+        """(4, 4), pose of the child link in the parent's at an angle (rad); a joint that does not turn stands still."""
+        return self.origin @ turn(self.axis, q) if self.turns else self.origin
+
+    @property
+    def rest_angle(self) -> float:
+        """The angle within its limits that is nearest to zero (rad)."""
+        return min(max(0.0, self.lower), self.upper) if self.turns else 0.0
+
+
+@dataclass(frozen=True)
+class UrdfMass:
+    """`<inertial>` of a link: mass (kg) and centre of mass in the link's frame (m)."""
+
+    mass: float
+    com: Vector3
+
+
+@dataclass(frozen=True, eq=False)
+class Urdf:
+    """A robot: its links (None: without mass), and for each child link the joint that carries it."""
+
+    path: Path
+    name: str
+    links: dict[str, UrdfMass | None]
+    joints: dict[str, UrdfJoint]
+    tree: ElementTree.Element
+
+    @property
+    def root(self) -> str:
+        """The link that no joint carries."""
+        return next(link for link in self.links if link not in self.joints)
+
+    @property
+    def tips(self) -> list[str]:
+        """Links that carry no other link."""
+        parents = {joint.parent for joint in self.joints.values()}
+        return [link for link in self.links if link not in parents]
+
+    def chain(self, base: str, tip: str) -> list[UrdfJoint]:
+        """The joints from one link out to another. Raises `FileError`: no such link, or the tip is not carried."""
+        for link in (base, tip):
+            if link not in self.links:
+                raise FileError(self.path, "", f"no link '{link}'", name_suggestion(link, list(self.links)))
+        out: list[UrdfJoint] = []
+        link = tip
+        while link != base:
+            if link not in self.joints or len(out) > len(self.joints):
+                raise FileError(self.path, "", f"'{base}' does not carry '{tip}'", f"the root is '{self.root}'")
+            out.insert(0, self.joints[link])
+            link = out[0].parent
+        return out
+
+    def carried_by(self, link: str, without: str) -> Iterator[tuple[str, Array]]:
+        """The link and what it carries but for the branch that begins with the link `without`, and where (4, 4).
+
+        Joints of such branches stand at the angle nearest to zero.
+        """
+        yield link, np.eye(4)
+        for child, joint in self.joints.items():
+            if joint.parent == link and child != without:
+                start = joint.motion(joint.rest_angle)
+                yield from ((name, start @ pose) for name, pose in self.carried_by(child, without))
+
+
+def tip_pose(chain: Sequence[UrdfJoint], q: Sequence[float]) -> Array:
+    """(4, 4), pose of a chain's tip in its base link, angles of its turning joints in rad: URDF's own kinematics."""
+    angles = iter(q)
+    pose = np.eye(4)
+    for joint in chain:
+        pose = pose @ joint.motion(next(angles) if joint.turns else 0.0)
+    return pose
+
+
+def read_urdf(path: Path) -> Urdf:
+    """Reads a URDF, or a xacro file if the package `xacrodoc` is installed. Raises `FileError`."""
+    return parse_urdf(path, _xacro(path) if path.suffix == ".xacro" else _text(path))
+
+
+def parse_urdf(path: Path, text: str) -> Urdf:
+    """The robot that the text of a URDF describes; errors name `path`. Raises `FileError`."""
+    try:
+        keeping = ElementTree.TreeBuilder(insert_comments=True)
+        tree = ElementTree.fromstring(text, ElementTree.XMLParser(target=keeping))
+    except ElementTree.ParseError as error:
+        raise FileError(path, "", f"not valid XML: {error}") from None
+    if tree.tag != "robot":
+        raise FileError(path, "", f"the first element is <{tree.tag}>", "a URDF begins with <robot>")
+    if path.suffix != ".xacro" and "<xacro:" in text:
+        raise FileError(path, "", "is a xacro file", "name it .xacro, or expand it first")
+    elements = tree.findall("link")
+    links = {_named(path, link): _mass(path, link) for link in elements}
+    if not links or len(links) < len(elements):
+        raise FileError(path, "", "two links of one name" if links else "has no <link>")
+    joints: dict[str, UrdfJoint] = {}
+    for element in tree.findall("joint"):
+        joint = _joint(path, element)
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise FileError(path, f"joint {joint.name}", f"no link '{link}'", name_suggestion(link, list(links)))
+        if joint.child in joints:
+            what = f"link '{joint.child}' hangs on joint '{joints[joint.child].name}' too"
+            raise FileError(path, f"joint {joint.name}", what, "a link has one parent")
+        joints[joint.child] = joint
+    robot = Urdf(path, tree.get("name") or path.stem, links, joints, tree)
+    roots = [link for link in links if link not in joints]
+    if len(roots) != 1:
+        raise FileError(path, "", f"{len(roots)} links have no parent: {', '.join(roots) or 'it is a ring'}", "one has")
+    return robot
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise FileError(path, "", "no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(path, "", f"cannot be read as text ({error})") from None
+
+
+def _xacro(path: Path) -> str:
+    _text(path)
+    try:
+        from xacrodoc import XacroDoc
+    except ImportError:
+        what = "a xacro file needs the package xacrodoc"
+        raise FileError(path, "", what, "pip install xacrodoc, or expand it to a .urdf first") from None
+    try:
+        return str(XacroDoc.from_file(str(path)).to_urdf_string())
+    except Exception as error:  # xacro raises errors of many kinds, all of them faults of the file
+        raise FileError(path, "", f"xacro: {str(error).splitlines()[0]}") from None
+
+
+def _named(path: Path, element: ElementTree.Element) -> str:
+    name = element.get("name")
+    if not name:
+        raise FileError(path, "", f"a <{element.tag}> without a name")
+    return name
+
+
+def _mass(path: Path, link: ElementTree.Element) -> UrdfMass | None:
+    inertial = link.find("inertial")
+    mass = None if inertial is None else inertial.find("mass")
+    if inertial is None or mass is None:
+        return None
+    where = f"link {link.get('name')}"
+    (value,) = _numbers(path, where, mass, "value", "", 1)
+    if value < 0.0:
+        raise FileError(path, where, f"mass {value:g} kg", "a mass is not negative")
+    x, y, z = _origin(path, where, inertial)[:3, 3].tolist()
+    return UrdfMass(value, (x, y, z)) if value > 0.0 else None
+
+
+def _joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
+    name, kind = _named(path, element), element.get("type") or ""
+    where = f"joint {name}"
+    ends = [element.find(end) for end in ("parent", "child")]
+    parent, child = ("" if end is None else end.get("link") or "" for end in ends)
+    if not (parent and child):
+        raise FileError(path, where, "names no parent and child link")
+    axis = np.array(_numbers(path, where, element.find("axis"), "xyz", "1 0 0", 3))
+    length = float(np.linalg.norm(axis))
+    if kind in TURNING and length < 1e-9:
+        raise FileError(path, where, "its axis has no direction")
+    x, y, z = (axis / (length or 1.0)).tolist()
+    limit = element.find("limit")
+    low, high = -2.0 * math.pi, 2.0 * math.pi
+    if kind == "revolute":
+        if limit is None:
+            raise FileError(path, where, "a revolute joint without <limit>", "or is it of type continuous?")
+        (low,), (high,) = (_numbers(path, where, limit, side, "0", 1) for side in ("lower", "upper"))
+    if not low < high:
+        raise FileError(path, where, f"limits {low:g} to {high:g} rad", "lower < upper")
+    return UrdfJoint(name, kind, parent, child, _origin(path, where, element), (x, y, z), low, high)
+
+
+def _origin(path: Path, where: str, element: ElementTree.Element) -> Array:
+    origin = element.find("origin")
+    xyz, rpy = (_numbers(path, where, origin, name, "0 0 0", 3) for name in ("xyz", "rpy"))
+    return from_xyz_rpy(xyz, rpy) if any(rpy) else shift(xyz)
+
+
+def _numbers(
+    path: Path, where: str, element: ElementTree.Element | None, name: str, default: str, count: int
+) -> list[float]:
+    text = default if element is None else element.get(name, default)
+    try:
+        values: list[Any] = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise FileError(path, where, f'{name}="{text}"', f"should be {count} number{'s' * (count > 1)}")
+    return values

@@ -1,0 +1,205 @@
+"""A URDF that matches one arm: the rigid part of a model in every `<origin>` of the chain.
+
+Joint i of the URDF stands at U_i = F_i K_i: F_i is our frame on its axis at zero, K_i a turn about that axis, a shift
+along it and the choice of z. A calibrated model has other frames F'_i, and a zero offset δ_i is a turn about the axis:
+U'_i = F'_i Rz(δ_i) K_i. Each origin is then the pose of U'_i in its parent link.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from lrm_ident.data.robot_files.rigid_motion import inverse, shift, to_xyz_rpy, turn
+from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
+from lrm_ident.data.robot_files.urdf_arm import axis_to_z, choose_tip, largest_difference
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+from lrm_math.kinematics.chain import Chain, Number
+from lrm_math.kinematics.forward import frames
+from lrm_math.model.model import Model, model_of
+
+ANOTHER_ARM = 2e-3
+"""m, or rad: an arm file that is off the URDF by more describes another arm, or another tip."""
+CALIBRATED = "_calibrated"
+"""Ending of the link that is added where no fixed joint leads to the tip."""
+BALL = 0.03
+"""m, radius of the ball whose moment of inertia stands for that of a link, which is not measured."""
+
+
+def rigid_part(model: Model, keep: Sequence[str] = ()) -> Model:
+    """The model with its constant effects only; those at the places `keep` (base, tool) as drawn."""
+    kept = [effect for effect in model.effects if effect.constant]
+    names = [f"{e.id}.{e.place}.{p.name}" for e in kept for p in e.parameters if e.place not in keep]
+    return model_of(model.arm, kept, {name: model.value(name) for name in names})
+
+
+def left_out(model: Model) -> tuple[str, ...]:
+    """Effects of a model, `effect@place`, that no `<origin>` can hold."""
+    return tuple(f"{effect.id}@{effect.place}" for effect in model.effects if not effect.constant)
+
+
+def corrected_urdf(model: Model, robot: Urdf, base: str | None = None, tip: str | None = None) -> str:
+    """Text of the URDF with the model's rigid part in the origins between two links; all else stays as it is.
+
+    Raises `FileError`: the URDF is not of the model's arm.
+    """
+    base = base or robot.root
+    tip = tip or choose_tip(robot, base)
+    path = robot.chain(base, tip)
+    turning = [joint for joint in path if joint.turns]
+    if len(turning) != model.arm.dof:
+        what = f"{len(turning)} joints between '{base}' and '{tip}', {model.arm.name} has {model.arm.dof}"
+        raise FileError(robot.path, "", what, "is this another arm? see --base and --tip")
+    off = largest_difference(model_of(model.arm, ()), path)
+    if not off < ANOTHER_ARM:
+        what = f"{model.arm.name} is up to {off * 1e3:.3g} mm (or mrad) off this URDF's own kinematics"
+        raise FileError(robot.path, "", what, "is this another arm, or another tip? see --base and --tip")
+    origins = _origins(model, path)
+    tree = ElementTree.fromstring(ElementTree.tostring(robot.tree, encoding="unicode"))
+    for element in tree.findall("joint"):
+        name = element.get("name") or ""
+        if name in origins:
+            _set_origin(element, origins[name])
+    if "" in origins:
+        _append_tip(tree, tip, origins[""])
+    return _text(tree)
+
+
+def bare_urdf(arm: Arm) -> Urdf:
+    """A URDF of an arm as drawn: links with their masses, no meshes."""
+    chain = chain_frames(model_of(arm, ()))
+    tree = ElementTree.Element("robot", name=arm.name)
+    names = [joint.name or f"joint{i}" for i, joint in enumerate(arm.joints, start=1)]
+    links = ["base_link", *(f"link{i}" for i in range(1, arm.dof + 1)), "tcp"]
+    for number, link in enumerate(links):
+        _append_link(tree, arm, link, number)
+    before = np.eye(4)
+    for number, (name, joint) in enumerate(zip(names, arm.joints, strict=True)):
+        element = _append_joint(tree, name, "revolute", links[number], links[number + 1])
+        _set_origin(element, inverse(before) @ chain[number])
+        ElementTree.SubElement(element, "axis", xyz="0 0 1")
+        limits = {"lower": repr(joint.lower), "upper": repr(joint.upper)}
+        ElementTree.SubElement(element, "limit", {**limits, "effort": "10", "velocity": "10"})
+        before = chain[number]
+    _set_origin(_append_joint(tree, "tcp_joint", "fixed", links[-2], links[-1]), inverse(before) @ chain[-1])
+    return parse_urdf(Path(f"{arm.name}.urdf"), _text(tree))
+
+
+def chain_frames(model: Model) -> Array:
+    """(n + 1, 4, 4), world frames of a rigid model at zero: before each joint's turn, the zero offset in it; the tool.
+
+    The nominal theta of a joint is not in its frame, so that only its error turns it.
+    """
+    chain = model.chain
+    values: list[Number] = list(model.binding.constants)
+    stands = frames(chain, values, 1)[0]
+    before = stands[: chain.dof]
+    turned = [F @ turn((0, 0, 1), _zero_offset(model, chain, i)) for i, F in enumerate(before)]
+    return np.array([*turned, stands[-1]])
+
+
+def _zero_offset(model: Model, chain: Chain, i: int) -> float:
+    k = chain.joint_slots[i]
+    return float(model.binding.constants[k]) - chain.slots[k].nominal
+
+
+def _origins(model: Model, path: Sequence[UrdfJoint]) -> dict[str, Array]:
+    """New `<origin>` (4, 4) of joints of the chain by name; '' is one that has to be added behind the tip."""
+    drawn, corrected = (chain_frames(one) for one in (model_of(model.arm, ()), model))
+    out: dict[str, Array] = {}
+    nominal, parent, number = np.eye(4), np.eye(4), 0
+    behind = np.eye(4)  # fixed joints since the last turning one, as drawn
+    last_fixed = ""
+    for joint in path:
+        nominal = nominal @ joint.origin
+        behind = behind @ joint.origin
+        last_fixed = "" if joint.turns else joint.name
+        if joint.turns:
+            stands = corrected[number] @ _in_axis_frame(drawn[number], nominal, joint)
+            fixed = behind @ inverse(joint.origin)
+            out[joint.name] = inverse(parent @ fixed) @ stands
+            parent, behind, number = stands, np.eye(4), number + 1
+    tip = inverse(parent) @ corrected[-1]
+    if last_fixed:
+        out[last_fixed] = inverse(behind @ inverse(path[-1].origin)) @ tip
+    elif np.abs(tip - behind).max() > 1e-15:
+        out[""] = tip
+    return out
+
+
+def _in_axis_frame(axis_frame: Array, stands: Array, joint: UrdfJoint) -> Array:
+    """K (4, 4): a URDF joint frame in our frame on its axis; the axis is met exactly."""
+    to_axis = axis_to_z(joint.axis)
+    M = inverse(axis_frame) @ stands @ to_axis
+    return turn((0, 0, 1), math.atan2(M[1, 0], M[0, 0])) @ shift((0.0, 0.0, M[2, 3])) @ inverse(to_axis)
+
+
+def _set_origin(element: ElementTree.Element, T: Array) -> None:
+    origin = element.find("origin")
+    if origin is None:
+        origin = ElementTree.Element("origin")
+        element.insert(0, origin)
+    for name, values in zip(("xyz", "rpy"), to_xyz_rpy(T), strict=True):
+        origin.set(name, " ".join(repr(float(value)) for value in values))
+
+
+def _append_joint(tree: ElementTree.Element, name: str, kind: str, parent: str, child: str) -> ElementTree.Element:
+    element = ElementTree.SubElement(tree, "joint", name=name, type=kind)
+    ElementTree.SubElement(element, "parent", link=parent)
+    ElementTree.SubElement(element, "child", link=child)
+    return element
+
+
+def _append_tip(tree: ElementTree.Element, tip: str, T: Array) -> None:
+    ElementTree.SubElement(tree, "link", name=f"{tip}{CALIBRATED}")
+    _set_origin(_append_joint(tree, f"{tip}{CALIBRATED}_joint", "fixed", tip, f"{tip}{CALIBRATED}"), T)
+
+
+def _append_link(tree: ElementTree.Element, arm: Arm, name: str, number: int) -> None:
+    """A link with the bodies that move with it; the frame of link i is that before the turn of joint i."""
+    link = ElementTree.SubElement(tree, "link", name=name)
+    bodies = [body for body in arm.bodies if body.mass and min(body.frame, arm.dof) == number]
+    if not bodies or not number:
+        return
+    stands = _body_frames(arm)
+    own = inverse(chain_frames(model_of(arm, ()))[number - 1])
+    mass = sum(body.mass for body in bodies)
+    centre = sum(body.mass * (own @ stands[body.name] @ np.array([*body.com, 1.0]))[:3] for body in bodies) / mass
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in centre), rpy="0 0 0")
+    ElementTree.SubElement(inertial, "mass", value=repr(float(mass)))
+    moment = repr(0.4 * float(mass) * BALL**2)
+    diagonal = dict.fromkeys(("ixx", "iyy", "izz"), moment) | dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+    ElementTree.SubElement(inertial, "inertia", diagonal)
+
+
+def _body_frames(arm: Arm) -> dict[str, Array]:
+    """(4, 4) of every body: the frame that its centre of mass is given in, the arm at zero."""
+    chain = model_of(arm, ()).chain
+    stands = frames(chain, chain.values([0.0] * arm.dof), 1)[0]
+    out = {}
+    for body in arm.bodies:
+        extra = arm.joints[body.frame - 1].extra_z or 0.0 if 0 < body.frame <= arm.dof else 0.0
+        lifted = body.near_end and 0 < body.frame <= arm.dof
+        at_tool = shift((0.0, 0.0, -arm.tool.z)) if body.near_end and body.frame == arm.dof + 1 else np.eye(4)
+        out[body.name] = stands[body.frame] @ (shift((0.0, 0.0, -extra)) if lifted else at_tool)
+    return out
+
+
+def _text(tree: ElementTree.Element) -> str:
+    ElementTree.indent(tree)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(tree, encoding="unicode") + "\n"
+
+
+def exported_difference(model: Model, text: str, base: str | None, tip: str | None) -> float:
+    """Largest difference of a written URDF's own kinematics from the rigid model's (m, or rad), at random poses."""
+    robot = parse_urdf(Path("written.urdf"), text)
+    base = base or robot.root
+    known = [link for link in robot.links if link.endswith(CALIBRATED)]
+    return largest_difference(model, robot.chain(base, known[0] if known else tip or choose_tip(robot, base)))

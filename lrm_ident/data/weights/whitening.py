@@ -1,0 +1,121 @@
+"""Weights of what was measured: rows of each pose divided by their noise, correlations included (Aitken 1936)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.sensed import TCP_ONLY, Sensed
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """Weighting of the rows of N poses.
+
+    Attributes:
+        sd: (N,), standard deviation per axis of each position, of the distance where there is no position (m); None if
+            it is the same for all, and not stated.
+        root: (N, R, R), W with WᵀW the inverse of the covariance of a pose's rows (1/m, 1/rad), zero where a row was
+            not measured; None if positions alone were, alike along all axes.
+        sensed: which rows there are.
+    """
+
+    sd: Array | None = None
+    root: Array | None = None
+    sensed: Sensed = TCP_ONLY
+
+    @cached_property
+    def unit(self) -> float:
+        """RMS of sd (m): what one unit of the noise is as a length; one where no sd is stated."""
+        return 1.0 if self.sd is None else float(np.sqrt(np.mean(self.sd**2)))
+
+    @cached_property
+    def factor(self) -> Array:
+        """(N, 1) or (1, 1), 1/sd of each pose."""
+        return np.ones((1, 1)) if self.sd is None else 1.0 / self.sd[:, None]
+
+    @cached_property
+    def measured(self) -> Array | float:
+        """(N,), number of rows of each pose that were measured, or one number for all."""
+        return 3.0 if self.root is None else np.count_nonzero(np.einsum("nrr->nr", self.root), axis=1).astype(float)
+
+    def rows(self, dof: int) -> int:
+        """Number of rows R of one pose."""
+        return self.sensed.rows(dof)
+
+    def take(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Whitening:
+        """Weights of some poses."""
+        sd, root = (None if part is None else part[rows] for part in (self.sd, self.root))
+        return replace(self, sd=sd, root=root)
+
+    def __call__(self, rows: Array) -> Array:
+        """Rows (N, R) or (N, R, P) in units of their noise (of metres where none is stated)."""
+        if self.root is None:
+            return rows if self.sd is None else rows * (self.factor if rows.ndim == 2 else self.factor[:, :, None])
+        return np.asarray(np.einsum("nrs,ns...->nr...", self.root, rows))
+
+    def undone(self, rows: Array) -> Array:
+        """(N, 3), the positions (m) of whitened rows (N, R) of which all parts were measured."""
+        if self.root is None:
+            return rows / self.factor
+        return np.asarray((np.linalg.pinv(self.root) @ rows[:, :, None])[:, :3, 0])
+
+    def jacobian(self, rest: Equilibrium, keys: Sequence[str]) -> Array:
+        """(N, R, P), whitened derivatives of what was measured with respect to parameters (SI)."""
+        return self(parameter_jacobian(rest, keys, self.sensed))
+
+
+PLAIN = Whitening()
+"""Positions alone, all alike."""
+
+
+def root_of(covariance: Array) -> Array:
+    """(N, R, R), W with WᵀW = C⁻¹ of covariances (N, R, R); NaN on the diagonal: not measured, zero in W."""
+    missing = ~np.isfinite(np.einsum("nrr->nr", covariance))
+    filled = np.where(missing[:, :, None] | missing[:, None, :], 0.0, covariance)
+    filled = filled + np.einsum("nr,rs->nrs", missing.astype(float), np.eye(covariance.shape[1]))
+    root = np.linalg.inv(np.linalg.cholesky(filled))
+    return np.asarray(np.where(missing[:, :, None], 0.0, root))
+
+
+def whitening_of(sd: Array | None, covariance: Array, alone: Array, sensed: Sensed) -> Whitening:
+    """The weights of measurements.
+
+    Args:
+        sd: as in `Whitening`.
+        covariance: (N, 3 or 6, 3 or 6), of position and, if it is sensed, attitude (m, rad); NaN on the diagonal: not
+            measured.
+        alone: (N, k), standard deviations of the other rows, which are correlated with nothing; NaN: not measured.
+    """
+    size, k = covariance.shape[1], alone.shape[1]
+    root = np.zeros((len(covariance), size + k, size + k))
+    root[:, :size, :size] = root_of(covariance)
+    diagonal = np.arange(size, size + k)
+    root[:, diagonal, diagonal] = np.where(np.isnan(alone), 0.0, 1.0 / alone)
+    return Whitening(sd, root, sensed)
+
+
+def measured_alike(known: Whitening) -> Callable[[Poses], Whitening]:
+    """Weights of poses that are measured as others were: each has as much information as one of those on average.
+
+    `known`: weights of N poses. Parts that some of them lack count accordingly.
+    """
+    root = None
+    if known.root is not None:
+        values, vectors = np.linalg.eigh(np.einsum("nrs,nrt->st", known.root, known.root) / len(known.root))
+        root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+
+    def weights(poses: Poses) -> Whitening:
+        n = len(poses)
+        sd = None if known.sd is None else np.full(n, known.unit)
+        return Whitening(sd, None if root is None else np.broadcast_to(root, (n, *root.shape)), known.sensed)
+
+    return weights

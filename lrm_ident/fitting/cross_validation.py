@@ -1,0 +1,130 @@
+"""Cross-validation in joint-space blocks: each pose is predicted by a fit without it and its neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import repeat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.fold_steps import models_without
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.parameter_sets import Bounds
+from lrm_ident.fitting.priors import Prior
+from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model
+
+FOLDS = 10
+MOST_AT_ONCE = 200  # poses up to which every fold is fitted anew; beyond, one step differs by less than 0.1 %
+
+
+def joint_space_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
+    """(N,), fold of each pose: leaves of a k-d tree in joint space (Bentley 1975), so that neighbours stay together.
+
+    Every cut is along the joint of largest spread; the folds differ in size by at most one distinct pose. Poses of
+    equal angles and repetitions of a pose share a fold.
+
+    Args:
+        q: (N, n), rad.
+        repeat_of: (N,), poses of equal number share a fold.
+
+    Raises `LrmError`: fewer distinct poses than folds.
+    """
+    same = _groups(q, repeat_of)
+    first = np.unique(same, return_index=True)[1]
+    if len(first) < count:
+        raise LrmError(f"{len(first)} distinct poses for {count} folds; measure at least {count}")
+    fold = np.empty(len(first), dtype=np.int64)
+    for number, rows in enumerate(_bisect(q[first], np.arange(len(first)), count)):
+        fold[rows] = number
+    return fold[same]
+
+
+def _groups(q: Array, repeat_of: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,), connected components of "equal angles or a repetition"."""
+    _, by_angle = np.unique(np.round(q, 6), axis=0, return_inverse=True)
+    _, by_number = np.unique(repeat_of, return_inverse=True)
+    angles, n = by_angle.reshape(-1), len(q)
+    from scipy.sparse import coo_array  # takes a third of a second to load
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(n), (angles, n + by_number)), shape=(2 * n, 2 * n))
+    _, component = connected_components(graph, directed=False)
+    return np.unique(component[angles], return_inverse=True)[1].reshape(-1)
+
+
+def _bisect(q: Array, rows: NDArray[np.int64], count: int) -> Iterator[NDArray[np.int64]]:
+    if count == 1:
+        yield rows
+        return
+    joint = int(np.argmax(q[rows].std(axis=0)))
+    order = rows[np.lexsort((*q[rows].T, q[rows, joint]))]
+    left = count // 2
+    cut = round(len(rows) * left / count)
+    yield from _bisect(q, order[:cut], left)
+    yield from _bisect(q, order[cut:], count - left)
+
+
+def held_out_blocks(
+    model: Model,
+    data: Measurements,
+    bounds: Bounds | None = None,
+    loss: Loss | None = None,
+    progress: OnProgress = silent,
+    count: int = FOLDS,
+    prior: Prior | None = None,
+) -> tuple[HeldOutBlock, ...]:
+    """Each fold predicted by a fit of the free parameters to the other folds; residuals are measured − predicted TCP.
+
+    Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`models_without`).
+
+    Raises `LrmError`: too few poses, or a fold that does not converge.
+    """
+    fold = joint_space_folds(data.poses.q, data.repeat_of, count)
+    left_out, blocks = [np.flatnonzero(fold == number) for number in range(count)], []
+    refitted = models_without if len(data) > MOST_AT_ONCE else _refitted
+    models = refitted(model, data, left_out, bounds, loss, prior) if model.free else repeat(model)
+    for number, (test, fitted) in enumerate(zip(left_out, models, strict=False)):
+        train = np.flatnonzero(fold != number)
+        seen, unseen = (equilibrium(fitted, data.poses.take(rows)) for rows in (train, test))
+        part, whitening = data.take(test), data.whitening
+        weighted = None
+        if whitening.root is not None:
+            weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
+        left = data.take(train).position_error(seen), part.position_error(unseen)
+        blocks.append(HeldOutBlock(train, test, *left, weighted))
+        progress(number + 1, count)
+    return tuple(blocks)
+
+
+def _refitted(
+    model: Model,
+    data: Measurements,
+    left_out: Sequence[NDArray[np.int64]],
+    bounds: Bounds | None,
+    loss: Loss | None,
+    prior: Prior | None,
+) -> Iterator[Model]:
+    """Models, for each block fitted to the other blocks."""
+    for rows in left_out:
+        yield fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior).model
+
+
+def held_out_residual(
+    model: Model,
+    data: Measurements,
+    bounds: Bounds | None = None,
+    loss: Loss | None = None,
+    progress: OnProgress = silent,
+    count: int = FOLDS,
+    prior: Prior | None = None,
+) -> Array:
+    """(N, 3), the residual of every pose in the fold that held it out (m). As `held_out_blocks`."""
+    return held_out_rows(held_out_blocks(model, data, bounds, loss, progress, count, prior))

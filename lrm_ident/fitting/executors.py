@@ -1,0 +1,178 @@
+"""Executors (PEP 3148) for work that runs side by side: this process, processes of this machine, a Dask cluster.
+
+On a cluster it is Dask's own executor: Dask sends, balances, and gives a dead worker's tasks to another one.
+"""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+)
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeVar
+
+from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_math.errors import LrmError
+
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""A worker computes on one thread, as Dask's do: as many workers as cores, and everywhere the same sums."""
+CONNECT_S, FIRST_WORKER_S = 10.0, 60.0
+SAME_VERSION = ("lrm-arm", "numpy", "scipy", "distributed", "msgpack", "cloudpickle")
+"""Packages of which a worker must have this machine's version: else results differ, or cannot be sent."""
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def in_this_process() -> Executor:
+    """Executor for work that is short, or that cannot be pickled: one piece after the other, here."""
+    return ThreadPoolExecutor(1)
+
+
+@contextmanager
+def executor_for(
+    cluster: str | None = None, own_code: Path | None = None, most: int | None = None
+) -> Iterator[Executor]:
+    """The executor of a command.
+
+    Args:
+        cluster: address of a Dask scheduler (`tcp://host:8786`) or path of its scheduler file; None: processes of this
+            machine, as many as it has cores, at most `most`.
+        own_code: the Python file of the user's effects. Classes of such a file cannot be pickled for other processes,
+            so with one the work stays in this one.
+
+    Raises `LrmError`: no such cluster, the extra is missing, or a worker has other versions.
+    """
+    if own_code is not None:
+        if cluster is not None:
+            what = f"effects of {own_code} cannot be sent to a cluster"
+            raise LrmError(
+                f"{what}; install them on the workers as a package (docs/effects.md), or leave out --cluster"
+            )
+        with in_this_process() as executor:
+            yield executor
+    elif cluster is not None:
+        with _on_cluster(cluster) as executor:
+            yield executor
+    else:
+        workers = max(1, min(os.cpu_count() or 1, most or 10**6))
+        with _environment(ONE_THREAD), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
+            yield executor
+
+
+def as_finished(
+    executor: Executor, function: Callable[[Item], Result], items: Iterable[Item], progress: OnProgress = silent
+) -> Iterator[tuple[int, Result]]:
+    """`function` of every item, side by side: (number of the item, result) as they come.
+
+    Raises what the function raises, and `LrmError` if the workers are lost. What has not begun is cancelled then.
+    """
+    waiting = {executor.submit(function, item): number for number, item in enumerate(items)}
+    try:
+        for done, future in enumerate(as_completed(waiting), start=1):
+            result = _result_of(future)
+            progress(done, len(waiting))
+            yield waiting[future], result
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def in_order(
+    executor: Executor, function: Callable[[Item], Result], items: Iterable[Item], progress: OnProgress = silent
+) -> list[Result]:
+    """Results of `as_finished` in the order of the items."""
+    return [result for _, result in sorted(as_finished(executor, function, items, progress), key=lambda one: one[0])]
+
+
+def _result_of(future: Future[Result]) -> Result:
+    try:
+        return future.result()
+    except BrokenExecutor:
+        raise LrmError("a worker process died, perhaps for want of memory; start again") from None
+    except CancelledError:
+        raise LrmError("the scheduler of the cluster was lost; start again when it is back") from None
+    except Exception as error:
+        if type(error).__name__ == "KilledWorker":  # Dask's, which may not be installed here
+            raise LrmError(f"the same work killed several workers of the cluster: {error}") from None
+        raise
+
+
+@contextmanager
+def _on_cluster(where: str) -> Iterator[Executor]:
+    try:
+        distributed: Any = import_module("distributed")
+    except ModuleNotFoundError as error:
+        raise LrmError(
+            f"a cluster needs '{error.name}', which is not installed: pip install 'lrm-arm[cluster]'"
+        ) from None
+    at: dict[str, Any] = {"address": where}
+    if where.endswith(".json") or "://" not in where:
+        if not Path(where).is_file():
+            raise LrmError(f"--cluster {where}: no such scheduler file; or give an address such as tcp://host:8786")
+        at = {"scheduler_file": where}
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a lost scheduler is one line, no traceback
+    with warnings.catch_warnings():
+        # said below, in one line, as an error
+        warnings.simplefilter("ignore", distributed.versions.VersionMismatchWarning)
+        try:
+            client = distributed.Client(**at, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError, KeyError, TimeoutError) as error:
+            raise LrmError(f"--cluster {where}: no scheduler answers ({error or type(error).__name__})") from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=FIRST_WORKER_S)
+        except TimeoutError:
+            raise LrmError(f"--cluster {where}: the scheduler has no worker; start some (docs/fleet.md)") from None
+        versions = client.get_versions(packages=list(SAME_VERSION))
+        if faults := version_faults(versions["client"], versions["workers"]):
+            raise LrmError(f"--cluster {where}: {faults[0]}; install the same versions there (constraints.txt)")
+        with client.get_executor(pure=False) as executor:
+            yield executor
+
+
+def version_faults(here: Mapping[str, Any], workers: Mapping[str, Mapping[str, Any] | None]) -> list[str]:
+    """One line for every worker and package of another version than here.
+
+    Args:
+        here, workers: what `distributed.Client.get_versions` returns of the client and of each worker.
+    """
+    found, own = [], here["packages"]
+    for address, known in sorted(workers.items()):
+        theirs = {} if known is None else known["packages"]
+        for package in SAME_VERSION:
+            if theirs.get(package) != own.get(package):
+                found.append(
+                    f"worker {address} has {package} {theirs.get(package) or 'missing'}, here {own.get(package)}"
+                )
+        if _minor(theirs.get("python")) != _minor(own["python"]):
+            found.append(f"worker {address} runs Python {_minor(theirs.get('python'))}, here {_minor(own['python'])}")
+    return found
+
+
+def _minor(python: str | None) -> str:
+    return "unknown" if python is None else ".".join(python.split(".")[:2])
+
+
+@contextmanager
+def _environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Environment variables for processes that start meanwhile, where they are not set already."""
+    added = {name: value for name, value in values.items() if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)

@@ -1,0 +1,44 @@
+"""Blocks of a cross-validation, and the rows that are compared between models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutBlock:
+    """One block of a cross-validation: rows `train` and `test`, and what the fit to `train` leaves of either (m).
+
+    `weighted`: (n, R), the same of `test` by its noise, of all that was measured, where correlations are stated.
+    """
+
+    train: NDArray[np.int64]
+    test: NDArray[np.int64]
+    train_residual: Array
+    test_residual: Array
+    weighted: Array | None = None
+
+
+def decisive_rows(blocks: Sequence[HeldOutBlock]) -> Array:
+    """(N, R), what is compared between models: held-out residuals, weighted by their noise where that is stated."""
+    if any(block.weighted is None for block in blocks):
+        return held_out_rows(blocks)
+    tests = np.concatenate([block.test for block in blocks])
+    rows = np.concatenate([block.weighted for block in blocks if block.weighted is not None])
+    out = np.empty_like(rows)
+    out[tests] = rows
+    return out
+
+
+def held_out_rows(blocks: Sequence[HeldOutBlock]) -> Array:
+    """(N, 3), the held-out residual of every pose (m)."""
+    residual = np.empty((sum(len(block.test) for block in blocks), 3))
+    for block in blocks:
+        residual[block.test] = block.test_residual
+    return residual

@@ -1,0 +1,240 @@
+"""Identifiable parameters of a data set, and the linear combinations that the others are confounded with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.weights.whitening import PLAIN, Whitening
+from lrm_ident.fitting.block_qr import compress
+from lrm_ident.fitting.levenberg_marquardt import Fit, check_enough, fit
+from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
+from lrm_math.arrays import Array
+from lrm_math.kinematics.forward import chain_geometry
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.model import Model
+
+ROUND_OFF = 1e-7  # a column is numerically dependent if its independent part is no more than this
+MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
+NEGLIGIBLE = 0.05  # share of a combination that is not listed
+MAX_ITERATIONS = 6
+MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
+SELECTION_ORDER = (
+    *("anchor.*", "compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
+    *("offsets.joint*_mm", "offsets.joint*", "offsets.base.*", "offsets.tool.*", "*"),
+)
+AFTER_TOOL = "offsets.joint*_mm"  # the pattern that follows the tool's position
+SHORT_LEVER = 0.05
+"""m: closer to an axis, a tool offset of typical size (5 mm) equals a turn of more than 0.1 rad, too large for a zero
+offset and for the linearisation of the fit."""
+
+
+@dataclass(frozen=True)
+class UnidentifiableParameter:
+    """A parameter held at zero because the data cannot distinguish it from others.
+
+    Attributes:
+        survival: part (0 to 1) of its Jacobian column that is linearly independent of the kept ones.
+        combination: (key, amount): change of the kept parameters, in their file units, that moves the TCP as one file
+            unit of this parameter does.
+        standard_error: of this parameter if it were fitted too (SI); infinite if it is linearly dependent.
+    """
+
+    key: str
+    survival: float
+    combination: tuple[tuple[str, float], ...]
+    standard_error: float
+
+
+@dataclass(frozen=True)
+class IdentifiableSet:
+    """The parameters to fit, and those to hold at zero."""
+
+    kept: tuple[str, ...]
+    held: tuple[UnidentifiableParameter, ...]
+
+
+def selection_order(model: Model, keys: Sequence[str]) -> list[str]:
+    """The order of selection; of two confounded parameters the earlier one is kept.
+
+    Where distances are measured from comes first; then the most important on such an arm: compliances, joint zero
+    offsets, positions of base and tool; then lengths and twists, each from the base outwards; then the parameters of
+    further effects.
+
+    The last joint's zero offset moves the TCP as an offset of the tool does, divided by the TCP's distance from that
+    axis. Close to the axis a small tool offset would need a large turn, so the tool's position comes first there.
+    """
+    late = f"offsets.joint{model.arm.dof}.theta_rad" if _last_lever(model) < SHORT_LEVER else ""
+
+    def rank(key: str) -> int:
+        placed_as = AFTER_TOOL if key == late else key
+        return next(i for i, pattern in enumerate(SELECTION_ORDER) if fnmatchcase(placed_as, pattern))
+
+    return sorted(keys, key=lambda key: (rank(key), model.position(key)))
+
+
+def _last_lever(model: Model) -> float:
+    """Distance of the nominal TCP from the last joint's axis (m)."""
+    stretched = chain_geometry(model.chain, model.chain.values([0.0] * model.arm.dof), 1)
+    last = model.chain.joint_slots[-1]
+    axis, to_tcp = stretched.axis[last, :, 0], stretched.tcp[:, 0] - stretched.origin[last, :, 0]
+    return float(np.linalg.norm(np.cross(axis, to_tcp)))
+
+
+def select_identifiable(
+    rest: Equilibrium, keys: Sequence[str], noise: float, whitening: Whitening = PLAIN
+) -> IdentifiableSet:
+    """Forward selection of parameters by Gram–Schmidt orthogonalisation of their Jacobian columns.
+
+    A parameter is kept if the independent part of its column determines it to a third of its typical size or better at
+    this noise; else the data hardly improve the prior knowledge (about zero).
+
+    Args:
+        rest: equilibrium at the poses, at the parameters to linearise about.
+        keys: candidates.
+        noise: expected residual of the fit, m per axis.
+        whitening: weights of what was, or will be, measured.
+    """
+    model = rest.model
+    order = selection_order(model, keys)
+    typical = np.array([model.parameters[model.position(key)].typical for key in order])
+    columns = _columns(rest, order, whitening)
+    kept, dropped = _gram_schmidt(columns, noise)
+    held = [
+        explain_dependence(columns, typical, order, model, kept, j, independent, noise) for j, independent in dropped
+    ]
+    chosen = {order[j] for j in kept}
+    return IdentifiableSet(tuple(key for key in model.keys if key in chosen), tuple(held))
+
+
+def identifiable_beside(
+    rest: Equilibrium, free: Sequence[str], others: Sequence[str], noise: float, whitening: Whitening = PLAIN
+) -> tuple[str, ...]:
+    """Those of `others` that the data can tell beside the parameters `free`, by the rule of `select_identifiable`."""
+    order = [*free, *selection_order(rest.model, others)]
+    columns = _columns(rest, order, whitening)
+    kept, _ = _gram_schmidt(columns, noise, len(free))
+    return tuple(order[j] for j in kept if j >= len(free))
+
+
+def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[int], list[tuple[int, float]]]:
+    """Columns with an independent part beyond the noise (the first `given` always), and the others with theirs."""
+    basis, kept, dropped = np.empty((columns.shape[0], 0)), [], []
+    for j in range(columns.shape[1]):
+        whole = float(np.linalg.norm(columns[:, j]))
+        left = columns[:, j] - basis @ (basis.T @ columns[:, j])
+        left -= basis @ (basis.T @ left)
+        independent = float(np.linalg.norm(left))
+        if independent > max(0.0 if j < given else MIN_T * noise, ROUND_OFF * whole):
+            kept.append(j)
+            basis = np.column_stack([basis, left / independent])
+        else:
+            dropped.append((j, independent))
+    return kept, dropped
+
+
+def expected_noise(rest: Equilibrium, keys: Sequence[str], data: Measurements) -> float:
+    """Residual standard deviation per axis (m) of a fit of `keys`, by one linear least-squares step from `rest`."""
+    whitening = data.whitening
+    residual = whitening(data.residual(rest))
+    rows = compress(rest, keys, whitening, np.full((1, 1), whitening.unit), residual)
+    step, _, rank, _ = np.linalg.lstsq(rows.columns, rows.residual, rcond=ROUND_OFF)
+    left = rows.residual - rows.columns @ step
+    return float(np.sqrt(left @ left / max(data.measured_rows - int(rank), 1)))
+
+
+def _columns(rest: Equilibrium, order: Sequence[str], whitening: Whitening) -> Array:
+    """Compressed columns of parameters, relative to a noise of the whitening's unit (m)."""
+    nothing = np.zeros((len(rest.poses), whitening.rows(rest.model.arm.dof)))
+    return compress(rest, order, whitening, np.full((1, 1), whitening.unit), nothing).columns
+
+
+def explain_dependence(
+    columns: Array,
+    typical: Array,
+    order: Sequence[str],
+    model: Model,
+    kept: Sequence[int],
+    j: int,
+    independent: float,
+    noise: float,
+) -> UnidentifiableParameter:
+    """The combination of the `kept` columns that reproduces column `j` of `columns` (M, P), by least squares."""
+    whole = float(np.linalg.norm(columns[:, j]))
+    units = np.array([model.parameters[model.position(key)].si for key in order])
+    share, *_ = np.linalg.lstsq(columns[:, kept], columns[:, j], rcond=None)
+    size = np.abs(share) * np.linalg.norm(columns[:, kept], axis=0)
+    parts = [
+        (order[k], float(amount * typical[k] / typical[j] * units[j] / units[k]))
+        for k, amount, matters in sorted(zip(kept, share, size, strict=True), key=lambda part: -part[2])
+        if matters > NEGLIGIBLE * whole
+    ]
+    survival = independent / whole if whole > 0 else 0.0
+    error = noise / independent * typical[j] if survival > ROUND_OFF else np.inf
+    return UnidentifiableParameter(order[j], survival, tuple(parts), float(error))
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedFit:
+    """A fit of the identifiable parameters, and those held at zero."""
+
+    fit: Fit
+    held: tuple[UnidentifiableParameter, ...]
+
+
+def fit_identifiable(
+    model: Model, data: Measurements, keys: Sequence[str], loss: Loss | None = None, signed: Bounds | None = None
+) -> IdentifiedFit:
+    """Fits the identifiable parameters among `keys`; the others are zero in the result.
+
+    The selection depends on the residual noise and on the estimate, so selection and fit alternate until the selection
+    repeats. Of many poses a part is fitted first, which gives all of them a start close to the end.
+
+    Args:
+        signed: bounds of all `keys`; None: the physical ones.
+
+    Raises `LrmError`: fewer poses than identifiable parameters, or no convergence.
+    """
+    limits = signed or bounds_of(model, keys)
+    by_key = {key: (low, high) for key, low, high in zip(keys, limits.lower, limits.upper, strict=True)}
+    if len(data) > MOST_AT_ONCE:
+        coarse = fit_identifiable(model, data.take(some_rows(len(data))), keys, loss, signed).fit
+        rest, noise = equilibrium(coarse.model, data.poses), coarse.sigma
+    else:
+        rest = equilibrium(model, data.poses)
+        noise = expected_noise(rest, keys, data)
+    seen: list[tuple[str, ...]] = []
+    for _ in range(MAX_ITERATIONS):
+        selected = select_identifiable(rest, keys, noise, data.whitening)
+        if seen and selected.kept == seen[-1]:
+            break
+        check_enough(len(data), len(selected.kept))
+        start = _holding(rest.model, keys, selected.kept)
+        low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
+        result = fit(start, data, Bounds(low, high), loss)
+        if selected.kept in seen:
+            break
+        seen.append(selected.kept)
+        rest, noise = result.rest, result.sigma
+    return IdentifiedFit(result, selected.held)
+
+
+def some_rows(count: int) -> NDArray[np.int64]:
+    """At most `MOST_AT_ONCE` rows drawn from `count` without replacement, ascending, always the same."""
+    if count <= MOST_AT_ONCE:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, MOST_AT_ONCE, replace=False))
+
+
+def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:
+    """The model with `kept` free and the others of `keys` at zero."""
+    values = model.values.copy()
+    for key in set(keys) - set(kept):
+        values[model.position(key)] = 0.0
+    return replace(model.with_values(values), free=tuple(kept))

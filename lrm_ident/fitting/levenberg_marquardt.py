@@ -1,0 +1,285 @@
+"""Least squares of a model's free parameters: Levenberg–Marquardt (Marquardt 1963) on scaled parameters, with bounds.
+
+With a prior: maximum a posteriori (Conenna 2024, Eq 2.66; Tenhumberg & Bäuml 2021). The noise that weighs data against
+prior is estimated from the residual, with MacKay's (1992) effective number of parameters. Where least squares alone
+does not converge, it is damped by weak priors (ridge regression, Hoerl & Kennard 1970), and the result says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.degenerate_fit import check_arm
+from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
+from lrm_ident.fitting.objective import Iterate, NoiseScale, NoiseUpdate, Objective
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
+from lrm_ident.fitting.priors import WEAK_SD, Prior, weak_prior
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.model import Model
+
+MAX_STEPS = 60
+MAX_STEPS_WITH_PRIOR = 300  # where a prior alone says anything, steps are short, but each one gains
+FIRST_DAMPING = 1e-6
+MUCH_SHORTER = 0.75  # part of a step
+STEP_TOLERANCE = 1e-8  # of the typical sizes
+GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
+IDLE_STEPS, IDLE_GAIN, IDLE_LIKELIHOOD = 5, 1e-5, 0.3
+"""So many steps in a row that each gain no more end a fit: part of the objective, and of it over the squared noise."""
+POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
+OUTLIER_DISTANCE = 5.0  # robust standard deviations per axis; a clean pose is beyond it once in 60 000
+
+
+class FitNotConverged(LrmError):
+    """The fit did not converge; carries the number of `steps` and the last `step` in typical sizes."""
+
+    def __init__(self, steps: int, step: float) -> None:
+        self.steps, self.step = steps, step
+        super().__init__(
+            f"the fit did not converge in {steps} steps (last step {step:.2g} of the typical sizes); "
+            "hold some parameters, start from a fitted model, or try a narrower prior (--prior)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted model.
+
+    Attributes:
+        rest: the model's equilibrium at the data's poses.
+        residual: (N, 3), measured − predicted TCP (m), along the distance where only that was measured.
+        covariance: (P, P) of the free parameters (SI); zero rows for those at a bound. With a prior: of the posterior.
+        effective_parameters: those not at a bound, less the part that a prior determines.
+        sigma: standard deviation of the residual per axis (m), corrected for the degrees of freedom.
+        at_bound: keys of parameters with an active bound.
+        weight: (N,), the weight of each pose, 1 for least squares.
+        outliers: rows farther than `OUTLIER_DISTANCE` robust standard deviations.
+        steps: Levenberg–Marquardt steps taken.
+        loss: what it minimises. damped: whether it converged only with weak priors (`weak_prior`).
+    """
+
+    model: Model
+    rest: Equilibrium
+    residual: Array
+    covariance: Array
+    effective_parameters: float
+    sigma: float
+    at_bound: tuple[str, ...]
+    weight: Array
+    outliers: tuple[int, ...]
+    steps: int
+    loss: Loss = SQUARED
+    damped: bool = False
+
+    def take(self, rows: NDArray[np.int64]) -> Fit:
+        """This fit, seen at some of its poses."""
+        outliers = tuple(np.flatnonzero(np.isin(rows, self.outliers)).tolist())
+        rest, residual, weight = self.rest.take(rows), self.residual[rows], self.weight[rows]
+        return replace(self, rest=rest, residual=residual, weight=weight, outliers=outliers)
+
+    @property
+    def weak_prior(self) -> Prior | None:
+        """The prior that damped it, if one did: fits to a part of the data need it too."""
+        return weak_prior(self.model) if self.damped else None
+
+    @property
+    def standard_error(self) -> Array:
+        """(P,), of the free parameters (SI)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Array:
+        """(P, P), of the free parameters; zero where a bound is active."""
+        error = self.standard_error
+        scale = np.where(error > 0, error, 1.0)
+        return np.asarray(self.covariance / np.outer(scale, scale))
+
+
+def fit(
+    model: Model,
+    data: Measurements,
+    bounds: Bounds | None = None,
+    loss: Loss | None = None,
+    prior: Prior | None = None,
+) -> Fit:
+    """Fits the model's free parameters, starting from their current values.
+
+    Args:
+        bounds: of the free parameters; None: those that the effects state.
+        loss: None: least squares.
+        prior: of every free parameter; with one, a third of the poses suffices. None: none, unless the fit does not
+            converge without one; then weak ones (`Fit.damped`).
+
+    Raises:
+        LrmError: fewer poses than free parameters (with a prior: than a third), no convergence (`FitNotConverged`), or
+            an arm that shrinks, stretches or loses a length (`DegenerateFit`).
+        NoEquilibrium: the start has no elastic equilibrium.
+    """
+    check_enough(len(data), len(model.free), prior)
+    limits = bounds or bounds_of(model, model.free)
+    objective = Objective(model, data, SQUARED if loss is None else loss, prior)
+    idle = MAX_STEPS_WITH_PRIOR if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
+    plain = _LevenbergMarquardt(objective, limits.lower / objective.typical, limits.upper / objective.typical, idle)
+    try:
+        found = plain.solve(MAX_STEPS if prior is None else MAX_STEPS_WITH_PRIOR)
+    except FitNotConverged:
+        if prior is not None:
+            raise
+        weakly = replace(objective, prior=weak_prior(model))
+        found = replace(replace(plain, objective=weakly).solve(MAX_STEPS_WITH_PRIOR), damped=True)
+    check_arm(found.rest, model.free)
+    return found
+
+
+def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
+    """Raises `LrmError` for fewer poses than parameters; with a prior, for fewer coordinates than parameters.
+
+    With fewer, the noise could not be estimated.
+    """
+    least = parameters if prior is None else parameters // 3 + 1
+    if poses < least:
+        raise LrmError(
+            f"{poses} poses for {parameters} parameters; measure at least {least} poses, or fit fewer parameters "
+            "(fit --parameters)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _LevenbergMarquardt:
+    objective: Objective
+    lower: Array
+    upper: Array
+    idle_steps: int
+
+    def solve(self, most_steps: int) -> Fit:
+        """Iterates until no decrease is predicted. Raises `FitNotConverged`."""
+        objective, model = self.objective, self.objective.model
+        z = model.values[objective.columns] / objective.typical
+        iterate = objective.at(np.clip(z, self.lower, self.upper), None)
+        held = np.zeros(len(model.free), dtype=np.bool_)
+        noise = objective.noise_scale(iterate, None, ~held)
+        before: NoiseUpdate | None = None
+        damping, step, idle, columns = FIRST_DAMPING, np.inf, 0, np.empty((0, len(z)))
+        if not model.free:
+            return self._result(iterate, columns, held, 0, noise)
+        for steps in range(1, most_steps + 1):
+            rows = objective.linearise(iterate, noise)
+            columns, descent = rows.columns, objective.negative_gradient(iterate, rows, noise)
+            held = ((iterate.z <= self.lower) & (descent < 0)) | ((iterate.z >= self.upper) & (descent > 0))
+            trial, damping = self._step(iterate, columns, descent, ~held, noise, damping)
+            step = float(np.abs(trial.z - iterate.z).max())
+            predicted = float(descent @ (trial.z - iterate.z)) / noise.scale**2
+            least = max(GAIN_TOLERANCE * objective.value(iterate, noise), POSTERIOR_TOLERANCE * noise.prior_weight)
+            idle = idle + 1 if self._gains_nothing(iterate, trial, noise) else 0
+            if idle >= self.idle_steps and not self._well_known(columns[:, ~held], iterate, noise):
+                raise FitNotConverged(steps, step)
+            done = step < STEP_TOLERANCE or predicted < least or idle >= self.idle_steps
+            iterate = trial
+            if done:
+                update = NoiseUpdate(noise, objective.noise_scale(iterate, noise, ~held))
+                if update.estimated.close_to(noise):
+                    return self._result(iterate, columns, held, steps, noise)
+                noise, before, damping = update.accelerated(before), update, min(damping, FIRST_DAMPING)
+        raise FitNotConverged(most_steps, step)
+
+    def _gains_nothing(self, iterate: Iterate, trial: Iterate, noise: NoiseScale) -> bool:
+        """Whether a step lowered the objective by a negligible part, and the log-likelihood by next to nothing."""
+        before, after = (self.objective.value(each, noise) for each in (iterate, trial))
+        return before - after <= min(IDLE_GAIN, IDLE_LIKELIHOOD / iterate.residual.size) * before
+
+    def _well_known(self, J: Array, iterate: Iterate, noise: NoiseScale) -> bool:
+        """Whether the data, or a prior, know every direction better than the weak priors do."""
+        if self.objective.prior is not None or not J.shape[1]:
+            return True
+        least = float(np.linalg.eigvalsh(J.T @ J)[0])
+        return least * WEAK_SD**2 > self.objective.residual_sd(iterate) ** 2
+
+    def _step(
+        self, iterate: Iterate, J: Array, descent: Array, free: NDArray[np.bool_], noise: NoiseScale, damping: float
+    ) -> tuple[Iterate, float]:
+        """An iterate that does not increase the objective, and the next damping; the same iterate if there is none."""
+        objective = self.objective
+        A = objective.gauss_newton(J, noise)
+        diagonal = np.diag(np.maximum(np.diag(A), 1e-300))
+        before = objective.value(iterate, noise)
+        while damping < 1e12:
+            z = self._bounded_minimum(iterate.z, A + damping * diagonal, descent, free)
+            try:
+                trial = objective.at(z, iterate.rest)
+            except NoEquilibrium:
+                damping *= 10.0
+                continue
+            if objective.value(trial, noise) <= before:
+                return self._shortened(iterate, trial, descent, noise), damping * 0.1
+            if np.abs(z - iterate.z).max() < STEP_TOLERANCE:
+                break
+            damping *= 10.0
+        return iterate, damping
+
+    def _shortened(self, iterate: Iterate, trial: Iterate, descent: Array, noise: NoiseScale) -> Iterate:
+        """The trial, or the iterate at the minimum of a parabola through both where that is well before it and lower
+        (Nocedal & Wright 2006, section 3.5): Gauss and Newton leave a curvature out, and may step twice too far."""
+        objective, change = self.objective, trial.z - iterate.z
+        slope = float(descent @ change) / noise.scale**2
+        gain = objective.value(iterate, noise) - objective.value(trial, noise)
+        if not 0.0 < 0.5 * slope < MUCH_SHORTER * (slope - gain):
+            return trial
+        try:
+            shorter = objective.at(iterate.z + 0.5 * slope / (slope - gain) * change, iterate.rest)
+        except NoEquilibrium:
+            return trial
+        return min(trial, shorter, key=lambda one: objective.value(one, noise))
+
+    def _bounded_minimum(self, z: Array, A: Array, descent: Array, free: NDArray[np.bool_]) -> Array:
+        """Minimum of the quadratic model within the bounds: what would leave them is put on them, and the others are
+        solved anew (active set; clipping alone zigzags where parameters are correlated, Bertsekas 1982)."""
+        moving, change = free.copy(), np.zeros_like(z)
+        while moving.any():
+            change[moving] = _solve(
+                A[np.ix_(moving, moving)], descent[moving] - A[np.ix_(moving, ~moving)] @ change[~moving]
+            )
+            inside = np.clip(z + change, self.lower, self.upper)
+            beyond = moving & (inside != z + change)
+            if not beyond.any():
+                break
+            change[beyond] = (inside - z)[beyond]
+            moving &= ~beyond
+        return np.clip(z + change, self.lower, self.upper)
+
+    def _result(self, iterate: Iterate, columns: Array, held: NDArray[np.bool_], steps: int, noise: NoiseScale) -> Fit:
+        """The fit at the last iterate; `columns`: compressed Jacobian before the last step, which changed nothing."""
+        objective, data, free, distance = self.objective, self.objective.data, ~held, iterate.distance
+        covariance = np.zeros((len(held), len(held)))
+        parameters, sigma = 0.0, objective.residual_sd(iterate)
+        if free.any():
+            now = NoiseScale(objective.noise_scale(iterate, None, free).scale, noise.sigma)
+            inverse = objective.inverse_hessian(columns, now, free)
+            parameters = objective.effective_parameters(inverse, now, free)
+            sigma = objective.residual_sd(iterate, parameters)
+            covariance[np.ix_(free, free)] = (now.sigma or sigma) ** 2 * inverse
+        return Fit(
+            model=replace(iterate.rest.model, free=objective.model.free),
+            rest=iterate.rest,
+            residual=data.position_error(iterate.rest),
+            covariance=covariance * np.outer(objective.typical, objective.typical),
+            effective_parameters=parameters,
+            sigma=sigma * data.whitening.unit,
+            at_bound=tuple(key for key, bound in zip(objective.model.free, held, strict=True) if bound),
+            weight=objective.weight(iterate),
+            outliers=tuple(np.flatnonzero(distance > OUTLIER_DISTANCE * robust_scale(distance)).tolist()),
+            steps=steps,
+            loss=objective.loss,
+        )
+
+
+def _solve(A: Array, gradient: Array) -> Array:
+    """The Newton step; of a singular matrix that of its diagonal."""
+    try:
+        return np.asarray(np.linalg.solve(A, gradient))
+    except np.linalg.LinAlgError:
+        return gradient / np.maximum(np.diag(A), 1e-300)

@@ -1,0 +1,75 @@
+"""Fit of a model: which effects it has, which of their parameters are fitted, and within which bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.registration.degenerate_fit import CHECK
+from lrm_ident.fitting.identifiability import IdentifiedFit, fit_identifiable
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, no_bounds, select_parameters
+from lrm_ident.fitting.priors import Prior
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.errors import LrmError
+from lrm_math.model.model import Model, model_of
+
+DEFAULT_EFFECTS = ("offsets", "compliance")
+
+
+def nominal_model(
+    arm: Arm, effects: Sequence[str] = DEFAULT_EFFECTS, catalogue: Iterable[type[Effect]] = CATALOGUE
+) -> Model:
+    """The arm with these effects (`id` or `id@place`), all parameters zero. Raises `UnknownName`."""
+    return model_of(arm, [effect for name in effects for effect in effects_at(arm, name, tuple(catalogue))])
+
+
+def fit_model(
+    model: Model,
+    data: Measurements,
+    parameters: str,
+    loss: Loss,
+    unbounded: bool = False,
+    prior: Prior | None = None,
+) -> IdentifiedFit:
+    """Fits the named parameters of a model to measurements.
+
+    Args:
+        parameters: 'identifiable', 'option1' to 'option5' of the thesis, or names and patterns by commas. With a prior,
+            'identifiable' means all, and what else it names: the prior determines what the data do not.
+        unbounded: whether values are allowed that physics forbids, such as negative compliances.
+
+    Raises `LrmError`: unknown parameters, too few poses, no convergence, or nothing that these poses can tell.
+    """
+    result = _fit_named(with_anchor(model, data), data, parameters, loss, unbounded, prior)
+    if not result.fit.model.free:
+        left = error_stats(result.fit.residual).rms * 1e3
+        raise LrmError(f"nothing can be fitted: no parameter helps, and {left:.1f} mm RMS are left; {CHECK}")
+    return result
+
+
+def _fit_named(
+    model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, prior: Prior | None
+) -> IdentifiedFit:
+    if parameters != "identifiable":
+        named = select_parameters(model, parameters)
+        keys = (*named, *(key for key in model.free if key.startswith("anchor.") and key not in named))
+    elif prior is None:
+        keys = tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
+        return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
+    else:
+        keys = tuple(
+            key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None or key in prior.keys
+        )
+    free = replace(model, free=keys)
+    return IdentifiedFit(fit(free, data, fit_bounds(free, unbounded), loss, prior), ())
+
+
+def fit_bounds(model: Model, unbounded: bool) -> Bounds:
+    """Bounds of the free parameters: the physical ones, or none."""
+    return no_bounds(model.free) if unbounded else bounds_of(model, model.free)

@@ -1,0 +1,199 @@
+"""Objective of the fit: robust loss of the residuals (M-estimator) plus the negative logarithm of a Gaussian prior.
+
+Parameters are scaled by their typical sizes, residuals by the stated noise of their pose (m where none is stated).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.block_qr import CompressedRows, compress
+from lrm_ident.fitting.loss import Loss, robust_scale
+from lrm_ident.fitting.priors import Prior
+from lrm_math.arrays import Array
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.model import Model
+
+SLOW, LARGEST_CHANGE = 0.5, 2.0  # a contraction worth accelerating; the most that log σ may change at once
+SCALE_TOLERANCE = 1e-3  # relative change at which the noise scale has converged
+MIN_SCALE = 1e-9  # m, or of the stated noise
+EQUILIBRIUM_TOLERANCE = 1e-11  # m: with a larger one the objective is too rough for its last steps
+MIN_SIGMA = 1e-5  # m: below any tracker's noise; at much smaller values the prior is lost in round-off
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """One iterate: scaled parameters z (P,), equilibrium, whitened residual (N, R)."""
+
+    z: Array
+    rest: Equilibrium
+    residual: Array
+
+    @property
+    def distance(self) -> Array:
+        """(N,), norms of the residual."""
+        return np.asarray(np.linalg.norm(self.residual, axis=1))
+
+
+@dataclass(frozen=True)
+class NoiseScale:
+    """In units of the noise: the robust `scale` of the loss, and the `sigma` that weighs data against the prior."""
+
+    scale: float
+    sigma: float
+
+    @property
+    def prior_weight(self) -> float:
+        """Change of the objective per unit of the log-posterior; zero without a prior."""
+        return (self.sigma / self.scale) ** 2
+
+    def close_to(self, other: NoiseScale) -> bool:
+        """Whether both agree to `SCALE_TOLERANCE`."""
+        scale_change, sigma_change = abs(self.scale - other.scale), abs(self.sigma - other.sigma)
+        return scale_change < SCALE_TOLERANCE * other.scale and sigma_change <= SCALE_TOLERANCE * other.sigma
+
+
+@dataclass(frozen=True)
+class NoiseUpdate:
+    """One fixed-point step of the noise: `given` weighed the data, `estimated` followed from the fit."""
+
+    given: NoiseScale
+    estimated: NoiseScale
+
+    def accelerated(self, before: NoiseUpdate | None) -> NoiseScale:
+        """The noise to try next: Aitken's secant on log σ, without which a narrow prior lets it creep for ever."""
+        if before is None or self.estimated.sigma == 0.0:
+            return self.estimated
+        start, change = math.log(self.given.sigma), math.log(self.estimated.sigma / self.given.sigma)
+        apart = start - math.log(before.given.sigma)
+        slope = math.log(self.estimated.sigma / before.estimated.sigma) / apart if apart else 0.0
+        if not SLOW < slope < 1.0:
+            return self.estimated
+        change = min(max(change / (1.0 - slope), -LARGEST_CHANGE), LARGEST_CHANGE)
+        return NoiseScale(self.estimated.scale, math.exp(start + change))
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """Σ ρ(distance / scale) + ½ (σ/scale)² (z − z_p)ᵀ P (z − z_p) over the model's free parameters (thesis Eq 2.66).
+
+    z_p, P: the prior's mean and precision.
+    """
+
+    model: Model
+    data: Measurements
+    loss: Loss
+    prior: Prior | None
+
+    @cached_property
+    def columns(self) -> list[int]:
+        """Indices of the free parameters in the model's values."""
+        return [self.model.position(key) for key in self.model.free]
+
+    @cached_property
+    def typical(self) -> Array:
+        """(P,), typical sizes (SI)."""
+        return np.array([self.model.parameters[j].typical for j in self.columns])
+
+    @cached_property
+    def _with_prior(self) -> list[int]:
+        """The K free parameters that have a prior."""
+        return [] if self.prior is None else [j for j, key in enumerate(self.model.free) if key in self.prior.keys]
+
+    @cached_property
+    def _prior_mean(self) -> Array:
+        """(P,), scaled; zero where there is no prior."""
+        mean, keys = np.zeros(len(self.model.free)), [self.model.free[j] for j in self._with_prior]
+        if self.prior is not None:
+            mean[self._with_prior] = self.prior.mean_of(keys) / self.typical[self._with_prior]
+        return mean
+
+    @cached_property
+    def _prior_root(self) -> Array:
+        """(K, P), a matrix for which root.T @ root is the prior's precision, scaled."""
+        root, places = np.zeros((len(self._with_prior), len(self.model.free))), self._with_prior
+        if self.prior is not None:
+            typical = self.typical[places]
+            covariance = self.prior.covariance_of([self.model.free[j] for j in places]) / np.outer(typical, typical)
+            root[:, places] = np.linalg.inv(np.linalg.cholesky(covariance))
+        return root
+
+    @cached_property
+    def _prior_precision(self) -> Array:
+        """(P, P), scaled; zero without a prior."""
+        return self._prior_root.T @ self._prior_root
+
+    def at(self, z: Array, near: Equilibrium | None) -> Iterate:
+        """The iterate at scaled parameters. Raises `NoEquilibrium`."""
+        values = self.model.values.copy()
+        values[self.columns] = z * self.typical
+        rest = equilibrium(self.model.with_values(values), self.data.poses, near, EQUILIBRIUM_TOLERANCE)
+        return Iterate(z, rest, self.data.whitening(self.data.residual(rest)))
+
+    def value(self, iterate: Iterate, noise: NoiseScale) -> float:
+        """The objective."""
+        deviation = self._prior_root @ (iterate.z - self._prior_mean)
+        prior = 0.5 * noise.prior_weight * float(deviation @ deviation)
+        return float(self.loss.rho(iterate.distance / noise.scale).sum()) + prior
+
+    def linearise(self, iterate: Iterate, noise: NoiseScale, poses: NDArray[np.int64] | None = None) -> CompressedRows:
+        """Scaled Jacobian and residual of all or some poses, weighted by the loss (iteratively reweighted)."""
+        weight = np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None]
+        whitening, keys = self.data.whitening, self.model.free
+        if poses is None:
+            return compress(iterate.rest, keys, whitening, weight, iterate.residual)
+        rest = iterate.rest.take(poses)
+        return compress(rest, keys, whitening.take(poses), weight[poses], iterate.residual[poses])
+
+    def negative_gradient(self, iterate: Iterate, rows: CompressedRows, noise: NoiseScale) -> Array:
+        """(P,), times scale²."""
+        data = rows.columns.T @ rows.residual
+        return np.asarray(data + noise.sigma**2 * self._prior_precision @ (self._prior_mean - iterate.z))
+
+    def gauss_newton(self, J: Array, noise: NoiseScale) -> Array:
+        """(P, P), Gauss–Newton Hessian, times scale²; `J`: compressed columns."""
+        return np.asarray(J.T @ J + noise.sigma**2 * self._prior_precision)
+
+    def inverse_hessian(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
+        """(p, p), inverse of `gauss_newton` of the p parameters off their bounds, by QR, which does not square the
+        condition number."""
+        _, R = np.linalg.qr(np.concatenate([J[:, free], noise.sigma * self._prior_root[:, free]]))
+        root = np.linalg.solve(R, np.eye(len(R)))
+        return np.asarray(root @ root.T)
+
+    def effective_parameters(self, inverse: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> float:
+        """Number of parameters well determined by the data rather than the prior (MacKay 1992, γ)."""
+        prior = self._prior_precision[np.ix_(free, free)]
+        return len(inverse) - noise.sigma**2 * float((inverse * prior).sum())
+
+    def weight(self, iterate: Iterate) -> Array:
+        """(N,), weight of each pose in the loss."""
+        return self.loss.weight(iterate.distance / self._scale(iterate))
+
+    def residual_sd(self, iterate: Iterate, parameters: float = 0.0) -> float:
+        """Weighted residual standard deviation per axis, in units of the noise; `parameters`: effective number."""
+        weight = self.weight(iterate)
+        freedom = float((self.data.whitening.measured * weight).sum()) - parameters
+        return float(np.sqrt((weight[:, None] * iterate.residual**2).sum() / freedom)) if freedom > 0 else np.nan
+
+    def noise_scale(self, iterate: Iterate, before: NoiseScale | None, free: NDArray[np.bool_]) -> NoiseScale:
+        """Estimate from the residual; `before`: the noise scale that the iterate was computed with."""
+        scale = self._scale(iterate)
+        if self.prior is None:
+            return NoiseScale(scale, 0.0)
+        parameters = 0.0
+        if before is not None and free.any():
+            inverse = self.inverse_hessian(self.linearise(iterate, before).columns, before, free)
+            parameters = self.effective_parameters(inverse, before, free)
+        sd = self.data.sd
+        least = MIN_SIGMA / (1.0 if sd is None else float(sd.mean()))
+        return NoiseScale(scale, max(self.residual_sd(iterate, parameters), least))
+
+    def _scale(self, iterate: Iterate) -> float:
+        return 1.0 if self.loss.name == "squared" else max(robust_scale(iterate.distance), MIN_SCALE)

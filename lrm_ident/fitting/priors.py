@@ -1,0 +1,225 @@
+"""Gaussian priors of the parameters (thesis Eq 2.66), from a file or from typical sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.effects import CATALOGUE, FORMS, Effect, Parameter
+from lrm_math.effects.anchor import Anchor
+from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
+from lrm_math.model.covariance import CovarianceTable, correlation_matrix
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import ModelFile
+from lrm_math.toml_file import StrictSchema, read_toml
+
+
+class GaussianTable(StrictSchema):
+    """`mean` and standard deviation `sd` of a parameter, in the unit of its key.
+
+    Of a fleet also: the 95 % interval of the mean, the `spread` between arms with its interval, how many `arms`.
+    """
+
+    mean: float = 0.0
+    sd: Annotated[float, Field(gt=0)]
+    mean_interval: list[float] | None = None
+    spread: float | None = None
+    spread_interval: list[float] | None = None
+    arms: int | None = None
+
+
+class EffectRateTable(StrictSchema):
+    """Rate of an effect among arms of a kind: `rate` (0 to 1) with its 95 % interval, found in so many of `arms`."""
+
+    rate: Annotated[float, Field(gt=0, lt=1)]
+    interval: list[float] | None = None
+    found: float | None = None
+    arms: int | None = None
+
+
+class PriorFile(StrictSchema):
+    """Prior file, schema `lrm/prior/1`.
+
+    `[parameters]`: keys `effect.place.name_unit`, `*` and `?` allowed; the last matching key applies.
+    `other_sd`: standard deviation, in typical sizes of the effect, of every parameter that no key matches.
+    `[covariance]`: correlations of some of the parameters named in full; all others are independent.
+    `[effects]`: how often an effect (`id@place`) is there; `other_rate`: every other one.
+    """
+
+    schema_: Literal["lrm/prior/1"] = Field(alias="schema")
+    name: str
+    source: str = ""
+    other_sd: Annotated[float, Field(gt=0)] = 1.0
+    parameters: dict[str, GaussianTable] = {}
+    covariance: CovarianceTable | None = None
+    effects: dict[str, EffectRateTable] = {}
+    other_rate: Annotated[float, Field(gt=0, lt=1)] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Multivariate normal distribution of the parameters `keys`: `mean` (P,) and `covariance` (P, P), SI."""
+
+    name: str
+    keys: tuple[str, ...]
+    mean: Array
+    covariance: Array
+
+    def mean_of(self, keys: Sequence[str]) -> Array:
+        """(K,), SI. Raises `UnknownName`."""
+        return self.mean[self._places(keys)]
+
+    def sd_of(self, keys: Sequence[str]) -> Array:
+        """(K,), SI. Raises `UnknownName`."""
+        return np.asarray(np.sqrt(np.diag(self.covariance_of(keys))))
+
+    def covariance_of(self, keys: Sequence[str]) -> Array:
+        """(K, K), SI, the other parameters marginalised. Raises `UnknownName`."""
+        places = self._places(keys)
+        return self.covariance[np.ix_(places, places)]
+
+    def _places(self, keys: Sequence[str]) -> list[int]:
+        place = {key: number for number, key in enumerate(self.keys)}
+        for key in keys:
+            if key not in place:
+                raise UnknownName("parameter of the prior", key, self.keys)
+        return [place[key] for key in keys]
+
+
+@dataclass(frozen=True)
+class EffectRates:
+    """Rates of the effects (`effect@place`) among arms of a kind, by `named`; every one that is not there: `other`."""
+
+    named: Mapping[str, float]
+    other: float
+
+    def weights(self, names: Sequence[str]) -> dict[str, float]:
+        """Weights of p values in proportion to the rates, of mean one (Genovese, Roeder & Wasserman 2006).
+
+        Dividing p values by them keeps the error rate of all tests together, whether the rates are right or not.
+        """
+        rates = np.array([self.named.get(name, self.other) for name in names])
+        return dict(zip(names, (rates / rates.mean()).tolist(), strict=True)) if names else {}
+
+
+def load_rates(name_or_path: str) -> EffectRates | None:
+    """The rates of effects in a prior file; None if it has none. Raises `FileError`."""
+    file = read_toml(_prior_path(name_or_path), PriorFile)
+    if not file.effects:
+        return None
+    named = {name: table.rate for name, table in file.effects.items()}
+    return EffectRates(named, min(named.values()) if file.other_rate is None else file.other_rate)
+
+
+def shipped_priors() -> dict[str, Path]:
+    """Paths of the shipped priors by name."""
+    here = Path(__file__).resolve()
+    folders = [here.with_name("prior_files"), here.parents[2] / "config" / "priors"]
+    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
+
+
+def load_prior(name_or_path: str, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:
+    """The prior of all parameters of a model that can be fitted (see `to_prior`).
+
+    Raises `FileError`: no such prior, a fault in its file, or a key that fits no parameter of any effect on this arm.
+    """
+    path = _prior_path(name_or_path)
+    return to_prior(path, read_toml(path, PriorFile), model, catalogue)
+
+
+def _prior_path(name_or_path: str) -> Path:
+    shipped = shipped_priors()
+    path = shipped.get(name_or_path, Path(name_or_path))
+    if not path.exists() and path.suffix != ".toml":
+        right = f"give the path of a prior file, or one of: {', '.join(sorted(shipped))}"
+        raise FileError(name_or_path, "", "no such prior", right)
+    return path
+
+
+def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:
+    """Applies a prior file to the parameters of a model; SI units. Raises `FileError`.
+
+    Patterns mean all parameters but shapes; a shape parameter has a prior where the file has its whole key. Where the
+    fixed end of measured distances stands has none: it is no property of the arm.
+    """
+    known = set(model.keys) | _possible_keys(model.arm, (*catalogue, *FORMS))
+    for pattern in file.parameters:
+        if not any(fnmatchcase(key, pattern) for key in known):
+            raise FileError(
+                path, "parameters", f"'{pattern}' fits no parameter", name_suggestion(pattern, sorted(known))
+            )
+    every = [one for one in zip(model.keys, model.parameters, strict=True) if not one[0].startswith(SET_UP)]
+    named = [(key, p) for key, p in every if p.fixed is None or key in file.parameters]
+    means, sds = np.array([_gaussian(file, key, parameter) for key, parameter in named]).T
+    keys = tuple(key for key, _ in named)
+    return Prior(file.name, keys, means, _correlations(path, file, keys) * np.outer(sds, sds))
+
+
+SET_UP = f"{Anchor.id}."
+"""Of the keys of parameters of the measurement."""
+WEAK = "vague"
+"""Name of the shipped prior that `weak_prior` is."""
+WEAK_SD = 3.0  # typical sizes
+
+
+def weak_prior(model: Model) -> Prior:
+    """The shipped prior `vague` for the free parameters: a Gaussian of three typical sizes about zero."""
+    typical = [model.parameters[model.position(key)].typical for key in model.free]
+    return Prior(WEAK, model.free, np.zeros(len(typical)), np.diag((WEAK_SD * np.array(typical)) ** 2))
+
+
+def prior_name_for(name_or_path: str) -> str:
+    """Name of a shipped prior, or absolute path of a prior file, for the provenance of a model file."""
+    return name_or_path if name_or_path in shipped_priors() else Path(name_or_path).resolve().as_posix()
+
+
+def prior_of_file(file: ModelFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior | None:
+    """The prior that a model file was fitted with, or None. Raises `FileError`."""
+    name = None if file.provenance is None else file.provenance.prior
+    return None if name is None else load_prior(name, model, catalogue)
+
+
+def _gaussian(file: PriorFile, key: str, parameter: Parameter) -> tuple[float, float]:
+    matching = [table for pattern, table in file.parameters.items() if fnmatchcase(key, pattern)]
+    if not matching:
+        return 0.0, file.other_sd * parameter.typical
+    return matching[-1].mean * parameter.si, matching[-1].sd * parameter.si
+
+
+def _correlations(path: Path, file: PriorFile, keys: Sequence[str]) -> Array:
+    """(P, P), correlations of the parameters `keys`. Raises `FileError`."""
+    correlation = np.eye(len(keys))
+    if file.covariance is None:
+        return correlation
+    for key in file.covariance.keys:
+        if key not in file.parameters:
+            raise FileError(path, "covariance", f"'{key}' is not in [parameters]", "a key with mean and sd there")
+    try:
+        given = correlation_matrix(file.covariance)
+        np.linalg.cholesky(given)
+    except (LrmError, np.linalg.LinAlgError) as error:
+        what = str(error) if isinstance(error, LrmError) else "some combination of parameters has no variance"
+        raise FileError(path, "covariance", what) from None
+    there = [(row, keys.index(key)) for row, key in enumerate(file.covariance.keys) if key in keys]
+    rows, places = [row for row, _ in there], [place for _, place in there]
+    correlation[np.ix_(places, places)] = given[np.ix_(rows, rows)]
+    return correlation
+
+
+def _possible_keys(arm: Arm, catalogue: Iterable[type[Effect]]) -> set[str]:
+    """Keys of all parameters of all effects on such an arm, also of dimensions that its links lack."""
+    arm = replace(arm, joints=tuple(replace(joint, extra_z=joint.extra_z or 0.0) for joint in arm.joints))
+    return {
+        f"{kind.id}.{place}.{parameter.name}"
+        for kind in catalogue
+        for place in kind.places(arm)
+        for parameter in kind(arm, place).parameters
+    }

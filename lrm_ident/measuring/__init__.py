@@ -1,0 +1,1 @@
+"""Measurements from trackers, cameras, recordings, and campaigns with the arm itself."""

@@ -1,0 +1,151 @@
+"""A ChArUco board (Garrido-Jurado et al. 2014): a chessboard with a marker in every white square."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from lrm_ident.measuring.camera.opencv import opencv
+from lrm_math.arm.arm_file import MM
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.toml_file import StrictSchema
+
+PIXELS = 16
+"""Of one square in a picture: a marker is 12 of them, two for each of its six modules."""
+MARKER = 12 / 16
+POINTS_PER_MM = 72.0 / 25.4
+PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
+MARGIN = 12.0  # mm of the page
+RULER = 100  # mm
+
+
+class BoardTable(StrictSchema):
+    """A board of `columns` × `rows` squares with edges of `square_mm`; markers of 3/4 of that, dictionary 4X4_50."""
+
+    columns: Annotated[int, Field(ge=3, le=20)] = 6
+    rows: Annotated[int, Field(ge=3, le=20)] = 5
+    square_mm: Annotated[float, Field(gt=1.0, le=200.0)] = 15.0
+    dictionary: Literal["4X4_50"] = "4X4_50"
+
+
+@dataclass(frozen=True)
+class CharucoBoard:
+    """A board whose frame stands in its first corner, x along its columns, y down its rows, z into the paper (m)."""
+
+    table: BoardTable
+
+    @cached_property
+    def charuco(self) -> Any:
+        """OpenCV's board. Raises `LrmError` if it has more markers than the dictionary."""
+        cv2, t = opencv(), self.table
+        if t.columns * t.rows // 2 > 50:
+            raise LrmError(f"{t.columns} × {t.rows} squares need {t.columns * t.rows // 2} markers; there are 50")
+        square = t.square_mm * MM
+        markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+        return cv2.aruco.CharucoBoard((t.columns, t.rows), square, MARKER * square, markers)
+
+    @property
+    def corners(self) -> Array:
+        """(C, 3), inner corners of the chessboard (m), by number."""
+        return np.asarray(self.charuco.getChessboardCorners(), dtype=np.float64)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height (m)."""
+        return self.table.columns * self.table.square_mm * MM, self.table.rows * self.table.square_mm * MM
+
+    @property
+    def picture(self) -> NDArray[np.uint8]:
+        """(16 rows, 16 columns), black 0 and white 255."""
+        size = (PIXELS * self.table.columns, PIXELS * self.table.rows)
+        return np.asarray(self.charuco.generateImage(size, marginSize=0, borderBits=1), dtype=np.uint8)
+
+
+def board_pdf(board: CharucoBoard, paper: str) -> bytes:
+    """A page (PDF 1.4) with the board at true scale, its size in words, and a ruler of 100 mm.
+
+    Raises `LrmError`: no such paper, or a board that does not fit on it.
+    """
+    if paper not in PAPERS:
+        raise LrmError(f"no paper '{paper}'; one of {', '.join(PAPERS)}")
+    width, height = PAPERS[paper]
+    board_width, board_height = (1e3 * side for side in board.size)
+    if board_width > width - 2 * MARGIN or board_height > height - 60.0:
+        need = f"{board_width:g} × {board_height:g} mm"
+        raise LrmError(f"a board of {need} does not fit on {paper}; fewer or smaller squares (--columns, --square-mm)")
+    content = "\n".join(_drawing(board, width, height)).encode("latin-1")
+    pixels = board.picture
+    bits = zlib.compress(np.packbits(pixels > 127, axis=1).tobytes())
+    rows, columns = pixels.shape
+    image = (
+        f"<< /Type /XObject /Subtype /Image /Width {columns} /Height {rows} /ColorSpace /DeviceGray "
+        f"/BitsPerComponent 1 /Interpolate false /Filter /FlateDecode /Length {len(bits)} >>\nstream\n"
+    ).encode() + bits + b"\nendstream"  # fmt: skip
+    box = f"[0 0 {width * POINTS_PER_MM:.4f} {height * POINTS_PER_MM:.4f}]"
+    resources = "<< /XObject << /Board 5 0 R >> /Font << /F 6 0 R >> >>"
+    return _pdf_file(
+        [
+            b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
+            b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+            f"<< /Type /Page /Parent 2 0 R /MediaBox {box} /Contents 4 0 R /Resources {resources} >>".encode(),
+            f"<< /Length {len(content)} >>\nstream\n".encode() + content + b"\nendstream",
+            image,
+            b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>",
+        ]
+    )
+
+
+def _drawing(board: CharucoBoard, width: float, height: float) -> Iterator[str]:
+    """Operators of the page; lengths in mm."""
+    t, (board_width, board_height) = board.table, (1e3 * side for side in board.size)
+    left, bottom = (width - board_width) / 2.0, height - MARGIN - 10.0 - board_height
+    yield f"{POINTS_PER_MM:.6f} 0 0 {POINTS_PER_MM:.6f} 0 0 cm"
+    yield f"q {board_width:.4f} 0 0 {board_height:.4f} {left:.4f} {bottom:.4f} cm /Board Do Q"
+    words = f"ChArUco {t.columns} x {t.rows}, squares {t.square_mm:g} mm, markers {MARKER * t.square_mm:g} mm, 4X4_50"
+    yield _words(left, bottom - 6.0, words)
+    ruler, start = bottom - 22.0, (width - RULER) / 2.0
+    yield "0.2 w"
+    for mm in range(RULER + 1):
+        length = 5.0 if mm % 10 == 0 else 3.5 if mm % 5 == 0 else 2.0
+        yield f"{start + mm:.4f} {ruler:.4f} m {start + mm:.4f} {ruler + length:.4f} l S"
+    yield f"{start:.4f} {ruler:.4f} m {start + RULER:.4f} {ruler:.4f} l S"
+    yield _words(start, ruler - 5.0, "This line is 100 mm. Print at 100 % ('actual size'), then lay a ruler on it.")
+    yield _words(start, ruler - 10.0, "Glue the board on something flat and stiff; matt paper, no gloss.")
+
+
+def _words(x: float, y: float, words: str) -> str:
+    escaped = words.replace("(", r"\(").replace(")", r"\)")
+    return f"BT /F 3.2 Tf {x:.4f} {y:.4f} Td ({escaped}) Tj ET"
+
+
+def _pdf_file(objects: list[bytes]) -> bytes:
+    out, places = b"%PDF-1.4\n", []
+    for number, body in enumerate(objects, start=1):
+        places.append(len(out))
+        out += f"{number} 0 obj\n".encode() + body + b"\nendobj\n"
+    table = "".join(f"{place:010d} 00000 n \n" for place in places)
+    head = f"xref\n0 {len(objects) + 1}\n0000000000 65535 f \n{table}"
+    tail = f"trailer\n<< /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{len(out)}\n%%EOF\n"
+    return out + head.encode() + tail.encode()
+
+
+def board_text(table: BoardTable) -> str:
+    """A board in words, for a command line or a notice."""
+    return f"{table.columns} × {table.rows} squares of {table.square_mm:g} mm"
+
+
+def read_picture(path: Path) -> NDArray[np.uint8]:
+    """A photo in grey (H, W). Raises `LrmError` if it cannot be read."""
+    picture = opencv().imread(str(path), 0)
+    if picture is None:
+        raise LrmError(f"{path}: cannot be read as a picture")
+    return np.asarray(picture, dtype=np.uint8)

@@ -1,0 +1,102 @@
+"""Pose of the board in the camera's frame and its covariance from the corners' reprojection (PnP).
+
+A plane seen from afar has two poses that look nearly alike (Collins & Bartoli 2014): where the second fits nearly as
+well, the photo is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_ident.data.robot_files.rigid_motion import homogeneous
+from lrm_ident.measuring.camera.board import CharucoBoard
+from lrm_ident.measuring.camera.detection import Corners, RejectedPhoto
+from lrm_ident.measuring.camera.lens import Lens
+from lrm_ident.measuring.camera.opencv import opencv
+from lrm_math.arrays import Array
+
+STEPS = 20
+AMBIGUOUS = 25.0  # squared noise by which the better of the two poses must win
+POOR = 4.0  # times the lens's noise that corners may be off
+
+
+@dataclass(frozen=True, eq=False)
+class BoardPose:
+    """Pose of a board.
+
+    Attributes:
+        rotation, position: (3, 3) and (3,), m, board to camera.
+        covariance: (6, 6), of position and rotation vector in the camera's axes (m, rad).
+        noise: px per axis, RMS of the corners. corners: their number.
+    """
+
+    rotation: Array
+    position: Array
+    covariance: Array
+    noise: float
+    corners: int
+
+    @property
+    def matrix(self) -> Array:
+        """(4, 4), board to camera."""
+        return homogeneous(self.rotation, self.position)
+
+
+def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:
+    """The pose of the board whose corners were found."""
+    cv2, points = opencv(), board.corners[found.numbers]
+    _, turns, shifts, _ = cv2.solvePnPGeneric(
+        points.astype(np.float64), found.pixels, lens.K, lens.distortion, flags=cv2.SOLVEPNP_IPPE
+    )
+    tried = [
+        _refined(cv2.Rodrigues(turn)[0], np.asarray(shift).ravel(), points, found.pixels, lens)
+        for turn, shift in zip(turns, shifts, strict=True)
+    ]
+    tried.sort(key=lambda one: one[2])
+    rotation, position, square, information = tried[0]
+    noise = float(np.sqrt(square / (2 * len(points) - 6)))
+    if position[2] <= 0.0:
+        return RejectedPhoto("the board would be behind the camera")
+    if noise > POOR * lens.noise:
+        return RejectedPhoto(f"the corners are off by {noise:.2f} px; the lens was calibrated to {lens.noise:.2f} px")
+    worse = [one[2] - square for one in tried[1:] if _other(one[0], rotation)]
+    if worse and worse[0] < AMBIGUOUS * lens.noise**2:
+        return RejectedPhoto("two poses of the board fit alike; lean it against the view, or come closer")
+    covariance: Array = np.asarray(np.linalg.inv(information) * lens.noise**2)
+    return BoardPose(rotation, position, covariance, noise, len(points))
+
+
+def _other(R: Array, S: Array) -> bool:
+    return float(np.trace(R.T @ S)) < 2.9996  # more than a degree apart
+
+
+def _refined(R: Array, t: Array, points: Array, pixels: Array, lens: Lens) -> tuple[Array, Array, float, Array]:
+    """Gauss–Newton on the reprojection: rotation, position, sum of squares (px²), information JᵀJ (6, 6)."""
+    cv2 = opencv()
+    for _ in range(STEPS):
+        seen, J = _linearised(R, t, points, lens)
+        step = np.linalg.lstsq(J, (pixels - seen).ravel(), rcond=None)[0]
+        t = t + step[:3]
+        R = cv2.Rodrigues(step[3:])[0] @ R
+        if np.abs(step).max() < 1e-10:
+            break
+    seen, J = _linearised(R, t, points, lens)
+    return R, t, float(((pixels - seen) ** 2).sum()), J.T @ J
+
+
+def information_of(pose: Array, corners: Array, lens: Lens) -> Array:
+    """(6, 6), JᵀJ of the corners (n, 3), m, of a board at a pose (4, 4): times 1/px², the inverse of its covariance."""
+    _, J = _linearised(pose[:3, :3], pose[:3, 3], corners, lens)
+    return np.asarray(J.T @ J)
+
+
+def _linearised(R: Array, t: Array, points: Array, lens: Lens) -> tuple[Array, Array]:
+    """Pixels (n, 2) and their derivatives (2 n, 6) for a shift and a rotation vector in the camera's axes."""
+    arms = points @ R.T
+    seen, G = lens.project(arms + t)
+    x, y, z = arms.T
+    o = np.zeros_like(x)
+    cross = np.array([[o, z, -y], [-z, o, x], [y, -x, o]]).transpose(2, 0, 1)  # δ × arm = cross δ
+    return seen, np.concatenate([G, G @ cross], axis=2).reshape(-1, 6)

@@ -1,0 +1,173 @@
+"""Do the photos belong together? A board of another size, a camera that moved, a board that slipped.
+
+The residual of the poses is regressed on what the arm's errors (with a prior of their typical sizes), the camera's pose
+and the board's mount explain; then each suspicion is added: a scale of the board, or a step of the camera or of the
+mount between two photos (change point by the largest F statistic, Andrews 1993).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import fdtrc
+
+from lrm_ident.data.robot_files.rigid_motion import inverse
+from lrm_ident.data.weights.whitening import root_of
+from lrm_ident.measuring.camera.board_pose import BoardPose
+from lrm_ident.measuring.camera.hand_eye import HandEye
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+from lrm_math.model.sensed import Sensed
+
+ARM_ERROR = (5e-4, 2e-3)
+"""m and rad: what effects that nobody has named yet leave of a pose."""
+ARM_EFFECTS = ("offsets", "compliance", "servo_gain")
+PART = 1e-3
+"""m: how far the length of a part is from its drawing; a board of another size is recognised by that."""
+FEWEST_SIDE = 6  # photos on either side of a step
+SIGNIFICANT = 1e-6
+SMALLEST_STEP = 1e-3  # m, or m at a decimetre: a smaller step is not worth a word
+SMALLEST_SCALE, SURE = 0.01, 4.0  # of the board's size, and standard errors
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step between the photos `before` and `before` + 1 (from 1): of `what`, by `shift` (m) and `turn` (rad)."""
+
+    what: str
+    before: int
+    shift: float
+    turn: float
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoRegression:
+    """Regression of the photos' residual.
+
+    Attributes:
+        tool: (N, 4, 4), measured tool poses in the arm's frame. seen: (N, 3), from the camera to the board there (m).
+        residual: (N, 6). root: (N, 6, 6), whitening. arm: (N, 6, P), columns of the arm's errors of typical size.
+    """
+
+    tool: Array
+    seen: Array
+    residual: Array
+    root: Array
+    arm: Array
+
+    @cached_property
+    def camera_columns(self) -> Array:
+        """(N, 6, 6), a shift and a rotation vector of the camera, in the arm's axes."""
+        return _lever_columns(self.tool[:, :3, 3], np.broadcast_to(np.eye(3), (len(self.tool), 3, 3)))
+
+    @cached_property
+    def mount_columns(self) -> Array:
+        """(N, 6, 6), a shift and a rotation vector of the board on the tool, in the tool's axes."""
+        R = self.tool[:, :3, :3]
+        out = np.zeros((len(R), 6, 6))
+        out[:, :3, :3] = out[:, 3:, 3:] = R
+        return out
+
+    @cached_property
+    def scale_columns(self) -> Array:
+        """(N, 6, 1), a board larger by its whole size."""
+        out = np.zeros((len(self.seen), 6, 1))
+        out[:, :3, 0] = self.seen
+        return out
+
+    def solved(self, *more: Array) -> tuple[Array, Array, float]:
+        """Estimates and covariance of the further columns, and what is left (whitened sum of squares)."""
+        extra = sum(part.shape[2] for part in more)
+        columns = np.concatenate([self.camera_columns, self.mount_columns, self.arm, *more], axis=2)
+        A = np.einsum("nij,njk->nik", self.root, columns).reshape(-1, columns.shape[2])
+        r = np.einsum("nij,nj->ni", self.root, self.residual).ravel()
+        prior = np.zeros(columns.shape[2])
+        prior[12 : 12 + self.arm.shape[2]] = 1.0
+        prior[:12] = 1e-6
+        known = np.concatenate([A, np.diag(np.sqrt(prior))])
+        theta, *_ = np.linalg.lstsq(known, np.concatenate([r, np.zeros(len(prior))]), rcond=None)
+        left = r - A @ theta
+        squares = float(left @ left + prior @ theta**2)
+        covariance = np.linalg.pinv(known.T @ known) * max(squares / max(len(r) - 12 - extra, 1), 1.0)
+        return theta[-extra:] if extra else theta[:0], covariance[-extra:, -extra:], squares
+
+
+def photo_regression(arm: Arm, poses: Poses, boards: Sequence[BoardPose], found: HandEye) -> PhotoRegression:
+    """The regression of photos taken at commanded poses."""
+    model = model_of(arm, [effect for name in ARM_EFFECTS for effect in effects_at(arm, name)])
+    keys = [key for key in model.keys if key.split(".")[1] not in ("base", "tool") or key.startswith("compliance")]
+    sizes = [model.parameters[model.position(key)].typical for key in keys]
+    typical = np.array([PART if key.endswith("_mm") else size for key, size in zip(keys, sizes, strict=True)])
+    J = parameter_jacobian(equilibrium(model, poses), keys, Sensed(attitude=True)) * typical
+    seen = np.array([board.matrix for board in boards])
+    measured = found.camera @ seen @ inverse(found.mount)
+    covariance = measured_covariance(found, boards)
+    floor = np.diag([ARM_ERROR[0] ** 2] * 3 + [ARM_ERROR[1] ** 2] * 3)
+    from_camera = (found.camera[:3, :3] @ seen[:, :3, 3, None])[:, :, 0]
+    return PhotoRegression(measured, from_camera, found.residual, root_of(covariance + floor), J)
+
+
+def measured_covariance(found: HandEye, boards: Sequence[BoardPose]) -> Array:
+    """(N, 6, 6), covariance of the measured tool poses in the arm's axes: the board's, carried to the tool's origin."""
+    seen, own = (np.array([getattr(board, name) for board in boards]) for name in ("matrix", "covariance"))
+    return measured_covariance_of(found.camera, found.mount, seen, own)
+
+
+def measured_covariance_of(camera: Array, mount: Array, seen: Array, own: Array) -> Array:
+    """Covariance from the board's poses `seen` (N, 4, 4) in the camera's frame and their own, `own` (N, 6, 6)."""
+    tool, origin = camera @ seen @ inverse(mount), (camera @ seen)[:, :3, 3]
+    lever = _lever_columns(tool[:, :3, 3] - origin, np.broadcast_to(np.eye(3), (len(tool), 3, 3)))
+    turned = lever @ np.kron(np.eye(2), camera[:3, :3])
+    return np.asarray(turned @ own @ turned.transpose(0, 2, 1))
+
+
+def board_scale(photos: PhotoRegression) -> tuple[float, float] | None:
+    """By what factor the board is larger than stated, and its standard error; None if it is as stated."""
+    (scale,), covariance, _ = photos.solved(photos.scale_columns)
+    error = float(np.sqrt(covariance[0, 0]))
+    # The residual is measured less nominal: measured positions too large by s shrink under a larger board by −s.
+    if abs(scale) < max(SMALLEST_SCALE, SURE * error):
+        return None
+    return 1.0 / (1.0 + float(scale)), error
+
+
+def find_step(photos: PhotoRegression) -> Step | None:
+    """A step of the camera or of the board's mount between two photos, if there surely is one."""
+    count = len(photos.tool)
+    _, _, before = photos.solved()
+    sides = range(FEWEST_SIDE, count - FEWEST_SIDE + 1)
+    tried = []
+    for what, columns in (("camera", photos.camera_columns), ("board", photos.mount_columns)):
+        for k in sides:
+            later = (np.arange(count) >= k)[:, None, None]
+            theta, _, squares = photos.solved(columns * later)
+            tried.append((squares, what, k, theta))
+    if not tried:
+        return None
+    squares, what, k, theta = min(tried, key=lambda one: one[0])
+    freedom = 6 * count - 12 - 6
+    p_value = float(fdtrc(6, freedom, (before - squares) / 6 / (squares / freedom))) * len(tried)
+    shift, turn = float(np.linalg.norm(theta[:3])), float(np.linalg.norm(theta[3:]))
+    moved = photos.camera_columns if what == "camera" else photos.mount_columns
+    size = float(np.sqrt(((moved @ theta)[k:, :3] ** 2).sum(axis=1).mean())) + 0.1 * turn
+    if p_value > SIGNIFICANT or size < SMALLEST_STEP:
+        return None
+    return Step(what, k, shift, turn)
+
+
+def _lever_columns(arms: Array, axes: Array) -> Array:
+    """(N, 6, 6), shift and rotation vector of a body, seen at points `arms` (N, 3), m, from where it turns."""
+    x, y, z = arms.T
+    o = np.zeros_like(x)
+    out = np.zeros((len(arms), 6, 6))
+    out[:, :3, :3] = out[:, 3:, 3:] = axes
+    out[:, :3, 3:] = np.array([[o, z, -y], [-z, o, x], [y, -x, o]]).transpose(2, 0, 1) @ axes
+    return out

@@ -1,0 +1,222 @@
+"""Measurements by a camera: tool poses in the arm's frame with their covariance, and where camera and board stood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from lrm_ident.data.apply_reading import frame_table, rigid_motion
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse
+from lrm_ident.data.weights.whitening import Whitening, whitening_of
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.model_fit import nominal_model
+from lrm_ident.measuring.camera.board import CharucoBoard, read_picture
+from lrm_ident.measuring.camera.board_pose import BoardPose, board_pose, information_of
+from lrm_ident.measuring.camera.consistency import (
+    PhotoRegression,
+    board_scale,
+    find_step,
+    measured_covariance,
+    measured_covariance_of,
+    photo_regression,
+)
+from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
+from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye
+from lrm_ident.measuring.camera.lens import Lens, LensFile
+from lrm_math.arm.arm import BASE, Arm, Placement
+from lrm_math.arm.arm_file import MM
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.model import Model
+from lrm_math.model.reading import FrameTable
+from lrm_math.model.sensed import Sensed
+from lrm_math.toml_file import StrictSchema, read_toml
+
+LEVELLINGS, ENOUGH_TO_LEVEL = 3, 40
+NEAREST, EDGE = 0.08, 15.0  # m; px
+FACING = 0.35  # cosine of the angle between the line of sight and the board's normal
+
+
+class CameraSession(StrictSchema):
+    """Place of the camera (in the arm's frame) and the board on the tool; schema `lrm/camera-session/1`."""
+
+    schema_: Literal["lrm/camera-session/1"] = Field(alias="schema")
+    arm: str
+    lens: LensFile
+    camera: FrameTable
+    mount: FrameTable
+
+
+def read_session(path: Path) -> CameraSession:
+    """A session's file. Raises `FileError`."""
+    return read_toml(path, CameraSession)
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoSet:
+    """Photos taken at commanded poses: the rows of those that are of use, the board's poses, why others are not."""
+
+    rows: tuple[int, ...]
+    boards: tuple[BoardPose, ...]
+    refused: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMeasurements:
+    """Measurements of an arm by a camera, how it stood, and `refused` photos with the reason."""
+
+    data: Measurements
+    session: CameraSession
+    photos: PhotoSet
+
+
+def read_photos(files: Sequence[Path], lens: Lens, board: CharucoBoard) -> PhotoSet:
+    """The board's pose in every photo that is of use. Raises `LrmError`: a picture of another size."""
+    rows, boards, refused = [], [], []
+    for row, file in enumerate(files):
+        picture = read_picture(file)
+        if picture.shape[::-1] != lens.size:
+            size = "{} × {}".format(*picture.shape[::-1])
+            raise LrmError(f"{file}: {size} pixels; the lens was calibrated for {lens.size[0]} × {lens.size[1]}")
+        corners = find_corners(picture, board)
+        found = corners if isinstance(corners, RejectedPhoto) else board_pose(corners, board, lens)
+        if isinstance(found, RejectedPhoto):
+            refused.append((file.name, found.reason))
+        else:
+            rows.append(row)
+            boards.append(found)
+    mirrored = [name for name, reason in refused if "mirrored" in reason]
+    if len(mirrored) > len(files) / 2:
+        raise LrmError(f"{mirrored[0]} and {len(mirrored) - 1} more: {dict(refused)[mirrored[0]]}")
+    return PhotoSet(tuple(rows), tuple(boards), tuple(refused))
+
+
+def measure(arm: Arm, arm_name: str, poses: Poses, photos: PhotoSet, lens: LensFile, path: Path) -> CameraMeasurements:
+    """Measurements from photos at commanded poses (all of them, in the photos' order).
+
+    Raises `LrmError`: too few photos, or photos that do not belong together (another board, a camera that moved, …).
+    """
+    taken = poses.take(np.array(photos.rows, dtype=np.int64))
+    found = hand_eye(tool_poses(arm, taken), photos.boards)
+    _check(photo_regression(arm, taken, photos.boards, found), photos, lens)
+    for _ in range(LEVELLINGS if len(taken) >= ENOUGH_TO_LEVEL else 0):
+        found = _levelled(arm, _measurements(taken, photos, found, path), found)
+    data = _measurements(taken, photos, found, path)
+    session = CameraSession(
+        schema="lrm/camera-session/1", arm=arm_name, lens=lens, camera=_table(found.camera), mount=_table(found.mount)
+    )
+    return CameraMeasurements(data, session, photos)
+
+
+def _levelled(arm: Arm, data: Measurements, found: HandEye) -> HandEye:
+    """The camera placed by a fit of the arm's errors, so that axis 1 stands as drawn: level, as gravity is.
+
+    The nominal arm alone places the camera some degrees askew, and gravity with it.
+    """
+    model = fit_identifiable(nominal_model(arm), data, nominal_model(arm).keys).fit.model
+    drawn = asdict(arm.base)
+    fitted = {name: value + _offset(model, name) for name, value in drawn.items()}
+    back = _placed(arm.base) @ inverse(_placed(Placement(**fitted)))
+    return replace(found, camera=back @ found.camera)
+
+
+def _offset(model: Model, name: str) -> float:
+    unit = "mm" if len(name) == 1 else "rad"
+    return model.value(f"offsets.{BASE}.{name}_{unit}")
+
+
+def _placed(p: Placement) -> Array:
+    table = FrameTable(
+        x_mm=p.x / MM, y_mm=p.y / MM, z_mm=p.z / MM,
+        alpha_deg=np.degrees(p.alpha), beta_deg=np.degrees(p.beta), gamma_deg=np.degrees(p.gamma),
+    )  # fmt: skip
+    return homogeneous(*rigid_motion(table))
+
+
+def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) -> Measurements:
+    """Tool poses in the arm's frame and their covariance."""
+    tool = found.camera @ np.array([board.matrix for board in photos.boards]) @ inverse(found.mount)
+    covariance = measured_covariance(found, photos.boards)
+    number = np.array(photos.rows, dtype=np.int64) + 1
+    return Measurements(
+        poses=taken,
+        pose=number,
+        tcp=tool[:, :3, 3],
+        sd=np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0),
+        noise_sd=None,
+        repeat_of=number,
+        path=path,
+        sha256="",
+        covariance=covariance,
+        attitude=tool[:, :3, :3],
+    )
+
+
+def tool_poses(arm: Arm, poses: Poses) -> Array:
+    """(N, 4, 4), the tool's frame of the arm as drawn (m)."""
+    chain = chain_of(arm)
+    return frames(chain, chain.values(list(poses.q.T.copy())), len(poses))[:, -1]
+
+
+def _check(photos: PhotoRegression, taken: PhotoSet, lens: LensFile) -> None:
+    """Raises `LrmError` if the photos do not belong together."""
+    step = find_step(photos)
+    if step is not None:
+        one, other = taken.rows[step.before - 1] + 1, taken.rows[step.before] + 1
+        what = "the camera moved" if step.what == "camera" else "the board slipped on the tool"
+        size = f"{step.shift * 1e3:.1f} mm and {np.degrees(step.turn):.2f} deg"
+        raise LrmError(
+            f"{what} between photos {one} and {other} (by about {size}); read the two parts apart, or measure again"
+        )
+    scale = board_scale(photos)
+    if scale is not None:
+        square = lens.board.square_mm
+        raise LrmError(
+            f"the board looks {100 * (scale[0] - 1):+.1f} ± {100 * scale[1]:.1f} % larger than stated: squares of "
+            f"{square * scale[0]:.2f} mm instead of {square:g}; measure the printed line of 100 mm, and calibrate the "
+            "lens with --square-mm as printed"
+        )
+
+
+def _table(T: Array) -> FrameTable:
+    return frame_table(T[:3, :3], T[:3, 3])
+
+
+def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array:
+    """(N, 6, 6), covariance with which a photo at commanded poses would give the tool's pose (m, rad)."""
+    lens, corners = Lens.of(session.lens), CharucoBoard(session.lens.board).corners
+    camera, mount = (homogeneous(*rigid_motion(table)) for table in (session.camera, session.mount))
+    seen = inverse(camera) @ tool_poses(arm, poses) @ mount
+    own = np.array([np.linalg.inv(information_of(board, corners, lens)) for board in seen]) * lens.noise**2
+    return measured_covariance_of(camera, mount, seen, own)
+
+
+def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitening:
+    """Weights with which photos at commanded poses would give the tool's pose, orientation included."""
+    covariance = expected_covariance(session, arm, poses)
+    sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
+    return whitening_of(sd, covariance, np.empty((len(poses), 0)), Sensed(attitude=True))
+
+
+def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:
+    """(N,), whether the camera sees the whole board, not too much from the side, at commanded poses."""
+    lens, board = Lens.of(session.lens), CharucoBoard(session.lens.board)
+    camera, mount = (homogeneous(*rigid_motion(table)) for table in (session.camera, session.mount))
+    seen = inverse(camera) @ tool_poses(arm, poses) @ mount
+    corners = board.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
+    ahead = np.min(corners[:, :, 2], axis=1) > NEAREST
+    pixels = lens.project(np.where(ahead[:, None, None], corners, [0.0, 0.0, 1.0]).reshape(-1, 3))[0]
+    margin: Array = np.minimum(pixels, lens.edge - pixels).min(axis=1).reshape(len(seen), -1).min(axis=1)
+    towards = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) / np.linalg.norm(seen[:, :3, 3], axis=1)
+    good: NDArray[np.bool_] = ahead & (margin > EDGE) & (towards > FACING)
+    return good

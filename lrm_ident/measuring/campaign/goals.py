@@ -1,0 +1,94 @@
+"""Goals of a verification: drawn by a seed, from a file, or the rover's task from the drill hole to the basket."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.csv_table import read_csv
+from lrm_ident.design.candidate_poses import ClearanceRules, violated_rules
+from lrm_ident.design.workspace.presets import default_study
+from lrm_ident.design.workspace.voxel_grid import Area, parse_area
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import MM
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+
+RULES = ClearanceRules(0.035, 0.1, 0.05)
+"""Of the angles that goals are drawn from: a little more than the daemon wants."""
+TASK_RULES = ClearanceRules(0.035, 0.0)
+"""The same where the tip has to come near the ground or the rover."""
+HIGHEST_SHARE = 0.8
+"""Of a joint's range: goals at the edge of the reach are reached by some models and not by others."""
+TASK = "hole-to-basket"
+ROUNDS = 6
+"""How often a sample is carried."""
+PLACES = {"ground": "drill hole", "basket": "basket"}
+"""Areas of the arm's workspace study that the task goes between (Conenna 2024, section 3.1), and what is there."""
+TRIES, AT_ONCE = 100, 5000
+
+
+@dataclass(frozen=True)
+class PlacedGoal:
+    """A goal of the tip (m). `place`: what is there, in words; empty for goals that are anywhere."""
+
+    position: tuple[float, ...]
+    place: str = ""
+
+
+def goals_named(text: str, arm: Arm, seed: int) -> tuple[PlacedGoal, ...]:
+    """So many random goals, those of a CSV with `x_mm, y_mm, z_mm`, or those of `TASK`, in order. Raises `LrmError`."""
+    if text == TASK:
+        return _task(arm, seed)
+    if text.isdecimal() and 0 < int(text) <= 1000:
+        drawn = draw_goals(arm, int(text), seed)
+    else:
+        table = read_csv(Path(text), ["x_mm", "y_mm", "z_mm"])
+        drawn = np.stack([table.numbers(name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * MM
+    return tuple(PlacedGoal(tuple(goal)) for goal in drawn.tolist())
+
+
+def draw_goals(arm: Arm, count: int, seed: int, area: Area | None = None) -> Array:
+    """(count, 3), tips (m) of the nominal arm at random angles, the same for every model.
+
+    In the middle of the joints' ranges, or, within an area, anywhere. Raises `LrmError`: hardly any keeps clear.
+    """
+    share, rules = (HIGHEST_SHARE, RULES) if area is None else (1.0, TASK_RULES)
+    rng = np.random.default_rng([seed, 2])
+    low, high = share * np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
+    found = np.empty((0, 3))
+    for _ in range(TRIES):
+        q = rng.uniform(low, high, size=(AT_ONCE, arm.dof))
+        tips = equilibrium(model_of(arm, ()), poses_of(q)).tcp
+        inside = np.ones(len(q), dtype=np.bool_) if area is None else area.holds(tips)
+        found = np.concatenate([found, tips[inside][_clear(arm, q[inside], rules)]])
+        if len(found) >= count:
+            return found[:count]
+    where = "" if area is None else f" at the {area.name}"
+    raise LrmError(f"{arm.name}: hardly any pose{where} keeps clear of everything")
+
+
+def _task(arm: Arm, seed: int) -> tuple[PlacedGoal, ...]:
+    """From a drill hole to the basket and back, `ROUNDS` times, each at another place of its area."""
+    areas = {area.name: area for area in map(parse_area, default_study(arm.name).areas)}
+    missing = [name for name in PLACES if name not in areas]
+    if missing:
+        raise LrmError(f"--goals {TASK}: no {missing[0]} is known for {arm.name}; give its goals as a CSV")
+    legs = [
+        [PlacedGoal(tuple(goal), words) for goal in draw_goals(arm, ROUNDS, seed, areas[name]).tolist()]
+        for name, words in PLACES.items()
+    ]
+    return tuple(chain.from_iterable(zip(*legs, strict=True)))
+
+
+def _clear(arm: Arm, q: Array, rules: ClearanceRules) -> NDArray[np.bool_]:
+    if not len(q):
+        return np.zeros(0, dtype=np.bool_)
+    return np.asarray(~np.any(list(violated_rules(arm, q, rules).values()), axis=0))

@@ -1,0 +1,75 @@
+"""The poses of a campaign, in the order to measure."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.metadata import metadata_of
+from lrm_ident.data.measurement_table import read_measurement_table
+from lrm_ident.data.number_table import read_numbers
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+
+
+@dataclass(frozen=True)
+class PlannedPose:
+    """A pose to measure.
+
+    `q`: rad. `payload`: kg. `approach`: side from which every joint arrives (1: from below, −1: from above, 0: as it
+    comes). `repeat_of`: number of the pose that it repeats, else its own.
+    """
+
+    number: int
+    q: tuple[float, ...]
+    payload: float
+    approach: int
+    repeat_of: int
+
+
+@dataclass(frozen=True)
+class CampaignPlan:
+    """Poses in order, and the SHA-256 of their file."""
+
+    poses: tuple[PlannedPose, ...]
+    sha256: str
+
+    def left(self, done: Sequence[int]) -> tuple[PlannedPose, ...]:
+        """The poses whose numbers are not among those done."""
+        return tuple(pose for pose in self.poses if pose.number not in set(done))
+
+
+def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
+    """The pose that loads the joints least: smallest sum of squared gravity torques of the nominal arm."""
+    torque = _torques(arm, np.array([pose.q for pose in poses]))
+    return poses[int(np.argmin((torque**2).sum(axis=1)))]
+
+
+def load_plan(path: Path, arm: Arm) -> CampaignPlan:
+    """Reads `pose, q1_deg …, payload_g, approach, repeat_of`, as `design` writes them. Raises `FileError`."""
+    poses = load_poses(path, arm, metadata_of(path))
+    table = read_numbers(read_measurement_table(path), ("pose", "repeat_of", "approach"))
+    number = table.whole("pose")
+    if len(set(number.tolist())) < len(number):
+        raise FileError(path, "column pose", "a number stands twice")
+    repeats = table.whole("repeat_of") if "repeat_of" in table else number
+    approach = table.whole("approach") if "approach" in table else np.zeros_like(number)
+    columns = (number, poses.q, poses.payload, approach, repeats)
+    planned = (
+        PlannedPose(int(n), tuple(q.tolist()), float(load), int(side), int(of))
+        for n, q, load, side, of in zip(*columns, strict=True)
+    )
+    return CampaignPlan(tuple(planned), hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def _torques(arm: Arm, q: Array) -> Array:
+    return equilibrium(model_of(arm, ()), poses_of(q, 0.0)).joint_torque

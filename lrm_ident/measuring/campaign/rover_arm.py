@@ -1,0 +1,164 @@
+"""The arm of a campaign or a verification, driven by its daemon: planned ways, pulses in whole counts, cooling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from lrm_ident.measuring.campaign.data_file import ArmState
+from lrm_ident.measuring.campaign.plan import PlannedPose
+from lrm_ident.measuring.campaign.run import Clock, Unreachable
+from lrm_ident.measuring.campaign.standing import Standing
+from lrm_math.arm.servo_table import ServoTable
+from lrm_math.errors import LrmError
+from lrmd.client import LEASE_LOST, InfoState, MotionInterrupted, PlanRequest, RequestRefused, Rover
+
+APPROACH = math.radians(3.0)
+"""rad: how far on the stated side a joint stands before it arrives from there."""
+COOLED_BY = 10.0
+"""K that the servo has to cool before the campaign goes on."""
+LOOK = 1.0
+"""s between two looks at a temperature."""
+PLAN_MS = 20_000.0
+MOVED = 1e-9
+"""rad; a joint that turns less has not moved."""
+ATTEMPTS, LEASE_BACK_S = 5, 1.0
+"""How often a motion is begun whose lease expires, and s until it is back: a busy computer, a slow network."""
+OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed")
+"""Codes of refusals that end a campaign: the arm is somebody else's, or not armed any more."""
+
+
+@dataclass
+class RoverArm:
+    """`ask_for_load`: has somebody change the load (kg). `session`: of the servos' power, for the rows."""
+
+    rover: Rover
+    clock: Clock
+    ask_for_load: Callable[[float], object]
+    session: int
+    info: InfoState = field(init=False)
+    direction: tuple[int, ...] = field(init=False)
+    standing: Standing | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        self.info = self.rover.info()
+        self.direction = (0,) * self.info.joints
+        mode = self.rover.mode()
+        if mode.mode not in ("armed", "holding"):
+            raise LrmError(f"{self.info.robot} is {mode.mode} ({mode.why}); arm it first: lrm arm --q ...")
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the joints."""
+        return self.info.names[: self.info.joints]
+
+    def go(self, pose: PlannedPose) -> ArmState:
+        """See `CampaignArm`."""
+        goal = self.rounded(pose.q)
+        if pose.approach:
+            beside = [q - pose.approach * APPROACH for q in goal]
+            self._move(self._within(beside), pose.payload)
+        self._move(goal, pose.payload)
+        temperature = max(self.rover.thermal().temperature_c)
+        self.standing = self._standing()
+        if self.standing is not None and not self.standing.stands_at(goal):
+            raise MotionInterrupted(self.standing.mode, self.standing.why)
+        return ArmState(goal, self.direction, temperature, self.session)
+
+    def disturbed(self) -> str:
+        """See `CampaignArm`."""
+        try:
+            now = Standing.of(self.rover)
+        except LrmError as error:
+            return str(error)
+        return "the lease had expired" if self.standing is None else self.standing.changed_to(now)
+
+    def _standing(self) -> Standing | None:
+        """None while the lease has expired: then nobody knows what happens until it is there again."""
+        try:
+            return Standing.of(self.rover)
+        except RequestRefused as error:
+            if error.code != "lease":
+                raise
+            return None
+
+    def too_warm(self) -> str:
+        """See `CampaignArm`."""
+        heat = self.rover.thermal()
+        return next((f"{n} is {level}" for n, level in zip(heat.names, heat.level, strict=True) if level != "cool"), "")
+
+    def cool(self, rest: PlannedPose) -> None:
+        """See `CampaignArm`."""
+        wanted = max(self.rover.thermal().temperature_c) - COOLED_BY
+        self._move(self.rounded(rest.q), rest.payload)
+        while self.too_warm() or max(self.rover.thermal().temperature_c) > wanted:
+            self.clock.sleep(LOOK)
+
+    def load(self, payload: float) -> None:
+        """See `CampaignArm`."""
+        self.ask_for_load(payload)
+
+    def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
+        """Angles (rad) of the nearest pulses that the board can put out: whole counts, within the limits."""
+        return tuple(self._rounded(i, angle) for i, angle in enumerate(q))
+
+    def _rounded(self, joint: int, angle: float) -> float:
+        table = ServoTable(
+            tuple(self.info.tables_rad[joint]), tuple(pulse * 1e-6 for pulse in self.info.tables_us[joint])
+        )
+        count = self.info.count_us * 1e-6
+        low, high = self.info.limits_rad[joint]
+        nearest = round(float(table.pulse_of(angle)) / count)
+        angles = [float(table.angle_of(counts * count)) for counts in (nearest - 1, nearest, nearest + 1)]
+        allowed = [one for one in angles if low <= one <= high] or [angle]
+        return min(allowed, key=lambda one: abs(one - angle))
+
+    def _within(self, q: Sequence[float]) -> tuple[float, ...]:
+        limits = self.info.limits_rad[: self.info.joints]
+        return tuple(min(max(angle, low), high) for angle, (low, high) in zip(q, limits, strict=True))
+
+    def _move(self, goal: Sequence[float], payload: float) -> None:
+        """Moves on planned ways, from where an expired lease stopped it. Raises `Unreachable`, or what ends all."""
+        for _ in range(ATTEMPTS - 1):
+            try:
+                self._try_to_move(goal, payload)
+            except (MotionInterrupted, RequestRefused) as error:
+                expired = error.why == LEASE_LOST if isinstance(error, MotionInterrupted) else error.code == "lease"
+                if not expired:
+                    raise
+                self.clock.sleep(LEASE_BACK_S)
+                mode = self.rover.mode()
+                if mode.mode == "holding" and mode.why != LEASE_LOST:  # somebody has stopped the arm meanwhile
+                    raise MotionInterrupted(mode.mode, mode.why) from None
+            else:
+                return
+        self._try_to_move(goal, payload)
+
+    def _try_to_move(self, goal: Sequence[float], payload: float) -> None:
+        here = self.rover.commanded_q()
+        if max(abs(a - b) for a, b in zip(here, goal, strict=True)) < MOVED:
+            return
+        request = PlanRequest(from_rad=here, to_rad=list(goal), payload_kg=payload, deadline_ms=PLAN_MS)
+        try:
+            plan = self.rover.plan(request)
+            if not plan.found:
+                raise Unreachable(f"no way: {plan.text}")
+            way = plan.waypoints_rad[1:]
+            self.rover.move(*(dict(zip(self.names, q, strict=True)) for q in way), payload_kg=payload)
+        except RequestRefused as error:
+            if error.code in OVER:
+                raise
+            raise Unreachable(str(error)) from None
+        self.direction = last_directions(plan.waypoints_rad, self.direction)
+
+
+def last_directions(way: Sequence[Sequence[float]], before: Sequence[int]) -> tuple[int, ...]:
+    """Sign of the last move of each joint on a way of angles; as `before` for a joint that did not move."""
+    directions = list(before)
+    for here, there in pairwise(way):
+        for joint, (a, b) in enumerate(zip(here, there, strict=True)):
+            if abs(b - a) > MOVED:
+                directions[joint] = 1 if b > a else -1
+    return tuple(directions)

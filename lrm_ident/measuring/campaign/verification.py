@@ -1,0 +1,150 @@
+"""Goals of the tip through the calibrated inverse kinematics, and where the tip lands: what a deployment is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.measuring.campaign.goals import PlacedGoal
+from lrm_ident.measuring.campaign.plan import PlannedPose, lightest
+from lrm_ident.measuring.campaign.rover_arm import RoverArm
+from lrm_ident.measuring.campaign.run import Clock, PoseTiming, Unreachable, rest_at
+from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell
+from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker
+from lrm_math.arm.arm import Arm
+from lrm_math.errors import LrmError
+from lrmd.client import GoalEntry, IkAnswer, IkRequest
+
+DEADLINE_MS = 10_000.0
+
+
+@dataclass(frozen=True)
+class AttainedPosition:
+    """Position that the tip attained where it was sent to a goal, m (ISO 9283: attained and command position).
+
+    `place`: what is there, in words, or empty. `goal`, `tip`: (3,). `rounding`: error that the model predicts from
+    rounding to counts. `sd`: standard deviation of the model's prediction, None without a covariance. `spread`: of the
+    rest's mean, per axis.
+    """
+
+    number: int
+    place: str
+    goal: tuple[float, ...]
+    tip: tuple[float, ...]
+    rounding: float
+    sd: float | None
+    spread: float
+
+    @property
+    def error(self) -> float:
+        """Distance of the tip from the goal."""
+        return float(np.linalg.norm(np.subtract(self.tip, self.goal)))
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Positions attained with the model of that SHA-256 (empty: the nominal arm); goals not reached, and why."""
+
+    model: str
+    model_sha256: str
+    attained: tuple[AttainedPosition, ...]
+    failed: dict[int, str]
+
+    @property
+    def error(self) -> ErrorStats:
+        """Distances of the tip from the goals. Raises `LrmError` if no goal was reached."""
+        if not self.attained:
+            raise LrmError(f"no goal was reached; {next(iter(self.failed.values()), 'there was none')}")
+        return error_stats(np.array([np.subtract(one.tip, one.goal) for one in self.attained]))
+
+    @property
+    def predicted(self) -> float | None:
+        """RMS of the error that the model itself expects: rounding and its own uncertainty; None without covariance."""
+        known = [(one.rounding, one.sd) for one in self.attained if one.sd is not None]
+        return float(np.sqrt(np.mean(np.square(known).sum(axis=1)))) if known else None
+
+    def at(self, place: str) -> Verification:
+        """The positions attained at one place."""
+        return replace(self, attained=tuple(one for one in self.attained if one.place == place), failed={})
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """The places that goals were at, each once."""
+        return tuple(dict.fromkeys(one.place for one in self.attained))
+
+    @property
+    def rounding(self) -> float:
+        """RMS of the predicted error of rounding to counts."""
+        return float(np.sqrt(np.mean([one.rounding**2 for one in self.attained])))
+
+
+@dataclass(frozen=True)
+class GoalRun:
+    """Parts that goals are tried with. `nominal`: the arm as drawn, for the pose to cool at."""
+
+    arm: RoverArm
+    nominal: Arm
+    tracker: Tracker
+    numbers: TargetNumbers
+    clock: Clock
+    timing: PoseTiming
+    payload: float
+
+    def visit(self, goals: Sequence[PlacedGoal], on_attained: Callable[[int, str], object]) -> Verification:
+        """Sends the tip to every goal, and measures where it lands. A servo that is too warm cools first."""
+        attained, failed = [], {}
+        model = self.arm.rover.info()
+        reached = [self._here()]
+        for number, goal in enumerate(goals, start=1):
+            if why := self.arm.too_warm():
+                on_attained(number, f"{why}: cooling")
+                self.arm.cool(lightest(reached, self.nominal))
+            found = self._land(number, goal)
+            reached.append(self._here())
+            if isinstance(found, AttainedPosition):
+                attained.append(found)
+                on_attained(number, f"{found.error * 1e3:.2f} mm off")
+            else:
+                failed[number] = found
+                on_attained(number, found)
+        return Verification(model.model or "nominal", model.model_sha256, tuple(attained), failed)
+
+    def _here(self) -> PlannedPose:
+        q = self.arm.rover.commanded_q()
+        return PlannedPose(0, tuple(q), self.payload, 0, 0)
+
+    def _land(self, number: int, goal: PlacedGoal) -> AttainedPosition | str:
+        answer = self._solve(goal.position)
+        if answer.rounded_q_rad is None:
+            return f"{answer.verdict}: {answer.text}"
+        pose = PlannedPose(number, tuple(answer.rounded_q_rad), self.payload, 0, number)
+        why = ""
+        for _ in range(self.timing.attempts):
+            try:
+                self.arm.go(pose)
+            except Unreachable as error:
+                return str(error)
+            rest = rest_at(self.tracker, self.numbers, self.clock, self.timing, self.clock.now())
+            why = self.arm.disturbed() or (rest.why if isinstance(rest, UnstableDwell) else "")
+            if isinstance(rest, RestMean) and not why:
+                spread = rest.sd / rest.frames**0.5
+                rounding = answer.rounded_error_m or 0.0
+                tip = tuple(rest.tip.tolist())
+                return AttainedPosition(number, goal.place, goal.position, tip, rounding, answer.sd_m, spread)
+        return why
+
+    def _solve(self, goal: Sequence[float]) -> IkAnswer:
+        here = self.arm.rover.commanded_q()
+        entry = GoalEntry(position_m=list(goal))
+        request = IkRequest(
+            goals=[entry],
+            near_rad=here,
+            payload_kg=self.payload,
+            round="best",
+            method="direct",
+            deadline_ms=DEADLINE_MS,
+        )
+        return self.arm.rover.ik(request).answers[0]

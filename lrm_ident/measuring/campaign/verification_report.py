@@ -1,0 +1,108 @@
+"""Report of where the tip landed that was sent to goals, before and after, in words, tables and JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lrm_ident.measuring.campaign.verification import AttainedPosition, Verification
+from lrm_ident.report.document import Document, ResultTable
+from lrm_math.errors import FileError
+
+MM = 1e3
+
+
+def verification_document(found: Verification, earlier: Mapping[str, Any] | None) -> Document:
+    """Result of `lrm-ident verify`, schema `lrm/verification/1`; `earlier`: that of another model at the same goals."""
+    rows = [summary_row("now", values(found))]
+    if earlier is not None:
+        rows.insert(0, summary_row("before", earlier))
+    table = ResultTable(COLUMNS, rows, f"Where the tip landed: {len(found.attained)} goals, mm from the goal")
+    table_by_place = [place_table(found)] if len(found.places) > 1 else []
+    left = [f"not reached: goal {number}: {why}" for number, why in found.failed.items()]
+    return Document(
+        [table, *table_by_place, *left, *unlike_the_model(found)],
+        "lrm/verification/1",
+        values(found),
+        goal_table(found.attained),
+    )
+
+
+def unlike_the_model(found: Verification) -> list[str]:
+    """A line if the tip landed far beyond what the model itself expects: its arm is not the one that moved."""
+    if found.predicted is None or found.error.rms < UNLIKE * found.predicted:
+        return []
+    return [
+        f"The tip lands {found.error.rms / found.predicted:.0f} times as far from its goals as the model predicts "
+        f"({MM * found.error.rms:.2f} mm RMS in place of {MM * found.predicted:.2f}): an effect is missing from the "
+        "model (lrm-ident diagnose), or this is not the arm that was measured any more: a servo without force, another "
+        "load, a target or a base that moved."
+    ]
+
+
+UNLIKE = 10.0
+"""Ratio of the error at goals to the predicted one from which it is said; chosen, not fitted."""
+COLUMNS = ("", "model", "mean|.2f", "RMS|.2f", "worst|.2f", "rounding, RMS|.2f", "predicted, RMS|.2f")
+
+
+def summary_row(name: str, found: Mapping[str, Any]) -> tuple[object, ...]:
+    """A line of the summary."""
+    error, predicted = found["error"], found["predicted_rms_mm"]
+    figures = (error["mean_mm"], error["rms_mm"], error["max_mm"], found["rounding_rms_mm"])
+    return name, found["model_sha256"][:12] or "nominal", *figures, predicted
+
+
+def place_table(found: Verification) -> ResultTable:
+    """One row per place."""
+    columns = ("at the", "goals|d", "mean|.2f", "RMS|.2f", "worst|.2f", "rounding, RMS|.2f", "predicted, RMS|.2f")
+    rows = []
+    for place in found.places:
+        part = found.at(place)
+        error, predicted = part.error, part.predicted
+        figures = [MM * one for one in (error.mean, error.rms, error.max, part.rounding)]
+        rows.append((place, len(part.attained), *figures, None if predicted is None else MM * predicted))
+    return ResultTable(columns, rows, "By place, mm from the goal")
+
+
+def values(found: Verification) -> dict[str, Any]:
+    """The values of the JSON file."""
+    error, predicted = found.error, found.predicted
+    return {
+        "model": found.model,
+        "model_sha256": found.model_sha256,
+        "error": {f"{name}_mm": getattr(error, name) * MM for name in ("mean", "rms", "max", "sd")},
+        "rounding_rms_mm": found.rounding * MM,
+        "predicted_rms_mm": None if predicted is None else predicted * MM,
+        "goals": goal_table(found.attained).records(),
+        "not_reached": {str(number): why for number, why in found.failed.items()},
+    }
+
+
+def goal_table(attained: Sequence[AttainedPosition]) -> ResultTable:
+    """One row per goal: goal, tip and error in mm."""
+    axes = [f"{what}{axis}_mm|.3f" for what in ("goal_", "") for axis in "xyz"]
+    columns = ["goal|d", "place", *axes, "error_mm|.3f", "rounding_mm|.3f", "predicted_sd_mm|.3f", "measured_sd_mm|.3f"]
+    rows = [
+        (
+            one.number, one.place, *(MM * v for v in (*one.goal, *one.tip)), MM * one.error, MM * one.rounding,
+            None if one.sd is None else MM * one.sd, MM * one.spread,
+        )
+        for one in attained
+    ]  # fmt: skip
+    return ResultTable(columns, rows)
+
+
+def read_verification(path: Path) -> dict[str, Any]:
+    """An earlier result. Raises `FileError`: no such file, or no result of `verify`."""
+    try:
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        if found["schema"] != "lrm/verification/1":
+            raise KeyError("schema")
+        summary_row("before", found)
+    except OSError as error:
+        raise FileError(path, "", f"cannot be read ({error.strerror})") from None
+    except (ValueError, KeyError, TypeError, IndexError):
+        raise FileError(path, "", "is no result of lrm-ident verify --json") from None
+    return found

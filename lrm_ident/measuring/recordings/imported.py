@@ -1,0 +1,165 @@
+"""Measurements out of a recording and the poses that were driven to: `lrm-ident import`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from lrm_ident.data.apply_reading import read_positions
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.csv_table import csv_text
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.metadata import metadata_of
+from lrm_ident.data.measurement_table import read_measurement_table
+from lrm_ident.data.number_table import read_numbers
+from lrm_ident.data.output_files import is_something_else
+from lrm_ident.measuring.recordings.cells import read_cells
+from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
+from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
+from lrm_ident.measuring.recordings.rests import RestTimes, check_number, regular_rests, still_rests
+from lrm_ident.measuring.recordings.take import RecordedTake
+from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
+from lrm_ident.measuring.tracker.dwell import UnstableDwell, rest_mean
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+from lrm_math.model.reading import Reading
+from lrm_math.toml_file import schema_of
+
+
+@dataclass(frozen=True)
+class RecordingOrder:
+    """Order to read a recording.
+
+    `tool`, `base`: names of the bodies at the tip and at the base. `times`: of regular rests; None: they are looked
+    for. `skip`: rests before the first pose. `dwell`: s at the end of a rest to average over. `axes`: as in `Reading`.
+    `rotation`: of a Vicon export, see `vicon_csv`.
+    """
+
+    tool: str | None = None
+    base: str | None = None
+    times: RestTimes | None = None
+    skip: int = 0
+    dwell: float = 1.0
+    axes: str | None = None
+    rotation: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenPoses:
+    """N poses in the order driven: number (N,), angles (N, n) in rad, load (N,) in kg, what each repeats (N,)."""
+
+    number: Array
+    q: Array
+    payload: Array
+    repeat_of: Array
+
+    def take(self, rows: Array) -> DrivenPoses:
+        """Some of them; one whose first is not among them stands for itself."""
+        number, of = self.number[rows], self.repeat_of[rows]
+        return DrivenPoses(number, self.q[rows], self.payload[rows], np.where(np.isin(of, number), of, number))
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedRows:
+    """Rows of a recording: tips (N, 3) in m, times (N,) in s or None, spreads (N,) in m or None.
+
+    `left_out`: numbers of poses whose rest was unfit, with the reason. `notices`: what a person should know.
+    """
+
+    poses: DrivenPoses
+    tip: Array
+    t: Array | None
+    sd: Array | None
+    left_out: dict[int, str] = field(default_factory=dict)
+    notices: tuple[str, ...] = ()
+
+    def csv(self) -> str:
+        """Text of the measurement file."""
+        columns = [("pose", self.poses.number, 0)]
+        columns += [] if self.t is None else [("t_s", self.t, 3)]
+        columns.append(("payload_g", self.poses.payload / GRAM, 3))
+        columns += [(f"q{i + 1}_deg", np.degrees(angles), 6) for i, angles in enumerate(self.poses.q.T)]
+        columns += [(f"{axis}_mm", self.tip[:, i] / MM, 4) for i, axis in enumerate("xyz")]
+        columns += [] if self.sd is None else [("sd_mm", np.maximum(self.sd / MM, 1e-4), 4)]
+        columns.append(("repeat_of", self.poses.repeat_of, 0))
+        return csv_text(columns)
+
+
+def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder) -> ImportedRows:
+    """Reads a `.mat` file of positions, or a recording of Motive or Vicon. Raises `LrmError`."""
+    driven = _driven(poses, arm)
+    if source.suffix == ".mat":
+        return _one_each(source, driven, order)
+    cells = read_cells(source)
+    if is_motive(cells):
+        return _averaged(read_motive(source, cells), driven, order)
+    if is_vicon(cells):
+        return _averaged(read_vicon(source, cells, order.rotation), driven, order)
+    right = "should be a .mat file of positions, or a CSV export of OptiTrack Motive, Vicon Tracker or Nexus"
+    raise FileError(source, "line 1", f"begins with '{cells[0][0][:30] if cells else ''}'", right)
+
+
+def write_measurements(found: ImportedRows, output: Path, arm: str, source: str) -> None:
+    """Writes the measurements, and the metadata beside them. Raises `FileError`; then nothing is written."""
+    beside = output.with_suffix(".toml")
+    if beside == output:
+        raise FileError(output, "", "is where the metadata go", "name the measurements .csv")
+    if beside.is_file() and is_something_else(beside):
+        raise FileError(beside, "", f"is {schema_of(beside)}", "it would be overwritten; give -o another name")
+    about = {"schema": "lrm/measurements/1", "arm": arm_name_beside(arm, output.parent), "source": f"import: {source}"}
+    write_text(output, found.csv())
+    write_text(beside, tomli_w.dumps(about))
+
+
+def arm_name_beside(arm: str, folder: Path) -> str:
+    """Name of a shipped arm; the whole path of an arm file, unless it is in the folder."""
+    path = Path(arm)
+    if path.suffix != ".toml":
+        return arm
+    return path.name if path.resolve().parent == folder.resolve() else path.resolve().as_posix()
+
+
+def _driven(path: Path, arm: Arm) -> DrivenPoses:
+    if path.suffix in (".mat", ".txt"):
+        found = read_mat_poses(path, arm.dof)
+        return DrivenPoses(found.number, found.q, np.zeros(len(found.q)), found.number)
+    poses = load_poses(path, arm, metadata_of(path))
+    table = read_numbers(read_measurement_table(path), ("pose", "repeat_of"))
+    number = table.columns["pose"]
+    return DrivenPoses(number, poses.q, poses.payload, table.columns.get("repeat_of", number))
+
+
+def _one_each(source: Path, driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
+    tip = read_mat_positions(source)
+    if len(tip) != len(driven.q):
+        raise FileError(source, "", f"{len(tip)} positions, there are {len(driven.q)} poses")
+    notices = [] if order.axes else ["x and y are turned, as in the author's code; --axes x,y,z leaves them"]
+    t = None if order.times is None else order.times.ends(len(tip))
+    turned = read_positions(Reading(axes=order.axes or AXES), tip)
+    return ImportedRows(driven, turned, t, None, notices=tuple(notices))
+
+
+def _averaged(take: RecordedTake, driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
+    pair, count, t = take.pair(order.tool, order.base), len(driven.q), take.t - take.t[0]
+    if order.times is not None:
+        rests = regular_rests(t, count, order.times, order.dwell)
+    else:
+        rests = list(check_number(still_rests(t, pair.tip, order.dwell), count, order.skip))
+    means = [rest_mean(pair.frames(rows), pair.numbers) for rows in rests]
+    left_out = {
+        int(number): mean.why
+        for number, mean in zip(driven.number, means, strict=True)
+        if isinstance(mean, UnstableDwell)
+    }
+    kept = [k for k, mean in enumerate(means) if not isinstance(mean, UnstableDwell)]
+    if not kept:
+        raise FileError(take.path, "", f"no rest is fit: {next(iter(left_out.values()))}")
+    good = [mean for mean in means if not isinstance(mean, UnstableDwell)]
+    tip = read_positions(Reading(axes=order.axes), np.array([mean.tip for mean in good]))
+    times, sd = np.array([mean.t for mean in good]) - take.t[0], np.array([mean.sd for mean in good])
+    return ImportedRows(driven.take(np.array(kept)), tip, times, sd, left_out)

@@ -1,0 +1,157 @@
+"""Rests of a LeRobot dataset (format v3: `meta/info.json`, `data/chunk-*/file-*.parquet`): command and joint feedback.
+
+What a dataset records of an arm are the commanded angles (`action`) and those that its encoders read
+(`observation.state`), many times a second. Where both stand still the arm rests, and the two differ by what the servos
+yield. The tip is not in it: photos or a tracker give that, one for each rest.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.csv_table import csv_text
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError, LrmError
+
+STILL_DEG = 0.5  # that command and feedback may stray within a rest
+DEG = float(np.radians(1.0))
+LEAST_SD_DEG = 360.0 / 4096.0 / np.sqrt(12.0)  # of an encoder of 12 bits
+COLUMNS = ("action", "observation.state", "timestamp", "episode_index")
+
+
+@dataclass(frozen=True, eq=False)
+class LeRobotRests:
+    """R rests of a dataset, in the order recorded.
+
+    Attributes:
+        command, feedback: (R, n), means over the rest (rad). scatter: RMS deviation of a reading within a rest (rad).
+        t: (R,), s, of the middle of each rest in its episode. episode, frame: (R,), where it is in the dataset.
+    """
+
+    command: Array
+    feedback: Array
+    scatter: float
+    t: Array
+    episode: NDArray[np.int64]
+    frame: NDArray[np.int64]
+
+    @property
+    def feedback_sd(self) -> float:
+        """Standard deviation to state for the feedback (rad): scatter, but no less than the encoder's rounding."""
+        return float(max(self.scatter, np.radians(LEAST_SD_DEG)))
+
+
+def read_lerobot(folder: Path, arm: Arm, dwell: float) -> LeRobotRests:
+    """The rests of at least `dwell` seconds. Raises `FileError`: not such a dataset, or of other joints."""
+    info = _info(folder)
+    order = [_columns_of(folder, info, name, arm) for name in ("action", "observation.state")]
+    table = _table(folder)
+    command, feedback = (
+        np.radians(np.array(table[name], dtype=np.float64)[:, columns])
+        for name, columns in zip(("action", "observation.state"), order, strict=True)
+    )
+    t, episode = np.array(table["timestamp"], dtype=np.float64), np.array(table["episode_index"], dtype=np.int64)
+    rests = list(_rests(command, feedback, t, episode, dwell))
+    if not rests:
+        raise LrmError(f"{folder}: the arm never rests for {dwell:g} s; record it standing still at each pose")
+    scatter = float(np.sqrt(np.mean([feedback[rows].var(axis=0).mean() for rows in rests])))
+    middle = np.array([rows[len(rows) // 2] for rows in rests])
+    commanded, read = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (command, feedback))
+    return LeRobotRests(commanded, read, scatter, t[middle], episode[middle], middle)
+
+
+def _rests(
+    command: Array, feedback: Array, t: Array, episode: NDArray[np.int64], dwell: float
+) -> Iterator[NDArray[np.int64]]:
+    """The frames of each stretch of one episode in which nothing moves for `dwell` s; of the longest such only once."""
+    start = 0
+    for row in range(1, len(t) + 1):
+        ended = row == len(t) or episode[row] != episode[start] or _strays(command, feedback, start, row)
+        if ended:
+            rows = np.arange(start, row)
+            settled = rows[t[rows] >= t[start] + 0.5 * dwell] if len(rows) else rows
+            if len(settled) > 1 and t[rows[-1]] - t[start] >= dwell:
+                yield settled
+            start = row
+
+
+def _strays(command: Array, feedback: Array, start: int, row: int) -> bool:
+    most = np.radians(STILL_DEG)
+    return bool(
+        np.abs(command[row] - command[start]).max() > most or np.abs(feedback[row] - feedback[start]).max() > most
+    )
+
+
+def _info(folder: Path) -> Mapping[str, Any]:
+    path = folder / "meta" / "info.json"
+    try:
+        info = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise FileError(path, "", "no such file", "a LeRobot dataset of format v3 has it") from None
+    except (OSError, ValueError) as error:
+        raise FileError(path, "", f"cannot be read ({error})") from None
+    version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
+    if not version.startswith("v3"):
+        right = "convert it with lerobot.datasets.v30.convert_dataset_v21_to_v30"
+        raise FileError(path, "codebase_version", version or "missing", f"v3.0; {right}")
+    return dict(info)
+
+
+def _columns_of(folder: Path, info: Mapping[str, Any], feature: str, arm: Arm) -> list[int]:
+    """Columns of a feature that are the arm's joints, by the names of both. Raises `FileError`."""
+    path = folder / "meta" / "info.json"
+    names = info.get("features", {}).get(feature, {}).get("names")
+    if isinstance(names, dict):
+        names = next(iter(names.values()), None)
+    if not isinstance(names, list):
+        raise FileError(path, feature, "no names of its columns", "shoulder_pan.pos, …")
+    plain = [str(name).removesuffix(".pos").removeprefix("main_") for name in names]
+    wanted = [joint.name or f"joint{i}" for i, joint in enumerate(arm.joints, start=1)]
+    missing = [name for name in wanted if name not in plain]
+    if missing:
+        what = f"no joint '{missing[0]}' among {', '.join(plain)}"
+        raise FileError(path, feature, what, f"the joints of {arm.name} have other names? see name in its [[joint]]")
+    return [plain.index(name) for name in wanted]
+
+
+def _table(folder: Path) -> dict[str, Sequence[Any]]:
+    try:
+        import pyarrow
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise LrmError("a LeRobot dataset is read with pyarrow; pip install 'lrm-arm[lerobot]'") from None
+    files = sorted((folder / "data").glob("chunk-*/*.parquet"))
+    if not files:
+        raise FileError(folder / "data", "", "no chunk-*/*.parquet in it")
+    out: dict[str, list[Any]] = {name: [] for name in COLUMNS}
+    for path in files:
+        try:
+            part = parquet.read_table(path, columns=list(COLUMNS))
+        except (OSError, pyarrow.ArrowException, KeyError) as error:
+            raise FileError(path, "", f"cannot be read ({str(error).splitlines()[0]})") from None
+        for name in COLUMNS:
+            if name not in part.column_names:
+                raise FileError(path, "", f"no column {name}")
+            out[name] += part.column(name).to_pylist()
+    return dict(out)
+
+
+def rests_csv(rests: LeRobotRests) -> str:
+    """CSV text of poses: command, feedback, time and episode of every rest, and its frame in the dataset."""
+    number: Array = np.arange(1.0, len(rests.t) + 1.0)
+    columns: list[tuple[str, Array, int]] = [
+        ("pose", number, 0),
+        ("t_s", rests.t, 3),
+        ("session", rests.episode.astype(np.float64) + 1.0, 0),
+    ]
+    columns += [(f"q{i + 1}_deg", column / DEG, 6) for i, column in enumerate(rests.command.T)]
+    columns += [(f"q{i + 1}_meas_deg", column / DEG, 6) for i, column in enumerate(rests.feedback.T)]
+    return csv_text([*columns, ("frame", rests.frame.astype(np.float64), 0)])

@@ -1,0 +1,92 @@
+"""A recording of a tracker as arrays, whatever program exported it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError, UnknownName
+
+TOOL, BASE = 1, 0
+"""Numbers of the two bodies in the frames of a rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyTrack:
+    """One body over N frames: `position` (N, 3) in m, NaN where it was not seen.
+
+    `rotation`: (N, 3, 3), columns its axes in the room; None if the file has none that can be understood, and then
+    `unknown_rotation` says why.
+    """
+
+    position: Array
+    rotation: Array | None = None
+    unknown_rotation: str = "the file has positions only"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTake:
+    """N frames of named bodies. `t`: (N,), time of each frame (s)."""
+
+    path: Path
+    t: Array
+    bodies: Mapping[str, BodyTrack]
+
+    def pair(self, tool: str | None, base: str | None) -> BodyPair:
+        """The body at the tip, and the one at the base if there is one.
+
+        Raises `UnknownName`; `FileError`: several bodies and none named, or a base without rotations.
+        """
+        if tool is None:
+            if len(self.bodies) != 1:
+                raise FileError(self.path, "", f"{len(self.bodies)} bodies: {', '.join(self.bodies)}", "name --tool")
+            tool = next(iter(self.bodies))
+        for name in (tool, base):
+            if name is not None and name not in self.bodies:
+                raise UnknownName("body", name, self.bodies)
+        reference = None if base is None else self.bodies[base]
+        if reference is not None and reference.rotation is None:
+            raise FileError(self.path, f"body {base}", f"no rotation: {reference.unknown_rotation}")
+        return BodyPair(self.t, self.bodies[tool], reference)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPair:
+    """The bodies at the tip and at the base over N frames; no base: positions are in the room's frame. `t`: (N,), s."""
+
+    t: Array
+    tool: BodyTrack
+    base: BodyTrack | None
+
+    @property
+    def numbers(self) -> TargetNumbers:
+        """Names of the bodies in `frames`."""
+        return TargetNumbers(TOOL, None if self.base is None else BASE)
+
+    @property
+    def tip(self) -> Array:
+        """(N, 3), tip in the frame of the base (m), NaN where a body was not seen; Conenna 2024, section 6.1."""
+        if self.base is None or self.base.rotation is None:
+            return self.tool.position
+        between = self.tool.position - self.base.position
+        return np.asarray(np.einsum("nji,nj->ni", self.base.rotation, between))
+
+    def frames(self, rows: NDArray[np.int64]) -> list[TrackerFrame]:
+        """Some of the frames, as a live tracker sends them."""
+        bodies = {TOOL: self.tool} if self.base is None else {TOOL: self.tool, BASE: self.base}
+        return [TrackerFrame(row, float(self.t[row]), _seen(bodies, row)) for row in rows.tolist()]
+
+
+def _seen(bodies: Mapping[int, BodyTrack], row: int) -> dict[int, TargetPose]:
+    return {
+        number: TargetPose(body.position[row], np.eye(3) if body.rotation is None else body.rotation[row])
+        for number, body in bodies.items()
+        if np.isfinite(body.position[row]).all()
+        and (body.rotation is None or number == TOOL or np.isfinite(body.rotation[row]).all())
+    }

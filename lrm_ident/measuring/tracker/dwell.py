@@ -1,0 +1,78 @@
+"""The mean over the end of a rest; and what spoils it: lost targets, frozen frames, outliers, motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from lrm_ident.measuring.tracker.frames import TargetNumbers, TrackerFrame, tip_position
+from lrm_math.arrays import Array
+
+LEAST = 5
+"""Frames of a rest; fewer show neither a spread nor an outlier."""
+LOST_SHARE = 0.1
+"""Share of the frames in which a target may be unseen: a wink of a camera, no occlusion."""
+FROZEN = 5
+"""Frames one after the other with exactly the same position: noise never does that, a stuck tracker does."""
+OUTLIER = 6.0
+"""Times the median distance from the median position: for normal noise about nine standard deviations."""
+FINEST = 1e-4
+"""m: below it neither outliers nor motion are looked for; trackers print 0.001 mm and see no better than this."""
+MOVING = 6.0
+"""Standard errors by which the two halves of a rest may differ."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestMean:
+    """Mean tip (3,) in m over `frames` frames around tracker time `t` (s); `sd`: spread of one frame per axis (m)."""
+
+    tip: Array
+    sd: float
+    t: float
+    frames: int
+
+
+@dataclass(frozen=True)
+class UnstableDwell:
+    """Reason why the frames of a rest give no position."""
+
+    why: str
+
+
+def rest_mean(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> RestMean | UnstableDwell:
+    """The mean position of the tip over the frames of a rest, or what is wrong with them."""
+    frames = list({frame.number: frame for frame in frames}.values())  # a datagram may come twice
+    if len(frames) < LEAST:
+        return UnstableDwell(f"only {len(frames)} different frames arrived")
+    known = [(frame.t, tip) for frame in frames if (tip := tip_position(frame, numbers)) is not None]
+    if len(frames) - len(known) > LOST_SHARE * len(frames):
+        return UnstableDwell(
+            f"target {_most_lost(frames, numbers)} unseen in {len(frames) - len(known)} of {len(frames)}"
+        )
+    tips = np.array([tip for _, tip in known])
+    if _longest_run(tips) >= FROZEN:
+        return UnstableDwell("frozen: exactly the same position again and again")
+    away = np.linalg.norm(tips - np.median(tips, axis=0), axis=1)
+    outliers = int(np.sum(away > max(OUTLIER * float(np.median(away)), FINEST)))
+    if outliers:
+        return UnstableDwell(f"{outliers} outliers in {len(tips)} frames, {away.max() * 1e3:.1f} mm at most")
+    mean = tips.mean(axis=0)
+    sd = float(np.sqrt(((tips - mean) ** 2).sum() / (3 * (len(tips) - 1))))
+    half = len(tips) // 2
+    shift = float(np.linalg.norm(tips[:half].mean(axis=0) - tips[-half:].mean(axis=0)))
+    if shift > max(MOVING * sd * np.sqrt(2.0 / half), FINEST):
+        return UnstableDwell(f"still moving: {shift * 1e3:.2f} mm between the halves of the rest")
+    return RestMean(mean, sd, float(np.mean([t for t, _ in known])), len(known))
+
+
+def _most_lost(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> int:
+    wanted = [number for number in (numbers.tool, numbers.base) if number is not None]
+    return min(wanted, key=lambda number: sum(number in frame.targets for frame in frames))
+
+
+def _longest_run(tips: Array) -> int:
+    """Number of the most positions one after the other that are exactly the same."""
+    return max(sum(1 for _ in group) for _, group in groupby(map(tuple, tips.tolist())))

@@ -1,0 +1,28 @@
+"""Trackers by name, as `--tracker` takes them."""
+
+from __future__ import annotations
+
+import re
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TypeAlias
+
+from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker
+from lrm_ident.measuring.tracker.growing_csv import GrowingCsv
+from lrm_ident.measuring.tracker.udp import UdpTracker
+from lrm_math.errors import LrmError
+
+FORMS = "dtrack:PORT, dtrack:ADDRESS:PORT, csv:FILE or zenoh:KEY"
+OpenTracker: TypeAlias = AbstractContextManager[Tracker]
+
+
+def open_tracker(text: str, numbers: TargetNumbers) -> OpenTracker:
+    """The tracker of `dtrack:5000`, `dtrack:0.0.0.0:5000` or `csv:FILE`. Raises `LrmError`."""
+    kind, _, rest = text.partition(":")
+    if kind == "dtrack" and (place := re.fullmatch(r"(?:([\w.-]+):)?(\d{1,5})", rest)):
+        host, port = place[1] or "127.0.0.1", int(place[2])
+        if port < 65_536:
+            return UdpTracker(host, port)
+    if kind == "csv" and rest:
+        return GrowingCsv(Path(rest), numbers.tool)
+    raise LrmError(f"--tracker {text}: should be {FORMS}")

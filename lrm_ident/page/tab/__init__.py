@@ -1,1 +1,0 @@
-"""What one browser tab of the workbench shows."""

@@ -1,0 +1,115 @@
+"""All that is known of one model on one data set: what the workbench and the report show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.report.diagnosis import diagnosis_document
+from lrm_ident.report.document import Document, ResultTable
+from lrm_ident.report.fit import comparison_document, estimate_table
+from lrm_ident.report.history import history_table, history_values, provenance_table
+from lrm_ident.report.plots.interactive.candidate_view import CandidateView, candidate_view
+from lrm_ident.residual.drivers import Driver, drivers
+from lrm_ident.residual.error_breakdown import ModelComparison
+from lrm_ident.residual.error_field import ErrorField, error_field
+from lrm_ident.study.model_history import models_of_history
+from lrm_ident.study.study import Study
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model_file import ModelFile, to_model
+
+CANDIDATES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class ModelReport:
+    """A model on measurements, as plain values that go between processes.
+
+    Attributes:
+        file: the model with its history. poses: the drawn poses of the measurements; `field` says of how many.
+        field: the error field of every step. drivers: what errors may follow, at the drawn poses.
+        comparison, diagnosis: what the commands of these names print; None as long as they are not done.
+        candidates: the best ones beside the data, in the order of the ranking.
+        marked: numbers of the poses to look at, by why: worst, outliers, far poses, regimes of larger error.
+    """
+
+    file: ModelFile
+    poses: Measurements
+    field: ErrorField
+    drivers: tuple[Driver, ...]
+    parameters: ResultTable
+    comparison: Document | None = None
+    diagnosis: Document | None = None
+    candidates: tuple[CandidateView, ...] = ()
+    marked: Mapping[str, tuple[int, ...]] | None = None
+
+    @property
+    def history(self) -> ResultTable:
+        """Every step with its errors."""
+        return history_table(self.file)
+
+    @property
+    def provenance(self) -> ResultTable:
+        """Provenance of the model."""
+        return provenance_table(self.file)
+
+    @property
+    def verdict(self) -> str:
+        """The diagnosis's verdict in words; nothing as long as there is none."""
+        return "" if self.diagnosis is None else str(self.diagnosis.blocks[0])
+
+    def document(self) -> Document:
+        """Result of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
+        parts = [part for part in (self.diagnosis, self.comparison) if part is not None]
+        blocks = [*(block for part in parts for block in part.blocks), self.history, self.parameters, self.provenance]
+        values = {
+            "comparison": None if self.comparison is None else self.comparison.values,
+            "diagnosis": None if self.diagnosis is None else self.diagnosis.values,
+            "history": history_values(self.file),
+            "parameters": self.file.parameters,
+            "sigma": self.file.sigma,
+            "provenance": None if self.file.provenance is None else self.file.provenance.model_dump(exclude_none=True),
+        }
+        return Document(blocks, "lrm/report/1", values)
+
+
+def quick_report(study: Study) -> ModelReport:
+    """Report that costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
+    file, model, data = study.file, study.model, study.data
+    models = [(name, to_model(data.path, one, model.arm, study.catalogue)) for name, one in models_of_history(file)]
+    field = error_field(data, models)
+    known = drivers(data, equilibrium(model, data.poses).joint_torque)
+    errors = {key: sd * models[-1][1].parameters[models[-1][1].position(key)].si for key, sd in file.sigma.items()}
+    return ModelReport(
+        file=file,
+        poses=data.take(field.rows),
+        field=field,
+        drivers=tuple(replace(driver, values=driver.values[field.rows]) for driver in known),
+        parameters=estimate_table(models[-1][1], errors),
+    )
+
+
+def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelReport:
+    """Adds the result of `compare`."""
+    worst = tuple(int(compared.data.pose[row]) for row in compared.worst)
+    marked = {**(found.marked or {}), "worst": worst}
+    return replace(found, comparison=comparison_document(compared), marked=marked)
+
+
+def with_diagnosis(found: ModelReport, report: DiagnosisReport) -> ModelReport:
+    """Adds the result of `diagnose`."""
+    diagnosis = report.diagnosis
+    fitted, data = diagnosis.seen
+    row_of = {number: row for row, number in enumerate(data.pose.tolist())}
+    rows = np.array([row_of.get(number, -1) for number in found.poses.pose.tolist()])
+    known = drivers(data, fitted.rest.joint_torque)
+    views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
+    numbers = diagnosis.data.pose
+    regimes = {f"regime {one.where}": tuple(numbers[one.rows].tolist()) for one in report.left.regimes}
+    far = tuple(int(numbers[row]) for row in report.far_rows)
+    marked = {**(found.marked or {}), "outliers": diagnosis.outliers, "far poses": far, **regimes}
+    return replace(found, diagnosis=diagnosis_document(report), candidates=views, marked=marked)

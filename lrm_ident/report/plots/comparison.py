@@ -1,0 +1,79 @@
+"""Figure of `compare`: error distributions, what the residual depends on, and its mean by group."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
+from lrm_ident.residual.error_breakdown import ModelComparison
+from lrm_math.arrays import Array
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FACTORS_DRAWN, GROUPS_DRAWN = 8, 10
+
+
+def draw_comparison(comparison: ModelComparison, path: Path) -> None:
+    """Draws how far the error fell and what the rest follows. Raises `FileError` for an unknown format or place."""
+    with figure_file(path, 13, 4.2) as figure:
+        left, middle, right = figure.subplots(1, 3, width_ratios=(1.2, 1, 1.3))
+        _draw_distribution(left, comparison)
+        _draw_factors(middle, comparison)
+        _draw_groups(right, comparison)
+
+
+def _draw_distribution(axes: Axes, comparison: ModelComparison) -> None:
+    data = comparison.data
+    nominal = equilibrium(with_anchor(model_of(comparison.rest.model.arm, ()), data), data.poses)
+    _cumulative(axes, data.position_error(nominal), "nominal arm", NOMINAL, ":")
+    _cumulative(axes, comparison.residual, "model, as fitted", MODEL, "-")
+    if comparison.held_out.residual is not None:
+        _cumulative(axes, comparison.held_out.residual, "model, held out", HELD_OUT, "--")
+    axes.set(xlabel="TCP error, mm", ylabel="share of the poses below it, %", ylim=(0, 130), title=f"{len(data)} poses")
+    axes.set_yticks(range(0, 101, 20))
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(plain_number)
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(loc="upper left", fontsize=9)
+
+
+def _cumulative(axes: Axes, residual: Array, label: str, colour: str, line: str) -> None:
+    distance = np.sort(np.linalg.norm(residual, axis=1)) * 1e3
+    share = 100 * np.arange(1, len(distance) + 1) / len(distance)
+    text = f"{label}: mean {distance.mean():.2f} mm"
+    axes.plot(distance, share, color=colour, linestyle=line, linewidth=2, label=text)
+
+
+def _draw_factors(axes: Axes, comparison: ModelComparison) -> None:
+    factors = comparison.factors[:FACTORS_DRAWN][::-1]
+    share = [100 * factor.share for factor in factors]
+    bars = axes.barh([factor.name for factor in factors], share, color=MODEL)
+    axes.bar_label(bars, fmt="%.0f %%", padding=3)
+    axes.set(xlabel="share of the residual that it explains, %", xlim=(0, max(max(share) * 1.25, 5)))
+    axes.set_title("What the residual follows")
+
+
+def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
+    factor = comparison.factors[0]
+    groups = factor.groups[:GROUPS_DRAWN]
+    place = np.arange(len(groups))
+    rotations = [group.equivalent_rotation for group in groups if group.equivalent_rotation is not None]
+    if rotations:
+        axes.bar(place, np.degrees(rotations), 0.6, color=MODEL)
+        axes.set(ylabel=f"acts like a turn of joint {factor.name.split()[-1]}, deg")
+    else:
+        for k, (hatch, colour) in enumerate((("", MODEL), ("//", HELD_OUT), ("..", GREEN))):
+            bias = [group.bias[k] * 1e3 for group in groups]
+            axes.bar(place + 0.27 * (k - 1), bias, 0.27, label="xyz"[k], hatch=hatch, color=colour, edgecolor="white")
+        axes.set(ylabel="mean residual, mm")
+        axes.legend(title="along")
+    axes.set_xticks(place, [group.label for group in groups], rotation=35, ha="right")
+    axes.axhline(0, color="black", linewidth=0.8)
+    axes.set_title(f"Residual by {factor.name}")

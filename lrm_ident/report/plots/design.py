@@ -1,0 +1,126 @@
+"""Figures of `choose-poses` and `design`: TCP positions, indices, expected errors, detectable sizes of rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.design.observability import INDICES
+from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
+from lrm_ident.design.pose_selection import PoseSelection
+from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
+from lrm_ident.report.symbols import symbol
+from lrm_math.arrays import Array
+from lrm_math.model.equilibrium import equilibrium
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+NEVER = 1e6  # height of a bar, off the figure, where a rival is never detectable
+
+
+def draw_choice(found: PoseSelection, data: Measurements, path: Path) -> None:
+    """The chosen poses among all, and their indices over those of random choices. Raises `FileError`."""
+    with figure_file(path, 13, 4.4) as figure:
+        left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1, 0.8))
+        for axes, pair in ((left, (0, 2)), (middle, (0, 1))):
+            _draw_places(axes, data.tcp, data.tcp[found.rows], pair)
+        gain = [found.observability.value(name) / max(found.random_baseline.value(name), 1e-300) for name in INDICES]
+        bars = right.bar(INDICES, gain, color=MODEL)
+        right.bar_label(bars, fmt="%.2f", padding=3)
+        right.axhline(1.0, color="black", linewidth=0.8)
+        share = 100 * found.observability.O1 / found.o1_upper_bound
+        right.set(ylabel="index / index of a blind choice", ylim=(0, 1.15 * max(gain)))
+        right.set_title(f"O1: {share:.1f} % of what no choice exceeds", fontsize=10)
+
+
+def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, path: Path) -> None:
+    """Positions of the poses, the expected error of every parameter, and the detectable sizes of the rivals.
+
+    Raises `FileError` for an unknown format or a place that cannot be written.
+    """
+    widths = (0.7, 1.3) if found.after.discrimination is None else (0.7, 1.2, 0.5)
+    everywhere, chosen = (equilibrium(task.model, poses).tcp for poses in (offer.poses, found.poses))
+    sets = [
+        PlottedSet(known, *style)
+        for known, *style in (
+            (found.before, "now", NOMINAL, "s", ".."),
+            (found.random_after, "with poses drawn blindly", HELD_OUT, "x", "//"),
+            (found.after, "with these", MODEL, "o", ""),
+        )
+        if known is not None
+    ]
+    with figure_file(path, 14, 4.8) as figure:
+        panels = figure.subplots(1, len(widths), width_ratios=widths)
+        _draw_places(panels[0], everywhere, chosen, (0, 2))
+        _draw_errors(panels[1], found, sets)
+        panels[1].set_title(f"noise {task.noise * 1e3:g} mm per axis", fontsize=10)
+        if found.after.discrimination is not None:
+            _draw_rivals(panels[2], [rival.name for rival in found.after.discrimination.rivals], sets)
+
+
+@dataclass(frozen=True, eq=False)
+class PlottedSet:
+    """The expected accuracy of one set of poses, and how it is drawn."""
+
+    known: ExpectedAccuracy
+    label: str
+    colour: str
+    marker: str
+    hatch: str
+
+
+def _draw_errors(axes: Axes, found: PoseDesign, sets: Sequence[PlottedSet]) -> None:
+    place = np.arange(len(found.keys))
+    for one in sets:
+        label = f"{one.label}: TCP to {one.known.tcp:.3g} mm"
+        axes.plot(place, one.known.standard_errors, one.marker, color=one.colour, label=label, markersize=6)
+    _log(axes)
+    axes.set_xticks(place, [symbol(key) for key in found.keys], rotation=60, fontsize=8)
+    axes.set_ylabel("expected standard error as TCP motion, mm")
+    axes.legend(fontsize=9)
+
+
+def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -> None:
+    """The least detectable size of every rival; no bar where it never is."""
+    width = 0.8 / len(sets)
+    for k, one in enumerate(sets):
+        rivals = () if one.known.discrimination is None else one.known.discrimination.rivals
+        place = np.arange(len(names)) + (k - 0.5 * (len(sets) - 1)) * width
+        for x, rival in zip(place, rivals, strict=True):
+            height = NEVER if rival.detectable_size is None else rival.detectable_size
+            bar = axes.bar(x, height, width, color=one.colour, hatch=one.hatch, edgecolor="white")
+            if rival.detectable_size is not None:
+                axes.bar_label(bar, [f"{rival.detectable_size:.2g}"], fontsize=8)
+            else:
+                axes.text(x, 0.5, "never", rotation=90, fontsize=8, transform=axes.get_xaxis_transform(), ha="center")
+    known = [one.known.discrimination.rivals for one in sets if one.known.discrimination]
+    sizes = [rival.detectable_size for rivals in known for rival in rivals if rival.detectable_size is not None]
+    _log(axes)
+    axes.set_ylim(0.5 * min(sizes, default=1.0), 3.0 * max(sizes, default=1.0))
+    axes.set_xticks(np.arange(len(names)), [name.replace("@", "\n@") for name in names], fontsize=8)
+    axes.set_ylabel("least size told apart, typical sizes")
+
+
+def _log(axes: Axes) -> None:
+    """A logarithmic axis in plain numbers."""
+    axes.set_yscale("log")
+    for set_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        set_format(plain_number)
+    axes.grid(alpha=0.3)
+
+
+def _draw_places(axes: Axes, every: Array, chosen: Array, pair: tuple[int, int]) -> None:
+    """TCP positions seen along one axis."""
+    i, j = pair
+    axes.plot(every[:, i] * 1e3, every[:, j] * 1e3, ".", color=NOMINAL, markersize=3, label=f"{len(every)} candidates")
+    label = f"{len(chosen)} chosen"
+    axes.plot(chosen[:, i] * 1e3, chosen[:, j] * 1e3, "o", color=GREEN, markersize=5, markeredgecolor="k", label=label)
+    axes.set(xlabel=f"{'xyz'[i]}, mm", ylabel=f"{'xyz'[j]}, mm", aspect="equal")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)

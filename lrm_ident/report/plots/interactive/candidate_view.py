@@ -1,0 +1,108 @@
+"""A candidate beside the data: added-variable plot, and component-plus-residual plot of its form.
+
+Added-variable plot (Cook & Weisberg 1982): what the fit leaves against what the candidate would add beyond the fitted
+parameters. Component plus residual (Ezekiel 1924; Larsen & McCleary 1972): what the candidate alone would do as a
+turn of one joint, against its own driver, and the residual around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
+from lrm_ident.residual.drivers import Driver
+from lrm_ident.residual.error_field import joint_turns
+from lrm_math.arrays import Array
+
+SHARE = 0.2
+"""Part of a joint's lever below which its turn cannot be observed at a pose, as a share of the RMS lever."""
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateView:
+    """One candidate on the drawn poses; NaN at those that were not screened.
+
+    Attributes:
+        added: (M, 3), motion of the TCP that it would add beyond the fitted parameters (m).
+        turns: (n, M), the same as a turn of each joint (rad).
+        joint: from 0, the one whose turn its motion is most like. driver: name of what its form is a function of.
+        form: (M,), the turn of that joint that the candidate says (rad). around: (M,), with what would then be left.
+        observable: (M,), whether the joint's lever is long enough to observe a turn.
+    """
+
+    name: str
+    added: Array
+    turns: Array
+    joint: int
+    driver: str
+    form: Array
+    around: Array
+    observable: NDArray[np.bool_]
+
+
+def candidate_view(
+    ranked: RankedCandidate, found: Diagnosis, known: Sequence[Driver], rows: NDArray[np.int64]
+) -> CandidateView:
+    """A candidate beside the data of a diagnosis.
+
+    Args:
+        known: drivers of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
+    """
+    scored = ranked.scored
+    fitted, data = found.seen
+    weigh = RowWeights(data.whitening, fitted.weight)
+    columns = scored.candidate.columns[scored.candidate.shapes.index(scored.shape)]
+    alone = (columns @ scored.alone.theta).reshape(len(data), -1)[:, :3]
+    added = weigh.positions(scored.projected.all_rows @ scored.alone.theta)
+    turns = joint_turns(alone, found.joint_jacobian)
+    lever = (found.joint_jacobian**2).sum(axis=1)
+    joint = _own_joint(scored.candidate.effect.place, (turns**2 * lever).sum(axis=1))
+    around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
+    observable = lever[joint] > SHARE**2 * lever[joint].mean()
+    driver = _driver(turns[joint][observable], known, joint, observable)
+    return CandidateView(
+        name=scored.name,
+        added=_drawn(added, rows),
+        turns=_drawn(joint_turns(added, found.joint_jacobian).T, rows).T,
+        joint=joint,
+        driver=known[driver].name,
+        form=_drawn(turns[joint], rows),
+        around=_drawn(around, rows),
+        observable=observable[rows] & (rows >= 0),
+    )
+
+
+def _drawn(values: Array, rows: NDArray[np.int64]) -> Array:
+    """Values of the drawn poses, NaN where there is none."""
+    shape = (len(rows),) + (1,) * (values.ndim - 1)
+    return np.where((rows >= 0).reshape(shape), values[rows], np.nan)
+
+
+def _own_joint(place: str, explained: Array) -> int:
+    """The joint of its place, else the one whose turn is most like its motion. `explained`: (n,)."""
+    number = place.removeprefix("joint")
+    return int(number) - 1 if number.isdigit() else int(np.argmax(explained))
+
+
+def _driver(form: Array, known: Sequence[Driver], joint: int, observable: NDArray[np.bool_]) -> int:
+    """The driver of which the form is a function most nearly: neighbours in its order differ least.
+
+    Von Neumann's ratio (1941). Quantities of the joint itself come first where they do as well.
+    """
+    order = sorted(range(len(known)), key=lambda i: known[i].joint != joint)
+    ratios = [_roughness(form, known[i].values[observable]) for i in order]
+    least = min(ratios)
+    return next(i for i, ratio in zip(order, ratios, strict=True) if ratio <= 1.05 * least + 1e-9)
+
+
+def _roughness(form: Array, values: Array) -> float:
+    """Mean squared difference of neighbours in the order of `values`, over twice the variance; 0 for a function."""
+    by = np.argsort(values, kind="stable")
+    spread = float(form.var())
+    return float((np.diff(form[by]) ** 2).mean() / (2.0 * spread)) if spread > 0 and len(form) > 1 else 1.0

@@ -1,0 +1,28 @@
+"""Figures of results, by their kind: `lrm.plot`."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from pathlib import Path
+
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.report.plots.comparison import draw_comparison
+from lrm_ident.report.plots.diagnosis import draw_report
+from lrm_ident.residual.error_breakdown import ModelComparison
+from lrm_math.errors import LrmError
+
+
+@singledispatch
+def plot(result: object, path: str | Path) -> None:
+    """Draws a comparison or a diagnosis as PNG, SVG or PDF. Raises `FileError`."""
+    raise LrmError(f"{path}: cannot plot a {type(result).__name__}; should be the result of compare or diagnose")
+
+
+@plot.register
+def _(result: ModelComparison, path: str | Path) -> None:
+    draw_comparison(result, Path(path))
+
+
+@plot.register
+def _(result: DiagnosisReport, path: str | Path) -> None:
+    draw_report(result, Path(path))

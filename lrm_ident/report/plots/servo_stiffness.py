@@ -1,0 +1,34 @@
+"""Figure of `stiffness`: deflection of one servo, loading and unloading (thesis Figure 5.7, left)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lrm_ident.data.servo_stiffness import StiffnessEstimate
+from lrm_ident.report.plots.style import HELD_OUT, MODEL, figure_file
+
+
+def draw_stiffness(found: StiffnessEstimate, path: Path) -> None:
+    """Readings, the line, and what departs from it. Raises `FileError` for an unknown format or place."""
+    test = found.test
+    line = found.offset + found.slope * test.torque
+    ends = np.array([test.torque.min(), test.torque.max()])
+    with figure_file(path, 10, 4) as figure:
+        left, right = figure.subplots(1, 2, width_ratios=(1.3, 1))
+        left.plot(ends, np.degrees(found.offset + found.slope * ends), color="black", linewidth=1, label="line")
+        branches = (test.loading, "loading", "o", MODEL), (~test.loading, "unloading", "^", HELD_OUT)
+        for branch, name, marker, colour in branches:
+            if branch.any():
+                left.plot(test.torque[branch], np.degrees(test.angle[branch]), marker, color=colour, label=name)
+                right.plot(test.torque[branch], np.degrees(test.angle - line)[branch], marker, color=colour, label=name)
+        left.set(xlabel="torque, N·m", ylabel="deflection, deg")
+        left.set_title(f"k = {found.slope:.4f} ± {found.slope_error:.4f} rad/Nm")
+        right.set(xlabel="torque, N·m", ylabel="departure from the line, deg", title="loop and curvature")
+        low, high = right.get_ylim()
+        right.set_ylim(low, high + 0.35 * (high - low))
+        right.axhline(0, color="black", linewidth=0.8)
+        for axes in (left, right):
+            axes.grid(alpha=0.3)
+            axes.legend(loc="best")

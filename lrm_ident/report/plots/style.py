@@ -1,0 +1,58 @@
+"""Style that all figures share: colours for any colour vision (Okabe & Ito 2008), file formats, axes, writing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lrm_ident.data.atomic_write import write_bytes
+from lrm_math.errors import FileError
+
+if TYPE_CHECKING:  # matplotlib takes half a second to load
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FORMATS = (".png", ".svg", ".pdf")
+NOMINAL, MODEL, HELD_OUT, GREEN = "#888888", "#0072b2", "#d55e00", "#009e73"
+
+
+def check_format(path: Path) -> None:
+    """Raises `FileError` if figures of this kind cannot be drawn."""
+    if path.suffix not in FORMATS:
+        raise FileError(path, "", f"cannot draw a {path.suffix or 'nameless'} file", f"one of {', '.join(FORMATS)}")
+
+
+@contextmanager
+def figure_file(path: Path, width: float, height: float) -> Iterator[Figure]:
+    """An empty figure (inches) that is written to `path`, whole or not at all. Raises `FileError`."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    check_format(path)
+    figure = plt.figure(figsize=(width, height), layout="constrained")
+    try:
+        yield figure
+        drawn = BytesIO()
+        figure.savefig(drawn, dpi=110, format=path.suffix[1:])
+    finally:
+        plt.close(figure)
+    write_bytes(path, drawn.getvalue())
+
+
+def finish(axes: Axes, x: str, y: str, title: str = "", legend: bool = True) -> None:
+    """Labels, title, grid and legend."""
+    axes.set(xlabel=x, ylabel=y)
+    axes.set_title(title, fontsize=10)
+    axes.grid(alpha=0.3)
+    if legend:
+        axes.legend(fontsize=9)
+
+
+def plain_number(value: float, _: float) -> str:
+    """A tick label without powers of ten."""
+    return f"{value:g}"

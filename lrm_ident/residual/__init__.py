@@ -1,0 +1,1 @@
+"""The residual of a model: what it follows, what of it could still be predicted, and where it is largest."""

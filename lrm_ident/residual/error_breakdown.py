@@ -1,0 +1,217 @@
+"""Breakdown of a model's error: nominal, fit and held-out error, and one-way analysis of variance by driving factor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.fitting.cross_validation import held_out_blocks
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
+from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.parameter_sets import Bounds
+from lrm_ident.fitting.priors import Prior
+from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.predictability import PredictableError, predictable_error
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.model.derivatives import joint_jacobian
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.model import Model, model_of
+
+MAX_LEVELS, BINS, ORDER_PARTS, WORST = 8, 6, 10, 10
+
+
+@dataclass(frozen=True)
+class PoseGroup:
+    """A group of poses: label, count, error, and mean residual (m).
+
+    `equivalent_rotation`: rotation of the factor's joint (rad) that fits the group's residual best, or None.
+    """
+
+    label: str
+    count: int
+    error: ErrorStats
+    bias: tuple[float, float, float]
+    equivalent_rotation: float | None
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A grouping of the poses.
+
+    `share`: adjusted R² (0 to 1) of the group means; descriptive, no test of a cause.
+    """
+
+    kind: str
+    name: str
+    share: float
+    groups: tuple[PoseGroup, ...]
+
+    @property
+    def worst(self) -> PoseGroup:
+        """The group with the largest RMS."""
+        return max(self.groups, key=lambda group: group.error.rms)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutResidual:
+    """Held-out residual (N, 3) in m, or the reason why there is none; and the blocks that it came from."""
+
+    residual: Array | None
+    reason: str = ""
+    blocks: tuple[HeldOutBlock, ...] = ()
+
+    @property
+    def error(self) -> ErrorStats | None:
+        """Its statistics."""
+        return None if self.residual is None else error_stats(self.residual)
+
+
+@dataclass(frozen=True, eq=False)
+class ModelComparison:
+    """A model against measurements.
+
+    `predictable`: what a nameless model could still predict, where there is a held-out error. `factors`: by decreasing
+    share; `worst`: rows by decreasing error.
+    """
+
+    data: Measurements
+    rest: Equilibrium
+    residual: Array
+    nominal: ErrorStats
+    error: ErrorStats
+    held_out: HeldOutResidual
+    predictable: PredictableError | None
+    factors: tuple[Factor, ...]
+    worst: tuple[int, ...]
+
+
+def compare(
+    model: Model,
+    data: Measurements,
+    progress: OnProgress = silent,
+    prior: Prior | None = None,
+    loss: Loss | None = None,
+) -> ModelComparison:
+    """Compares a model, as it is, with measurements; held out, its free parameters are refitted in every fold.
+
+    Raises `NoEquilibrium`: the model has no equilibrium at some pose.
+    """
+    rest = equilibrium(model, data.poses)
+    residual = data.position_error(rest)
+    nominal = equilibrium(with_anchor(model_of(model.arm, ()), data), data.poses)
+    distance = np.linalg.norm(residual, axis=1)
+    held_out = try_held_out(model, data, loss=loss, progress=progress, prior=prior)
+    return ModelComparison(
+        data=data,
+        rest=rest,
+        residual=residual,
+        nominal=error_stats(data.position_error(nominal)),
+        error=error_stats(residual),
+        held_out=held_out,
+        predictable=predictable_error(data, held_out.blocks) if held_out.blocks else None,
+        factors=tuple(sorted(_factors(rest, data, residual), key=lambda factor: -factor.share)),
+        worst=tuple(np.argsort(-distance)[:WORST].tolist()),
+    )
+
+
+def try_held_out(
+    model: Model,
+    data: Measurements,
+    bounds: Bounds | None = None,
+    loss: Loss | None = None,
+    progress: OnProgress = silent,
+    prior: Prior | None = None,
+) -> HeldOutResidual:
+    """The held-out residual, or the reason why there is none (too few poses, a fold that does not converge)."""
+    try:
+        blocks = held_out_blocks(model, data, bounds, loss, progress, prior=prior)
+    except LrmError as error:
+        return HeldOutResidual(None, str(error))
+    return HeldOutResidual(held_out_rows(blocks), blocks=blocks)
+
+
+def _factors(rest: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:
+    J = joint_jacobian(rest)
+    torque = rest.joint_torque
+    for i in range(rest.model.arm.dof):
+        column = J[:, :, i]
+        by_angle, by_torque = _by_value(np.degrees(data.poses.q[:, i]), "°"), _by_quantile(torque[:, i], " N·m")
+        yield _factor("angle", f"angle of joint {i + 1}", *by_angle, residual, column)
+        yield _factor("torque", f"torque of joint {i + 1}", *by_torque, residual, column)
+    if np.ptp(data.poses.payload) > 0:
+        yield _factor("load", "load", *_by_value(data.poses.payload * 1e3, " g"), residual)
+    yield _factor("order", "order of measurement", *_by_order(data), residual)
+    yield _factor("region", "region of the workspace", *_by_octant(data.places(rest)), residual)
+
+
+def _factor(
+    kind: str, name: str, group: NDArray[np.int64], labels: Sequence[str], residual: Array, column: Array | None = None
+) -> Factor:
+    groups, explained = [], 0.0
+    for number, label in enumerate(labels):
+        chosen = group == number
+        if chosen.any():
+            bias = residual[chosen].mean(axis=0)
+            explained += float(chosen.sum() * (bias**2).sum())
+            rotation = None if column is None else _equivalent_rotation(residual[chosen], column[chosen])
+            x, y, z = bias.tolist()
+            groups.append(PoseGroup(label, int(chosen.sum()), error_stats(residual[chosen]), (x, y, z), rotation))
+    return Factor(kind, name, _adjusted_r2(explained, residual, len(groups)), tuple(groups))
+
+
+def _adjusted_r2(explained: float, residual: Array, groups: int) -> float:
+    n, total = len(residual), float((residual**2).sum())
+    around_mean = total - n * float((residual.mean(axis=0) ** 2).sum())
+    if n <= groups or around_mean <= 0.0:
+        return 0.0
+    between = explained - (total - around_mean)
+    return max(1.0 - (1.0 - between / around_mean) * (n - 1) / (n - groups), 0.0)
+
+
+def _equivalent_rotation(residual: Array, column: Array) -> float:
+    """Rotation (rad) of a joint with Jacobian columns (N, 3) that fits the residuals (N, 3) best (least squares)."""
+    length = float((column**2).sum())
+    return float((residual * column).sum() / length) if length > 0 else 0.0
+
+
+def _by_value(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
+    """Groups by level if there are few levels, else by bins of equal width."""
+    levels, group = np.unique(np.round(values, 3), return_inverse=True)
+    if len(levels) <= MAX_LEVELS:
+        return group.reshape(-1), [f"{level:g}{unit}" for level in levels]
+    return _cut(values, np.linspace(values.min(), values.max(), BINS + 1), unit)
+
+
+def _by_quantile(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
+    return _cut(values, np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1))), unit)
+
+
+def _cut(values: Array, edges: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
+    if len(edges) < 2:
+        return np.zeros(len(values), dtype=np.int64), [f"{values[0]:.3g}{unit}"]
+    group = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    return group, [f"{low:.3g} to {high:.3g}{unit}" for low, high in pairwise(edges)]
+
+
+def _by_order(data: Measurements) -> tuple[NDArray[np.int64], list[str]]:
+    parts = np.array_split(np.arange(len(data)), min(ORDER_PARTS, len(data)))
+    group = np.concatenate([np.full(len(part), number) for number, part in enumerate(parts)])
+    return group, [f"poses {data.pose[part[0]]} to {data.pose[part[-1]]}" for part in parts]
+
+
+def _by_octant(tcp: Array) -> tuple[NDArray[np.int64], list[str]]:
+    middle = np.median(tcp, axis=0)
+    group = ((tcp > middle) * [1, 2, 4]).sum(axis=1)
+    labels = [
+        ", ".join(f"{axis} {'>' if octant >> i & 1 else '<'} {middle[i] * 1e3:.0f} mm" for i, axis in enumerate("xyz"))
+        for octant in range(8)
+    ]
+    return group, labels

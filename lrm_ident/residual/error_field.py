@@ -1,0 +1,139 @@
+"""The error field: an arrow at every measured TCP, step by step of a model's history, on one scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.identifiability import some_rows
+from lrm_math.arrays import Array
+from lrm_math.kinematics.forward import frames
+from lrm_math.model.derivatives import respond
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.model import Model, model_of
+
+MOST_DRAWN, WORST_DRAWN, SEED = 1000, 200, 0
+ARROW_SHARE, COLOUR_SHARE = 0.25, 0.98
+"""Length of a long arrow (95 % quantile) in parts of the cloud's spread; quantile of the errors at the last colour."""
+COLOURS = 8
+
+
+@dataclass(frozen=True)
+class ArrowScale:
+    """Magnification of the arrows, and the error at which the colours end (m); the same for all steps."""
+
+    magnification: float
+    largest: float
+
+    @property
+    def words(self) -> str:
+        """What is printed on the picture."""
+        return f"arrows × {self.magnification:g}, colours to {self.largest * 1e3:g} mm: the same for all steps"
+
+
+@dataclass(frozen=True, eq=False)
+class FieldStep:
+    """One step of a model's history on the drawn poses.
+
+    Attributes:
+        name: of the step. error: over all poses.
+        residual: (M, 3), measured − predicted TCP (m).
+        turns: (n, M), the turn of each joint alone that the residual acts like (rad).
+    """
+
+    name: str
+    error: ErrorStats
+    residual: Array
+    turns: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorField:
+    """The error field of all steps.
+
+    Attributes:
+        rows: (M,), rows of the data that are drawn, of `poses` in all.
+        nominal, bent: (M, n + 2, 3), origins of the frames of the nominal arm and of the last model, base to TCP (m).
+    """
+
+    rows: NDArray[np.int64]
+    poses: int
+    steps: tuple[FieldStep, ...]
+    nominal: Array
+    bent: Array
+    scale: ArrowScale
+
+    @property
+    def thinned(self) -> str:
+        """What is printed if not all poses are drawn, else nothing."""
+        left_out = len(self.rows) < self.poses
+        return f"{len(self.rows)} of {self.poses} poses drawn, the worst among them" if left_out else ""
+
+
+def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> ErrorField:
+    """The error field of named models, the oldest first. Raises `NoEquilibrium`."""
+    rests = [(name, equilibrium(model, data.poses)) for name, model in models]
+    rows = drawn_rows(data.position_error(rests[-1][1]))
+    arm = models[-1][1].arm
+    nominal = equilibrium(model_of(arm, ()), data.poses.take(rows))
+    steps = tuple(_step(name, rest, data, rows) for name, rest in rests)
+    scale = arrow_scale(data.places(rests[-1][1]), data.position_error(rests[0][1]))
+    return ErrorField(rows, len(data), steps, arm_lines(nominal), arm_lines(rests[-1][1].take(rows)), scale)
+
+
+def drawn_rows(residual: Array) -> NDArray[np.int64]:
+    """The rows to draw: all, or the worst and a random part of those that a diagnosis screens, always the same."""
+    if len(residual) <= MOST_DRAWN:
+        return np.arange(len(residual))
+    worst = np.argsort(-np.linalg.norm(residual, axis=1))[:WORST_DRAWN]
+    others = np.random.default_rng(SEED).permutation(np.setdiff1d(some_rows(len(residual)), worst))
+    return np.sort(np.concatenate([worst, others[: MOST_DRAWN - WORST_DRAWN]]))
+
+
+def arrow_scale(tcp: Array, residual: Array) -> ArrowScale:
+    """The scale for positions and residuals (N, 3) in m; round numbers."""
+    distance = np.linalg.norm(residual, axis=1)
+    spread = float(np.sqrt(((tcp - tcp.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    long = float(np.quantile(distance, 0.95))
+    magnification = _round_down(ARROW_SHARE * spread / long) if long > 0 and spread > 0 else 1.0
+    return ArrowScale(magnification, _round_up(float(np.quantile(distance, COLOUR_SHARE)) * 1e3) * 1e-3)
+
+
+def joint_turns(residual: Array, motion: Array) -> Array:
+    """(n, M), the turn of each joint alone (rad) that fits residuals (M, 3) best.
+
+    Args:
+        motion: (n, 3, M), motion of the TCP for a unit turn of each joint (m/rad).
+    """
+    length = np.maximum((motion**2).sum(axis=1), 1e-12)
+    return np.asarray(np.einsum("mc,ncm->nm", residual, motion) / length)
+
+
+def arm_lines(rest: Equilibrium) -> Array:
+    """(N, n + 2, 3), origins of the frames from base to TCP (m)."""
+    return frames(rest.model.chain, rest.slots, len(rest.poses))[:, :, :3, 3]
+
+
+def _step(name: str, rest: Equilibrium, data: Measurements, rows: NDArray[np.int64]) -> FieldStep:
+    drawn, residual = rest.take(rows), data.position_error(rest)
+    motion = respond(drawn).slots[list(rest.model.chain.joint_slots)]
+    return FieldStep(name, error_stats(residual), residual[rows], joint_turns(residual[rows], motion))
+
+
+def _round_down(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above a value."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-9))
+
+
+def _round_up(value: float) -> float:
+    """The smallest of 1, 2, 4, 8 times a power of ten that is not below a value; a micrometre at least."""
+    value = max(value, 1e-3)
+    power = 10.0 ** math.floor(math.log10(value))
+    return min(step * power for step in (1.0, 2.0, 4.0, 8.0, 10.0) if step * power >= value * (1 - 1e-9))

@@ -1,0 +1,87 @@
+"""Hints in fitted parameters that are no effects: what they look like together, as a question, never as a cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_math.arrays import Array
+from lrm_math.effects.base import Excitation
+from lrm_math.model.derivatives import parameter_jacobian
+
+LIKENESS = 0.98
+"""Cosine between the motions of the TCP above which parameters look like one thing."""
+SURELY = 5.0  # standard errors
+FEW_LEVELS = 4
+OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_curve", "cable_spring")
+
+
+def parameter_hints(fitted: Fit) -> tuple[str, ...]:
+    """One question for each pattern in the estimates: a scale of all lengths, a turned frame, joints at few levels."""
+    return (*_scale(fitted), *_turned_frame(fitted), *_few_levels(fitted))
+
+
+def _scale(fitted: Fit) -> Iterator[str]:
+    """Whether the fitted lengths together stretch the arm as a tracker of another unit would."""
+    model = fitted.model
+    lengths = [key for key in model.free if key.startswith("offsets.") and key.endswith("_mm") and ".base." not in key]
+    others = [key for key in model.free if key not in lengths]
+    moved, stretch = _beside(fitted, others, _motion(fitted, lengths), fitted.rest.true_tcp.reshape(-1, 1))
+    share, likeness, error = _along(moved, stretch[:, 0], fitted.sigma)
+    if len(lengths) > 2 and likeness > LIKENESS and abs(share) > SURELY * error:
+        longer = "longer" if share > 0 else "shorter"
+        yield (
+            f"all lengths are {abs(share) * 100:.2f} ± {error * 100:.2f} % {longer} than drawn, by the same share: "
+            "the tracker's scale?"
+        )
+
+
+def _turned_frame(fitted: Fit) -> Iterator[str]:
+    """Whether the base's offsets together are a rotation about the origin of the tracker's frame."""
+    base = [key for key in fitted.model.free if key.startswith("offsets.base.")]
+    if not any(key.endswith("_rad") for key in base) or not any(key.endswith("_mm") for key in base):
+        return
+    moved, tcp = _motion(fitted, base), fitted.rest.true_tcp
+    turns = np.stack([np.cross(axis, tcp).reshape(-1) for axis in np.eye(3)], axis=1)
+    angles = np.linalg.lstsq(turns, moved, rcond=None)[0]
+    angle = float(np.linalg.norm(angles))
+    share, likeness, error = _along(moved, turns @ angles / max(angle, 1e-300), fitted.sigma)
+    if likeness > LIKENESS and share > SURELY * error:
+        yield f"the base's offsets look like a frame turned by {np.degrees(angle):.2f}° about the tracker's origin"
+
+
+def _few_levels(fitted: Fit) -> Iterator[str]:
+    """Joints whose errors over their own angle rest on few angles."""
+    excitation = Excitation(fitted.rest.poses, fitted.rest.joint_torque)
+    free = {tuple(key.split(".")[:2]) for key in fitted.model.free}
+    for joint, name in enumerate(fitted.model.arm.joint_names):
+        levels = excitation.levels(joint)
+        own = [kind for kind in OF_THE_ANGLE if (kind, name) in free]
+        if own and levels <= FEW_LEVELS:
+            kinds = " and ".join(own)
+            yield f"{kinds} of {name} rest on {levels} levels of the joint: at others it may err differently"
+
+
+def _motion(fitted: Fit, keys: Sequence[str]) -> Array:
+    """(3 N,), how the fitted values of these parameters move the TCP (m)."""
+    J = parameter_jacobian(fitted.rest, keys)
+    return np.asarray((J @ np.array([fitted.model.value(key) for key in keys])).reshape(-1))
+
+
+def _beside(fitted: Fit, keys: Sequence[str], moved: Array, columns: Array) -> tuple[Array, Array]:
+    """A motion (3 N,) and columns (3 N, m) with those of other parameters projected out."""
+    A = parameter_jacobian(fitted.rest, keys).reshape(-1, len(keys))
+    scaled = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    basis = np.linalg.svd(scaled, full_matrices=False)[0]
+    return moved - basis @ (basis.T @ moved), columns - basis @ (basis.T @ columns)
+
+
+def _along(moved: Array, column: Array, sigma: float) -> tuple[float, float, float]:
+    """Amount of a column (3 N,) in a motion (3 N,), the cosine between them, and the amount's standard error."""
+    length, size = float(np.linalg.norm(column)), float(np.linalg.norm(moved))
+    if length == 0.0 or size == 0.0:
+        return 0.0, 0.0, np.inf
+    product = float(moved @ column)
+    return product / length**2, abs(product) / (length * size), sigma / length

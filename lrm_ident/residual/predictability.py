@@ -1,0 +1,138 @@
+"""What could still be predicted: held-out error of a Gaussian process on the residual of a model, in the same blocks.
+
+A yardstick without names, never deployed. In every block of the cross-validation the process learns what the model,
+fitted to the other blocks, leaves there, one process per axis. What it predicts is no noise: its held-out error is an
+upper bound of the noise floor, and a named model that predicts worse has left something to find.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.wording import in_mm
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
+from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel
+from lrm_math.arrays import Array
+
+SEARCH_ROWS, MOST_ROWS = 250, 1000  # evenly spaced training rows: for the search of a kernel, and to learn from
+REDUNDANT = 0.999  # correlation above which time says nothing beside the order of measurement
+RELEVANT = 0.1  # of the most relevant input
+MIN_GAIN, MIN_Z = 0.05, 2.0  # part of the held-out RMS, and standard errors, that make a difference worth stating
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCovariates:
+    """What an error may follow: `names` and `values` (N, D), standardised; angles, order, load and time that vary."""
+
+    names: tuple[str, ...]
+    values: Array
+
+
+def pose_covariates(data: Measurements) -> PoseCovariates:
+    """Joint angles, order, load, and time unless it runs along with the order; constant ones are left out."""
+    poses, order = data.poses, np.arange(len(data), dtype=np.float64)
+    found: dict[str, Array] = {f"q{i + 1}": column for i, column in enumerate(poses.q.T)}
+    found |= {"order": order, "load": poses.payload}
+    if poses.t is not None and np.ptp(poses.t) > 0 and np.corrcoef(order, poses.t)[0, 1] < REDUNDANT:
+        found["time"] = poses.t
+    found = {name: values for name, values in found.items() if np.ptp(values) > 0}
+    return PoseCovariates(tuple(found), np.stack([(v - v.mean()) / v.std() for v in found.values()], axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class PredictableError:
+    """Held-out residuals of a named model, and what a nameless one leaves of them.
+
+    Attributes:
+        named, left: (N, 3), held-out residual of the model, and of model and Gaussian process together (m).
+        follows: names of the inputs that the process follows most, the first most.
+        rows: how many poses it learned from, at most.
+    """
+
+    named: Array
+    left: Array
+    follows: tuple[str, ...]
+    rows: int
+
+    @property
+    def error(self) -> ErrorStats:
+        """Held-out error of model and Gaussian process together."""
+        return error_stats(self.left)
+
+    @property
+    def z(self) -> float:
+        """z score of the paired difference of squared errors (Vuong 1989); positive where the process is better."""
+        difference = (self.named**2).sum(axis=1) - (self.left**2).sum(axis=1)
+        spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
+        return float(difference.mean()) / spread if spread > 0 else 0.0
+
+    @property
+    def more_to_find(self) -> bool:
+        """Whether the process predicts significantly and worthwhile better than the named model."""
+        return self.z > MIN_Z and self.error.rms < (1.0 - MIN_GAIN) * error_stats(self.named).rms
+
+    @property
+    def noise_bound(self) -> float:
+        """Upper bound of the noise, RMS of the 3-D distance (m): the smaller of both held-out errors."""
+        return min(self.error.rms, error_stats(self.named).rms)
+
+    @property
+    def sentence(self) -> str:
+        """What it predicts of the residual, and what that follows."""
+        before, after = in_mm(error_stats(self.named).rms), in_mm(self.error.rms)
+        if not self.more_to_find:
+            return f"A model without names (a Gaussian process on the residual) predicts no better: {after} mm."
+        return (
+            f"A model without names (a Gaussian process on the residual) brings the held-out error from {before} "
+            f"to {after} mm; it follows {', '.join(self.follows)}. So much at least is left to find."
+        )
+
+    def as_json(self) -> dict[str, object]:
+        """The table `nameless`."""
+        return {
+            **self.error.as_json(),
+            "follows": self.follows,
+            "z": self.z,
+            "more_to_find": self.more_to_find,
+            "learned_from_poses": self.rows,
+        }
+
+
+def predictable_error(
+    data: Measurements, blocks: Sequence[HeldOutBlock], progress: OnProgress = silent
+) -> PredictableError:
+    """What a Gaussian process can predict of the residuals of a cross-validation, in the same blocks.
+
+    Each kernel is searched on at most `SEARCH_ROWS` of the training poses, from the last block's, and the process
+    conditioned on at most `MOST_ROWS`; both spread evenly over the order of measurement.
+    """
+    covariates = pose_covariates(data)
+    named, left = held_out_rows(blocks), np.empty_like(data.tcp)
+    relevance, kernels, most = np.zeros(len(covariates.names)), [Kernel.start(len(covariates.names))] * 3, 0
+    for number, block in enumerate(blocks):
+        x, chosen = covariates.values, _spread(len(block.train), MOST_ROWS)
+        search = _spread(len(block.train), SEARCH_ROWS)
+        most = max(most, len(chosen))
+        for axis in range(3):
+            y, unit = block.train_residual[:, axis], float(block.train_residual[:, axis].std()) or 1.0
+            kernel = fit_kernel(x[block.train[search]], y[search] / unit, kernels[axis])
+            process = condition(kernel, x[block.train[chosen]], y[chosen] / unit)
+            left[block.test, axis] = block.test_residual[:, axis] - unit * process.mean(x[block.test])
+            relevance += (unit * kernel.signal / kernel.lengths) ** 2
+            kernels[axis] = kernel
+        progress(number + 1, len(blocks))
+    ranked = sorted(zip(relevance.tolist(), covariates.names, strict=True), reverse=True)
+    follows = tuple(name for value, name in ranked if value > RELEVANT * ranked[0][0])
+    return PredictableError(named, left, follows, most)
+
+
+def _spread(count: int, most: int) -> NDArray[np.int64]:
+    """Indices of at most `most` of `count` rows, evenly spaced."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))

@@ -1,0 +1,1 @@
+"""Steps of an identification on one model and one data set; each ends as a model file."""

@@ -1,0 +1,133 @@
+"""Public API of the offline tool: measurements in, models and diagnoses out.
+
+A `Study` is a model on measurements; its methods are the steps of an identification, and each gives a new study or a
+result. The functions below do one step on a model and measurements.
+
+>>> import lrm_ident as lrm
+>>> data = lrm.load(lrm.EXAMPLE)
+>>> study = lrm.Study.of(data).fit()
+>>> study.diagnose().first.scored.name
+'backlash@joint2'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lrm_ident.data.examples import EXAMPLE
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.metadata import arm_for
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.diagnosis.auto import AutoRun
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.fitting.effect_plugins import catalogue_with
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.loss import SQUARED, loss_named
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
+from lrm_ident.residual.error_breakdown import ModelComparison
+from lrm_ident.study.inputs import read_measurements, read_study
+from lrm_ident.study.step import StudyStep
+from lrm_ident.study.study import MAX_EFFECTS, Study
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import load_model
+from lrm_math.model.reading import AS_NAMED, Reading
+
+__all__ = [
+    "EXAMPLE",
+    "Study",
+    "add",
+    "auto",
+    "catalogue_with",
+    "compare",
+    "diagnose",
+    "fit",
+    "load",
+    "load_model",
+    "load_poses",
+    "predict",
+    "read_study",
+    "save",
+]
+
+
+def load(path: str | Path, arm: str | None = None, reading: Reading = AS_NAMED) -> Measurements:
+    """Measured TCP positions of an arm.
+
+    Args:
+        path: a CSV with one row per pose (docs/files.md).
+        arm: name of a shipped arm or path of an arm file; None: the one that the file beside the CSV names.
+        reading: units, axes, frame, and the joints' signs and order, where the columns' names do not say them.
+
+    Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
+    """
+    name, described = arm_for(Path(path), arm)
+    return read_measurements(Path(path), described, name, reading)
+
+
+def fit(
+    data: Measurements,
+    effects: Sequence[str] = DEFAULT_EFFECTS,
+    parameters: str = "identifiable",
+    loss: str = "squared",
+    prior: str | None = None,
+) -> Fit:
+    """Least-squares fit of an arm's model; its `model` goes into the other functions.
+
+    Args:
+        effects: ids, or `id@place`.
+        parameters: 'identifiable', 'option1' to 'option5', or names and patterns by commas.
+        loss: 'squared', 'huber' or 'cauchy'. prior: name of a shipped prior or path of a prior file.
+
+    Raises `LrmError`: unknown names, data without an arm, too few poses, or no convergence.
+    """
+    return Study.of(data, effects).fit(parameters, loss_named(loss), prior).taken.fit
+
+
+def compare(model: Model | Fit, data: Measurements, loss: str | None = None) -> ModelComparison:
+    """Error of a model on measurements beside its held-out error, split by what it may depend on.
+
+    Here and below: a `Fit` brings its loss along; else `loss` says it, least squares if not given.
+    """
+    return _study(model, data, loss).compare()
+
+
+def diagnose(model: Model | Fit, data: Measurements, loss: str | None = None) -> DiagnosisReport:
+    """Finds which physical effect a model misses: `first` is the effect to add, `verdict` says if there is one."""
+    return _study(model, data, loss).diagnose()
+
+
+def add(model: Model | Fit, data: Measurements, effect: str, loss: str | None = None) -> Fit:
+    """Adds an effect (`id` or `id@place`), all parameters fitted together, without outliers. Raises `LrmError`."""
+    return _study(model, data, loss).add(effect).taken.fit
+
+
+def auto(model: Model | Fit, data: Measurements, max_effects: int = MAX_EFFECTS, loss: str | None = None) -> AutoRun:
+    """Diagnoses and adds effects until nothing is supported; `model` is the result."""
+    return _study(model, data, loss).auto(max_effects)[0]
+
+
+def predict(model: Model, poses: Poses) -> Array:
+    """(N, 3) TCP positions (m) at elastic equilibrium. Raises `NotSettled` if there is none."""
+    return equilibrium(model, poses).tcp
+
+
+def save(fit: Fit, data: Measurements, path: str | Path) -> None:
+    """Writes a model file of one step, which the command line and the daemon read. Raises `FileError`."""
+    numbers = fit.rest.poses.number
+    outliers = [] if numbers is None else np.setdiff1d(data.pose, numbers).tolist()
+    replace(_study(fit, data.without(outliers), None), step=StudyStep("fit", fit)).save(path)
+
+
+def _study(model: Model | Fit, data: Measurements, loss: str | None) -> Study:
+    """A study of a model that knows where the data's distances start. Raises `UnknownName`."""
+    the_model, own = (model, SQUARED) if isinstance(model, Model) else (model.model, model.loss)
+    how = own if loss is None else loss_named(loss)
+    return Study(with_anchor(the_model, data), data, data.arm_name or the_model.arm.name, loss=how)

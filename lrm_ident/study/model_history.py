@@ -1,0 +1,181 @@
+"""Model files from fits: parameters, standard errors, provenance, and the history of identification steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.wording import enumerate_words
+from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.fitting.effect_plugins import file_of, sha256_of
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.priors import WEAK
+from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_math.effects import Effect
+from lrm_math.errors import LrmError
+from lrm_math.model.covariance import CovarianceTable, covariance_table
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import (
+    HistoryTable,
+    ModelFile,
+    ProvenanceTable,
+    as_tables,
+    parameter_tables,
+    to_model,
+)
+
+LEFT_OUT_SHOWN, RIVALS_NAMED = 12, 30
+
+
+def tool_version() -> str:
+    """`lrm-ident` and its version."""
+    try:
+        return f"lrm-ident {version('lrm-arm')}"
+    except PackageNotFoundError:
+        return "lrm-ident (not installed)"
+
+
+def model_file(
+    fit: Fit,
+    data: Measurements,
+    held_out: HeldOutResidual,
+    arm: str,
+    step: str,
+    loss: str,
+    before: Sequence[HistoryTable] = (),
+    prior: str | None = None,
+) -> ModelFile:
+    """The model file of a fit: one entry appended to the history `before`.
+
+    Args:
+        arm: name of a shipped arm or path of its file, as stored in the model file.
+        step: short description of the step.
+        prior: name of the prior of the fit, if any; for a damped fit the weak one is stored.
+    """
+    model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
+    own = file_of(model.effects)
+    entry = HistoryTable(
+        step=step,
+        fit_rms_mm=error_stats(fit.residual).rms * 1e3,
+        held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
+        effects=effect_names(model.effects),
+        parameters=parameter_tables(model),
+        sigma=sigma_table(fit),
+        covariance=covariance_table_of(fit),
+        provenance=ProvenanceTable(
+            data=data.path.name,
+            data_sha256=data.sha256,
+            poses=len(data),
+            tool=tool_version(),
+            date=date,
+            loss=loss,
+            prior=WEAK if fit.damped else prior,
+            left_out=list(data.left_out),
+            reading=data.reading if data.reading.said() else None,
+            effects_file=None if own is None else own.resolve().as_posix(),
+            effects_sha256=None if own is None else sha256_of(own),
+        ),
+    )
+    return _file_at(arm, [*before, entry])
+
+
+def models_of_history(file: ModelFile) -> list[tuple[str, ModelFile]]:
+    """Every step's name and the model file after it, the last one being the file; without a history only that."""
+    entries = file.history
+    return [(entry.step, _file_at(file.arm, entries[: k + 1])) for k, entry in enumerate(entries)] or [("model", file)]
+
+
+def undo_step(file: ModelFile) -> ModelFile:
+    """The model file before its last step. Raises `LrmError` if there was none."""
+    if len(file.history) < 2:
+        raise LrmError("nothing to undo: the model's history has no step before this one")
+    return _file_at(file.arm, file.history[:-1])
+
+
+def _file_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
+    """The model file whose model is that of the last entry."""
+    last = history[-1]
+    return ModelFile(
+        schema="lrm/model/1",
+        arm=arm,
+        effects=last.effects,
+        parameters=last.parameters,
+        sigma=last.sigma,
+        covariance=last.covariance,
+        history=list(history),
+        provenance=last.provenance,
+    )
+
+
+def effect_names(effects: Sequence[Effect]) -> list[str]:
+    """Effects as named in a model file: `id` if present at all its places, else `id@place`."""
+    names: list[str] = []
+    for effect in effects:
+        everywhere = {e.place for e in effects if e.id == effect.id} == set(type(effect).places(effect.arm))
+        name = effect.id if everywhere else f"{effect.id}@{effect.place}"
+        if name not in names:
+            names.append(name)
+    return names
+
+
+def sigma_table(fit: Fit) -> dict[str, float]:
+    """Standard errors of the free parameters in the file's units; parameters at a bound have none."""
+    model = fit.model
+    return {
+        key: float(error) / model.parameters[model.position(key)].si
+        for key, error in zip(model.free, fit.standard_error, strict=True)
+        if key not in fit.at_bound
+    }
+
+
+def covariance_table_of(fit: Fit) -> CovarianceTable | None:
+    """Covariance table of the free parameters that are not at a bound; None if there are none."""
+    error = fit.standard_error
+    fitted = [j for j, key in enumerate(fit.model.free) if key not in fit.at_bound and error[j] > 0.0]
+    if not fitted:
+        return None
+    return covariance_table([fit.model.free[j] for j in fitted], fit.covariance[np.ix_(fitted, fitted)])
+
+
+def fit_words(loss: str, left_out: Sequence[int]) -> str:
+    """Manner of a fit in words, where it differs from least squares of all poses; else nothing."""
+    how = [] if loss == "squared" else [f"loss {loss}"]
+    if left_out:
+        how.append(f"{len(left_out)} poses left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}")
+    return "; ".join(how)
+
+
+def auto_step_name(step: AutoStep) -> str:
+    """A step of `auto` in the history of a model file: the effect added, and the rest of its class; "" at the start."""
+    rivals = f", or {enumerate_words(step.equivalent, RIVALS_NAMED)}: these data cannot tell" if step.equivalent else ""
+    return f"add {step.added}{rivals}" if step.added else ""
+
+
+def as_written(model: Model, arm: str) -> Model:
+    """A model as it is read again from its own file: effects in the file's order, values through the file's units."""
+    effects, parameters = effect_names(model.effects), parameter_tables(model)
+    file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters)
+    return to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
+
+
+def model_text(file: ModelFile) -> str:
+    """The file's TOML text."""
+    return tomli_w.dumps(as_tables(file))
+
+
+def arm_name_for(arm: str, folder: Path) -> str:
+    """Name of a shipped arm, or path of an arm file relative to `folder`, for a model file there."""
+    path = Path(arm)
+    if path.suffix != ".toml":
+        return arm
+    try:
+        return path.resolve().relative_to(folder.resolve()).as_posix()
+    except ValueError:
+        return path.resolve().as_posix()

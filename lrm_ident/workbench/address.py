@@ -1,0 +1,39 @@
+"""Place where a workbench runs: a port of this machine, a token, a folder."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from lrm_math.errors import LrmError
+
+HOST = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class WorkbenchAddress:
+    """Place where a workbench runs: `port` of this machine, `token` of its address, `folder` of its steps."""
+
+    port: int
+    token: str
+    folder: Path
+
+    @property
+    def address(self) -> str:
+        """URL that a person opens."""
+        return f"http://{HOST}:{self.port}/?token={self.token}"
+
+
+def new_place(port: int | None) -> WorkbenchAddress:
+    """A free place. Raises `LrmError` if the port is taken."""
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            one.bind((HOST, port or 0))
+        except OSError as error:
+            raise LrmError(f"port {port}: cannot be used ({error.strerror}); choose another with --port") from None
+        free = int(one.getsockname()[1])
+    return WorkbenchAddress(free, secrets.token_urlsafe(16), Path(tempfile.mkdtemp(prefix="lrm-workbench-")))

@@ -1,0 +1,100 @@
+"""`lrm-ident report`: a model report as one self-contained HTML file."""
+
+from __future__ import annotations
+
+from html import escape
+
+from lrm_ident.report.document import Block, Document
+from lrm_ident.report.document_html import blocks_html, table_html
+from lrm_ident.report.model_report import ModelReport
+from lrm_ident.report.plots.interactive.assets import SCRIPTS
+from lrm_ident.report.plots.interactive.values import figure_values, values_text
+from lrm_ident.workbench.standalone import standalone_page
+
+BODY = """<header>
+<h1>{title}</h1>
+<p class="verdict" id="lrm-verdict">{verdict}</p>
+<p class="lrm-soft">{summary}</p>
+<button type="button" class="screen-only" id="lrm-theme">Light or dark</button>
+</header>
+<main>
+<section>
+<h2>Where the arm is, and how far off the model</h2>
+<p class="lrm-soft" id="lrm-scale"></p>
+<div class="lrm-controls screen-only">
+<label>step <select id="lrm-step"></select></label><label>shown <select id="lrm-beside"></select></label>
+<label>pose <input id="lrm-pose" type="number"></label>
+<select id="lrm-marked" aria-label="mark poses"></select><button type="button" id="lrm-clear">clear the marks</button>
+<span id="lrm-brushed"></span>
+</div>
+<div class="lrm-fields"><div id="lrm-field" class="lrm-figure tall"></div>
+<div id="lrm-field-b" class="lrm-figure tall"></div></div>
+<div id="lrm-arm"></div>
+<p class="lrm-soft">nominal arm dashed, bent arm solid, measured tool circled</p>
+<p id="lrm-pose-note" class="lrm-soft"></p>
+</section>
+<section>
+<h2>Where it fails</h2>
+<div class="lrm-controls screen-only"><label>as a turn of <select id="lrm-joint"></select></label>
+<label>against the <select id="lrm-driver"></select></label>
+<span>drag a box around poses to mark them in every figure</span></div>
+<div id="lrm-turn" class="lrm-figure medium"></div>
+{comparison}
+</section>
+<section>
+<h2>Which effect</h2>
+<div class="two"><div><div id="lrm-ranking" aria-label="candidates"></div></div><div id="lrm-detail"></div></div>
+<p class="lrm-soft screen-only">Choose an effect to see what it would add to the model.</p>
+<div class="two"><div id="lrm-added" class="lrm-figure medium"></div>
+<div id="lrm-form" class="lrm-figure medium"></div></div>
+{diagnosis}
+</section>
+<section>
+<h2>The steps so far</h2>
+<div id="lrm-history" class="lrm-figure medium"></div>
+{history}
+</section>
+<section>
+<h2>Parameters</h2>
+{parameters}
+</section>
+<section>
+<h2>Provenance</h2>
+{provenance}
+</section>
+</main>
+"""
+START = """
+document.getElementById("lrm-theme").onclick = () =>
+  lrm.theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+lrm.show(lrmValues);
+window.addEventListener("beforeprint", () => lrm.print(true));
+window.addEventListener("afterprint", () => lrm.print(false));
+"""
+
+
+def html_report(found: ModelReport) -> str:
+    """The report's text."""
+    title = f"{found.file.arm}: model and measurements {found.poses.path.name}"
+    document = found.document()
+    body = BODY.format(
+        title=escape(title),
+        verdict=escape(found.verdict),
+        summary=escape(_summary(found)),
+        comparison=blocks_html(_blocks(found.comparison)),
+        diagnosis=blocks_html(_blocks(found.diagnosis)),
+        history=table_html(found.history),
+        parameters=table_html(found.parameters),
+        provenance=table_html(found.provenance),
+    )
+    return standalone_page(title, body, values_text(figure_values(found)), document, SCRIPTS, START, "lrm.ready();")
+
+
+def _blocks(part: Document | None) -> list[Block]:
+    return [] if part is None else list(part.blocks)
+
+
+def _summary(found: ModelReport) -> str:
+    known = found.file.provenance
+    made = "" if known is None else f"; fitted {known.date} with {known.tool}"
+    return f"{found.field.poses} poses of {found.poses.path.name}{made}"

@@ -1,0 +1,287 @@
+"""The state of the workbench, without its page: steps, the work going on, and what a person may do next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.output_files import check_outputs
+from lrm_ident.workbench.taken_steps import TakenSteps, with_law, with_step, without_last
+from lrm_ident.workbench.work.commands import DoneCommand
+from lrm_ident.workbench.work.followed_file import FollowedFile, follow_file
+from lrm_ident.workbench.work.tasks import (
+    AddTask,
+    AutoTask,
+    CompareTask,
+    DiagnoseTask,
+    LawResult,
+    OpenTask,
+    ProposeTask,
+    StepResult,
+    StepView,
+    WorkTask,
+    kept_name,
+)
+from lrm_ident.workbench.work.worker import (
+    WorkDone,
+    WorkFailure,
+    WorkMessage,
+    WorkNotice,
+    WorkProcess,
+    WorkProgress,
+    WorkResult,
+)
+from lrm_math.errors import LrmError
+
+if TYPE_CHECKING:
+    from lrm_ident.report.model_report import ModelReport
+
+NOTICES_KEPT = 8
+
+
+@dataclass
+class WorkbenchSession:
+    """One person's work on one model, shared by all tabs.
+
+    Attributes:
+        folder: where every step is kept as a file as soon as it is taken.
+        taken: the steps. followed: the growing file that is shown, or None.
+        progress: of the work going on, or None. failure: why the last work ended without a result, or "".
+        version: grows with every change of the state, `drawn` with every change of what the figures show.
+    """
+
+    folder: Path
+    worker: WorkProcess
+    taken: TakenSteps = field(default_factory=TakenSteps)
+    progress: WorkProgress | None = None
+    failure: str = ""
+    notices: list[str] = field(default_factory=list)
+    followed: FollowedFile | None = None
+    version: int = 0
+    drawn: int = 0
+    _next: WorkTask | None = None
+    _at_work: WorkTask | None = None
+
+    # ---- what there is
+
+    @property
+    def steps(self) -> Sequence[StepResult]:
+        """All steps, the last one being the model."""
+        return self.taken.steps
+
+    @property
+    def done(self) -> Sequence[DoneCommand]:
+        """Steps that were taken, as commands."""
+        return self.taken.done
+
+    @property
+    def law(self) -> LawResult | None:
+        """The last proposed law."""
+        return self.taken.law
+
+    @property
+    def step(self) -> StepResult | None:
+        """The last step."""
+        return self.taken.last
+
+    @property
+    def shown(self) -> StepView | None:
+        """View of the last step."""
+        return self.step.shown if self.step else None
+
+    @property
+    def report(self) -> ModelReport | None:
+        """All that is known of the last step."""
+        return self.step.report if self.step else None
+
+    @property
+    def busy(self) -> bool:
+        """Whether work is going on that a person requested; the diagnosis of a step gives way to it."""
+        return self.worker.task is not None and not isinstance(self.worker.task, DiagnoseTask)
+
+    @property
+    def can_diagnose(self) -> bool:
+        """Whether the last step has no diagnosis, and none is under way."""
+        return self.shown is not None and not self.shown.diagnosed and self.worker.task is None
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether the model has a step to take back."""
+        return not self.busy and self.shown is not None and self.shown.before is not None
+
+    # ---- what a person does
+
+    def open(self, task: OpenTask) -> None:
+        """Opens files, the model kept here; the steps so far stay as they are until that has worked."""
+        self._give_way()
+        self._begin(replace(task, kept=self.new_file()))
+
+    def new_file(self) -> Path:
+        """File in which the next step is kept."""
+        self.taken = replace(self.taken, count=self.taken.count + 1)
+        return self.folder / kept_name(self.taken.count - 1)
+
+    def add(self, effect: str) -> None:
+        """Adds an effect at a place; waits for a diagnosis of this step that is under way, which it needs."""
+        step = self._ready()
+        self._begin(AddTask(step.files, effect, self.new_file()))
+
+    def auto(self) -> None:
+        """Follows the advice until it says stop."""
+        step = self._ready()
+        self._give_way()
+        self._begin(AutoTask(step.files, self.folder, self.taken.count))
+
+    def propose(self) -> None:
+        """Looks for a law."""
+        step = self._ready()
+        self._give_way()
+        self._begin(ProposeTask(step.files, self.folder / f"law-{len(self.done)}.py"))
+
+    def add_law(self) -> None:
+        """Adds the proposed law, from its file. Raises `LrmError` if there is none."""
+        step = self._ready()
+        if self.law is None or self.law.file is None:
+            raise LrmError("no law is proposed; press Propose a law first")
+        if step.files.effects_file is not None:
+            raise LrmError("this model has effects of its own already; add the law on the command line")
+        self._give_way()
+        files = replace(step.files, effects_file=self.law.file)
+        self._begin(AddTask(files, self.law.name, self.new_file()))
+
+    def undo(self) -> None:
+        """Takes the last step back, exactly. Raises `LrmError` if there is none."""
+        step = self._ready()
+        if step.shown.before is None:
+            raise LrmError("nothing to undo: the model's history has no step before this one")
+        self._give_way()
+        kept = self.new_file()
+        write_text(kept, step.shown.before)
+        self.taken = without_last(self.taken, kept)
+        self._changed(drawn=True)
+        if self.step is not None and self.step.files.model == kept:
+            self._diagnose()
+        else:
+            self._begin(CompareTask(replace(step.files, model=kept)))
+
+    def follow(self, source: Path) -> None:
+        """Shows a file of measurements as it grows; nothing is diagnosed meanwhile. Raises `FileError`."""
+        self._ready()
+        self.followed = follow_file(source, self.folder)
+        self._changed()
+
+    def stop_following(self) -> None:
+        """Goes on with the rows that there are."""
+        self.followed = None
+        self._diagnose()
+        self._changed()
+
+    def diagnose(self) -> None:
+        """Compares and diagnoses the last step."""
+        self._ready()
+        self._diagnose()
+
+    def cancel(self) -> None:
+        """Ends the work; steps that are taken stay."""
+        what = self.progress.what if self.progress else "the work"
+        self.worker.cancel()
+        self._next, self.progress = None, None
+        self.failure = f"cancelled: {what}; the model is as it was after its last step"
+        self._changed()
+
+    def fail(self, words: str) -> None:
+        """Tells why something could not be done."""
+        self.failure = words
+        self._changed()
+
+    def save(self, path: Path) -> None:
+        """Writes the model, with the checks of the commands. Raises `FileError`."""
+        step = self._ready()
+        check_outputs({"the model": path}, [step.files.data])
+        write_text(path, step.shown.model)
+
+    # ---- what comes back
+
+    def tick(self) -> None:
+        """Takes what has come from the process; begins what waits."""
+        for message in self.worker.messages():
+            self._take(message)
+        if self.followed is not None and self.worker.task is None:
+            self._look_at(self.followed)
+        if self.worker.task is None and self._next is not None:
+            task, self._next = self._next, None
+            self._begin(task)
+
+    def _take(self, message: WorkMessage) -> None:
+        if isinstance(message, WorkProgress):
+            self.progress = message
+        elif isinstance(message, WorkNotice):
+            if message.words not in self.notices:
+                self.notices = [*self.notices, message.words][-NOTICES_KEPT:]
+        elif isinstance(message, WorkResult):
+            self._take_result(message.value)
+        elif isinstance(message, WorkFailure):
+            self.failure, self.progress = message.words, None
+            if not isinstance(self._at_work, DiagnoseTask):
+                self._diagnose()
+        elif isinstance(message, WorkDone):
+            self.progress = None
+            if self._next is None:
+                self._diagnose()
+        self._changed()
+
+    def _take_result(self, value: StepResult | LawResult) -> None:
+        if isinstance(value, LawResult):
+            self.taken = with_law(self.taken, value)
+        else:
+            self.taken = with_step(self.taken, self._at_work, value)
+        self._changed(drawn=True)
+
+    # ---- inside
+
+    def _begin(self, task: WorkTask) -> None:
+        """Starts a task now, or after the one at work."""
+        if not isinstance(task, DiagnoseTask):
+            self.failure = ""
+        if self.worker.task is not None:
+            self._next = task
+        else:
+            self._at_work = task
+            self.worker.start(task)
+        if not isinstance(task, DiagnoseTask) or self.progress is None:
+            self.progress = WorkProgress("starting")
+        self._changed()
+
+    def _look_at(self, followed: FollowedFile) -> None:
+        step = self.step
+        try:
+            if step is not None and followed.grown():
+                self._begin(CompareTask(replace(step.files, data=followed.copy)))
+        except LrmError as error:
+            self.followed = None
+            self.fail(str(error))
+
+    def _diagnose(self) -> None:
+        step = self.step
+        if step is not None and self.followed is None and not step.shown.diagnosed and self.worker.task is None:
+            self._begin(DiagnoseTask(step.files, step.packed))
+
+    def _give_way(self) -> None:
+        """Ends a diagnosis under way that nobody waits for."""
+        if isinstance(self.worker.task, DiagnoseTask):
+            self.worker.cancel()
+
+    def _ready(self) -> StepResult:
+        """The last step. Raises `LrmError` if there is none, or other work goes on."""
+        if self.step is None:
+            raise LrmError("no model is open yet")
+        if self.busy or self._next is not None:
+            raise LrmError("still at work; wait, or press Cancel")
+        return self.step
+
+    def _changed(self, drawn: bool = False) -> None:
+        self.version += 1
+        self.drawn += drawn

@@ -1,0 +1,82 @@
+"""A page as one HTML file that needs no network and prints well: the report and a fleet's page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+from lrm_ident.report.document import Document
+from lrm_ident.report.plots.interactive.assets import LIBRARY, STYLE, text_of
+
+PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline';
+ style-src 'unsafe-inline'; img-src data: blob:">
+<title>{title}</title>
+<script>
+document.documentElement.dataset.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+</script>
+<style>
+{style}
+{own_style}
+</style>
+</head>
+<body>
+{body}
+<script type="application/json" id="lrm-values">{values}</script>
+<script type="application/json" id="lrm-result">{result}</script>
+<script>{scripts}</script>
+<script>const lrmValues = JSON.parse(document.getElementById("lrm-values").textContent);</script>
+{start}
+</body>
+</html>
+"""
+OWN_STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 1200px; padding: 16px; }
+h1 { font-size: 22px; margin: 0; } h2 { font-size: 18px; border-bottom: 1px solid var(--grid); } h3 { font-size: 15px; }
+.verdict { font-size: 18px; font-weight: 600; margin: 4px 0; }
+.tall { height: 560px; } .medium { height: 380px; } .two .lrm-empty { display: none; }
+.two { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(420px, 100%), 1fr)); gap: 16px; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; margin: 8px 0 16px; font-size: 13px; font-variant-numeric: tabular-nums; }
+caption { text-align: left; font-weight: 600; padding: 4px 0; }
+th, td { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--grid); }
+th.right, td.right { text-align: right; white-space: nowrap; }
+td { overflow-wrap: anywhere; } ul { margin: 4px 0 8px; padding-left: 20px; } h4 { margin: 12px 0 2px; }
+@media print {
+  :root { color-scheme: light; }
+  @page { size: A4; margin: 14mm; }
+  body { max-width: none; padding: 0; font-size: 10pt; }
+  .screen-only { display: none !important; }
+  h2, h3, h4, caption { break-after: avoid; } tr, .lrm-figure, img { break-inside: avoid; }
+  .medium { height: 300px; } .modebar { display: none; } details > * { display: block; }
+}
+"""
+
+
+def standalone_page(
+    title: str, body: str, values: str, document: Document, scripts: Sequence[Path], start: str, end: str = ""
+) -> str:
+    """The page's text.
+
+    Args:
+        body: HTML. values: what the figures show, as JSON that may stand in a `<script>` element.
+        document: kept in the page as JSON.
+        scripts: that draw the figures. start, end: JavaScript run before and after Plotly is loaded; both find the
+            figures' values in `lrmValues`.
+    """
+    library = LIBRARY.read_text(encoding="utf-8")
+    return PAGE.format(
+        title=escape(title),
+        style=STYLE.read_text(encoding="utf-8"),
+        own_style=OWN_STYLE,
+        body=body,
+        values=values,
+        result=document.json().replace("</", "<\\/"),
+        scripts=text_of(scripts),
+        start=f"<script>{start}</script>\n<script>{library}</script>\n<script>{end}</script>",
+    )

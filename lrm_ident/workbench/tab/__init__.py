@@ -1,0 +1,1 @@
+"""Elements of one browser tab of the workbench."""

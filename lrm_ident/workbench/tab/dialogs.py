@@ -1,0 +1,99 @@
+"""The dialogs of the workbench. Each calls back what it is given; `Do` does it, and shows why it cannot be done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from nicegui import ui
+
+from lrm_ident.workbench.session import WorkbenchSession
+from lrm_ident.workbench.tab.rover_panel import RoverPanel
+from lrm_ident.workbench.work.commands import commands_text
+from lrm_ident.workbench.work.tasks import LawResult
+from lrm_math.errors import LrmError
+
+Do = Callable[[Callable[[], object]], object]
+
+
+def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
+    """Shows what the search for a law found, and the button that adds it."""
+    with ui.dialog() as dialog, _card("lrm-law", "lrm-wide"):
+        ui.html(law.words, sanitize=False).classes("lrm-numbers")
+        with ui.row():
+            if law.file is not None:
+                _button("Add the law", lambda: _closing(dialog, do, session.add_law))
+            ui.button("Close", on_click=dialog.close).props("no-caps flat data-name=close-law")
+        if law.file is not None:
+            ui.label(f"Kept in {law.file}: read it, and say what causes it.").classes("lrm-small")
+    dialog.open()
+
+
+def save_dialog(session: WorkbenchSession, do: Do) -> None:
+    """Asks where to write the model. Raises `LrmError` if there is none."""
+    if session.step is None:
+        raise LrmError("no model is open yet")
+    with ui.dialog() as dialog, _card("lrm-save"):
+        path = ui.input("Write the model to", value=str(Path.cwd() / "model.toml")).classes("lrm-full")
+
+        def save() -> None:
+            session.save(Path(path.value).expanduser())
+            dialog.close()
+            ui.notify(f"Model written to {path.value}", type="positive")
+
+        with ui.row():
+            _button("Save", lambda: do(save))
+            _button("Download", lambda: ui.run_javascript("window.location = '/lrm/model'"))
+            ui.button("Close", on_click=dialog.close).props("no-caps flat")
+    dialog.open()
+
+
+def commands_dialog(session: WorkbenchSession) -> None:
+    """Shows the steps as commands."""
+    text = commands_text(session.done)
+    with ui.dialog() as dialog, _card("lrm-done", "lrm-wide"):
+        ui.label("What was done here, as commands")
+        ui.label(text).classes("lrm-code lrm-full").props('id="lrm-commands"')
+        with ui.row():
+            _button("Copy", lambda: ui.clipboard.write(text))
+            ui.button("Close", on_click=dialog.close).props("no-caps flat")
+    dialog.open()
+
+
+def live_dialog(session: WorkbenchSession, rover: RoverPanel, do: Do) -> None:
+    """A file that grows, or a daemon, to be followed."""
+    with ui.dialog() as dialog, _card("lrm-live"):
+        _of_file(session, lambda action: _closing(dialog, do, action))
+        _of_rover(rover, lambda action: _closing(dialog, do, action))
+    dialog.open()
+
+
+def _of_file(session: WorkbenchSession, do: Do) -> None:
+    at_hand = str(session.step.files.data) if session.step else ""
+    ui.label("A file that is being measured: its rows appear as they are written.").classes("lrm-small")
+    path = ui.input("Follow the file", value=at_hand).classes("lrm-full")
+    with ui.row():
+        _button("Follow the file", lambda: do(lambda: session.follow(Path(path.value).expanduser())))
+        ui.button("Stop following", on_click=lambda: do(session.stop_following)).props("no-caps flat")
+
+
+def _of_rover(rover: RoverPanel, do: Do) -> None:
+    ui.label("A running lrmd: where its arm is, and where the model thinks the tip is.").classes("lrm-small")
+    robot = ui.input("Robot", value="rover").classes("lrm-full")
+    endpoint = ui.input("zenoh endpoint", value="tcp/127.0.0.1:7447").classes("lrm-full")
+    with ui.row():
+        _button("Listen to the rover", lambda: do(lambda: rover.listen(robot.value, endpoint.value)))
+        ui.button("Stop listening", on_click=lambda: do(rover.hang_up)).props("no-caps flat")
+
+
+def _card(name: str, classes: str = "") -> ui.card:
+    return ui.card().classes(f"lrm-card {classes}").props(f'id="{name}"')
+
+
+def _button(text: str, action: Callable[[], object]) -> ui.button:
+    return ui.button(text, on_click=action).props("no-caps unelevated")
+
+
+def _closing(dialog: ui.dialog, do: Do, action: Callable[[], object]) -> None:
+    dialog.close()
+    do(action)

@@ -1,0 +1,132 @@
+"""The page of one tab: header, panels and numbers, redrawn whenever the session has changed."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Callable
+
+from nicegui import ui
+
+from lrm_ident.workbench.section import section_html
+from lrm_ident.workbench.session import WorkbenchSession
+from lrm_ident.workbench.tab.command_bar import CommandBar
+from lrm_ident.workbench.tab.dialogs import commands_dialog, law_dialog, live_dialog, save_dialog
+from lrm_ident.workbench.tab.head import FOLDER, head_html
+from lrm_ident.workbench.tab.rover_panel import RoverPanel
+from lrm_ident.workbench.tab.tour_dialog import TourDialog
+from lrm_math.errors import LrmError
+
+PANELS = FOLDER / "panels.html"
+REFRESH_S, ROVER_S = 0.1, 0.2
+
+
+class WorkbenchPage:
+    """One tab. `chosen`: the candidate chosen in it; `seen`, `drawn`: the versions of the session that it shows."""
+
+    def __init__(self, session: WorkbenchSession, gone: str, first_tab: bool, tour: bool) -> None:
+        """Makes the elements, within the page. `gone`: what to say when the server is."""
+        self.session = session
+        self.chosen: str | None = None
+        self.seen = self.drawn = -1
+        self.law = session.law
+        ui.add_head_html(head_html())
+        ui.dark_mode(None)
+        self.rover = RoverPanel(session)
+        self._build_header()
+        self.bar = CommandBar(session, self._button, self._add)
+        ui.html(PANELS.read_text(encoding="utf-8"), sanitize=False).classes("lrm-full")
+        self.numbers = ui.html("", sanitize=False).classes("lrm-numbers")
+        self.tour = TourDialog()
+        ui.on("lrm_choose", lambda event: self._choose(event.args))
+        ui.on("lrm_key", lambda event: self._press(event.args))
+        ui.timer(REFRESH_S, self.refresh)
+        ui.timer(ROVER_S, self.rover.show)
+        ui.run_javascript(f"window.lrmGone = {json.dumps(gone)}")
+        if not first_tab:
+            ui.notify("The workbench is open in another tab too: both show the same work.", type="info")
+        if tour:
+            self.tour.go_to(0)
+
+    def _build_header(self) -> None:
+        with ui.element("header").classes("lrm-head"):
+            ui.label("lrm-ident workbench").classes("lrm-title")
+            self.files = ui.label().classes("lrm-files")
+            ui.element("div").classes("lrm-grow")
+            self._button("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both; or drop them")
+            self._button("Save…", self._save, "write the model as a file (S)")
+            self._button("Report", lambda: ui.run_javascript("window.open('/lrm/report')"), "everything in one file")
+            self._button("Commands", self._commands, "what was done, as commands (C)")
+            self._button("Live…", self._live, "follow a file that grows, or a rover")
+            self._button("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
+            self._button("◐", lambda: ui.run_javascript("lrmTurnDark()"), "light or dark", name="light or dark")
+
+    def _button(self, text: str, action: Callable[[], object], hint: str, name: str = "") -> ui.button:
+        button = ui.button(text, on_click=lambda: self._do(action)).props("no-caps unelevated dense outline")
+        button.props(f'aria-label="{name or text}" data-name="{(name or text).lower()}"')
+        return button.tooltip(hint)
+
+    # ---- refreshing
+
+    def refresh(self) -> None:
+        """Shows the session as it is now, if it has changed."""
+        session = self.session
+        if self.seen == session.version:
+            return
+        self.seen = session.version
+        self.bar.show(self.chosen)
+        if session.law is not self.law:
+            self.law = session.law
+            if self.law is not None:
+                law_dialog(self.law, session, self._do)
+        shown = session.shown
+        if shown is None or self.drawn == session.drawn:
+            return
+        self.drawn = session.drawn
+        self.files.set_text(shown.title)
+        ui.run_javascript(f"lrm.load('/lrm/values?n={session.drawn}')")
+        self.numbers.set_content(self._numbers(shown.numbers))
+        note = "" if shown.diagnosed else "the candidates appear when every effect has been tried"
+        ui.run_javascript(f"document.getElementById('lrm-effect-note').textContent = {json.dumps(note)}")
+
+    def _numbers(self, found: str) -> str:
+        law = self.session.law
+        notices = "".join(f"<p>{html.escape(words)}</p>" for words in self.session.notices)
+        notes = section_html("What to know of the files", notices)
+        return notes + section_html("Proposed law", "" if law is None else law.words) + found
+
+    # ---- doing
+
+    def _do(self, action: Callable[[], object]) -> None:
+        """Does what a button says; shows why it cannot be done."""
+        try:
+            action()
+        except LrmError as error:
+            ui.notify(str(error), type="warning", multi_line=True, timeout=8000, close_button="OK")
+        self.refresh()
+        ui.run_javascript("lrmAnswered()")
+
+    def _press(self, key: str) -> None:
+        session = self.session
+        actions = {"a": self._add, "u": session.undo, "p": session.propose, "s": self._save, "c": self._commands}
+        actions["escape"] = session.cancel if session.progress is not None else self.tour.leave
+        if key in actions:
+            self._do(actions[key])
+
+    def _choose(self, name: str | None) -> None:
+        self.chosen = name
+        self.bar.show(name)
+
+    def _add(self) -> None:
+        if self.chosen is None:
+            raise LrmError("choose an effect of the list first")
+        self.session.add(self.chosen)
+
+    def _save(self) -> None:
+        save_dialog(self.session, self._do)
+
+    def _commands(self) -> None:
+        commands_dialog(self.session)
+
+    def _live(self) -> None:
+        live_dialog(self.session, self.rover, self._do)

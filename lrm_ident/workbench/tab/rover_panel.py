@@ -1,0 +1,66 @@
+"""The panel of a running daemon: where its arm is, and where the model of the session thinks the tip is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from lrm_ident.workbench.session import WorkbenchSession
+from lrm_ident.workbench.work.tasks import OpenFiles
+from lrm_math.errors import LrmError
+
+if TYPE_CHECKING:
+    from lrm_ident.workbench.tab.rover_link import RoverLink
+    from lrm_math.model.model import Model
+
+
+class RoverPanel:
+    """Panel of one tab. What it needs is loaded when somebody listens, since the page would wait for it."""
+
+    def __init__(self, session: WorkbenchSession) -> None:
+        self.session = session
+        self.link: RoverLink | None = None
+        self._model: tuple[Path, Model] | None = None
+
+    def listen(self, robot: str, endpoint: str) -> None:
+        """Begins to listen to a daemon, for as long as the tab is open."""
+        from lrm_ident.workbench.tab.rover_link import RoverLink
+
+        self.hang_up()
+        self.link = RoverLink(robot, endpoint)
+        self.link.start()
+        ui.context.client.on_disconnect(self.hang_up)
+
+    def hang_up(self) -> None:
+        """Ends it."""
+        if self.link is not None:
+            self.link.close()
+            self.link = None
+            ui.run_javascript("lrm.rover(null)")
+
+    def show(self) -> None:
+        """Shows where the arm is now, or why that is not known."""
+        step = self.session.step
+        if self.link is None or step is None:
+            return
+        from lrm_ident.report.plots.interactive.values import rounded
+
+        try:
+            tip = self.link.tip(self._model_of(step.files))
+        except LrmError as error:
+            ui.run_javascript(f"lrm.rover({json.dumps({'words': str(error)})})")
+            return
+        values = {"words": tip.words, "nominal": rounded(tip.nominal * 1e3, 2), "bent": rounded(tip.bent * 1e3, 2)}
+        ui.run_javascript(f"lrm.rover({json.dumps(values)})")
+
+    def _model_of(self, files: OpenFiles) -> Model:
+        """The model of a step, read once. Raises `LrmError`."""
+        from lrm_ident.fitting.effect_plugins import catalogue_with
+        from lrm_math.model.model_file import load_model
+
+        if self._model is None or self._model[0] != files.model:
+            self._model = (files.model, load_model(files.model, catalogue_with(files.effects_file)))
+        return self._model[1]

@@ -1,0 +1,94 @@
+"""The steps that were taken, and what each result of a task adds to them: pure functions on values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lrm_ident.workbench.work.commands import DoneCommand
+from lrm_ident.workbench.work.tasks import (
+    AddTask,
+    AutoTask,
+    CompareTask,
+    DiagnoseTask,
+    LawResult,
+    OpenTask,
+    StepResult,
+    WorkTask,
+)
+
+
+@dataclass(frozen=True)
+class TakenSteps:
+    """Steps, the last one being the model, with what was done as commands.
+
+    Attributes:
+        law: the last proposed law. count: how many names of files were given away.
+    """
+
+    steps: tuple[StepResult, ...] = ()
+    law: LawResult | None = None
+    done: tuple[DoneCommand, ...] = ()
+    count: int = 0
+
+    @property
+    def last(self) -> StepResult | None:
+        """The model, or None if nothing is open."""
+        return self.steps[-1] if self.steps else None
+
+
+def with_law(taken: TakenSteps, law: LawResult) -> TakenSteps:
+    """After `propose`."""
+    files = taken.steps[-1].files
+    kept = () if law.file is None else ("-o", law.file)
+    words = ("propose", files.model, files.data, *kept)
+    return replace(taken, law=law, done=(*taken.done, DoneCommand(words, files.effects_file, files.reading)))
+
+
+def with_step(taken: TakenSteps, task: WorkTask | None, step: StepResult) -> TakenSteps:
+    """After a task has given a step: a new one, or the last one with more that is known of it."""
+    if isinstance(task, OpenTask):
+        return TakenSteps((step,), None, (_opened(task, step),), taken.count)
+    if isinstance(task, DiagnoseTask):
+        same = taken.last is not None and taken.last.files == step.files
+        return replace(taken, steps=(*taken.steps[:-1], step)) if same else taken
+    if isinstance(task, CompareTask) and taken.last is not None and taken.last.files.model == step.files.model:
+        return replace(taken, steps=(*taken.steps[:-1], step))
+    if isinstance(task, AddTask):
+        words = ("add", task.files.model, task.files.data, task.effect, "-o", step.files.model)
+        return _did(taken, step, words)
+    if isinstance(task, AutoTask):
+        return _followed(taken, task, step)
+    return replace(taken, steps=(*taken.steps, step))
+
+
+def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
+    """After `undo`, whose model is kept in a file: the step before is the last one again, if the page knows it."""
+    last, earlier = taken.steps[-1], taken.steps[:-1]
+    done = (*taken.done, DoneCommand(("undo", last.files.model, "-o", kept)))
+    if earlier and earlier[-1].shown.model == last.shown.before:
+        known = replace(earlier[-1], files=replace(last.files, model=kept))
+        return replace(taken, steps=(*earlier[:-1], known), done=done)
+    return replace(taken, steps=earlier, done=done)
+
+
+def _did(taken: TakenSteps, step: StepResult, words: tuple[str | Path, ...]) -> TakenSteps:
+    command = DoneCommand(words, step.files.effects_file, step.files.reading)
+    return replace(taken, steps=(*taken.steps, step), law=None, done=(*taken.done, command))
+
+
+def _followed(taken: TakenSteps, task: AutoTask, step: StepResult) -> TakenSteps:
+    """A step of `auto`, whose command stands once in the list however many steps it has taken."""
+    number = int(step.files.model.stem.split("-")[1]) - task.number + 1
+    before = taken if number == 1 else replace(taken, done=taken.done[:-1])
+    words = ("auto", task.files.model, task.files.data, "-o", step.files.model)
+    after = _did(before, step, (*words, "--max-effects", str(number), "--no-nested"))
+    return replace(after, count=task.number + number)
+
+
+def _opened(task: OpenTask, step: StepResult) -> DoneCommand:
+    """A fit, or a copy of the model that was opened: steps are taken from that."""
+    if task.model is not None:
+        return DoneCommand(("compare", step.files.model, task.data), task.effects_file, task.reading)
+    words: tuple[str | Path, ...] = ("fit", task.data, "-o", task.kept)
+    return DoneCommand(words if task.arm is None else (*words, "--arm", task.arm), None, task.reading)

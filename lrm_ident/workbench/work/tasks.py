@@ -1,0 +1,142 @@
+"""Tasks of the workbench for its process, and their results: plain values that need none of what computes.
+
+The page's process is up in a moment for that; `run_task.py` does the work.
+"""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lrm_math.model.reading import AS_NAMED, Reading
+
+if TYPE_CHECKING:
+    from lrm_ident.report.model_report import ModelReport
+
+
+@dataclass(frozen=True)
+class OpenFiles:
+    """The files of a session: a model and measurements, and how they are read, as the options of the commands say."""
+
+    model: Path
+    data: Path
+    effects_file: Path | None = None
+    reading: Reading = field(default=AS_NAMED)
+
+
+@dataclass(frozen=True)
+class StepView:
+    """View of a step on the page.
+
+    Attributes:
+        title: arm, file, and how many poses. verdict: of the diagnosis, or "".
+        diagnosed: whether there is a diagnosis. values: JSON of the figures. numbers: all tables, as HTML.
+        model: text of the model file; before: that without the last step, or None if there is none to take back.
+    """
+
+    title: str
+    verdict: str
+    diagnosed: bool
+    values: str
+    numbers: str
+    model: str
+    before: str | None
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """A step: the files with its model, what is shown of it, and all that is known of it so far, packed."""
+
+    files: OpenFiles
+    shown: StepView
+    packed: bytes
+
+    @cached_property
+    def report(self) -> ModelReport:
+        """All that is known."""
+        return unpacked(self.packed)
+
+
+@dataclass(frozen=True)
+class LawResult:
+    """A proposed law: what `propose` prints, as HTML; its file and name, if a law is proposed."""
+
+    words: str
+    file: Path | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class OpenTask:
+    """Opens measurements and a model, or fits one first; the model is kept as `kept`. Gives one step."""
+
+    data: Path
+    model: Path | None
+    arm: str | None = None
+    effects_file: Path | None = None
+    reading: Reading = field(default=AS_NAMED)
+    kept: Path = Path("step-0.toml")
+
+
+@dataclass(frozen=True)
+class CompareTask:
+    """A first comparison of a step, for instance after the measurements have grown. Gives one step."""
+
+    files: OpenFiles
+
+
+@dataclass(frozen=True)
+class DiagnoseTask:
+    """`compare` and `diagnose` of a step. Gives it with the comparison, then with the diagnosis too.
+
+    `packed`: what is known of it.
+    """
+
+    files: OpenFiles
+    packed: bytes
+
+
+@dataclass(frozen=True)
+class AddTask:
+    """`add`: an effect at a place; the new model is kept as `kept`. Gives one step."""
+
+    files: OpenFiles
+    effect: str
+    kept: Path
+
+
+@dataclass(frozen=True)
+class AutoTask:
+    """`auto`: follows the advice until it says stop. Gives every step as it is taken.
+
+    The models are kept in `folder`, numbered from `number`.
+    """
+
+    files: OpenFiles
+    folder: Path
+    number: int
+
+
+@dataclass(frozen=True)
+class ProposeTask:
+    """`propose`: a law where no known effect fits; its file is kept as `kept`. Gives one law, or that there is none."""
+
+    files: OpenFiles
+    kept: Path
+
+
+WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask
+
+
+def unpacked(packed: bytes) -> ModelReport:
+    """ModelReport that came from our own process."""
+    found: ModelReport = pickle.loads(packed)
+    return found
+
+
+def kept_name(number: int) -> str:
+    """Name of the file of a step."""
+    return f"step-{number}.toml"

@@ -1,0 +1,129 @@
+"""The commands, as a person runs them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.csv_table import read_csv
+from tests.conftest import EXAMPLE, ROOT
+from tests.support.commands import stdout_of
+from validation import synthetic
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a model that a process of its own fitted to the shipped example."""
+    folder = tmp_path_factory.mktemp("work")
+    words = ("fit", EXAMPLE, "-o", folder / "model.toml", "--json", folder / "fit.json")
+    done = subprocess.run([sys.executable, "-m", "lrm_ident", *words], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert "held out" in done.stdout
+    assert "Model written" in done.stdout
+    return folder
+
+
+@pytest.mark.slow
+def test_fit_reports_fit_and_held_out(folder: Path) -> None:
+    result = json.loads((folder / "fit.json").read_text())
+    assert result["schema"] == "lrm/fit/1"
+    error = result["error"]
+    assert error["nominal"]["mean_mm"] > 20 > error["held_out"]["mean_mm"] > error["fit"]["mean_mm"]
+    assert result["parameters"] == len(result["estimates"]) == len(result["correlation"]["matrix"])
+    for estimate in result["estimates"].values():
+        assert estimate["at_bound"] or estimate["se"] > 0
+
+
+def test_the_model_file_tells_where_it_comes_from(folder: Path) -> None:
+    tables = tomllib.loads((folder / "model.toml").read_text())
+    assert tables["schema"] == "lrm/model/1"
+    assert tables["arm"] == "lrm-lab"
+    assert tables["provenance"]["data"] == "hidden-play.csv"
+    assert len(tables["provenance"]["data_sha256"]) == 64
+    assert [entry["step"] for entry in tables["history"]] == ["fit"]
+    assert set(tables["sigma"]) <= set(tables["parameters"])
+
+
+@pytest.mark.slow
+def test_compare_repeats_the_fits_figures(folder: Path) -> None:
+    outputs = ("--json", folder / "c.json", "--figure", folder / "c.svg")
+    said = stdout_of("compare", folder / "model.toml", EXAMPLE, *outputs)
+    assert "torque of joint 2" in said
+    fitted = json.loads((folder / "fit.json").read_text())["error"]
+    compared = json.loads((folder / "c.json").read_text())
+    for kind in ("nominal", "fit", "held_out"):
+        for name, value in fitted[kind].items():
+            assert compared["error"][kind][name] == pytest.approx(value, rel=1e-4), (kind, name)
+    kinds = {factor["kind"] for factor in compared["factors"]}
+    assert kinds == {"angle", "torque", "load", "order", "region"}
+    assert all(sum(g["poses"] for g in factor["groups"]) == 300 for factor in compared["factors"])
+    worst = [pose["error_mm"] for pose in compared["worst_poses"]]
+    assert len(worst) == 10
+    assert worst == sorted(worst, reverse=True)
+    assert worst[0] == pytest.approx(fitted["fit"]["max_mm"], rel=1e-6)
+    assert (folder / "c.svg").read_text().lstrip().startswith("<?xml")
+
+
+def test_predict_gives_the_residuals_of_compare(folder: Path) -> None:
+    stdout_of("predict", folder / "model.toml", EXAMPLE, "-o", folder / "p.csv", "--json", folder / "p.json")
+    predicted = read_csv(folder / "p.csv", ["x_mm", "tau1_Nm", "tau6_Nm", "tau_base_Nm"])
+    seen = read_csv(EXAMPLE, ["x_mm"])
+    away = [predicted.numbers(f"{axis}_mm") - seen.numbers(f"{axis}_mm") for axis in "xyz"]
+    rms = float(np.sqrt(np.mean(np.sum(np.square(away), axis=0))))
+    assert rms == pytest.approx(json.loads((folder / "fit.json").read_text())["error"]["fit"]["rms_mm"], abs=1e-4)
+    assert len(json.loads((folder / "p.json").read_text())["poses"]) == 300
+
+
+@pytest.mark.slow
+def test_a_fit_can_start_from_a_model_and_grow(folder: Path) -> None:
+    grown = folder / "grown.toml"
+    start = ["--start", folder / "model.toml"]
+    stdout_of("fit", EXAMPLE, *start, "--effects", "offsets,compliance,backlash@joint2", "-o", grown)
+    tables = tomllib.loads(grown.read_text())
+    assert tables["effects"] == ["offsets", "compliance", "backlash@joint2"]
+    assert "backlash.joint2.tau0_Nm" in tables["parameters"]
+    assert tables["history"][-1]["held_out_rms_mm"] < 1.0
+
+
+@pytest.mark.slow
+def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Path) -> None:
+    """The play of the shipped example in an arm of two joints, on which eleven selections take seconds."""
+    data, *_ = synthetic.write_example(folder, ROOT / "config" / "arms" / "two-joint.toml")
+    stdout_of("fit", data, "-o", folder / "two-joint.toml")
+    outputs = ("-o", folder / "best.toml", "--json", folder / "course.json")
+    said = stdout_of("auto", folder / "two-joint.toml", data, *outputs)
+    assert "chosen anew in every fold" in said
+    course = json.loads((folder / "course.json").read_text())
+    assert [step["added"] for step in course["steps"]] == ["", "backlash@joint2"]
+    assert course["verdict"] == "nothing_missing"
+    assert course["held_out_effects_fixed"]["rms_mm"] <= course["held_out"]["rms_mm"] + 0.01 < 1.25 * 0.3 * 3**0.5
+    assert [entry["step"] for entry in tomllib.loads((folder / "best.toml").read_text())["history"]] == [
+        "fit",
+        "add backlash@joint2",
+    ]
+
+
+@pytest.mark.slow
+def test_an_arm_of_ones_own(folder: Path) -> None:
+    (folder / "mine.toml").write_text((ROOT / "config" / "arms" / "lrm-lab.toml").read_text())
+    stdout_of("fit", EXAMPLE, "--arm", folder / "mine.toml", "--parameters", "option3", "-o", folder / "own.toml")
+    assert tomllib.loads((folder / "own.toml").read_text())["arm"] == "mine.toml"
+    stdout_of("compare", folder / "own.toml", EXAMPLE)
+
+
+@pytest.mark.parametrize("command", ["", "fit", "compare", "predict"])
+def test_help_teaches(command: str) -> None:
+    said = stdout_of(*([command] if command else []), "--help")
+    assert "Usage" in said
+    assert len(said) > 400
+
+
+def test_the_shipped_example_is_what_its_generator_makes(tmp_path: Path) -> None:
+    for made in synthetic.write_example(tmp_path):
+        assert made.read_text() == (EXAMPLE.parent / made.name).read_text()

@@ -1,0 +1,308 @@
+"""Is the question right? Misreadings are said with the option that accepts them; healthy data are never refused."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import lrm_ident as lrm
+from lrm_ident.data.apply_reading import (
+    axes_matrix,
+    axes_words,
+    frame_table,
+    read_joints,
+    read_positions,
+    rigid_motion,
+)
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.checked import Misread, load_checked
+from lrm_ident.data.registration.degenerate_fit import DegenerateFit, check_arm
+from lrm_ident.data.registration.reading_check import check_reading, nominal_tcp
+from lrm_ident.data.registration.similarity import robust_similarity
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.model import model_of
+from lrm_math.model.reading import Reading, parse_axes
+from tests.conftest import EXAMPLE, SHARED
+from tests.support.commands import stderr_of, stdout_of
+from validation.misreadings import ARMS, HEALTHY, KINDS, healthy_data, misread, random_arm_data
+
+TWO_JOINTS = SHARED / "data" / "lrm-two-joint" / "measurements.csv"
+OPTION_1 = ["--parameters", "option1"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(len(KINDS)))
+def test_each_misreading_is_understood_on_one_arm(number: int) -> None:
+    case = misread(ARMS[number % len(ARMS)], KINDS[number], seed=7)
+    assert case.understood(check_reading(case.arm, case.data))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HEALTHY)
+def test_a_bad_arm_is_not_refused(name: str) -> None:
+    for seed in (11, 12):
+        check = check_reading(load_arm(name), healthy_data(name, seed))
+        assert check is None or check.right
+
+
+@pytest.mark.parametrize(
+    ("arm", "path", "reading"),
+    [
+        ("lrm-lab", "lrm-lab-no-load/measurements.csv", Reading()),
+        ("ur5", "ur5/grid.csv", Reading()),
+        ("two-joint", "lrm-two-joint/measurements.csv", Reading(axes="-x,-y,z")),
+    ],
+)
+def test_real_measurements_are_not_refused(arm: str, path: str, reading: Reading) -> None:
+    data = SHARED / "data" / path
+    if not data.exists():
+        pytest.skip("the real measurements are not here")
+    assert load_checked(data, load_arm(arm), reading).notices == ()
+
+
+def test_the_real_two_joint_data_are_turned_by_half_a_turn() -> None:
+    if not TWO_JOINTS.exists():
+        pytest.skip("the real measurements are not here")
+    with pytest.raises(Misread, match="--axes=-x,-y,z"):
+        load_checked(TWO_JOINTS, load_arm("two-joint"))
+
+
+@pytest.mark.slow
+def test_both_spellings_of_the_real_two_joint_data_end_in_one_model(tmp_path: Path) -> None:
+    if not TWO_JOINTS.exists():
+        pytest.skip("the real measurements are not here")
+    arm = load_arm("two-joint")
+    raw = load_checked(TWO_JOINTS, arm, Reading(axes="-x,-y,z"))
+    negated = load_checked(_written(tmp_path, raw), arm)
+    one, other = (lrm.fit(data).model for data in (raw, negated))
+    assert one.free == other.free
+    np.testing.assert_allclose(one.values, other.values, atol=1e-9)
+
+
+def _written(folder: Path, data: Measurements, name: str = "data.csv") -> Path:
+    path = folder / name
+    path.write_text(measurements_csv(data))
+    return path
+
+
+def _fitted(path: Path, model: Path, *options: str) -> dict[str, float]:
+    stdout_of("fit", path, "--arm", "lrm-lab", *OPTION_1, *options, "-o", model)
+    found: dict[str, float] = tomllib.loads(model.read_text())["parameters"]
+    return found
+
+
+@pytest.fixture(scope="module")
+def healthy() -> Measurements:
+    return random_arm_data("lrm-lab", 3, poses=60)
+
+
+MISTAKES = {
+    "--axes x,y,-z": (Reading(axes="x,y,-z"), lambda q, tcp: (q, tcp * [1, 1, -1])),
+    "--unit m": (Reading(unit="m"), lambda q, tcp: (q, tcp * 1e-3)),
+    "--angle-unit rad": (Reading(angle_unit="rad"), lambda q, tcp: (np.radians(q), tcp)),
+    "--joint-order 1,3,2,4,5,6": (
+        Reading(joint_order=[1, 3, 2, 4, 5, 6]),
+        lambda q, tcp: (q[:, [0, 2, 1, 3, 4, 5]], tcp),
+    ),
+    "--joint-sign 1,1,1,-1,1,1": (
+        Reading(joint_sign=[1, 1, 1, -1, 1, 1]),
+        lambda q, tcp: (q * [1, 1, 1, -1, 1, 1], tcp),
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("option", MISTAKES)
+def test_the_option_that_is_named_mends_the_reading(tmp_path: Path, healthy: Measurements, option: str) -> None:
+    reading, mistake = MISTAKES[option]
+    q, tcp = mistake(healthy.poses.q, healthy.tcp)
+    path = _written(tmp_path, replace(healthy, tcp=tcp, poses=replace(healthy.poses, q=q)))
+    with pytest.raises(Misread, match=option):
+        load_checked(path, load_arm("lrm-lab"))
+    mended = load_checked(path, load_arm("lrm-lab"), reading)
+    np.testing.assert_allclose(mended.tcp, healthy.tcp, atol=1e-6)
+    np.testing.assert_allclose(mended.poses.q, healthy.poses.q, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_the_model_remembers_how_its_data_were_read(tmp_path: Path, healthy: Measurements) -> None:
+    path, model = _written(tmp_path, replace(healthy, tcp=healthy.tcp[:, [1, 0, 2]])), tmp_path / "model.toml"
+    _fitted(path, model, "--axes", "y,x,z")
+    assert tomllib.loads(model.read_text())["provenance"]["reading"] == {"axes": "y,x,z"}
+    stdout_of("compare", model, path)
+    right = _written(tmp_path, healthy, "right.csv")
+    assert "--axes x,y,z" in stderr_of("compare", model, right)
+    assert "--axes x,y,z" in stderr_of("diagnose", model, right)
+
+
+def test_the_file_beside_the_data_says_how_to_read_them(tmp_path: Path, healthy: Measurements) -> None:
+    path = _written(tmp_path, replace(healthy, tcp=healthy.tcp * [1e-3, 1e-3, -1e-3]))
+    path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\nunit = "m"\naxes = "x,y,-z"\n')
+    np.testing.assert_allclose(load_checked(path, load_arm("lrm-lab")).tcp, healthy.tcp, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_an_unknown_frame_is_found_with_the_fit(tmp_path: Path, healthy: Measurements) -> None:
+    rotation, translation = _motion(5)
+    path = _written(tmp_path, replace(healthy, tcp=(healthy.tcp - translation) @ rotation))
+    assert "--frame unknown" in stderr_of("fit", path, "--arm", "lrm-lab", *OPTION_1)
+    right, found = tmp_path / "right.toml", tmp_path / "found.toml"
+    _fitted(_written(tmp_path, healthy, "right.csv"), right)
+    _fitted(path, found, "--frame", "unknown")
+    errors = [tomllib.loads(model.read_text())["history"][0]["fit_rms_mm"] for model in (right, found)]
+    assert errors[1] < 1.2 * errors[0]
+
+
+def test_limits_are_checked_after_the_question(tmp_path: Path) -> None:
+    data = random_arm_data("so101", 3, poses=60)
+    data.poses.q[:2, 4] = np.radians(160.0)
+    data = replace(data, tcp=nominal_tcp(load_arm("so101"), data.poses))
+    flipped = _written(tmp_path, replace(data, poses=replace(data.poses, q=data.poses.q * [1, -1, 1, 1, -1])))
+    assert "counted the other way" in stderr_of("fit", flipped, "--arm", "so101")
+    beyond = data.poses.q.copy()
+    beyond[3, 1] = np.radians(130.0)
+    said = stderr_of("fit", _written(tmp_path, replace(data, poses=replace(data.poses, q=beyond))), "--arm", "so101")
+    assert "beyond the limits of joint 2" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--axes", "x,y"], "each once"),
+        (["--unit", "km"], "'mm'"),
+        (["--joint-sign", "1,2,1,1,1,1"], "1 or -1"),
+        (["--joint-sign", "1,1"], "lrm-lab has 6"),
+        (["--joint-order", "1,1,2,3,4,5"], "once"),
+        (["--joint-order", "a"], "whole numbers"),
+        (["--frame", "there"], "unknown"),
+    ],
+)
+def test_readings_that_mean_nothing(words: list[str], said: str) -> None:
+    assert said in stderr_of("fit", EXAMPLE, "--arm", "lrm-lab", *words)
+
+
+def _drawn_with(values: dict[str, float]) -> Equilibrium:
+    arm = load_arm("lrm-lab")
+    poses = poses_of(np.random.default_rng(0).uniform(-1, 1, (60, 6)))
+    return equilibrium(model_of(arm, effects_at(arm, "offsets"), values), poses)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"offsets.joint2.extra_z_mm": -0.100}, "collapse"),
+        ({f"offsets.{key}_mm": -0.06 for key in ("joint2.extra_z", "joint4.extra_z", "tool.z")}, "shrinks"),
+        ({f"offsets.{key}_mm": 0.09 for key in ("joint2.extra_z", "joint4.extra_z", "tool.z")}, "stretches"),
+    ],
+)
+def test_whatever_fits_refuses_to_destroy_the_arm(values: dict[str, float], said: str) -> None:
+    destroyed = _drawn_with(values)
+    drawn = model_of(destroyed.model.arm, destroyed.model.effects)
+    number = np.arange(60)
+    data = Measurements(
+        destroyed.poses, number, destroyed.tcp, None, 1e-4, number, Path("small.csv"), "", arm=drawn.arm
+    )
+    keys = tuple(key for key in drawn.keys if key.endswith(("extra_z_mm", "tool.z_mm")))
+    model = replace(drawn, free=keys)
+    for fitting in (
+        lambda: lrm.fit(data, effects=["offsets"], parameters=",".join(keys)),
+        lambda: lrm.diagnose(model, data),
+        lambda: lrm.add(model, data, "compliance"),
+        lambda: lrm.auto(model, data),
+    ):
+        with pytest.raises(DegenerateFit, match=said):
+            fitting()
+    check_arm(_drawn_with({}), keys)
+
+
+def test_a_length_that_others_undo_does_not_collapse() -> None:
+    """The first joint's offset along its axis and the base's position: together they move nothing."""
+    rest = _drawn_with({"offsets.joint1.d_mm": -0.080})
+    keys = [key for key in rest.model.keys if "base" in key or key == "offsets.joint1.d_mm"]
+    check_arm(rest, keys)
+    with pytest.raises(DegenerateFit, match="collapse"):
+        check_arm(rest, ["offsets.joint1.d_mm"])
+
+
+def test_a_fit_that_no_parameter_helps_is_refused() -> None:
+    data = replace(random_arm_data("lrm-lab", 3, poses=60), arm=load_arm("lrm-lab"))
+    far = replace(data, tcp=np.random.default_rng(0).normal(0.0, 10.0, data.tcp.shape))
+    with pytest.raises(LrmError, match="nothing can be fitted"):
+        lrm.fit(far, effects=["compliance"])
+
+
+def _motion(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return Q * np.sign(np.linalg.det(Q)), rng.normal(0.0, 0.5, 3)
+
+
+@given(st.integers(0, 10_000))
+def test_frames_survive_their_table(seed: int) -> None:
+    rotation, translation = _motion(seed)
+    found, moved = rigid_motion(frame_table(rotation, translation))
+    np.testing.assert_allclose(found, rotation, atol=1e-12)
+    np.testing.assert_allclose(moved, translation, atol=1e-12)
+
+
+@given(st.integers(0, 10_000), st.floats(1e-3, 1e3), st.booleans())
+def test_similarity_is_recovered_beside_wrong_points(seed: int, scale: float, mirrored: bool) -> None:
+    rng, (rotation, translation) = np.random.default_rng(seed), _motion(seed)
+    turn = rotation * [1.0, 1.0, -1.0] if mirrored else rotation
+    points = rng.normal(0.0, 0.2, (50, 3))
+    images = scale * points @ turn.T + translation
+    images[:3] += scale * rng.normal(0.0, 1.0, (3, 3))
+    found = robust_similarity(points, images, mirrored)
+    np.testing.assert_allclose(found.rotation, turn, atol=0.05)
+    assert found.scale == pytest.approx(scale, rel=0.05)
+
+
+@given(st.permutations(range(3)), st.tuples(*[st.booleans()] * 3))
+def test_axes_are_words_and_matrices(order: list[int], minus: tuple[bool, ...]) -> None:
+    words = ",".join(("-" if sign else "") + "xyz"[axis] for axis, sign in zip(order, minus, strict=True))
+    assert parse_axes(words) == axes_words(axes_matrix(words)) == words
+    points = np.random.default_rng(0).normal(size=(4, 3))
+    expected = np.stack(
+        [points[:, axis] * (-1 if sign else 1) for axis, sign in zip(order, minus, strict=True)], axis=1
+    )
+    np.testing.assert_array_equal(read_positions(Reading(axes=words), points), expected)
+
+
+@settings(max_examples=20)
+@given(st.permutations(range(1, 7)), st.lists(st.sampled_from([1, -1]), min_size=6, max_size=6))
+def test_joints_are_reordered_then_signed(order: list[int], sign: list[int]) -> None:
+    columns = np.arange(1.0, 7.0)
+    read = read_joints(Reading(joint_order=order, joint_sign=sign), columns)
+    assert read.tolist() == [s * columns[k - 1] for k, s in zip(order, sign, strict=True)]
+
+
+def test_what_is_said_first_counts() -> None:
+    first, second = Reading(axes="x,y,-z"), Reading(axes="y,x,z", unit="m")
+    assert first.over(second) == Reading(axes="x,y,-z", unit="m")
+    for one, other in pairwise([Reading(), first, second]):
+        assert one.over(other).over(None) == one.over(other)
+
+
+def test_noise_is_not_scaled_away(tmp_path: Path) -> None:
+    """Reading in metres by the column's name or by the option is the same."""
+    data = random_arm_data("lrm-lab", 4, poses=20)
+    text = measurements_csv(replace(data, tcp=data.tcp * 1e-3))
+    plain, named = tmp_path / "plain.csv", tmp_path / "named.csv"
+    plain.write_text(text)
+    named.write_text(text.replace("x_mm,y_mm,z_mm", "x_m,y_m,z_m"))
+    arm = load_arm("lrm-lab")
+    by_option, by_name = load_measurements(plain, arm, Reading(unit="m")), load_measurements(named, arm)
+    np.testing.assert_array_equal(by_option.tcp, by_name.tcp)

@@ -1,0 +1,74 @@
+"""Fit and diagnosis of arms of any shape: with and without masses, with parallel and with meeting axes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.pose_table import directions
+from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model, nominal_model
+from lrm_ident.report.fit import fit_document
+from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.error_summary import ErrorSummary
+from lrm_math.arm.arm import Arm
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+from tests.support.random_arms import random_arm
+
+GEOMETRIES = ("any", "parallel", "meeting")
+MASSES = ("anywhere", "on axes", "none")
+
+
+def described(seed: int, joints: int, geometry: str, masses: str) -> Arm:
+    """A random arm whose consecutive axes are askew, all parallel, or meet at right angles; perhaps weightless.
+
+    A body's centre of mass in its frame's origin is on the axis of the next joint.
+    """
+    arm = random_arm(seed, joints)
+    if geometry == "parallel":
+        arm = replace(arm, joints=tuple(replace(joint, alpha=0.0) for joint in arm.joints))
+    if geometry == "meeting":
+        links = tuple(replace(joint, a=0.0, alpha=np.pi / 2 * (-1) ** i) for i, joint in enumerate(arm.joints))
+        arm = replace(arm, joints=links)
+    if masses == "none":
+        return replace(arm, bodies=())
+    return arm if masses == "anywhere" else replace(arm, bodies=tuple(replace(b, com=(0, 0, 0)) for b in arm.bodies))
+
+
+def measured_on(arm: Arm, seed: int, count: int, noise: float = 2e-4) -> Measurements:
+    """Random poses of an arm whose dimensions and compliances are a little off."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-1.5, 1.5, (count, arm.dof))
+    poses, number = Poses(q=q, payload=np.zeros(count), direction=directions(q, None)), np.arange(count)
+    model = nominal_model(arm)
+    values = {key: 0.1 * rng.uniform() * p.typical for key, p in zip(model.keys, model.parameters, strict=True)}
+    tcp = equilibrium(model_of(arm, model.effects, values), poses).tcp + rng.normal(0, noise, (count, 3))
+    return Measurements(poses, number, tcp, None, noise, number, Path("random.csv"), "", arm=arm)
+
+
+@pytest.mark.slow
+@settings(max_examples=8, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@given(st.integers(0, 1000), st.integers(1, 10), st.sampled_from(GEOMETRIES), st.sampled_from(MASSES))
+def test_every_arm_is_fitted_and_diagnosed(seed: int, joints: int, geometry: str, masses: str) -> None:
+    arm = described(seed, joints, geometry, masses)
+    data, model = measured_on(arm, seed, 40 + 6 * joints), nominal_model(arm)
+    before = error_stats(data.tcp - equilibrium(model, data.poses).tcp)
+    result = fit_model(model, data, "identifiable", SQUARED)
+    found = diagnose(result.fit.model, data)
+    after = error_stats(result.fit.residual)
+    assert after.rms <= before.rms
+    assert fit_document(result, ErrorSummary(before, after, HeldOutResidual(None, "")), data).json()
+    assert found.verdict
+    if masses == "none":
+        reasons = {effect.id: reason for effect, reason in found.not_testable}
+        assert all("gives no masses" in reasons[name] for name in ("backlash", "nonlinear_stiffness", "cable_spring"))

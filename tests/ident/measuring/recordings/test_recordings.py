@@ -1,0 +1,269 @@
+"""Recordings of other programs: their formats as published, rests found in them, and the author's own files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from lrm_ident.data.csv_table import read_csv
+from lrm_ident.measuring.recordings.cells import read_cells
+from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
+from lrm_ident.measuring.recordings.published_mat import read_mat_positions
+from lrm_ident.measuring.recordings.rests import still_rests
+from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
+from lrm_math.errors import FileError
+from tests.conftest import ROOT
+from tests.support.commands import run_command, stderr_of, stdout_of
+
+SHARED = ROOT.parent / "shared" / "data" / "lrm-lab-no-load" / "measurements.csv"
+RATE, REST_S, MOVE_S, NOISE_M = 100.0, 3.0, 1.0, 1e-4
+BASE_TURN = Rotation.from_euler("xyz", [0.3, -0.5, 1.1])
+BASE_PLACE = np.array([0.8, -0.3, 1.1])
+TIPS = np.array([[0.3, 0.1, 0.2], [0.25, -0.1, 0.3], [0.1, 0.3, 0.15], [0.3, 0.1, 0.2]])
+HEAD = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,payload_g,repeat_of\n"
+
+
+def walk() -> tuple[np.ndarray, np.ndarray]:
+    """Times (s) and true tips (m) of an arm that rests at `TIPS` in turn, with straight moves between them."""
+    parts = []
+    for k, tip in enumerate(TIPS):
+        if k:
+            parts.append(np.linspace(TIPS[k - 1], tip, round(MOVE_S * RATE)))
+        parts.append(np.tile(tip, (round(REST_S * RATE), 1)))
+    tips = np.concatenate(parts)
+    return np.arange(len(tips)) / RATE, tips
+
+
+def recorded() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, and positions of tool and base in the room (m), with noise."""
+    t, tips = walk()
+    rng = np.random.default_rng(0)
+    tool = BASE_PLACE + BASE_TURN.apply(tips) + rng.normal(scale=NOISE_M, size=tips.shape)
+    return t, tool, np.tile(BASE_PLACE, (len(t), 1))
+
+
+def motive(path: Path, unit: str = "Millimeters", factor: float = 1e3, rotation: str = "Quaternion") -> Path:
+    """An export of format version 1.25, with what a real one has beside the bodies; the tool is hidden for a while."""
+    t, tool, base = recorded()
+    x, y, z, w = BASE_TURN.as_quat()
+    about = f"Format Version,1.25,Take Name,t,Rotation Type,{rotation},Length Units,{unit},Coordinate Space,Global"
+    kinds = ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"]
+    axes = [*"XYZWXYZ", ""]
+    rows = [about, ""]
+    rows.append(",Type" + ",Rigid Body" * 16 + ",Rigid Body Marker" * 3)
+    rows.append(",Name" + ",Base" * 8 + ",Tool" * 8 + ",Tool:Marker 001" * 3)
+    rows.append(",ID" + ",1" * 8 + ",2" * 8 + ",3" * 3)
+    rows.append(",Parent" + "," * 19)
+    rows.append(",," + ",".join([*kinds, *kinds, "Position", "Position", "Position"]))
+    rows.append("Frame,Time (Seconds)," + ",".join([*axes, *axes, *"XYZ"]))
+    for k in range(len(t)):
+        own = [f"{v:.6f}" for v in (x, y, z, w, *base[k] * factor, 0.1)]
+        hand = [f"{v:.6f}" for v in (0, 0, 0, 1, *tool[k] * factor, 0.1)] if k % 97 else [""] * 8
+        rows.append(",".join([str(k), f"{t[k]:.6f}", *own, *hand, "9", "9", "9"]))
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def vicon(path: Path, rotation: str, prefix: str = "") -> Path:
+    """An export of Tracker: two objects, rotations in rad as a helical vector, Euler angles or a quaternion."""
+    t, tool, base = recorded()
+    turn = {"helical": BASE_TURN.as_rotvec(), "euler-xyz": BASE_TURN.as_euler("XYZ"), "quaternion": BASE_TURN.as_quat()}
+    angles, axes = turn[rotation], ["RX", "RY", "RZ", "RW"][: len(turn[rotation])]
+    wide = "," * (len(axes) + 2)
+    rows = ["Objects", "100", f",,{prefix}Base:Base{wide},{prefix}Tool:Tool{wide}"]
+    rows.append(",".join(["Frame", "Sub Frame", *2 * [*axes, "TX", "TY", "TZ"]]))
+    rows.append(",".join(["", "", *2 * [*["rad"] * len(axes), "mm", "mm", "mm"]]))
+    for k in range(len(t)):
+        numbers = [*angles, *base[k] * 1e3, *angles, *tool[k] * 1e3]
+        rows.append(",".join([str(k + 1), "0", *(f"{v:.6f}" for v in numbers)]))
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def poses(folder: Path) -> Path:
+    """As many poses as there are rests; the last one repeats the first."""
+    rows = [f"{k},0,10,20,30,40,{k},66.3,{1 if k == 4 else k}" for k in range(1, 5)]
+    path = folder / "poses.csv"
+    path.write_text(HEAD + "\n".join(rows) + "\n")
+    return path
+
+
+WRITERS: dict[str, tuple[Callable[[Path], Path], list[str]]] = {
+    "motive, mm": (motive, ["--tool", "Tool", "--base", "Base"]),
+    "motive, m": (lambda path: motive(path, "Meters", 1.0), ["--tool", "Tool", "--base", "Base"]),
+    "vicon helical": (
+        lambda path: vicon(path, "helical"),
+        ["--tool", "Tool:Tool", "--base", "Base:Base", "--rotation", "helical"],
+    ),
+    "vicon euler": (
+        lambda path: vicon(path, "euler-xyz", "Global Angle "),
+        ["--tool", "Tool:Tool", "--base", "Base:Base", "--rotation", "euler-xyz"],
+    ),
+    "vicon quaternion": (lambda path: vicon(path, "quaternion"), ["--tool", "Tool:Tool", "--base", "Base:Base"]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [[], ["--every", "4", "--first", "2.9"]], ids=["found", "regular"])
+@pytest.mark.parametrize("kind", WRITERS)
+def test_the_tip_at_every_rest_comes_out_of_the_recording(tmp_path: Path, kind: str, times: list[str]) -> None:
+    write, options = WRITERS[kind]
+    source, data = write(tmp_path / "take.csv"), tmp_path / "data.csv"
+    stdout_of("import", source, poses(tmp_path), "--arm", "lrm-lab", "-o", data, *options, *times)
+    table = read_csv(data, ["pose", "x_mm", "y_mm", "z_mm", "sd_mm", "t_s", "payload_g", "repeat_of"])
+    tips = np.stack([table.numbers(name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * 1e-3
+    np.testing.assert_allclose(tips, TIPS, atol=5e-5)
+    assert table.numbers("repeat_of").tolist() == [1, 2, 3, 1]
+    assert np.all(np.abs(table.numbers("sd_mm") - NOISE_M * 1e3) < 0.02)
+    np.testing.assert_allclose(np.diff(table.numbers("t_s")), REST_S + MOVE_S, atol=0.2)
+    assert 'arm = "lrm-lab"' in data.with_suffix(".toml").read_text()
+
+
+def test_a_rest_in_which_the_tool_is_hidden_is_left_out_and_said(tmp_path: Path) -> None:
+    source, data = motive(tmp_path / "take.csv"), tmp_path / "data.csv"
+    lines = source.read_text().splitlines()
+    for k in range(640, 700):  # within the second rest
+        cells = lines[k + 8].split(",")
+        lines[k + 8] = ",".join([*cells[:10], *[""] * 8, *cells[18:]])
+    source.write_text("\n".join(lines) + "\n")
+    times = ("--every", "4", "--first", "2.9", "--tool", "Tool", "--base", "Base")
+    said = stdout_of("import", source, poses(tmp_path), "--arm", "lrm-lab", "-o", data, *times)
+    assert "left out: pose 2: target 1 unseen" in said
+    assert read_csv(data, ["pose"]).numbers("pose").tolist() == [1, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "says"),
+    [
+        (("Millimeters", "Furlongs"), [], "Length Units is Furlongs"),
+        (("Frame,Time", "Bild,Zeit"), [], "no line that begins with Frame"),
+        (("Format Version", "Version"), [], "should be a .mat file"),
+        (("100,1.000000,", "100,soon,"), [], "'soon' is not a number"),
+        (("Quaternion", "XYZ"), [], None),
+        (None, ["--tool", "Hand"], "unknown body 'Hand'"),
+        (None, ["--every", "4"], "go together"),
+        (None, ["--every", "400", "--first", "3"], "the recording ends at"),
+        (None, ["--skip", "1"], "there are 4 poses"),
+        (None, ["--axes", "x,y"], "--axes x,y"),
+        (None, ["--rotation", "zyx"], "zyx"),
+    ],
+)
+def test_what_cannot_be_read_is_one_line_and_nothing_is_written(
+    tmp_path: Path, change: tuple[str, str] | None, options: list[str], says: str | None
+) -> None:
+    source, data = motive(tmp_path / "take.csv"), tmp_path / "data.csv"
+    if change:
+        source.write_text(source.read_text().replace(*change))
+    bodies = [] if "--tool" in options else ["--tool", "Tool", "--base", "Base"]
+    words = ("import", source, poses(tmp_path), "--arm", "lrm-lab", "-o", data, *bodies, *options)
+    if says is None:
+        assert run_command(*words)[0] == 0
+        return
+    assert says in stderr_of(*words)
+    assert not data.exists()
+    assert not data.with_suffix(".toml").exists()
+
+
+def test_rotations_that_may_mean_two_things_are_asked_for(tmp_path: Path) -> None:
+    source, data = vicon(tmp_path / "take.csv", "helical"), tmp_path / "data.csv"
+    words = ("import", source, poses(tmp_path), "--arm", "lrm-lab", "-o", data, "--tool", "Tool:Tool")
+    assert "--rotation helical" in stderr_of(*words, "--base", "Base:Base")
+    stdout_of(*words)
+
+
+def test_markers_of_nexus_are_bodies_too(tmp_path: Path) -> None:
+    path = tmp_path / "markers.csv"
+    t, tool, _ = recorded()
+    rows = ["Trajectories", "100", ";;Arm:tip;;", "Frame;Sub Frame;X;Y;Z", ";;mm;mm;mm"]
+    rows += [f"{k + 1};0;" + ";".join(f"{v * 1e3:.4f}" for v in tool[k]) for k in range(len(t))]
+    path.write_text("\n".join(row.replace(",", ";") for row in rows) + "\n")
+    cells = read_cells(path)
+    assert is_vicon(cells)
+    take = read_vicon(path, cells, None)
+    np.testing.assert_allclose(take.bodies["Arm:tip"].position, tool, atol=1e-6)
+    np.testing.assert_allclose(take.t, t, atol=1e-9)
+
+
+HEADS = [b"", b"Format Version,1.2\n", b"Objects\n100\n", b"Segments\n"]
+
+
+@given(st.binary(max_size=400), st.sampled_from(HEADS))
+def test_garbage_is_a_file_error_or_no_recording(data: bytes, head: bytes) -> None:
+    with TemporaryDirectory() as folder, suppress(FileError):
+        path = Path(folder) / "take.csv"
+        path.write_bytes(head + data)
+        cells = read_cells(path)
+        if is_motive(cells):
+            assert len(read_motive(path, cells).bodies)
+        elif is_vicon(cells):
+            assert len(read_vicon(path, cells, "helical").bodies)
+
+
+@given(st.binary(max_size=400), st.booleans())
+def test_a_damaged_mat_file_is_a_file_error(data: bytes, headed: bool) -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "damaged.mat"
+        path.write_bytes((b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" if headed else b"") + data)
+        with pytest.raises(FileError):
+            read_mat_positions(path)
+
+
+def test_rests_are_found_where_the_tip_stands_still() -> None:
+    t, tips = walk()
+    noisy = tips + np.random.default_rng(1).normal(scale=NOISE_M, size=tips.shape)
+    noisy[50:70] = np.nan
+    rests = still_rests(t, noisy, 1.0)
+    assert len(rests) == len(TIPS)
+    for rows, tip in zip(rests, TIPS, strict=True):
+        assert len(rows) == pytest.approx(RATE, abs=2)
+        np.testing.assert_array_equal(tips[rows], np.tile(tip, (len(rows), 1)))
+
+
+def published(folder: Path, q: np.ndarray, tips: np.ndarray) -> tuple[Path, Path]:
+    """Files as the author's MATLAB wrote them: positions in mm with x and y turned, numbers and angles in rad."""
+    positions, angles = folder / "measured_rotated.mat", folder / "goodconf_corrected.mat"
+    scipy.io.savemat(positions, {"position_measured_rotated": tips * [-1.0, -1.0, 1.0]})
+    numbers = np.arange(1, len(q) + 1)[:, None]
+    scipy.io.savemat(angles, {"goodconf_corrected": np.hstack([numbers, np.radians(q)])})
+    return positions, angles
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the real measurements are not here")
+def test_the_real_393_poses_in_the_authors_format_equal_the_shared_table(tmp_path: Path) -> None:
+    names = [*(f"q{i}_deg" for i in range(1, 7)), "x_mm", "y_mm", "z_mm", "t_s", "pose"]
+    shared = read_csv(SHARED, names)
+    values = np.stack([shared.numbers(name) for name in names], axis=1)
+    positions, angles = published(tmp_path, values[:, :6], values[:, 6:9])
+    data = tmp_path / "data.csv"
+    times = ("--every", "15", "--first", "14")
+    stdout_of("import", positions, angles, "--arm", "lrm-lab", "-o", data, *times)
+    read = read_csv(data, names)
+    again = np.stack([read.numbers(name) for name in names], axis=1)
+    assert len(again) == 393
+    np.testing.assert_allclose(again, values, rtol=0.0, atol=1e-6)
+
+
+def test_author_files_that_do_not_fit_are_told(tmp_path: Path) -> None:
+    q = np.array([[0.0, 10, 20, 30, 40, 50], [1, 10, 20, 30, 40, 50]])
+    positions, angles = published(tmp_path, q, TIPS[:2] * 1e3)
+    words = ("import", positions, angles, "--arm", "lrm-lab", "-o", tmp_path / "d.csv")
+    stdout_of(*words, "--axes", "x,y,z")
+    assert "-300.0000,-100.0000,200.0000" in (tmp_path / "d.csv").read_text()
+    text = tmp_path / "conf_list.txt"
+    text.write_text("1,0,0.1,0.2,0.3,0.4,0.5\n")
+    assert "2 positions, there are 1 poses" in stderr_of("import", positions, text, "--arm", "lrm-lab", *words[5:])
+    text.write_text("1,0,0.1\n")
+    assert "3 numbers; should be 7" in stderr_of("import", positions, text, "--arm", "lrm-lab", *words[5:])
+    scipy.io.savemat(positions, {"a": np.ones((2, 3)), "b": np.ones((2, 3))})
+    assert "a 2x3, b 2x3" in stderr_of(*words)
+    positions.write_bytes(b"MATLAB 5.0 MAT-file, but cut off")
+    assert "cannot be read as a .mat file" in stderr_of(*words)

@@ -1,0 +1,167 @@
+"""What is left to find: Gaussian process, predictable error in held-out blocks, and regimes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds
+from lrm_ident.residual.error_breakdown import compare
+from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel, log_marginal_likelihood
+from lrm_ident.residual.predictability import (
+    HeldOutBlock,
+    PredictableError,
+    held_out_rows,
+    pose_covariates,
+    predictable_error,
+)
+from lrm_ident.residual.regime import find_regimes, studentised_squares
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+
+NOISE = 0.3e-3
+
+
+def poses_of(seed: int, count: int = 240) -> Measurements:
+    """Random joint angles and two loads; the residual is given apart, so that the TCP is zero."""
+    rng = np.random.default_rng(seed)
+    number = np.arange(count)
+    time = np.linspace(0.0, 15.0 * count, count)
+    poses = Poses(rng.uniform(-1.7, 1.7, (count, 4)), rng.choice([0.0, 0.07], count), t=time)
+    return Measurements(poses, number, np.zeros((count, 3)), None, None, number, Path("none.csv"), "")
+
+
+def blocks_of(data: Measurements, residual: Array) -> list[HeldOutBlock]:
+    """The joint-space blocks, with a residual that no fit has changed."""
+    fold = joint_space_folds(data.poses.q, data.repeat_of)
+    parts = [(np.flatnonzero(fold != k), np.flatnonzero(fold == k)) for k in range(10)]
+    return [HeldOutBlock(train, test, residual[train], residual[test]) for train, test in parts]
+
+
+def predicted(seed: int, signal: Array | float) -> PredictableError:
+    data = poses_of(seed)
+    noise = np.random.default_rng(seed + 1000).normal(size=(len(data), 3)) * NOISE
+    return predictable_error(data, blocks_of(data, noise + signal))
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
+def test_gradient_of_the_marginal_likelihood(seed: int, inputs: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = rng.normal(size=(12, inputs)), rng.normal(size=12)
+    log = rng.uniform(-0.7, 0.7, inputs + 2)
+    _, gradient = log_marginal_likelihood(Kernel.of_log(log), x, y)
+    for i, step in enumerate(1e-6 * np.eye(inputs + 2)):
+        sides = [log_marginal_likelihood(Kernel.of_log(log + sign * step), x, y)[0] for sign in (1, -1)]
+        assert (sides[0] - sides[1]) / 2e-6 == pytest.approx(gradient[i], rel=1e-4, abs=1e-5)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_conditioning_is_that_of_a_joint_normal_distribution(seed: int) -> None:
+    """Oracle: mean and covariance of a partitioned normal vector, by plain inversion."""
+    rng = np.random.default_rng(seed)
+    x, new, y = rng.normal(size=(9, 2)), rng.normal(size=(4, 2)), rng.normal(size=9)
+    kernel = Kernel(rng.uniform(0.5, 2.0, 2), 1.3, 0.4)
+
+    def covariance(a: Array, b: Array) -> Array:
+        apart = (a[:, None] - b[None]) / kernel.lengths
+        return np.asarray(kernel.signal**2 * np.exp(-0.5 * (apart**2).sum(axis=2)))
+
+    inverse = np.linalg.inv(covariance(x, x) + kernel.noise**2 * np.eye(9))
+    process = condition(kernel, x, y)
+    np.testing.assert_allclose(process.mean(new), covariance(new, x) @ inverse @ y, rtol=1e-8, atol=1e-10)
+    variance = np.diag(covariance(new, new) - covariance(new, x) @ inverse @ covariance(x, new))
+    np.testing.assert_allclose(process.sd(new), np.sqrt(variance), rtol=1e-6, atol=1e-7)
+
+
+def test_a_search_finds_the_input_that_matters_and_the_noise() -> None:
+    rng = np.random.default_rng(4)
+    x = rng.uniform(-1.7, 1.7, (200, 3))
+    y = np.sin(2.0 * x[:, 1]) + 0.2 * rng.normal(size=200)
+    kernel = fit_kernel(x, y, Kernel.start(3))
+    assert kernel.noise == pytest.approx(0.2, rel=0.2)
+    assert kernel.lengths[1] < 0.3 * min(kernel.lengths[0], kernel.lengths[2])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_can_be_predicted_of_noise(seed: int) -> None:
+    found = predicted(seed, 0.0)
+    assert not found.more_to_find
+    assert found.error.rms == pytest.approx(NOISE * np.sqrt(3.0), rel=0.1)
+
+
+def test_an_unknown_law_is_predicted_down_to_the_noise_and_its_inputs_are_named() -> None:
+    q = poses_of(3).poses.q
+    law = 0.01 * np.sin(q[:, 0] + q[:, 3])[:, None] * np.array([0.5, -0.3, 1.0])
+    found = predicted(3, law)
+    assert found.more_to_find
+    assert set(found.follows[:2]) == {"q1", "q4"}
+    assert NOISE * np.sqrt(3.0) * 0.9 < found.noise_bound < 2.0 * NOISE * np.sqrt(3.0) < error_stats(found.named).rms
+
+
+def test_inputs_that_do_not_vary_or_repeat_another_are_left_out() -> None:
+    data = poses_of(0)
+    assert pose_covariates(data).names == ("q1", "q2", "q3", "q4", "order", "load")
+    np.testing.assert_allclose(pose_covariates(data).values.std(axis=0), 1.0)
+
+
+def test_an_error_in_a_part_of_joint_space_is_found_there() -> None:
+    data = poses_of(5, 300)
+    residual = np.random.default_rng(1).normal(size=(300, 3)) * NOISE
+    stuck = data.poses.q[:, 1] < np.radians(-50.0)
+    residual[stuck] *= 3.0
+    (found, *others) = find_regimes(data, (residual**2).sum(axis=1))
+    assert not others
+    assert found.quantity.name == "q2"
+    assert found.low is None
+    assert found.high == pytest.approx(-50.0, abs=15.0)
+    assert found.inside > 2.0 * found.outside
+    assert found.sentence.startswith(f"{100 * found.share:.0f} % of the squared error lies where q2 < ")
+
+
+@pytest.mark.slow
+def test_no_regime_in_noise() -> None:
+    """24 data sets; by the false discovery rate of one in a hundred not one is expected."""
+    for seed in range(24):
+        data = poses_of(seed, 120)
+        noise = np.random.default_rng(seed + 7).normal(size=(120, 3))
+        assert find_regimes(data, (noise**2).sum(axis=1)) == ()
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_studentised_squares_of_noise_do_not_depend_on_leverage(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns = rng.normal(size=(90, 6)) * np.linspace(0.1, 3.0, 90)[:, None]
+    noise = rng.normal(size=(90, 4000))
+    fitted, *_ = np.linalg.lstsq(columns, noise, rcond=None)
+    left = (noise - columns @ fitted).T.reshape(4000, 30, 3)
+    mean = np.mean([studentised_squares(one, columns) for one in left[:400]], axis=0)
+    np.testing.assert_allclose(mean, 3.0, rtol=0.35)
+
+
+def test_compare_says_what_a_nameless_model_could_predict(lab: Arm) -> None:
+    data, rng = poses_of(9, 60), np.random.default_rng(0)
+    q = rng.uniform(-1.5, 1.5, (60, 6))
+    model = model_of(lab, effects_at(lab, "offsets@base"))
+    poses = Poses(q, np.zeros(60))
+    tcp = equilibrium(model, poses).tcp + 0.005 * np.sin(q[:, [1]]) + NOISE * rng.normal(size=(60, 3))
+    data = Measurements(poses, data.pose, tcp, None, None, data.pose, data.path, "")
+    found = compare(model, data)
+    assert found.predictable is not None
+    np.testing.assert_allclose(found.predictable.named, held_out_residual(model, data))
+    np.testing.assert_allclose(held_out_rows(found.held_out.blocks), found.predictable.named)
+    assert found.predictable.more_to_find
+    assert found.predictable.follows[0] == "q2"

@@ -1,0 +1,115 @@
+"""What the interactive figures show: laws of the error field and of a candidate beside the data; the report's size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import lrm_ident as lrm
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.diagnosis_report import build_report
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model, nominal_model
+from lrm_ident.report.document import ListSection, ResultTable, heading
+from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.plots.interactive.candidate_view import candidate_view
+from lrm_ident.report.plots.interactive.values import values_text
+from lrm_ident.residual.drivers import drivers
+from lrm_ident.residual.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
+from tests.conftest import EXAMPLE
+from tests.support.commands import stdout_of
+
+
+@pytest.fixture(scope="module")
+def data() -> Measurements:
+    """The shipped data set."""
+    return lrm.load(EXAMPLE)
+
+
+def test_a_turn_of_one_joint_is_seen_as_that_turn() -> None:
+    """A residual that is a turn of joint 3 by 0.01 rad reads 0.01 rad there."""
+    rng = np.random.default_rng(0)
+    motion = rng.normal(size=(6, 3, 50))
+    assert joint_turns(0.01 * motion[2].T, motion)[2] == pytest.approx(0.01)
+
+
+@given(st.floats(1e-6, 10.0), st.floats(1e-3, 10.0))
+def test_the_arrow_scale_is_round_and_bounded(error: float, spread: float) -> None:
+    rng = np.random.default_rng(1)
+    tcp = rng.normal(scale=spread, size=(100, 3))
+    scale = arrow_scale(tcp, rng.normal(scale=error, size=(100, 3)))
+    assert f"{scale.magnification:.0e}"[0] in "125"
+    assert scale.largest > 0
+
+
+def test_scale_and_steps_of_the_error_field(data: Measurements) -> None:
+    assert data.arm is not None
+    nominal, fitted = nominal_model(data.arm), lrm.fit(data).model
+    field = error_field(data, [("nominal", nominal), ("fit", fitted)])
+    assert field.scale == error_field(data, [("nominal", nominal)]).scale, "a later step must not change the scale"
+    assert field.steps[1].error.rms < 0.2 * field.steps[0].error.rms
+    assert field.bent[:, -1] + field.steps[1].residual == pytest.approx(data.tcp, abs=1e-12)
+    assert not field.thinned
+
+
+def test_many_poses_are_thinned_and_said_so(data: Measurements) -> None:
+    rows = np.tile(np.arange(len(data)), 34)
+    many = replace(data.take(rows), pose=np.arange(1, len(rows) + 1))
+    assert data.arm is not None
+    field = error_field(many, [("nominal", nominal_model(data.arm))])
+    assert len(field.rows) == MOST_DRAWN
+    assert str(len(rows)) in field.thinned
+    worst = np.argmax(np.linalg.norm(many.tcp - field_tcp(many), axis=1))
+    assert worst in drawn_rows(many.tcp - field_tcp(many))
+
+
+def field_tcp(data: Measurements) -> np.ndarray:
+    assert data.arm is not None
+    return lrm.predict(nominal_model(data.arm), data.poses)
+
+
+@pytest.mark.slow
+def test_the_form_of_the_hidden_play_lies_on_the_data(data: Measurements) -> None:
+    assert data.arm is not None
+    model = fit_model(nominal_model(data.arm), data, "identifiable", SQUARED).fit.model
+    report = build_report(diagnose(model, data))
+    fitted, seen = report.diagnosis.seen
+    known = drivers(seen, fitted.rest.joint_torque)
+    assert report.first is not None
+    view = candidate_view(report.first, report.diagnosis, known, np.arange(len(seen)))
+    assert (view.name, view.joint, view.driver) == ("backlash@joint2", 1, "torque of joint 2")
+    left = view.around[view.observable] - view.form[view.observable]
+    assert left.std() < 0.2 * view.around[view.observable].std()
+    explained = 1 - ((fitted.residual - view.added) ** 2).sum() / (fitted.residual**2).sum()
+    assert explained > 0.9
+
+
+@pytest.mark.slow
+def test_a_report_is_one_small_file_that_asks_nothing_of_the_network(tmp_path: Path) -> None:
+    stdout_of("fit", EXAMPLE, "-o", tmp_path / "m.toml")
+    stdout_of("report", tmp_path / "m.toml", EXAMPLE, "-o", tmp_path / "r.html", "--json", tmp_path / "r.json")
+    text = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert len(text) < 6e6
+    page = text.split("<script>/**")[0]
+    assert "default-src 'none'" in page
+    assert 'src="http' not in page
+    assert "@media print" in page
+
+
+def test_blocks_as_html_are_escaped_and_whole() -> None:
+    table = ResultTable(("name", "value|.1f"), [("<b>", 1.25)], "a & b")
+    html = blocks_html([heading("Verdict <x>"), "text & more", table, ListSection("list", tuple("abcdefgh"))])
+    assert "<h3>Verdict &lt;x&gt;</h3>" in html
+    assert '<td class="right">1.2</td>' in html
+    assert html.count("<li>") == 8
+    assert "2 more" in html
+
+
+def test_values_hold_no_end_of_a_script() -> None:
+    assert "</" not in values_text({"name": "</script><script>alert(1)</script>"})

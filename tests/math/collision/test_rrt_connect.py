@@ -1,0 +1,191 @@
+"""RRT-Connect: paths are free by an independent measure, within limits, reproducible; failures give the reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.collision_shapes import Box
+from lrm_math.arrays import Array
+from lrm_math.collision.rrt_connect import NoPath, PlannedPath, interpolate_path, plan
+from lrm_math.collision.scene import Scene, clearance
+from lrm_math.collision.straight_move import check_move
+from lrm_math.errors import LrmError
+from tests.math.collision.test_collision import sampled_distance
+from tests.math.kinematics.test_chain import link_matrices
+
+START, GOAL = np.radians([-60.0, 40, 0, 0, 0, 0]), np.radians([60.0, 40, 0, 0, 0, 0])
+
+
+@pytest.fixture(params=["lab", "rover"])
+def blocked(request: pytest.FixtureRequest) -> Arm:
+    """A shipped arm with a post at the tool's position half way from START to GOAL."""
+    arm: Arm = request.getfixturevalue(request.param)
+    x, y, z = link_matrices(arm, 0.5 * (START + GOAL))[-1][:3, 3].tolist()
+    post = Box("post", (x, y, z), (0.05, 0.05, 0.15))
+    return replace(arm, shapes=replace(arm.shapes, boxes=(*arm.shapes.boxes, post)))
+
+
+def found(arm: Arm, start: Array, goal: Array, seed: int = 0, **more: object) -> PlannedPath:
+    path = plan(Scene.of(arm), start, goal, np.random.default_rng(seed), **more)  # type: ignore[arg-type]
+    assert isinstance(path, PlannedPath), str(path)
+    return path
+
+
+def assert_good(arm: Arm, path: PlannedPath, start: Array, goal: Array, margin: float) -> None:
+    """From start to goal, within limits, every pair apart at every step."""
+    np.testing.assert_array_equal(path.waypoints[[0, -1]], [start, goal])
+    assert (path.waypoints >= [joint.lower - 1e-9 for joint in arm.joints]).all()
+    assert (path.waypoints <= [joint.upper + 1e-9 for joint in arm.joints]).all()
+    assert clearance(Scene.of(arm), interpolate_path(path, 1e-3)).distance.min() >= margin
+
+
+@pytest.mark.slow
+def test_a_path_is_found_where_the_straight_move_is_refused(blocked: Arm) -> None:
+    scene = Scene.of(blocked)
+    straight = check_move(scene, START, GOAL)
+    assert not straight.free
+    assert straight.second == "post"
+    path = found(blocked, START, GOAL)
+    assert len(path.waypoints) > 2
+    assert_good(blocked, path, START, GOAL, blocked.shapes.margin)
+    assert path.length < 3 * np.linalg.norm(GOAL - START)
+
+
+@pytest.mark.slow
+def test_the_path_is_clear_of_the_post_by_plain_matrices_and_samples(blocked: Arm) -> None:
+    """Independent of the code under test: link matrices and points on the capsules' axes."""
+    path = found(blocked, START, GOAL)
+    moving = [c.name for c in blocked.shapes.capsules if c.frame > 3]
+    for q in interpolate_path(path, 0.04):
+        for name in moving:
+            assert sampled_distance(blocked, q, name, "post", 30) >= blocked.shapes.margin
+
+
+@pytest.mark.slow
+def test_every_piece_passes_the_check_that_the_ramp_makes_again(blocked: Arm) -> None:
+    scene, path = Scene.of(blocked), found(blocked, START, GOAL)
+    targets = interpolate_path(path, 0.2)
+    for a, b in pairwise(targets):
+        assert check_move(scene, a, b).free
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_path(blocked: Arm) -> None:
+    first, again, other = (found(blocked, START, GOAL, seed) for seed in (7, 7, 8))
+    np.testing.assert_array_equal(first.waypoints, again.waypoints)
+    assert first.samples == again.samples
+    assert first.waypoints.shape != other.waypoints.shape or (first.waypoints != other.waypoints).any()
+
+
+@pytest.mark.slow
+@settings(max_examples=12)
+@given(st.integers(0, 10_000), st.sampled_from(["lab", "rover"]))
+def test_any_two_free_poses_of_the_shipped_arms(lab: Arm, rover: Arm, seed: int, name: str) -> None:
+    arm = {"lab": lab, "rover": rover}[name]
+    scene = Scene.of(arm)
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(scene.limits[0], scene.limits[1], (50, 6))
+    start, goal = q[clearance(scene, q).distance > arm.shapes.margin + 0.002][:2]
+    assert_good(arm, found(arm, start, goal, seed), start, goal, arm.shapes.margin)
+
+
+def test_a_free_straight_move_is_returned(lab: Arm) -> None:
+    goal = np.radians([30.0, 20, 10, 0, 0, 0])
+    path = found(lab, np.zeros(6), goal)
+    np.testing.assert_array_equal(path.waypoints, [np.zeros(6), goal])
+    assert path.samples == 0
+    np.testing.assert_array_equal(found(lab, goal, goal).waypoints[[0, -1]], [goal, goal])
+
+
+@pytest.mark.slow
+def test_narrower_limits_are_kept(lab: Arm) -> None:
+    x, y, z = link_matrices(lab, 0.5 * (START + GOAL))[-1][:3, 3].tolist()
+    post = Box("post", (x, y, z), (0.05, 0.05, 0.05))
+    arm = replace(lab, shapes=replace(lab.shapes, boxes=(*lab.shapes.boxes, post)))
+    limits = np.array([[-1.1, -0.2, -0.3, -1.0, -0.1, -0.5], [1.1, 0.8, 0.3, 1.0, 0.1, 0.5]])
+    path = found(arm, START, GOAL, limits=limits)
+    assert (path.waypoints >= limits[0]).all()
+    assert (path.waypoints <= limits[1]).all()
+
+
+# none
+
+
+def test_start_or_goal_in_collision(blocked: Arm) -> None:
+    inside = 0.5 * (START + GOAL)
+    for ends, why in (((START, inside), "goal in collision"), ((inside, GOAL), "start in collision")):
+        path = plan(Scene.of(blocked), *ends, np.random.default_rng(0))
+        assert isinstance(path, NoPath)
+        assert path.why == why
+        assert path.closest is not None
+        assert "post" in (path.closest.first, path.closest.second)
+        assert path.closest.distance < blocked.shapes.margin
+        assert "post" in str(path)
+        assert "30.0 mm" in str(path)
+
+
+def test_start_or_goal_beyond_a_limit(lab: Arm) -> None:
+    beyond = np.array([0.0, 0, 0, 1.8, 0, 0])
+    for ends, why in (((np.zeros(6), beyond), "goal outside limits"), ((beyond, np.zeros(6)), "start outside limits")):
+        path = plan(Scene.of(lab), *ends, np.random.default_rng(0))
+        assert isinstance(path, NoPath)
+        assert (path.why, path.joint) == (why, 4)
+        assert "joint 4" in str(path)
+
+
+def test_a_goal_behind_a_wall_is_not_found_after_so_many_samples(blocked: Arm) -> None:
+    """Only joint 1 may turn, and the post blocks it."""
+    limits = np.array([START - 1e-3, GOAL + 1e-3])
+    path = plan(Scene.of(blocked), START, GOAL, np.random.default_rng(0), limits=limits, samples=25)
+    assert isinstance(path, NoPath)
+    assert (path.why, path.samples) == ("not found", 25)
+    assert path.closest is not None
+    assert path.closest.second == "post"
+    assert "25 samples" in str(path)
+
+
+def test_invalid_arguments(lab: Arm) -> None:
+    scene, rng = Scene.of(lab), np.random.default_rng(0)
+    for start, goal, more in (
+        (np.zeros(5), GOAL, {}),
+        (START, np.full(6, np.nan), {}),
+        (START, GOAL, {"limits": np.zeros(6)}),
+        (START, GOAL, {"limits": [[1.0] * 6, [-1.0] * 6]}),
+        (START, GOAL, {"margin": -1.0}),
+    ):
+        with pytest.raises(LrmError):
+            plan(scene, start, goal, rng, **more)  # type: ignore[arg-type]
+
+
+# to the ramp
+
+
+@given(st.integers(0, 1000), st.floats(0.002, 0.5))
+def test_interpolated_targets_lie_on_the_path_and_close_together(seed: int, step: float) -> None:
+    corners = np.random.default_rng(seed).uniform(-1.7, 1.7, (4, 6))
+    path = PlannedPath(corners, 0)
+    targets = interpolate_path(path, step)
+    assert np.abs(np.diff(targets, axis=0)).max() <= step + 1e-12
+    np.testing.assert_array_equal(targets[[0, -1]], corners[[0, -1]])
+    assert np.linalg.norm(np.diff(targets, axis=0), axis=1).sum() == pytest.approx(path.length)
+    for corner in corners:
+        assert np.abs(targets - corner).max(axis=1).min() < 1e-12
+
+
+@given(st.integers(0, 1000))
+def test_a_ramp_deviates_from_the_line_by_a_quarter_of_a_step_at_most(seed: int) -> None:
+    """All joints at one speed, each by itself, as the thesis's ramp moves them (section 5.4)."""
+    corners = np.random.default_rng(seed).uniform(-1.7, 1.7, (2, 6))
+    a, b = interpolate_path(PlannedPath(corners, 0), 0.05)[:2]
+    longest = np.abs(b - a).max()
+    for share in np.linspace(0.0, 1.0, 101):
+        ramp = a + np.sign(b - a) * np.minimum(np.abs(b - a), share * longest)
+        line = a + share * (b - a)
+        assert np.abs(ramp - line).max() <= 0.05 / 4 + 1e-12
