@@ -12,9 +12,9 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.direct import Direct
-from lrm_math.ik.kernel.flat_arm import frames_as_numbers, matrices
+from lrm_math.ik.kernel.kernel_model import frames_as_numbers, matrices
 from lrm_math.ik.solutions import IkQuery, IkSolutions
-from lrm_math.ik.solver_context import SolverContext
+from lrm_math.ik.calibrated_arm import CalibratedArm
 
 REGION = 0.05
 """rad: rounding of known commands, so that the search starts beside them."""
@@ -62,7 +62,7 @@ class Cube:
                 "should be a side above 0, 2 or more points, 0 or more moves and 1 or more guesses"
             )
 
-    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | None:
+    def find(self, context: CalibratedArm, query: IkQuery) -> IkSolutions | None:
         """The best of the cube refined by Newton, and all other branches of the direct method."""
         others = Direct().find(context, query)
         result = self.search(context, query, [] if others is None else [command.q for command in others.within])
@@ -74,7 +74,7 @@ class Cube:
         return replace(others, commands=(*polished, *others.commands), error=result.error)
 
     def search(
-        self, context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]] = ()
+        self, context: CalibratedArm, query: IkQuery, commands: Sequence[tuple[float, ...]] = ()
     ) -> CubeResult | None:
         """The best of the cubes; None where the arm does not settle or the nominal inverse has no solution.
 
@@ -93,10 +93,10 @@ class Cube:
         """Spacing of the grid (m)."""
         return self.side / (self.points - 1)
 
-    def _search_from(self, context: SolverContext, query: IkQuery, q: Array) -> CubeResult | None:
+    def _search_from(self, context: CalibratedArm, query: IkQuery, q: Array) -> CubeResult | None:
         best: CubeResult | None = None
         arm, goal = context.arm(query.payload), np.array(query.goal.position)
-        here = context.at_rest(query, q[None])
+        here = context.equilibria(query, q[None])
         for move in range(self.moves + 1):
             if not len(here.rows):
                 break
@@ -108,7 +108,7 @@ class Cube:
             if found is None:
                 break
             q, slots = found
-            here = context.at_rest(query, q[None], start=slots[None])
+            here = context.equilibria(query, q[None], start=slots[None])
             error = math.dist(here.tcp[0, 9:], goal) if len(here.rows) else math.inf
             if not math.isfinite(error) or (best is not None and error >= best.error):
                 break
@@ -118,7 +118,7 @@ class Cube:
         return best
 
 
-def initial_guesses(context: SolverContext, query: IkQuery) -> Iterator[Array]:
+def initial_guesses(context: CalibratedArm, query: IkQuery) -> Iterator[Array]:
     """Nominal solutions (n,), nearest to `near` first, or else furthest from the limits; a little beyond them too.
 
     Goals beyond the nominal arm's reach are retracted. What the goal leaves free of the orientation is as the guess has
@@ -138,7 +138,7 @@ def initial_guesses(context: SolverContext, query: IkQuery) -> Iterator[Array]:
         yield context.library.q[row]
 
 
-def _starts(context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]]) -> Iterator[Array]:
+def _starts(context: CalibratedArm, query: IkQuery, commands: Sequence[tuple[float, ...]]) -> Iterator[Array]:
     """The first guess; then neighbourhoods of commands known to reach the goal; then the other guesses."""
     guesses = initial_guesses(context, query)
     yield from itertools.islice(guesses, 1)

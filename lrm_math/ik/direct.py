@@ -9,7 +9,7 @@ import numpy as np
 from lrm_math.errors import LrmError
 from lrm_math.ik.nearest import error_of, nearest
 from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions
-from lrm_math.ik.solver_context import SolverContext
+from lrm_math.ik.calibrated_arm import CalibratedArm
 
 REACHED = 0.01
 """m: a goal that the nearest command misses by less is tried once more from there."""
@@ -26,7 +26,7 @@ class Direct:
 
     name: str = "direct"
 
-    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | None:
+    def find(self, context: CalibratedArm, query: IkQuery) -> IkSolutions | None:
         """All branches that the seeds lead to, or commands nearest to `near`; None if no seed leads to the goal."""
         if not context.library.reach_ball.contains(query.goal.position):
             return None
@@ -36,12 +36,12 @@ class Direct:
         return found if found.commands else None
 
 
-def _from_the_nearest(context: SolverContext, query: IkQuery, found: IkSolutions) -> tuple[IkSolution, ...]:
+def _from_the_nearest(context: CalibratedArm, query: IkQuery, found: IkSolutions) -> tuple[IkSolution, ...]:
     try:
         closest = nearest(context, query, tuple(command.q for command in found.beyond))
     except LrmError:
         return ()
     if error_of(closest) > REACHED:
         return ()
-    rest = context.at_rest(query, np.array([closest.q]))
+    rest = context.equilibria(query, np.array([closest.q]))
     return tuple(c for slots in rest.slots for c in context.at_goal(query, slots))

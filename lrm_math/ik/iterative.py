@@ -9,7 +9,7 @@ import numpy as np
 from lrm_math.ik.cube import initial_guesses
 from lrm_math.ik.goal import pose
 from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
-from lrm_math.ik.solver_context import SolverContext
+from lrm_math.ik.calibrated_arm import CalibratedArm
 
 STILL = 1e-6
 """m: the error has settled when it changes by less."""
@@ -30,13 +30,13 @@ class Iterative:
     most: int = 100
     name: str = "iterative"
 
-    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | Stalled | None:
+    def find(self, context: CalibratedArm, query: IkQuery) -> IkSolutions | Stalled | None:
         """Where it ended; None if the arm does not settle at the start."""
         q, errors = next(initial_guesses(context, query)), list[float]()
         drawn, goal = context.nominal_tool(q), np.array(query.goal.position)
-        start = context.stiff(q[None])
+        start = context.unloaded_slots(q[None])
         for step in range(1, self.most + 1):
-            rest = context.at_rest(query, q[None], start=start, tolerance=0.1 * STILL)
+            rest = context.equilibria(query, q[None], start=start, tolerance=0.1 * STILL)
             if not len(rest.rows):
                 break
             error = rest.tcp[0, 9:] - goal
@@ -50,6 +50,6 @@ class Iterative:
             if settled or not branches:
                 break
             answer = np.array(branches[0].q)
-            start = rest.slots + context.stiff(answer[None]) - context.stiff(q[None])
+            start = rest.slots + context.unloaded_slots(answer[None]) - context.unloaded_slots(q[None])
             q = answer
         return Stalled(tuple(q.tolist()), tuple(errors)) if errors else None

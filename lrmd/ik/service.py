@@ -22,7 +22,7 @@ from lrm_math.ik.goal import Goal, point, point_along, pose_rpy
 from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, Solved, Unsolved
 from lrm_math.ik.solutions import IkQuery
-from lrm_math.ik.solver_context import Method, SolverContext
+from lrm_math.ik.calibrated_arm import Method, CalibratedArm
 from lrm_math.kinematics.poses import Poses
 from lrmd.config import Config
 from lrmd.errors import RequestError
@@ -86,7 +86,7 @@ class FeasibilityCheck:
     """Feasibility of commands: one elastic equilibrium; rigid and sagging bodies keep the margin of `scene`."""
 
     scene: Scene | None
-    context: SolverContext
+    context: CalibratedArm
 
     def feasible(self, poses: Poses, slots: Array) -> NDArray[np.bool_]:
         """(K,), for commands that a solver proposes; `slots` (K, V): amounts in the equilibria that it found.
@@ -96,7 +96,7 @@ class FeasibilityCheck:
         """
         feasible = np.zeros(len(poses), dtype=bool)
         query = IkQuery(Goal((0.0, 0.0, 0.0)), float(poses.payload[0]))
-        rest = self.context.at_rest(query, poses.q, poses.direction)
+        rest = self.arm.equilibria(query, poses.q, poses.direction)
         same = (np.abs(rest.slots - slots[rest.rows]) < UNIQUE_TOLERANCE).all(axis=1)
         rows = rest.rows[same]
         feasible[rows] = True
@@ -109,7 +109,7 @@ class FeasibilityCheck:
         """Whether the equilibrium at the rounded counts has the error that the reply states."""
         if reply.rounded is None:
             return True
-        tool = self.context.tool_at(IkQuery(reply.goal, payload), reply.rounded.q, reply.direction)
+        tool = self.arm.tool_at(IkQuery(reply.goal, payload), reply.rounded.q, reply.direction)
         if tool is None:
             return False
         return abs(math.dist(tool[9:], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
@@ -117,7 +117,7 @@ class FeasibilityCheck:
     def reason(self, q: tuple[float, ...], payload: float) -> tuple[str, ClosestPair | None]:
         """Why a command (rad) is infeasible, as text, and the two bodies of a collision."""
         command = np.array([q])
-        rest = self.context.at_rest(IkQuery(Goal((0.0, 0.0, 0.0)), payload), command)
+        rest = self.arm.equilibria(IkQuery(Goal((0.0, 0.0, 0.0)), payload), command)
         if self.scene is not None and len(rest.rows):
             near = self._clearance(self.scene, payload, command, rest.slots)
             k = int(near.distance.argmin())
@@ -132,7 +132,7 @@ class FeasibilityCheck:
 
     def _clearance(self, scene: Scene, payload: float, q: Array, slots: Array) -> Clearance:
         """Of twice as many arms: at rest, with slot amounts (K, V), then the rigid ones at the commands (K, n)."""
-        bent, rigid = self.context.arm(payload).frames(slots), self.context.nominal_solver.frames(q)
+        bent, rigid = self.arm.arm(payload).frames(slots), self.arm.nominal_solver.frames(q)
         return clearance_of(scene, np.concatenate([bent, rigid]))
 
 
@@ -144,7 +144,7 @@ class IkService:
         self._solver = solver_of(config, deployed)
         self._config = config
         self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
-        self._feasibility = FeasibilityCheck(self._scene, self._solver.context)
+        self._feasibility = FeasibilityCheck(self._scene, self._solver.arm)
         self._solver.warm_up()
 
     def inverse(self, request: IkRequest) -> Iterator[IkAnswer]:

@@ -19,7 +19,7 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import point, pose
-from lrm_math.ik.kernel.flat_arm import FlatArm, with_laws
+from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
 from lrm_math.ik.nominal.solver import NominalSolver
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
@@ -99,7 +99,7 @@ def test_an_arm_with_more_joints_than_the_kernel_has_room_for(joints: int) -> No
         NominalSolver.of(arm).solve(GOALS[0])
 
 
-def flat(arm: Arm) -> FlatArm:
+def flat(arm: Arm) -> KernelModel:
     """The packed arm as drawn."""
     return NominalSolver.of(arm).packed
 
@@ -126,7 +126,7 @@ def test_every_effect_of_the_catalogue_at_once_fits_on_ten_joints() -> None:
         (lambda arm: flat(arm).with_(zero=np.zeros(49)), "49 numbers in zero; the kernel .* for 48"),
     ],
 )
-def test_more_of_anything_than_the_kernel_has_room_for(pack: Callable[[Arm], FlatArm], says: str) -> None:
+def test_more_of_anything_than_the_kernel_has_room_for(pack: Callable[[Arm], KernelModel], says: str) -> None:
     with pytest.raises(LrmError, match=says):
         pack(random_arm(3, 6))
 

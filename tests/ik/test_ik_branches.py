@@ -27,12 +27,12 @@ NEAR_A_FOLD = 1.5e-3
 
 def commands_beside_folds(name: str, count: int) -> tuple[Array, Array]:
     """Commands (N, n) whose poses (N, 4, 4) have a second solution nearby, and those poses."""
-    context = solver(name).context
-    linkage = context.joint_laws.linkage
+    context = solver(name).arm
+    moving = context.errors.moving
     q, tools = reachable(context.model, count, 31, PAYLOAD)
-    rest = context.at_rest(IkQuery(Goal((0.0, 0.0, 0.0)), PAYLOAD), q)
+    rest = context.equilibria(IkQuery(Goal((0.0, 0.0, 0.0)), PAYLOAD), q)
     columns, h = [], 1e-6
-    for v in linkage.joints:
+    for v in moving.joints:
         step = h * (np.arange(rest.slots.shape[1]) == v)
         up, down = (context.arm(PAYLOAD).forward(rest.slots + way * step)[0] for way in (1, -1))
         spin = ((up - down)[:, :3, :3] / (2 * h)) @ tools[:, :3, :3].transpose(0, 2, 1)
@@ -60,14 +60,14 @@ def test_both_solutions_beside_a_fold_are_found(name: str) -> None:
     """The command that a goal was made from is known independently of the solver."""
     q, tools = commands_beside_folds(name, 1200)
     assert len(q) >= 100
-    context, queries = solver(name).context, [IkQuery(goal_of(tool), PAYLOAD) for tool in tools]
+    context, queries = solver(name).arm, [IkQuery(goal_of(tool), PAYLOAD) for tool in tools]
     assert missed(q, [Direct().find(context, query) for query in queries]) <= 0.05 * len(q)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_branches_are_nearly_complete_and_all_reach_the_goal(name: str) -> None:
-    context = solver(name).context
+    context = solver(name).arm
     q, tools = reachable(context.model, 300, 32, PAYLOAD)
     every = [Direct().find(context, IkQuery(goal_of(tool), PAYLOAD)) for tool in tools]
     assert missed(q, every) <= 0.02 * len(q)
@@ -81,7 +81,7 @@ def test_branches_are_nearly_complete_and_all_reach_the_goal(name: str) -> None:
 
 
 def test_unreachable_goals_have_no_branches() -> None:
-    context = solver("table_b2").context
+    context = solver("table_b2").arm
     assert (
         Direct().find(
             context, IkQuery(Goal((5.0, 0.0, 0.0), rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))))
@@ -96,7 +96,7 @@ def test_unreachable_goals_have_no_branches() -> None:
 def test_solutions_on_any_arm_reach_the_goal_and_are_distinct(arm: Arm) -> None:
     """With and without a closed form, with fewer and more joints than six."""
     model = model_of(arm, effects_at(arm, "compliance"), {})
-    context = CalibratedSolver.of(model).context
+    context = CalibratedSolver.of(model).arm
     _, tools = reachable(model, 3, 34, PAYLOAD)
     for tool in tools:
         found = Direct().find(context, IkQuery(goal_of(tool), PAYLOAD))

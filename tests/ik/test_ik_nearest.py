@@ -84,7 +84,7 @@ def error(found: Nearest) -> float:
 
 def find(name: str, goal: Goal, starts: Sequence[tuple[float, ...]] = ()) -> Nearest:
     """The nearest with a payload."""
-    return nearest(solver(name).context, IkQuery(goal, LOAD), tuple(starts))
+    return nearest(solver(name).arm, IkQuery(goal, LOAD), tuple(starts))
 
 
 def errors(tools: Array, goal: Goal) -> Array:
@@ -130,7 +130,7 @@ def test_reach_ball_contains_every_tool_position(arm: Arm, load: float, seed: in
 def test_nearest_keeps_the_limits_and_no_random_pose_is_nearer(
     name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]
 ) -> None:
-    context, goal = solver(name).context, goal_of(form, position, turn)
+    context, goal = solver(name).arm, goal_of(form, position, turn)
     found = find(name, goal)
     lower, upper = context.limits.lower, context.limits.upper
     assert all(low <= x <= high for low, x, high in zip(lower, found.q, upper, strict=True))
@@ -165,7 +165,7 @@ def test_distance_shrinks_linearly_towards_the_nearest_point(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_goals_made_from_commands_are_solved(name: str) -> None:
-    context, rng = solver(name).context, np.random.default_rng(7)
+    context, rng = solver(name).arm, np.random.default_rng(7)
     limits = context.limits
     q = np.concatenate([rng.uniform(limits.lower, limits.upper, (40, 6)), np.array(limits.lower)[None]])
     for tool in tools(context.model, q, LOAD):
@@ -177,7 +177,7 @@ def test_goals_made_from_commands_are_solved(name: str) -> None:
 @settings(max_examples=10)
 @given(way=positions.filter(lambda v: math.hypot(*v) > 0.1), beyond=st.floats(0.01, 5.0))
 def test_distance_of_goals_outside_the_reach_ball_is_bounded(name: str, way: tuple[float, ...], beyond: float) -> None:
-    context = solver(name).context
+    context = solver(name).arm
     ball = context.library.reach_ball
     outwards = np.array(way) / math.hypot(*way)
     at = [np.array(ball.centre) + (ball.radius + d) * outwards for d in (0.001, 0.001 + beyond)]
@@ -190,7 +190,7 @@ def test_distance_of_goals_outside_the_reach_ball_is_bounded(name: str, way: tup
 
 
 def test_nominal_arm_stretches_to_its_full_length() -> None:
-    ball = solver("nominal").context.library.reach_ball
+    ball = solver("nominal").arm.library.reach_ball
     for elevation in (0.6, 0.9, 1.2):
         for azimuth in (-0.8, 0.0, 0.8):
             way = (
@@ -204,7 +204,7 @@ def test_nominal_arm_stretches_to_its_full_length() -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_more_starts_never_increase_the_error(name: str) -> None:
-    context, rng = solver(name).context, np.random.default_rng(2)
+    context, rng = solver(name).arm, np.random.default_rng(2)
     for _ in range(5):
         query = IkQuery(goal_of("pose", tuple(rng.uniform(-0.5, 0.5, 3)), tuple(rng.normal(size=4))), LOAD)
         starts = rng.uniform(-4.0, 4.0, (3, 6))

@@ -16,7 +16,7 @@ from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import point, point_along
 from lrm_math.ik.reply import Solved, Unsolved
-from lrm_math.ik.solver_context import Method
+from lrm_math.ik.calibrated_arm import Method
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.scalar_or_array import cos, magnitude, sin
 from lrm_math.model.equilibrium import equilibrium
@@ -108,8 +108,8 @@ def off(model: Model, q: Sequence[float], direction: Sequence[int], position: Se
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("method", [Direct(), Cube(points=5)], ids=["direct", "cube"])
 def test_goals_are_solved_and_every_branch_is_exact(name: str, method: Method) -> None:
-    model = solver(name).context.model
-    assert not solver(name).context.joint_laws.complete
+    model = solver(name).arm.model
+    assert not solver(name).arm.errors.complete
     q, tools = reachable(model, 12 if method.name == "direct" else 3, 40, PAYLOAD)
     missed = 0
     for own, tool in zip(q, tools, strict=True):
@@ -123,7 +123,7 @@ def test_goals_are_solved_and_every_branch_is_exact(name: str, method: Method) -
 
 @pytest.mark.parametrize("name", NAMES)
 def test_positions_directions_and_sides(name: str) -> None:
-    model, rng = solver(name).context.model, np.random.default_rng(41)
+    model, rng = solver(name).arm.model, np.random.default_rng(41)
     q, tools = reachable(model, 3, 41, PAYLOAD)
     for own, tool in zip(q, tools, strict=True):
         near = own + rng.normal(0, 0.05, 6)
@@ -139,13 +139,13 @@ def test_positions_directions_and_sides(name: str) -> None:
 def test_what_is_out_of_reach_says_how_near_the_whole_model_comes(name: str) -> None:
     reply = solver(name).solve(point((0.9, 0.0, 0.3)), PAYLOAD, method=Direct())
     assert isinstance(reply, Unsolved)
-    model = solver(name).context.model
+    model = solver(name).arm.model
     rest = equilibrium(model, poses_of([reply.nearest.q], PAYLOAD))
     assert np.linalg.norm(rest.true_tcp[0] - (0.9, 0.0, 0.3)) == pytest.approx(reply.nearest.distance, abs=1e-7)
 
 
 def test_effects_of_the_catalogue_alone_are_left_to_the_kernel() -> None:
-    assert solver("sway").context.joint_laws.known is None
+    assert solver("sway").arm.errors.known is None
     arm = table_b2().arm
     springs = model_of(arm, effects_at(arm, "compliance") + effects_at(arm, "servo_gain"))
-    assert CalibratedSolver.of(springs).context.joint_laws.complete
+    assert CalibratedSolver.of(springs).arm.errors.complete

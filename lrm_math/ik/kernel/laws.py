@@ -1,6 +1,6 @@
 """The joint laws that the kernel knows: effects of the catalogue that only change joint angles, by class.
 
-A law of another class is computed in Python (`joint_laws.JointLaws`); a test compares each with its effect.
+A law of another class is computed in Python (`joint_errors.JointErrorModel`); a test compares each with its effect.
 """
 
 from __future__ import annotations

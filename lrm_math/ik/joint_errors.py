@@ -3,7 +3,7 @@
 The TCP depends on the slots of the chain only. Once these are solved for, the effects on the joints follow without
 kinematics: commanded = true − (what springs, play and gears add there). Of these the kernel knows the laws of
 `kernel.laws`; others follow here, after it. Other slots follow loads in proportion in the kernel; an effect that moves
-them otherwise is linearised about the loads found, and the kernel asked again (see `solver_context`).
+them otherwise is linearised about the loads found, and the kernel asked again (see `calibrated_arm`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.effects.backlash import AxialPlay
 from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, nonlinear_effects
-from lrm_math.ik.kernel.linkage import Linkage, linkage_of
+from lrm_math.ik.kernel.moving_slots import MovingSlots, moving_slots_of
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.effect_binding import BoundEffect
@@ -29,7 +29,7 @@ SETTLED, MOST_STEPS = 1e-11, 60
 
 
 @dataclass(frozen=True, eq=False)
-class JointLaws:
+class JointErrorModel:
     """The relation between commands, loads and slots of a model.
 
     `model`: only effects that can be compensated, and no rounding (see `deployed_model`).
@@ -38,21 +38,21 @@ class JointLaws:
     model: Model
 
     @cached_property
-    def linkage(self) -> Linkage:
+    def moving(self) -> MovingSlots:
         """The arm, everything that never moves welded together."""
         binding = self.model.binding
         rigid = {k for bound in binding.rigid for k in bound.moves} | {k for k, _, _ in binding.gears}
         also = sorted({*binding.moving, *self.model.load_slots, *rigid})
-        return linkage_of(self.model.chain, binding.constants, also)
+        return moving_slots_of(self.model.chain, binding.constants, also)
 
     @cached_property
     def constants(self) -> Array:
         """(V,), moving slots with all joints at zero and no load (rad, m)."""
-        return np.array(self.model.binding.constants)[self.linkage.slots]
+        return np.array(self.model.binding.constants)[self.moving.slots]
 
     @cached_property
     def _row(self) -> dict[int, int]:
-        return {int(k): v for v, k in enumerate(self.linkage.slots)}
+        return {int(k): v for v, k in enumerate(self.moving.slots)}
 
     @cached_property
     def _load_rows(self) -> list[int]:
@@ -78,7 +78,7 @@ class JointLaws:
         slides = {k for bound in binding.elastic if isinstance(bound.effect, AxialPlay) for k in bound.moves}
         if any(k in slides for bound in binding.pushing for k in bound.pushes):
             return False
-        return moved <= joints and not self.compliances[self.linkage.others][:, pushed].any()
+        return moved <= joints and not self.compliances[self.moving.others][:, pushed].any()
 
     @cached_property
     def kernel_laws(self) -> tuple[KernelLaw, ...] | None:
@@ -114,7 +114,7 @@ class JointLaws:
 
         `poses`: payload and direction, and angles to begin with. Fixed-point iteration with secants (Anderson 1965).
         """
-        joints, q = self.linkage.joints, poses.q
+        joints, q = self.moving.joints, poses.q
         before: tuple[Array, Array] | None = None
         step = np.full_like(q, np.inf)
         for _ in range(MOST_STEPS):
@@ -135,7 +135,7 @@ class JointLaws:
 
         Of joints, the linear effects alone.
         """
-        loads, others = tau.tolist(), self.linkage.others
+        loads, others = tau.tolist(), self.moving.others
         springs = self.compliances.copy()
         responses = self._responses(poses, loads, self.model.binding.elastic, effect_loads(self.model, poses))
         springs[others] = responses[others]
