@@ -17,25 +17,24 @@ from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import Branch, IkVerdict
-from lrm_math.ik.cube import Cube
+from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
+from lrm_math.ik.methods import DEFAULT
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved
 from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
-from lrm_math.ik.calibrated_arm import Method, CalibratedArm
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import clock_of, deployed_part
 from lrm_math.model.derivatives import joint_jacobian
-from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.uncertainty import PositionUncertainty, position_uncertainty
 
 SAME = 1e-6
 """rad: commands no further apart are one branch."""
-CUBE = Cube()
 CommandFilter: TypeAlias = Callable[[Poses, Array], NDArray[np.bool_]]
-"""Which of K commands may be answered, (K,); given their poses and amounts of the moving slots (K, V) at rest there."""
+"""Which of K commands may be answered, (K,); given their poses and the moving slots' amounts (K, V) in equilibrium."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +57,7 @@ class CalibratedSolver:
         servos: the board that commands are rounded by.
     """
 
-    context: CalibratedArm
+    arm: CalibratedArm
     left_out: tuple[str, ...] = ()
     covariance: Covariance | None = None
     joint_sd: tuple[float, ...] | None = None
@@ -99,14 +98,14 @@ class CalibratedSolver:
 
     def warm_up(self) -> None:
         """Fills the caches, so that the first goals need not wait."""
-        _ = self.arm.nominal_solver, self.arm.arm(0.0)
+        _ = self.arm.nominal_solver, self.arm.kernel(0.0)
 
     def solve(
         self,
         goal: Goal,
         payload: float = 0.0,
         near: Sequence[float] | None = None,
-        method: Method = CUBE,
+        method: Method = DEFAULT,
         rounding: Rounding = Rounding.EACH,
         allowed: CommandFilter | None = None,
     ) -> CalibratedReply:
@@ -116,7 +115,7 @@ class CalibratedSolver:
             payload: kg.
             near: (n,), present joint angles (rad): branches nearest to them come first, and joints whose error depends
                 on the side of arrival are taken to come from there.
-            method: `Cube()`, `Direct()` or `Iterative()`.
+            method: see `methods`.
             rounding: to counts, where the board's clock is known.
             allowed: which commands may be answered, for instance collision-free ones; None: all.
 
@@ -155,12 +154,12 @@ class CalibratedSolver:
         query = IkQuery(Goal((0.0, 0.0, 0.0)), _checked_load(payload), here)
         angles = np.array([command])
         side = None if here is None else np.sign(angles - here)
-        rest = solve_equilibrium(self.arm.model, self.arm.poses(query, angles, side))
-        slots = np.array([[float(rest.slots[k]) for k in self.arm.errors.moving.slots]])
-        rotation = rotation_rows(self.arm.arm(query.payload).forward(slots)[0][0, :3, :3])
-        x, y, z = rest.true_tcp[0].tolist()
-        uncertainty = position_uncertainty(rest, self.covariance, self.joint_sd)
-        return ForwardResult((x, y, z), rotation, tuple(rest.joint_torque[0].tolist()), uncertainty)
+        settled = equilibrium(self.arm.model, self.arm.poses(query, angles, side))
+        slots = np.array([[float(settled.slots[k]) for k in self.arm.errors.moving.slots]])
+        rotation = rotation_rows(self.arm.kernel(query.payload).forward(slots)[0][0, :3, :3])
+        x, y, z = settled.true_tcp[0].tolist()
+        uncertainty = position_uncertainty(settled, self.covariance, self.joint_sd)
+        return ForwardResult((x, y, z), rotation, tuple(settled.joint_torque[0].tolist()), uncertainty)
 
     def _angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
         return None if q is None else checked_angles(name, q, self.arm.model.arm.dof)
@@ -225,7 +224,7 @@ class CalibratedSolver:
 
     def _equilibrium(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> Equilibrium:
         poses = self.arm.poses(query, np.array([q]), np.array([command.direction], dtype=np.float64))
-        return solve_equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([command.slots])))
+        return equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([command.slots])))
 
     def _uncertainty_of(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
@@ -237,11 +236,10 @@ class CalibratedSolver:
     ) -> RoundedCommand | None:
         if self.servos is None:
             return None
-        context = self.arm
 
         def position_error(angles: tuple[float, ...]) -> float:
-            """m, distance of the tool at rest from the goal. Raises `NoEquilibrium`."""
-            tool = context.tool_at(query, angles, command.direction, command.slots)
+            """m, distance of the tool in equilibrium from the goal. Raises `NoEquilibrium`."""
+            tool = self.arm.tool_at(query, angles, command.direction, command.slots)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
             return math.dist(tool[9:], query.goal.position)

@@ -13,7 +13,7 @@ import numpy as np
 from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.ik.joint_errors import JointErrorModel
-from lrm_math.ik.kernel.kernel_model import KernelModel, Twelve, packed, frames_as_numbers, with_form, with_laws
+from lrm_math.ik.kernel.kernel_model import KernelModel, Twelve, frames_as_numbers, packed, with_form, with_laws
 from lrm_math.ik.kernel.moving_slots import Indices
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import KernelFound
@@ -46,13 +46,13 @@ class Method(Protocol):
     def name(self) -> str:
         """Name in replies."""
 
-    def find(self, context: CalibratedArm, query: IkQuery) -> IkSolutions | Stalled | None:
+    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | Stalled | None:
         """Commands for one goal; None where the method finds none."""
 
 
 @dataclass(frozen=True, eq=False)
 class EquilibriumBatch:
-    """Those of K commands that come to rest, `rows` (M,): slot amounts (M, V) and tool frames (M, 12) by columns."""
+    """Those of K commands that settle, `rows` (M,): slot amounts (M, V) and tool frames (M, 12) by columns."""
 
     rows: Indices
     slots: Array
@@ -87,13 +87,13 @@ class CalibratedArm:
 
     @cached_property
     def _bare(self) -> KernelModel:
-        laws, limits = self.errors, self.limits
-        moments = laws.moving.moments(self.model.weights(0.0))
-        arm = packed(laws.moving, moments, self.model.binding.reach, limits.lower, limits.upper)
+        errors, limits = self.errors, self.limits
+        moments = errors.moving.moments(self.model.weights(0.0))
+        arm = packed(errors.moving, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = with_form(arm, pieper_form(screw_axes_of(equivalent_arm(self.model))))
-        play, force = laws.axial_play
-        arm = arm.with_springs(laws.constants, laws.compliances).with_(play=play, play_force=force)
-        return with_laws(arm, laws.kernel_laws, 0.0)
+        play, force = errors.axial_play
+        arm = arm.with_springs(errors.constants, errors.compliances).with_(play=play, play_force=force)
+        return with_laws(arm, errors.laws, errors.complete, 0.0)
 
     @cached_property
     def library(self) -> PoseLibrary:
@@ -102,15 +102,15 @@ class CalibratedArm:
 
     @cached_property
     def _ready(self) -> KernelModel:
-        """The arm without load, with seeds; effects that are not linear about the library's mean loads."""
-        laws, library = self.errors, self.library
-        arm = with_laws(self._bare, laws.kernel_laws, library.nonlinear_bound(laws))
-        if not laws.others_are_linear:
-            arm = arm.with_springs(*laws.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
+        """The arm without load, with seeds; effects without formula about the library's mean loads."""
+        errors, library = self.errors, self.library
+        arm = with_laws(self._bare, errors.laws, errors.complete, library.nonlinear_bound(errors))
+        if not errors.complete:
+            arm = arm.with_springs(*errors.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
         return arm.with_library(library.tcp, library.q, library.slots)
 
     @cached_property
-    def arm(self) -> Callable[[float], KernelModel]:
+    def kernel(self) -> Callable[[float], KernelModel]:
         """The arm with a payload (kg), cached."""
 
         def loaded(payload: float) -> KernelModel:
@@ -124,7 +124,7 @@ class CalibratedArm:
 
     def branches(self, query: IkQuery) -> IkSolutions:
         """All branches of a pose; commands nearest to `near`, or to the middle of the limits, of any other goal."""
-        arm, near = self.arm(query.payload), query.near
+        arm, near = self.kernel(query.payload), query.near
         found, V = arm.search(query.goal, near or self.limits.middle, near, FREE_STARTS), arm.slots
         if self.errors.complete:
             return IkSolutions(tuple(self._unpacked(found, query.goal.constraints >= arm.joints)), found.steps)
@@ -143,29 +143,28 @@ class CalibratedArm:
 
     def at_goal(self, query: IkQuery, slots: Array) -> list[IkSolution]:
         """The command at the goal by Newton's method from slot amounts (V,); none if it does not lead there."""
-        if not self.errors.others_are_linear:
-            return self._corrected(query, slots, self.arm(query.payload).forward(slots[None])[1][0])
-        state = self.arm(query.payload).newton(query.goal, slots, query.near)
-        if state is None:
-            return []
-        if self.errors.complete:
-            return self._unpacked(state[2], query.goal.constraints >= self.model.arm.dof)
-        return self._corrected(query, *state[:2])
+        arm = self.kernel(query.payload)
+        if not self.errors.complete:
+            return self._corrected(query, slots, arm.forward(slots[None])[1][0])
+        state = arm.newton(query.goal, slots, query.near)
+        return [] if state is None else self._unpacked(state[2], query.goal.constraints >= self.model.arm.dof)
 
     def _corrected(self, query: IkQuery, slots: Array, tau: Array) -> list[IkSolution]:
-        """The command for a state at the goal, (V,) each; other effects than the kernel's first linearised about it."""
-        laws = self.errors
+        """The command for a state near the goal, (V,) each: the kernel with the model linearised about it, repeatedly.
+
+        Where effects without formula act on joints alone, the kernel's state is the model's, and stays.
+        """
         q, side, detour = self._command(query, slots, tau)
-        for _ in range(0 if laws.others_are_linear else LINEARISATIONS):
-            poses = self.poses(query, q[None], side[None])
-            arm = self.arm(query.payload).with_springs(*laws.linearised(poses, tau))
-            state = arm.newton(query.goal, slots)
+        for _ in range(LINEARISATIONS):
+            springs = self.errors.linearised(self.poses(query, q[None], side[None]), tau)
+            state = self.kernel(query.payload).with_springs(*springs).newton(query.goal, slots)
             if state is None:
                 return []
-            steady = bool(np.abs(state[0] - slots).max() < STEADY)
+            moved = float(np.abs(state[0] - slots).max())
             slots, tau, _ = state
-            q, side, detour = self._command(query, slots, tau)
-            if steady:
+            if moved > 0.0:
+                q, side, detour = self._command(query, slots, tau)
+            if moved < STEADY:
                 break
         if not np.isfinite(q).all():
             return []
@@ -177,14 +176,14 @@ class CalibratedArm:
     def _command(self, query: IkQuery, slots: Array, tau: Array) -> tuple[Array, Array, Array]:
         """Command (n,), sides of arrival, and 1 where coming straight from `near` contradicts them, else 0."""
 
-        laws = self.errors
-        stiff = (slots - laws.constants)[laws.moving.joints]
+        errors = self.errors
+        unloaded = (slots - errors.constants)[errors.moving.joints]
 
         def command(side: Array) -> Array:
-            poses = self.poses(query, stiff[None], side[None])
-            return np.asarray(laws.command(poses, tau[None], slots[None])[0])
+            poses = self.poses(query, unloaded[None], side[None])
+            return np.asarray(errors.command(poses, tau[None], slots[None])[0])
 
-        side = np.zeros(len(stiff))
+        side = np.zeros(len(unloaded))
         q, wrong = command(side), side
         if query.near is None:
             return q, side, wrong
@@ -203,30 +202,30 @@ class CalibratedArm:
     ) -> EquilibriumBatch:  # fmt: skip
         """Equilibria of commands (K, n) from sides (K, n), those that there are.
 
-        `start`: (K, V), slot amounts to begin with; None: those of the stiff arm. `tolerance`: m.
+        `start`: (K, V), slot amounts to begin with; None: those without loads. `tolerance`: m.
         """
-        laws, arm = self.errors, self.arm(query.payload)
-        if laws.complete:
+        errors, arm = self.errors, self.kernel(query.payload)
+        if errors.complete:
             begin = self.unloaded_slots(q) if start is None else start
             side = np.zeros_like(q) if direction is None else direction
             slots, tcp, iterations = arm.settle(q, side, begin, tolerance)
             rows = np.flatnonzero(iterations > 0)
             return EquilibriumBatch(rows, slots[rows], tcp[rows])
         first = None if start is None else self.chain_amounts(start)
-        rest, rows = batch_equilibrium(self.model, self.poses(query, q, direction), first, tolerance)
-        slots = np.array([np.broadcast_to(rest.slots[k], len(rest.poses)) for k in laws.moving.slots]).T
+        settled, rows = batch_equilibrium(self.model, self.poses(query, q, direction), first, tolerance)
+        slots = np.array([np.broadcast_to(settled.slots[k], len(settled.poses)) for k in errors.moving.slots]).T
         frames = arm.forward(slots)[0]
         return EquilibriumBatch(rows, slots, frames_as_numbers(frames[:, :3, 3], frames[:, :3, :3]))
 
     def tool_at(
         self, query: IkQuery, q: tuple[float, ...], direction: tuple[int, ...], start: tuple[float, ...] | None = None
     ) -> list[float] | None:
-        """Tool frame by columns, twelve numbers, at rest at one command; None if it has none. `start`: slots nearby."""
+        """Tool frame by columns, twelve numbers, of a command's equilibrium; None if it has none. `start`: slots."""
         begin = self.unloaded_slots(np.array([q]))[0].tolist() if start is None else start
         if not self.errors.complete:
-            rest = self.equilibria(query, np.array([q]), np.array([direction]), np.array([begin]))
-            return rest.tcp[0].tolist() if len(rest.rows) else None
-        n, arm, iterations = len(q), self.arm(query.payload), ctypes.c_int()
+            settled = self.equilibria(query, np.array([q]), np.array([direction]), np.array([begin]))
+            return settled.tcp[0].tolist() if len(settled.rows) else None
+        n, arm, iterations = len(q), self.kernel(query.payload), ctypes.c_int()
         slots, tcp = (ctypes.c_double * arm.slots)(*begin), Twelve()
         angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*direction)
         kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))

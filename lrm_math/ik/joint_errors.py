@@ -1,9 +1,9 @@
-"""Which effects the kernel computes and which Python has to: springs, joint laws, and the laws that users bring.
+"""Error model of the joints and other moving slots: what effects add to them, beyond the kernel's formulas.
 
-The TCP depends on the slots of the chain only. Once these are solved for, the effects on the joints follow without
-kinematics: commanded = true − (what springs, play and gears add there). Of these the kernel knows the laws of
-`kernel.laws`; others follow here, after it. Other slots follow loads in proportion in the kernel; an effect that moves
-them otherwise is linearised about the loads found, and the kernel asked again (see `calibrated_arm`).
+The TCP depends on the slots of the chain only. Once these are solved for, the commands follow without kinematics:
+commanded = true − (what effects add there). Where the kernel has a formula for every effect (`kernel.laws`) it computes
+all of this. Else the model comes back to Python by one way: commands follow here, and on the other slots the kernel is
+given the model's value and derivative about the state found, and asked again (see `calibrated_arm`).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from functools import cached_property
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.effects.backlash import AxialPlay
-from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, nonlinear_effects
+from lrm_math.effects.derivatives import by_loads
+from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, plays, springs, without_formula
 from lrm_math.ik.kernel.moving_slots import MovingSlots, moving_slots_of
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.effect_binding import BoundEffect
+from lrm_math.model.effect_binding import BoundEffect, EffectBinding
 from lrm_math.model.equilibrium import effect_loads, rigid_amounts
 from lrm_math.model.model import Model
 
@@ -39,9 +39,9 @@ class JointErrorModel:
 
     @cached_property
     def moving(self) -> MovingSlots:
-        """The arm, everything that never moves welded together."""
+        """The arm, everything that never moves joined by fixed transforms."""
         binding = self.model.binding
-        rigid = {k for bound in binding.rigid for k in bound.moves} | {k for k, _, _ in binding.gears}
+        rigid = {k for bound in binding.rigid for k in bound.slots}
         also = sorted({*binding.moving, *self.model.load_slots, *rigid})
         return moving_slots_of(self.model.chain, binding.constants, also)
 
@@ -60,43 +60,29 @@ class JointErrorModel:
 
     @cached_property
     def compliances(self) -> Array:
-        """(V, V), response of the linear effects to loads on the moving slots (rad/N·m, m/N·m)."""
-        linear = [bound for bound in self.model.binding.elastic if bound.effect.linear]
-        return self._responses(poses_of([0.0] * self.model.arm.dof), [0.0] * len(self._row), linear)
-
-    @cached_property
-    def known(self) -> tuple[KernelLaw, ...] | None:
-        """The laws of the joints, if the kernel has all of them."""
-        return kernel_laws(self.model.binding, {k: joint for joint, k in enumerate(self.model.chain.joint_slots)})
-
-    @cached_property
-    def others_are_linear(self) -> bool:
-        """Whether the slots other than joints follow gravity's loads by springs and axial play, and nothing else."""
-        joints, binding = set(self.model.chain.joint_slots), self.model.binding
-        moved = {k for bound in nonlinear_effects(binding) for k in bound.moves} | {k for k, _, _ in binding.gears}
-        pushed = [self._row[k] for bound in binding.pushing for k in bound.pushes if k in self._row]
-        slides = {k for bound in binding.elastic if isinstance(bound.effect, AxialPlay) for k in bound.moves}
-        if any(k in slides for bound in binding.pushing for k in bound.pushes):
-            return False
-        return moved <= joints and not self.compliances[self.moving.others][:, pushed].any()
-
-    @cached_property
-    def kernel_laws(self) -> tuple[KernelLaw, ...] | None:
-        """The laws that the kernel computes; None if it has not all of them, or other slots do not follow linearly."""
-        return self.known if self.others_are_linear else None
+        """(V, V), response of the springs to loads on the moving slots (rad/N·m, m/N·m)."""
+        return self._responses(poses_of([0.0] * self.model.arm.dof), np.zeros(len(self._row)), springs(self._binding))
 
     @property
+    def _binding(self) -> EffectBinding:
+        return self.model.binding
+
+    @cached_property
     def complete(self) -> bool:
-        """Whether the kernel alone computes the model."""
-        return self.kernel_laws is not None
+        """Whether the kernel has a formula for every effect of the model."""
+        return not without_formula(self._binding, self.model.load_slots, self.model.chain.joint_slots)
+
+    @cached_property
+    def laws(self) -> tuple[KernelLaw, ...]:
+        """The laws that the kernel computes: all or, so that commands are computed in one place, none."""
+        return kernel_laws(self._binding, self.model.chain.joint_slots) if self.complete else ()
 
     @cached_property
     def axial_play(self) -> tuple[Array, Array]:
         """Play of the moving slots from end to end (V,), m, zero of most, and the force that takes it up (V,), N."""
         play, force = np.zeros(len(self._row)), np.ones(len(self._row))
-        for bound in self.model.binding.elastic:
-            if isinstance(bound.effect, AxialPlay) and self.others_are_linear:
-                play[self._row[bound.moves[0]]], force[self._row[bound.moves[0]]] = bound.p
+        for bound in plays(self._binding):
+            play[self._row[bound.slots[0]]], force[self._row[bound.slots[0]]] = bound.p
         return play, force
 
     def slots_at(self, poses: Poses, tau: Array) -> Array:
@@ -105,7 +91,7 @@ class JointErrorModel:
         felt = self._felt(tau, pushed)
         due = {k: rigid[k] for k in self._row}
         for bound in self.model.binding.elastic:
-            for k, amount in bound.motion(poses, felt):
+            for k, amount in bound.amounts(poses, felt):
                 due[k] = due[k] + amount
         return np.stack([np.broadcast_to(due[k], count) for k in self._row], axis=1)
 
@@ -131,17 +117,21 @@ class JointErrorModel:
         return np.asarray(np.where(settled, q, np.nan))
 
     def linearised(self, poses: Poses, tau: Array) -> tuple[Array, Array]:
-        """Amounts without load (V,) and compliances (V, V) that stand for the model about one pose and loads (V,).
+        """Amounts without load (V,) and compliances (V, V) that, with its play, make the kernel agree with the model.
 
-        Of joints, the linear effects alone.
+        Of slots that are no joints, by value and derivative about one pose and loads (V,); of joints, the springs.
         """
-        loads, others = tau.tolist(), self.moving.others
-        springs = self.compliances.copy()
-        responses = self._responses(poses, loads, self.model.binding.elastic, effect_loads(self.model, poses))
-        springs[others] = responses[others]
+        others, sliding = self.moving.others, plays(self._binding)
+        response = self._responses(poses, tau, self._binding.elastic, effect_loads(self.model, poses))
+        compliances = self.compliances.copy()
+        compliances[others] = (response - self._responses(poses, tau, sliding))[others]
+        due = self.slots_at(poses, tau[None])[0] - compliances @ tau
+        for bound in sliding:
+            for k, amount in bound.amounts(poses, self._felt(tau[None], {})):
+                due[self._row[k]] -= float(amount)
         zero = self.constants.copy()
-        zero[others] = (self.slots_at(poses, tau[None])[0] - springs @ tau)[others]
-        return zero, springs
+        zero[others] = due[others]
+        return zero, compliances
 
     def _felt(self, tau: Array, pushed: dict[int, Number]) -> list[Number]:
         """Loads on `model.load_slots`, floats for one pose."""
@@ -149,13 +139,13 @@ class JointErrorModel:
         return [load + pushed.get(k, 0.0) for k, load in zip(self.model.load_slots, rows, strict=True)]
 
     def _responses(
-        self, pose: Poses, tau: list[float], effects: Sequence[BoundEffect], pushed: dict[int, Number] | None = None
+        self, pose: Poses, tau: Array, effects: Sequence[BoundEffect], pushed: dict[int, Number] | None = None
     ) -> Array:
         """(V, V), derivatives of some effects by the loads, at one pose and gravity loads (V,)."""
-        out, felt = np.zeros((len(self._row), len(self._row))), self._felt(np.array([tau]), pushed or {})
+        out, felt = np.zeros((len(self._row), len(self._row))), self._felt(tau[None], pushed or {})
         for bound in effects:
-            loads = tuple(felt[i] for i in bound.feels)
-            for i, responses in zip(bound.feels, bound.effect.d_tau(pose, loads, bound.p), strict=True):
-                for k, response in zip(bound.moves, responses, strict=True):
+            rows = by_loads(bound.effect, pose, bound.felt(felt), bound.p)
+            for i, responses in zip(bound.loads, rows, strict=True):
+                for k, response in zip(bound.slots, responses, strict=True):
                     out[self._row[k], self._load_rows[i]] += response
         return out

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import CATALOGUE, compensable, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
@@ -106,8 +106,8 @@ def flat(arm: Arm) -> KernelModel:
 
 def test_every_effect_of_the_catalogue_at_once_fits_on_ten_joints() -> None:
     arm = random_arm(3, 10)
-    effects = [effect for kind in CATALOGUE if kind.online for effect in effects_at(arm, kind.id)]
-    model = model_of(arm, [effect for effect in effects if effect.online])
+    effects = [effect for kind in CATALOGUE if compensable(kind) for effect in effects_at(arm, kind.id)]
+    model = model_of(arm, [effect for effect in effects if compensable(effect)])
     assert all(words(model))
 
 

@@ -30,19 +30,20 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.covariance import Covariance
+from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
 
-SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
+SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 EXACT = 1e-9  # m: 1e-6 mm
 SHARE = 0.998
 
 
 def with_effects(model: Model, names: tuple[str, ...], seed: int, size: float = 0.3) -> Model:
     """A model and more effects of typical size, signs random where allowed."""
-    added = [e for name in names for e in effects_at(model.arm, name) if f"{e.id}@{e.place}" not in _names(model)]
+    added = [e for name in names for e in effects_at(model.arm, name) if e.name not in _names(model)]
     known = dict(zip(model.keys, model.values.tolist(), strict=True))
     full = model_of(model.arm, (*model.effects, *added), known)
     rng = np.random.default_rng(seed)
@@ -55,7 +56,7 @@ def with_effects(model: Model, names: tuple[str, ...], seed: int, size: float = 
 
 
 def _names(model: Model) -> set[str]:
-    return {f"{effect.id}@{effect.place}" for effect in model.effects}
+    return {effect.name for effect in model.effects}
 
 
 @lru_cache

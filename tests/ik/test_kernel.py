@@ -16,9 +16,12 @@ from scipy.spatial.transform import Rotation
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import CATALOGUE, constant, effects_at
+from lrm_math.effects.compliance import Spring
+from lrm_math.effects.targets import Kind, kind_of, slot_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.goal import point, pose
 from lrm_math.ik.joint_errors import JointErrorModel
 from lrm_math.ik.kernel import shared_library
@@ -28,11 +31,11 @@ from lrm_math.ik.kernel.structures import KernelArm
 from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
 from lrm_math.ik.nominal.pieper import pieper_form
 from lrm_math.ik.solutions import IkQuery
-from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
+from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms, random_arm
@@ -56,7 +59,7 @@ def flat(model: Model, payload: float) -> KernelModel:
     laws, joints = JointErrorModel(model), model.arm.joints
     moments = laws.moving.moments(model.weights(payload))
     arm = packed(laws.moving, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
-    return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.known, 0.0)
+    return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.laws, laws.complete, 0.0)
 
 
 def moving(model: Model, slots: tuple[float | Array, ...], count: int) -> Array:
@@ -170,9 +173,11 @@ def test_every_law_of_the_kernel_is_one_of_the_catalogue() -> None:
     needs = set()
     for kind in CATALOGUE:
         effect = effects_at(arm, kind.id)[0]
-        on_joints = {*effect.moves, *effect.pushes}
-        if kind.online and kind.id != "quantisation" and on_joints and on_joints <= theta:
-            needs |= set() if effect.constant or effect.linear or effect.geared else {kind}
+        on_joints = (
+            {slot_of(target) for target in effect.targets} if kind_of(effect) in (Kind.MOTION, Kind.LOAD) else set()
+        )
+        if set(kind.depends_on) <= COMPENSATED and on_joints and on_joints <= theta:
+            needs |= set() if constant(effect) or isinstance(effect, Spring) else {kind}
     assert set(KERNEL_LAWS) == needs
     assert sorted(KERNEL_LAWS.values()) == list(range(len(KERNEL_LAWS)))
 
@@ -254,7 +259,7 @@ def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
     arm = load_arm("lrm-lab")
     broken = replace(arm, joints=(replace(arm.joints[0], a=value), *arm.joints[1:]))
     with pytest.raises(LrmError):
-        CalibratedArm(model_of(broken, ())).arm(0.0)
+        CalibratedArm(model_of(broken, ())).kernel(0.0)
 
 
 def test_a_missing_stale_or_foreign_library_is_one_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

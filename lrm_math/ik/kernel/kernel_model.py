@@ -35,7 +35,7 @@ DESCENTS, KEPT = 24, 4
 BELOW = {
     "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
-    "law": ("", len(KERNEL_LAWS) + 1), "spring_from": ("", MAX_SPRINGS + 1),
+    "law": ("", len(KERNEL_LAWS)), "spring_from": ("", MAX_SPRINGS + 1),
 }  # fmt: skip
 """What the numbers of an array, places in other arrays, are below: how many of these the arm has, and a number."""
 SHAPES = (AxisPair.MEETING, AxisPair.PARALLEL, AxisPair.SKEW)
@@ -179,7 +179,9 @@ class KernelModel:
         return None if q is None else (ctypes.c_double * self.joints)(*q)
 
 
-def packed(moving: MovingSlots, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]) -> KernelModel:
+def packed(
+    moving: MovingSlots, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]
+) -> KernelModel:
     """An arm without springs, laws, closed form or library; limits (rad). Raises `LrmError` beyond a fixed maximum."""
     V, n, B = len(moving.slots), len(moving.joints), len(moving.inboard)
     for name, count, most in (("moving slots", V, MAX_SLOTS), ("joints", n, MAX_JOINTS), ("bodies", B, MAX_BODIES)):
@@ -195,16 +197,14 @@ def packed(moving: MovingSlots, moments: Array, reach: float, lower: Sequence[fl
     )  # fmt: skip
 
 
-def with_laws(arm: KernelModel, laws: Sequence[KernelLaw] | None, nonlinear_bound: float) -> KernelModel:
-    """The arm with joint laws; None: they are computed in Python. `nonlinear_bound`: rad, most that laws change."""
-    known = laws or ()
-    fits("joint laws", len(known), MAX_LAWS)
-    p = np.zeros((len(known), 4))
-    for row, (_, _, values) in zip(p, known, strict=True):
+def with_laws(arm: KernelModel, laws: Sequence[KernelLaw], complete: bool, nonlinear_bound: float) -> KernelModel:
+    """The arm with joint laws; not `complete`: Python corrects commands. `nonlinear_bound`: rad, most that these do."""
+    fits("joint laws", len(laws), MAX_LAWS)
+    p = np.zeros((len(laws), 4))
+    for row, (_, _, values) in zip(p, laws, strict=True):
         row[: len(values)] = values
-    out = arm.with_(law=[law for law, _, _ in known], law_joint=[joint for _, joint, _ in known], law_p=p)
-    out.memory.laws, out.memory.laws_known = len(known), laws is not None
-    out.memory.nonlinear_bound = nonlinear_bound
+    out = arm.with_(law=[law for law, _, _ in laws], law_joint=[joint for _, joint, _ in laws], law_p=p)
+    out.memory.laws, out.memory.laws_known, out.memory.nonlinear_bound = len(laws), complete, nonlinear_bound
     return out
 
 

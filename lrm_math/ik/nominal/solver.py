@@ -18,7 +18,7 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.joint_errors import JointErrorModel
-from lrm_math.ik.kernel.kernel_model import KernelModel, packed, frames_as_numbers, goal_numbers, with_form
+from lrm_math.ik.kernel.kernel_model import KernelModel, frames_as_numbers, goal_numbers, packed, with_form
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import BRANCHES
 from lrm_math.ik.library import PoseLibrary
@@ -135,10 +135,10 @@ class NominalSolver:
     @cached_property
     def packed(self) -> KernelModel:
         """The arm without seeds."""
-        laws = JointErrorModel(self._model)
-        moments = laws.moving.moments(self._model.weights(0.0))
-        arm = packed(laws.moving, moments, self._model.binding.reach, self.limits.lower, self.limits.upper)
-        return with_form(arm.with_springs(laws.constants, laws.compliances), self.form)
+        errors = JointErrorModel(self._model)
+        moments = errors.moving.moments(self._model.weights(0.0))
+        arm = packed(errors.moving, moments, self._model.binding.reach, self.limits.lower, self.limits.upper)
+        return with_form(arm.with_springs(errors.constants, errors.compliances), self.form)
 
     @cached_property
     def _ready(self) -> KernelModel:
