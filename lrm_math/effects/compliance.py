@@ -7,7 +7,6 @@ from lrm_math.effects.base import (
     Amounts,
     Description,
     Excitation,
-    JointEffect,
     LinearEffect,
     LoadedJointEffect,
     Parameter,
@@ -56,7 +55,7 @@ class Compliance(Spring):
         return ("base.beta",) if self.place == BASE else (f"{self.place}.theta",)
 
 
-class ServoDroop(Spring, JointEffect):
+class ServoDroop(Spring, LoadedJointEffect):
     """The yield of a servo with a proportional controller; statically the same as a compliant joint."""
 
     id = "servo_droop"
