@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from lrm_math.effects import CATALOGUE, Effect
+from lrm_math.effects import CATALOGUE, Description, Effect
 from lrm_math.errors import FileError
 
 ENTRY_POINTS = "lrm_arm.effects"
@@ -69,8 +69,9 @@ def sha256_of(file: Path) -> str:
 
 
 def _check(file: Path, kind: type[Effect]) -> None:
-    missing = [name for name in ("id", "cause", "formula", "source") if not isinstance(getattr(kind, name, None), str)]
+    texts = (("id", str), ("about", Description))
+    missing = [name for name, expected in texts if not isinstance(getattr(kind, name, None), expected)]
     missing += sorted(kind.__abstractmethods__)
     if missing:
-        right = "it needs id, cause, formula, source, places, parameters, and moves with motion (or another hook)"
+        right = "it needs id, about, places, parameters, targets and amounts (or basis of a LinearEffect)"
         raise FileError(file, f"class {kind.__name__}", f"has no {missing[0]}", right)

@@ -45,7 +45,7 @@ from lrm_ident.report.diagnosis import (
 from lrm_ident.report.fit import ErrorSummary, fit_words
 from lrm_ident.workflow.steps import add_step, auto_files, nominal_error, prior_step
 from lrm_math.arm.arm_file import MM, load_arm
-from lrm_math.effects import FORMS, effects_at
+from lrm_math.effects import FREE_FORMS, effects_at
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -58,7 +58,7 @@ def effects(
     effects_file: arg.EffectsFile = None,
 ) -> None:
     """Explain the effects that the tool knows: cause, formula, parameters, what data it takes to see them."""
-    catalogue = (*catalogue_with(effects_file), *FORMS)
+    catalogue = (*catalogue_with(effects_file), *FREE_FORMS)
     chosen = [kind for kind in catalogue if name in (None, kind.id)]
     if not chosen:
         raise UnknownName("effect", str(name), [kind.id for kind in catalogue])
