@@ -11,6 +11,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import constant
 from lrm_math.effects.base import Amounts, Effect
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME_ENTRIES, SERVO, Kind, kind_of, slot_of
+from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.statics import WeightChange
@@ -96,7 +97,11 @@ def bind_effects(
 def bind_effect(chain: Chain, effect: Effect, p: Sequence[float], load_slots: Sequence[int]) -> BoundEffect:
     """One effect, bound."""
     kind, targets = kind_of(effect), effect.targets
-    slots = tuple(chain.index[slot_of(t)] for t in targets) if kind in (Kind.MOTION, Kind.LOAD) else ()
+    keys = [slot_of(target) for target in targets] if kind in (Kind.MOTION, Kind.LOAD) else []
+    for key in (*keys, *effect.load_slots):
+        if key not in chain.index:
+            raise UnknownName(f"slot of effect {effect.name}", key, chain.index)
+    slots = tuple(chain.index[key] for key in keys)
     encoders = tuple(chain.slots[k].joint if t.endswith(SERVO) else None for k, t in zip(slots, targets, strict=False))
     loads = tuple(load_slots.index(chain.index[key]) for key in effect.load_slots)
     return BoundEffect(effect, tuple(p), kind, slots, encoders, loads)

@@ -62,7 +62,9 @@ class Model:
     @cached_property
     def load_slots(self) -> tuple[int, ...]:
         """Slots whose load some effect depends on, ascending."""
-        return tuple(sorted({self.chain.index[key] for e in self.effects for key in e.load_slots}))
+        return tuple(
+            sorted({self.chain.index[key] for e in self.effects for key in e.load_slots if key in self.chain.index})
+        )
 
     @cached_property
     def binding(self) -> EffectBinding:
