@@ -92,15 +92,13 @@ def _try(file: Path, effect: Effect) -> None:
     poses, parameters = poses_of(np.full((2, effect.arm.dof), 0.3)), effect.parameters
     tau, p = (np.ones(2),) * len(effect.load_slots), [parameter.typical for parameter in parameters]
     right = f"one number or (N,) for each of its {len(effect.targets)} targets, in a tuple"
+    if isinstance(effect, LinearEffect):
+        right = f"for each of its {len(parameters)} parameters a tuple: {right}"
     try:
-        rows, size = [effect.amounts(poses, tau, p)], len(effect.targets)
-        if isinstance(effect, LinearEffect):
-            rows, right = (
-                list(effect.basis(poses, tau)),
-                f"for each of its {len(parameters)} parameters a tuple: {right}",
-            )
-            if len(rows) != len(parameters):
-                raise FileError(file, where, f"basis gives {len(rows)} rows", right)
+        linear, size = isinstance(effect, LinearEffect), len(effect.targets)
+        rows = effect.basis(poses, tau) if isinstance(effect, LinearEffect) else (effect.amounts(poses, tau, p),)
+        if linear and len(rows) != len(parameters):
+            raise FileError(file, where, f"basis gives {len(rows)} rows", right)
         if not all(isinstance(row, tuple) and len(row) == size for row in rows):
             raise FileError(file, where, "gives amounts of another shape", right)
         model_of(effect.arm, [effect]).binding  # noqa: B018 - raises for slots that the arm has not
