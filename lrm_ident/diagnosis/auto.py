@@ -16,7 +16,7 @@ from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect
+from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.model.model import Model
 
 
@@ -103,7 +103,7 @@ def run_auto(
 
 def _step(before: Judgement, added: ScoredCandidate, after: Judgement) -> AutoStep:
     effect = added.candidate.effect
-    own = {f"{effect.id}.{effect.place}.{parameter.name}" for parameter in effect.parameters}
+    own = set(effect.keys)
     old = {*before.diagnosis.fit.model.free, *own}
     return AutoStep(
         added=added.name,
@@ -111,6 +111,6 @@ def _step(before: Judgement, added: ScoredCandidate, after: Judgement) -> AutoSt
         held_out=after.held_out,
         data=after.diagnosis.data,
         equivalent=before.diagnosis.equivalent[added.name],
-        refines=effect.refined,
+        refines=variants(effect),
         freed=tuple(key for key in after.diagnosis.fit.model.free if key not in old),
     )

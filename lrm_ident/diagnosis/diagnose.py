@@ -157,7 +157,7 @@ def _diagnose(
     tried = [one for one in ranked if one.candidate.standing == REFINEMENT] if quiet else ranked
     weights = None if rates is None else rates.weights([one.name for one in tried])
     selected = forward_select(tried, linear, progress, weights)
-    joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
+    joint_jacobian = response.slots[list(response.equilibrium.model.chain.joint_slots)]
     before = poses_before(whole.rest.joint_torque)[screened]
     functions = free_functions(joint_jacobian, part, fitted.rest, before)
     return Diagnosis(

@@ -16,6 +16,7 @@ from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
 from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, cosine_of_bases, paired_z
 from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate, f_test_p_value, yekutieli_factor
 from lrm_ident.fitting.progress import OnProgress
+from lrm_math.effects import variants
 
 SIGNIFICANCE = 0.01  # p value after Benjamini and Yekutieli, of all candidates together
 MIN_GAIN = 0.02  # part of the held-out RMS that an effect must save to be worth naming
@@ -85,11 +86,11 @@ def forward_select(
 def _standing(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
     """Its standing beside the effects of the model and those selected."""
     names = {other.name for other in selected}
-    return REFINEMENT if names & set(one.candidate.effect.refined) else one.candidate.standing
+    return REFINEMENT if names & set(variants(one.candidate.effect)) else one.candidate.standing
 
 
 def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
-    return standing[one.name] == REFINEMENT and bool(one.candidate.effect.refines)
+    return standing[one.name] == REFINEMENT and bool(one.candidate.effect.variant_of)
 
 
 def _parsimonious(choices: Sequence[Choice], standing: Mapping[str, int], count: int) -> Sequence[Choice]:
@@ -126,7 +127,7 @@ def _choose(
 
 def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
     """The best plain effect that this form refines, if one helps: it is named first; else the form itself."""
-    names = chosen[1].candidate.effect.refined
+    names = variants(chosen[1].candidate.effect)
     return min((c for c in choices if c[1].name in names), key=lambda choice: choice[0].rms, default=chosen)
 
 
@@ -176,8 +177,8 @@ def _same_form(
     """Effects of which a form that `one` needs is a form too: where a formula is wrong, formulas do not distinguish."""
     found: set[str] = set()
     for form in ranked:
-        if one.name in form.candidate.effect.refined:
+        if one.name in variants(form.candidate.effect):
             beside = linear.explain(*others, one.projected, form.projected)
             if improves_prediction(beside, with_it, linear.explain()):
-                found.update(form.candidate.effect.refined)
+                found.update(variants(form.candidate.effect))
     return found
