@@ -8,7 +8,7 @@ from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.messages.codec import HeaderSource, error_reply
 from lrmd.messages.control import Reply
-from lrmd.messages.wildcard_limit import limit_wildcards
+from lrmd.messages.rate_limits import with_rate_limits
 from lrmd.messages.zenoh_session import GONE_KEY, key, router, wildcard_error
 from lrmd.ramp.shared_fd import SharedFd
 
@@ -25,5 +25,5 @@ def router_setup(config: Config, memory: SharedFd, estop: SharedFd, boot_id: str
     """Start arguments of the router process. Raises `FileError` for a zenoh configuration that cannot be read."""
     query = key(config.robot, "rpc/estop")
     keys = key(config.robot, "cmd/estop"), key("*", "cmd/estop")
-    zenoh = str(limit_wildcards(router(config.zenoh)))
+    zenoh = str(with_rate_limits(router(config.zenoh)))
     return RouterSetup(zenoh, keys, query, GONE_KEY, estop_replies(query, boot_id), memory, estop)
