@@ -8,9 +8,7 @@ record; those in the stack are among them, so the stack forgets its oldest ones.
 from __future__ import annotations
 
 import hashlib
-import os
 import re
-import tempfile
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -19,6 +17,7 @@ from pydantic import Field, ValidationError
 from lrm_math.errors import FileError
 from lrm_math.toml_file import StrictSchema
 from lrmd.config import Config
+from lrmd.persistence.atomic_file import write_atomically
 
 FOLDER, STACK = "models", "deployed.json"
 KEPT = 10
@@ -91,7 +90,7 @@ def write_version(state: Path, text: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         number = 1 + max((_number(path.name) for path in _versions(folder)), default=0)
         path = folder / f"{number:04d}-{hashlib.sha256(content).hexdigest()[:12]}.toml"
-        _write(path, content)
+        write_atomically(path, content)
     except OSError as error:
         raise FileError(folder, "", f"cannot be written ({error.strerror})") from None
     return path
@@ -101,25 +100,6 @@ def save_stack(state: Path, stack: DeployedStack) -> None:
     """Writes the stack atomically: a power cut leaves the old or the new one. Raises `FileError`."""
     path = state / FOLDER / STACK
     try:
-        _write(path, stack.model_dump_json(by_alias=True).encode())
+        write_atomically(path, stack.model_dump_json(by_alias=True).encode())
     except OSError as error:
         raise FileError(path, "", f"cannot be written ({error.strerror})") from None
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Temporary file, fsync, rename, fsync of the directory."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-    directory = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)
