@@ -154,9 +154,10 @@ def _diagnose(
     ranked = sorted(scored, key=lambda one: one.alone.rms)
     floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
     quiet = _like_noise(whole, data, floor, structure)
-    tried = [one for one in ranked if one.candidate.standing == REFINEMENT] if quiet else ranked
+    tried = [one for one in ranked if not quiet or one.candidate.standing == REFINEMENT]
     weights = None if rates is None else rates.weights([one.name for one in tried])
-    selected = forward_select(tried, linear, progress, weights)
+    selection = forward_select(tried, linear, progress, weights, [one for one in ranked if one not in tried])
+    selected = selection.effects
     joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
     before = poses_before(whole.rest.joint_torque)[screened]
     functions = free_functions(joint_jacobian, part, fitted.rest, before)
@@ -165,12 +166,12 @@ def _diagnose(
         data=data,
         floor=floor,
         structure=structure,
-        squared_held_out=linear.explain().held_out,
+        squared_held_out=linear.now.held_out,
         scored=(*selected, *(one for one in ranked if one not in selected)),
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
-        selected=tuple(selected),
-        equivalent={one.name: equivalent_effects(one, selected, ranked, linear) for one in selected},
-        unexplained=unexplained_structure(selected, linear, functions, weigh),
+        selected=selected,
+        equivalent={one.name: equivalent_effects(selection, i, ranked) for i, one in enumerate(selected)},
+        unexplained=unexplained_structure(selection, functions, weigh),
         not_testable=(*not_testable, *undetectable),
         joint_jacobian=joint_jacobian[:, :3],
         screened=screened,

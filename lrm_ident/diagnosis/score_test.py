@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import fdtrc
 
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.candidates import Candidate
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, projected_rank
+from lrm_ident.diagnosis.column_sets import ColumnSets
+from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, orthonormal_basis, projected_rank
 from lrm_ident.fitting.progress import OnProgress
+from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 
 Z_THRESHOLD = 2.0  # standard errors by which one prediction must beat another to be distinguished from it
@@ -30,7 +33,7 @@ class ScoredCandidate:
 
     candidate: Candidate
     shape: tuple[float, ...]
-    projected: ProjectedColumns
+    projected: ColumnSets
     alone: Explanation
     p_value: float
     implausible: str
@@ -45,6 +48,11 @@ class ScoredCandidate:
         """Number of parameters."""
         return len(self.candidate.rows)
 
+    @cached_property
+    def orthonormal(self) -> Array:
+        """(R N, rank), orthonormal basis of its projected columns."""
+        return orthonormal_basis(self.projected.columns)
+
 
 def score_candidates(
     found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights, progress: OnProgress
@@ -55,22 +63,22 @@ def score_candidates(
         weigh: relative weights of the rows.
     """
     scored, undetectable = [], []
-    every = [weigh(columns) for candidate in found for columns in candidate.columns]
-    ready = zip(linear.project_each(every), every, strict=True)
     for number, candidate in enumerate(found):
-        tried = []
-        for shape, (projected, weighted) in zip(candidate.shapes, ready):  # noqa: B905 - the rest is the next one's
-            tried.append((linear.explain(projected), shape, projected, weighted))
-        alone, shape, projected, columns = min(tried, key=lambda one: one[0].in_sample)
-        rank = projected_rank(projected.all_rows, columns)
-        moved = float(np.linalg.norm(projected.all_rows))
+        every = [weigh(candidate.columns(shape)) for shape in candidate.shapes]
+        sets = linear.project_each(every)
+        tried = linear.explain_each(sets)
+        best = min(range(len(tried)), key=lambda shape: tried[shape].in_sample)
+        projected, alone = sets[best].copy(), tried[best]
+        rank = projected_rank(projected.columns, every[best])
+        moved = float(np.linalg.norm(projected.columns))
         if rank == 0 or moved < MIN_DETECTABLE * linear.sigma:
             each = moved / np.sqrt(len(linear.residual) / linear.rows)
             size = f"a typical size moves the TCP by only {each * 1e3:.2g} mm"
             undetectable.append((candidate.effect, f"{size} beyond what the fitted parameters already explain"))
         else:
-            p_value = f_test_p_value(linear.explain().in_sample, alone.in_sample, rank, linear.degrees_of_freedom)
+            p_value = f_test_p_value(linear.now.in_sample, alone.in_sample, rank, linear.degrees_of_freedom)
             p_value, implausible = min(1.0, p_value * len(tried)), _implausible(candidate, alone)
+            shape = candidate.shapes[best]
             scored.append(ScoredCandidate(candidate, shape, projected, alone, p_value, implausible))
         progress(number + 1, 2 * len(found))
     return scored, undetectable

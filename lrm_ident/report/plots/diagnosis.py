@@ -64,7 +64,7 @@ def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None
     """
     scored = first.scored
     fitted, data = found.seen
-    motion = RowWeights(data.whitening, fitted.weight).positions(scored.projected.all_rows @ scored.alone.theta) * 1e3
+    motion = RowWeights(data.whitening, fitted.weight).positions(scored.projected.columns @ scored.alone.theta) * 1e3
     residual = fitted.residual * 1e3
     for axis, (colour, marker) in enumerate(BANDS):
         label = f"along {'xyz'[axis]}"
