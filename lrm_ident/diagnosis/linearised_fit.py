@@ -143,8 +143,7 @@ class LinearisedFit:
         if not sets:
             return self
         columns = self.up_to_date(joined(sets, self.parts, together=True))
-        values, vectors = np.linalg.eigh(columns.grams[0][:, 0])
-        root = (vectors / np.sqrt(np.maximum(values, 0.0) + self.ridge)[:, None, :]).transpose(0, 2, 1)
+        root = _inverse_root(columns.grams[0][:, 0], self.ridge)
         parts = []
         for part, W, amounts in zip(self.parts, root, columns.explained, strict=True):
             left = columns.columns[part.told] - part.predictor @ amounts
@@ -227,6 +226,15 @@ def _svd(A: Array) -> tuple[Array, Array]:
     basis, singular, rows = np.linalg.svd(A, full_matrices=False)
     keep = singular > NUMERICAL_RANK * singular.max(initial=0.0)
     return basis[:, keep], rows[keep].T / singular[keep]
+
+
+def _inverse_root(gram: Array, ridge: float) -> Array:
+    """(…, m, m), W with WᵀW = (G + ridge I)⁻¹; by eigenvalues where the ridge is lost in round-off."""
+    try:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(gram + ridge * np.eye(gram.shape[-1]))))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(gram)
+        return np.asarray((vectors / np.sqrt(np.maximum(values, 0.0) + ridge)[:, None, :]).transpose(0, 2, 1))
 
 
 def orthonormal_basis(columns: Array) -> Array:

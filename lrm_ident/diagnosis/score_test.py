@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,12 +12,13 @@ from scipy.special import fdtrc
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.candidates import Candidate
 from lrm_ident.diagnosis.column_sets import ColumnSets
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, orthonormal_basis, projected_rank
+from lrm_ident.diagnosis.linearised_fit import AT_ONCE, Explanation, LinearisedFit, orthonormal_basis, projected_rank
 from lrm_ident.fitting.progress import OnProgress
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 
 Z_THRESHOLD = 2.0  # standard errors by which one prediction must beat another to be distinguished from it
+Trials = list[tuple[Explanation, tuple[float, ...], ColumnSets, Array]]
 MIN_DETECTABLE = 3.0  # times the noise that a typical size must move all TCPs together to be testable
 
 
@@ -63,13 +64,9 @@ def score_candidates(
         weigh: relative weights of the rows.
     """
     scored, undetectable = [], []
-    for number, candidate in enumerate(found):
-        every = [weigh(candidate.columns(shape)) for shape in candidate.shapes]
-        sets = linear.project_each(every)
-        tried = linear.explain_each(sets)
-        best = min(range(len(tried)), key=lambda shape: tried[shape].in_sample)
-        projected, alone = sets[best].copy(), tried[best]
-        rank = projected_rank(projected.columns, every[best])
+    for number, (candidate, tried) in enumerate(_tried(found, linear, weigh)):
+        alone, shape, projected, columns = min(tried, key=lambda one: one[0].in_sample)
+        rank, projected = projected_rank(projected.columns, columns), projected.copy()
         moved = float(np.linalg.norm(projected.columns))
         if rank == 0 or moved < MIN_DETECTABLE * linear.sigma:
             each = moved / np.sqrt(len(linear.residual) / linear.rows)
@@ -78,10 +75,21 @@ def score_candidates(
         else:
             p_value = f_test_p_value(linear.now.in_sample, alone.in_sample, rank, linear.degrees_of_freedom)
             p_value, implausible = min(1.0, p_value * len(tried)), _implausible(candidate, alone)
-            shape = candidate.shapes[best]
             scored.append(ScoredCandidate(candidate, shape, projected, alone, p_value, implausible))
         progress(number + 1, 2 * len(found))
     return scored, undetectable
+
+
+def _tried(found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights) -> Iterator[tuple[Candidate, Trials]]:
+    """What every candidate explains alone at each of its shapes; `AT_ONCE` columns or more are projected together."""
+    ends = np.cumsum([len(one.rows) * len(one.shapes) for one in found])
+    for number in np.unique(ends // AT_ONCE):
+        together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
+        every = [weigh(one.columns(shape)) for one in together for shape in one.shapes]
+        sets = linear.project_each(every)
+        ready = zip(linear.explain_each(sets), sets, every, strict=True)
+        for one in together:
+            yield one, [(alone, shape, own, C) for shape, (alone, own, C) in zip(one.shapes, ready)]  # noqa: B905
 
 
 def f_test_p_value(before: float, after: float, rank: int, degrees_of_freedom: int) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import repeat
 
 import numpy as np
@@ -93,15 +94,21 @@ def held_out_blocks(
     models = refitted(model, data, left_out, bounds, loss, prior) if model.free else repeat(model)
     for number, (test, fitted) in enumerate(zip(left_out, models, strict=False)):
         train = np.flatnonzero(fold != number)
-        seen, unseen = (equilibrium(fitted, data.poses.take(rows)) for rows in (train, test))
         part, whitening = data.take(test), data.whitening
+        unseen = equilibrium(fitted, part.poses)
         weighted = None
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
-        left = data.take(train).position_error(seen), part.position_error(unseen)
-        blocks.append(HeldOutBlock(train, test, *left, weighted))
+        in_fit = partial(_left, fitted, data, train)
+        blocks.append(HeldOutBlock(train, test, in_fit, part.position_error(unseen), weighted))
         progress(number + 1, count)
     return tuple(blocks)
+
+
+def _left(model: Model, data: Measurements, rows: NDArray[np.int64]) -> Array:
+    """(M, 3), what a model leaves of some rows (m)."""
+    part = data.take(rows)
+    return part.position_error(equilibrium(model, part.poses))
 
 
 def _refitted(

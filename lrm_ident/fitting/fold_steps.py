@@ -37,7 +37,7 @@ def models_without(
     iterate = objective.at(fitted.model.values[objective.columns] / typical, fitted.rest)
     free = np.array([key not in fitted.at_bound for key in model.free])
     noise = objective.noise_scale(iterate, None, free)
-    parts = [objective.linearise(iterate, noise, rows) for rows in blocks]
+    parts = objective.linearise_each(iterate, noise, blocks)
     for left_out in range(len(blocks)):
         others = [part for number, part in enumerate(parts) if number != left_out]
         rows = CompressedRows(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +14,22 @@ from lrm_math.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class HeldOutBlock:
-    """One block of a cross-validation: rows `train` and `test`, and what the fit to `train` leaves of either (m).
+    """One block of a cross-validation: rows `train` and `test`, and what the fit to `train` leaves of `test` (m).
 
-    `weighted`: (n, R), the same of `test` by its noise, of all that was measured, where correlations are stated.
+    `in_fit`: tells what it leaves of `train`. `weighted`: (n, R), what it leaves of `test` by its noise, of all that
+    was measured, where correlations are stated.
     """
 
     train: NDArray[np.int64]
     test: NDArray[np.int64]
-    train_residual: Array
+    in_fit: Callable[[], Array]
     test_residual: Array
     weighted: Array | None = None
+
+    @cached_property
+    def train_residual(self) -> Array:
+        """(M, 3), what the fit leaves of `train` (m)."""
+        return self.in_fit()
 
 
 def decisive_rows(blocks: Sequence[HeldOutBlock]) -> Array:
