@@ -21,22 +21,29 @@ class Part:
 
     Attributes:
         absent: (A,), rows left out of the estimate.
-        told: (T,), rows that are predicted.
+        told: T rows that are predicted.
         predictor: (T, p), what the amounts along p orthonormal directions of the estimate's rows predict.
     """
 
     absent: NDArray[np.int64]
-    told: NDArray[np.int64]
+    told: NDArray[np.int64] | slice
     predictor: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Sets of one size: their `numbers` (n,), the first of their columns, and their `size`."""
+    """Sets of one size: their `numbers` (n,), the first of their columns, the first of their places among all sets in
+    the order of columns, and their `size`."""
 
     numbers: NDArray[np.int64]
     start: int
+    place: int
     size: int
+
+    @property
+    def places(self) -> slice:
+        """Where they stand among all sets in the order of columns."""
+        return slice(self.place, self.place + len(self.numbers))
 
     @property
     def columns(self) -> slice:
@@ -66,12 +73,11 @@ class ColumnSets:
 
     def __getitem__(self, number: int) -> ColumnSets:
         """One of the sets."""
+        own = columns_of(self.stacks).get(number, slice(0))
         for stack, gram in zip(self.stacks, self.grams, strict=True):
             [found] = np.nonzero(stack.numbers == number)
             if len(found):
-                first = stack.start + int(found[0]) * stack.size
-                own = slice(first, first + stack.size)
-                alone = Stack(np.zeros(1, dtype=np.int64), 0, stack.size)
+                alone = Stack(np.zeros(1, dtype=np.int64), 0, 0, stack.size)
                 explained = tuple(part[:, own] for part in self.explained)
                 return ColumnSets(self.columns[:, own], explained, (alone,), (gram[:, found],))
         raise IndexError(number)
@@ -103,6 +109,18 @@ class ColumnSets:
             for part, theirs, own in zip(parts, other.explained, self.explained, strict=True)
         ]
 
+    def predicted(self, part: Part, amounts: Array, theta: Array) -> Array:
+        """(T, S), what each set says of the rows that a part predicts. amounts: (p, M), theta: (M,)."""
+        columns = self.columns[part.told]
+        along, found = np.empty((len(amounts), len(self))), np.empty((len(columns), len(self)))
+        for stack in self.stacks:
+            own = theta[stack.columns].reshape(-1, stack.size)
+            for rows, out in ((columns, found), (amounts, along)):
+                sets = rows[:, stack.columns].reshape(len(rows), *own.shape)
+                np.einsum("rnm,nm->rn", sets, own, out=out[:, stack.places])
+        found -= part.predictor @ along
+        return found
+
     def with_explained(self, rows: Sequence[Array]) -> ColumnSets:
         """With their amounts (k, M) along further directions of each part explained too."""
         less = []
@@ -121,12 +139,21 @@ def by_set(rows: Array, stack: Stack) -> Array:
 
 def stacks_of(sizes: Sequence[int]) -> tuple[Stack, ...]:
     """Sets of these sizes, those of one size together, the smallest first."""
-    found, start = [], 0
+    found, start, place = [], 0, 0
     for size in sorted(set(sizes)):
         numbers = np.flatnonzero(np.array(sizes) == size)
-        found.append(Stack(numbers, start, size))
-        start += len(numbers) * size
+        found.append(Stack(numbers, start, place, size))
+        start, place = start + len(numbers) * size, place + len(numbers)
     return tuple(found)
+
+
+def columns_of(stacks: Sequence[Stack]) -> dict[int, slice]:
+    """Where the columns of each set stand, by its number."""
+    return {
+        int(number): slice(stack.start + i * stack.size, stack.start + (i + 1) * stack.size)
+        for stack in stacks
+        for i, number in enumerate(stack.numbers)
+    }
 
 
 def column_sets(

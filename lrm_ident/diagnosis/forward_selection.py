@@ -122,11 +122,11 @@ def _choices(
     ranked: Sequence[ScoredCandidate], step: SelectionStep, start: Explanation, expected: Mapping[str, float]
 ) -> Iterator[Choice]:
     """The plausible candidates that are significant and predict better."""
-    now, freedom = step.fit.now, step.fit.degrees_of_freedom
+    now, freedom, tests = step.fit.now, step.fit.degrees_of_freedom, yekutieli_factor(len(ranked))
     for one in ranked:
         tried = step.beside[one.name]
         p_value = f_test_p_value(now.in_sample, tried.in_sample, one.size, freedom)
-        adjusted = p_value * yekutieli_factor(len(ranked)) * len(one.candidate.shapes) / expected.get(one.name, 1.0)
+        adjusted = p_value * tests * len(one.candidate.shapes) / expected.get(one.name, 1.0)
         if not one.implausible and adjusted < SIGNIFICANCE and improves_prediction(tried, now, start):
             yield tried, one
 

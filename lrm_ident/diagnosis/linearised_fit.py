@@ -11,14 +11,14 @@ fold, the ridge as further rows. A candidate then costs its own columns only.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.column_sets import ColumnSets, Part, column_sets, joined, stacks_of
+from lrm_ident.diagnosis.column_sets import ColumnSets, Part, column_sets, columns_of, joined, stacks_of
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE
 from lrm_ident.fitting.loss import robust_scale
 from lrm_math.arrays import Array
@@ -105,13 +105,13 @@ class LinearisedFit:
 
     def project(self, C: Array) -> ColumnSets:
         """One set of columns C (R N, m) without what the fit explains of them."""
-        return self.project_each([C])
+        return self.project_each([C], [C.shape[1]])
 
-    def project_each(self, sets: Sequence[Array]) -> ColumnSets:
-        """Sets of columns (R N, m) without what the fit explains of them."""
-        sizes = [C.shape[1] for C in sets]
-        order = np.concatenate([stack.numbers for stack in stacks_of(sizes)])
-        columns = np.concatenate([sets[i] for i in order], axis=1)
+    def project_each(self, sets: Iterable[Array], sizes: Sequence[int]) -> ColumnSets:
+        """Sets of columns (R N, m), of these sizes, without what the fit explains of them."""
+        columns, place = np.empty((len(self.residual), sum(sizes))), columns_of(stacks_of(sizes))
+        for number, C in enumerate(sets):
+            columns[:, place[number]] = C
         for start in range(0, columns.shape[1], AT_ONCE):
             some = columns[:, start : start + AT_ONCE]
             some -= self.basis @ (self.basis.T @ some)
@@ -166,9 +166,7 @@ class LinearisedFit:
         theta, inverse = self._estimates(sets)
         left = []
         for number, part in enumerate(self.parts):
-            columns = np.add.reduceat(sets.columns[part.told] * theta[number], sets.starts, axis=1)
-            amounts = np.add.reduceat(sets.explained[number] * theta[number], sets.starts, axis=1)
-            left.append(self._left(number)[:, None] - columns + part.predictor @ amounts)
+            left.append(self._left(number)[:, None] - sets.predicted(part, sets.explained[number], theta[number]))
         in_sample, held_out = (left[0] ** 2).sum(axis=0), self._by_pose(left)
         found: list[Explanation | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
@@ -200,7 +198,7 @@ class LinearisedFit:
         held_out = np.empty((count, len(self.residual) // self.rows))
         for part, rows in zip(self.folds, left[1:], strict=True):
             squares = (rows.reshape(-1, self.rows, count) ** 2).sum(axis=1)
-            held_out[:, part.told[:: self.rows] // self.rows] = squares.T
+            held_out[:, part.absent[:: self.rows] // self.rows] = squares.T
         return held_out
 
 
@@ -209,7 +207,7 @@ def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]]
     basis = _svd(A)[0]
     rows = len(residual) // sum(len(poses) for poses in test_poses)
     every = np.arange(len(residual))
-    whole = Part(every[:0], every, np.empty((len(every), 0)))
+    whole = Part(every[:0], slice(None), np.empty((len(every), 0)))
     folds = (_fold(A, rows * poses[:, None] + np.arange(rows)) for poses in test_poses)
     return LinearisedFit(residual - basis @ (basis.T @ residual), basis, (whole, *folds), sigma, rows)
 

@@ -86,7 +86,7 @@ def _tried(found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights)
     for number in np.unique(ends // AT_ONCE):
         together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
         every = [weigh(one.columns(shape)) for one in together for shape in one.shapes]
-        sets = linear.project_each(every)
+        sets = linear.project_each(every, [C.shape[1] for C in every])
         ready = zip(linear.explain_each(sets), sets, every, strict=True)
         for one in together:
             yield one, [(alone, shape, own, C) for shape, (alone, own, C) in zip(one.shapes, ready)]  # noqa: B905

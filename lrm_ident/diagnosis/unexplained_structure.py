@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from lrm_ident.data.weights.row_weights import RowWeights
@@ -36,47 +36,50 @@ def unexplained_structure(
 ) -> UnexplainedStructure:
     """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows."""
     linear, fit = selection.steps[0].fit, selection.steps[-1].fit
-    ready = linear.project_each([weigh(one.columns) for one in functions])
-    beside = fit.up_to_date(ready)
-    tried = fit.explain_each(beside)
-    ranking = sorted(((one, found.rms) for one, found in zip(functions, tried, strict=True)), key=lambda one: one[1])
-    free = _select_free(functions, beside, tried, fit)
+    tried: dict[FreeFunction, Explanation] = {}
+    for joint in {one.joint: None for one in functions}:  # one after the other: all columns together need much memory
+        own = [one for one in functions if one.joint == joint]
+        tried |= dict(zip(own, fit.explain_each(_projected(own, fit, weigh)), strict=True))
+    ranking = sorted(((one, tried[one].rms) for one in functions), key=lambda one: one[1])
+    free = _select_free(functions, tried, fit, weigh)
     spurious: dict[str, str] = {}
     if free:
-        names = {name for number in free for name in functions[number].covariates}
-        joint = functions[free[0]].joint
+        names = {name for function in free for name in function.covariates}
         own = [
-            number
-            for number, function in enumerate(functions)
-            if len(function.covariates) == 1 and function.joint == joint and function.covariates[0] in names
+            one
+            for one in functions
+            if len(one.covariates) == 1 and one.joint == free[0].joint and one.covariates[0] in names
         ]
-        among = [ready[number] for number in (*free, *own)]
-        for one in selection.effects:
-            others = [other.projected for other in selection.effects if other is not one]
+        among = _projected([*free, *own], linear, weigh)
+        for scored in selection.effects:
+            others = [other.projected for other in selection.effects if other is not scored]
             without = linear.beside(*others, *among)
-            if not improves_prediction(without.explain(one.projected), without.now, linear.now):
-                spurious[one.name] = functions[free[0]].name
-    return UnexplainedStructure(tuple(functions[number] for number in free), spurious, tuple(ranking[:5]))
+            if not improves_prediction(without.explain(scored.projected), without.now, linear.now):
+                spurious[scored.name] = free[0].name
+    return UnexplainedStructure(tuple(free), spurious, tuple(ranking[:5]))
+
+
+def _projected(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> ColumnSets:
+    return fit.project_each((weigh(one.columns) for one in functions), [one.size for one in functions])
 
 
 def _select_free(
-    functions: Sequence[FreeFunction], sets: ColumnSets, tried: Sequence[Explanation], fit: LinearisedFit
-) -> list[int]:
+    functions: Sequence[FreeFunction], tried: Mapping[FreeFunction, Explanation], fit: LinearisedFit, weigh: RowWeights
+) -> list[FreeFunction]:
     """Forward selection of free functions outside the catalogue while one saves enough, all at the joint of the first.
 
     Args:
-        sets: their columns. tried: what each explains beside the fit.
+        tried: what each explains beside the fit.
     """
-    chosen: list[int] = []
-    left = [number for number, function in enumerate(functions) if not function.in_catalogue]
+    chosen: list[FreeFunction] = []
+    left = [one for one in functions if not one.in_catalogue]
     while left and len(chosen) < MAX_FREE_FUNCTIONS:
-        best = min(left, key=lambda number: tried[number].rms)
+        best = min(left, key=lambda one: tried[one].rms)
         then, now = tried[best], fit.now
         if then.rms > (1.0 - MIN_FREE_GAIN) * now.rms or paired_z(then.held_out, now.held_out) < Z_THRESHOLD:
             break
         chosen.append(best)
-        left = [one for one in left if one != best and functions[one].joint == functions[best].joint]
-        fit = fit.beside(sets[best])
-        sets = fit.up_to_date(sets)
-        tried = fit.explain_each(sets)
+        left = [one for one in left if one is not best and one.joint == best.joint]
+        fit = fit.beside(_projected([best], fit, weigh))
+        tried = dict(zip(left, fit.explain_each(_projected(left, fit, weigh)), strict=True)) if left else {}
     return chosen

@@ -61,15 +61,27 @@ class RadialShift:
 
 @dataclass(frozen=True, eq=False)
 class FreeFunction:
-    """A motion of joint `joint` (from 0) as a function of one or two covariates; `columns`: (3 N, m), in m.
+    """A motion of joint `joint` (from 0) as a function of one or two covariates.
 
-    A rotation about its axis, or a `shift` across it.
+    Attributes:
+        terms: motions of the TCP (R, N) for a unit of it, m or m/rad, each with the basis (N, m) of a function.
+        shift: across the joint's axis; None: a rotation about it.
     """
 
     joint: int
     covariates: tuple[str, ...]
-    columns: Array
+    terms: tuple[tuple[Array, Array], ...]
     shift: RadialShift | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of its columns."""
+        return sum(basis.shape[1] for _, basis in self.terms)
+
+    @property
+    def columns(self) -> Array:
+        """(R N, size), motion of the TCP for coefficients of a typical size, m."""
+        return np.concatenate([_columns(motion, basis) for motion, basis in self.terms], axis=1)
 
     @property
     def in_catalogue(self) -> bool:
@@ -105,16 +117,15 @@ def free_functions(
         own = _covariate(f"tau{joint + 1}", torque[:, joint])
         candidates = [*shared, *([own] if own.levels > 1 else [])]
         if own.levels > 1:
-            earlier = _columns(motion, torque_before[:, :, joint])
-            univariate.append(FreeFunction(joint, (f"{own.name} before",), earlier))
+            univariate.append(FreeFunction(joint, (f"{own.name} before",), ((motion, torque_before[:, :, joint]),)))
         for one in candidates:
-            univariate.append(FreeFunction(joint, (one.name,), _columns(motion, one.legendre_basis(SINGLE_DEGREE))))
+            univariate.append(FreeFunction(joint, (one.name,), ((motion, one.legendre_basis(SINGLE_DEGREE)),)))
         for a, b in combinations(candidates, 2):
             left, right = a.legendre_basis(PRODUCT_DEGREE), b.legendre_basis(PRODUCT_DEGREE)
             degrees = product(range(left.shape[1]), range(right.shape[1]))
             products = [left[:, i] * right[:, j] for i, j in degrees if i + j < PRODUCT_DEGREE]
             if products:
-                bivariate.append(FreeFunction(joint, (a.name, b.name), _columns(motion, np.stack(products, axis=1))))
+                bivariate.append(FreeFunction(joint, (a.name, b.name), ((motion, np.stack(products, axis=1)),)))
     return univariate + bivariate
 
 
@@ -131,15 +142,15 @@ def _radial(joint_jacobian: Array, rest: Equilibrium) -> list[FreeFunction]:
         if not scales.any():
             continue
         taken = force[:, :, None] / np.sqrt(square[:, :, None] + scales**2)
-        columns = []
+        terms = []
         for axis, basis in zip(axes[:, joint].transpose(2, 1, 0), taken.transpose(1, 0, 2), strict=True):
             motion = np.zeros_like(joint_jacobian[joint])
             motion[:3] = axis * (TYPICAL_SHIFT / TYPICAL_SIZE)
-            columns.append(_columns(motion, basis))
+            terms.append((motion, basis))
         world = np.einsum("nck,nk->cn", axes[:, joint], force)
         size = np.linalg.norm(world, axis=0)
         shift = RadialShift(size, world / np.maximum(size, CONSTANT))
-        found.append(FreeFunction(joint, ("the force across its axis",), np.concatenate(columns, axis=1), shift))
+        found.append(FreeFunction(joint, ("the force across its axis",), tuple(terms), shift))
     return found
 
 

@@ -67,7 +67,7 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     both = np.concatenate([linear.residual[:, None], noise], axis=1)
     for number, group in enumerate(groups):
         held_out, by_fold = np.empty((rows // linear.rows, len(group.laws))), np.empty((folds, len(group.laws)))
-        projected = linear.project_each(np.split(group.motions, group.motions.shape[1], axis=1))
+        projected = linear.project_each(group.motions.T[:, :, None], [1] * group.motions.shape[1])
         motions, residual = projected.columns, linear.residual[:, None]
         whole = _products(motions, both, group)
         for k, fold in enumerate(linear.folds):
@@ -143,4 +143,4 @@ def _bic_gain(explained: Array, count: int, total: Array | float, group: LawColu
 
 def _poses(fold: Part, linear: LinearisedFit) -> NDArray[np.int64]:
     """Those that a fold predicts."""
-    return fold.told[:: linear.rows] // linear.rows
+    return fold.absent[:: linear.rows] // linear.rows
