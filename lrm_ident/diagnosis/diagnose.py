@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.candidates import REFINEMENT, differentiate_candidates, split_testable, unfitted_effects
-from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE, equivalent_effects, forward_select
+from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
-from lrm_ident.diagnosis.score_test import ScoredCandidate, benjamini_yekutieli, score_candidates
+from lrm_ident.diagnosis.score_test import ScoredCandidate, score_candidates
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_ident.fitting.identifiability import some_rows
@@ -31,15 +31,15 @@ from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.free_functions import free_functions, poses_before
 from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
+from lrm_ident.residual.significance import benjamini_yekutieli
+from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE, SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.model import Model
 
-FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
 MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
 MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
-NOT_NOISE = 1e-3  # p value of the lack-of-fit test below which the residual exceeds the floor surely
 Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable"]
 
 

@@ -11,13 +11,13 @@ import numpy as np
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
-from lrm_ident.diagnosis.forward_selection import MIN_GAIN
 from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import audit
 from lrm_ident.residual.left_to_find import LeftToFind, left_to_find
 from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_ident.residual.thresholds import MIN_GAIN
 
 DISPLAY_UNITS = {
     "rad": (180.0 / np.pi, "°"),

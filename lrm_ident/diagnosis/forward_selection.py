@@ -15,18 +15,22 @@ import numpy as np
 
 from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
 from lrm_ident.diagnosis.column_sets import joined
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, cosine_of_bases, paired_z
-from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate, f_test_p_value, yekutieli_factor
+from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, cosine_of_bases
+from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.residual.better_prediction import paired_z, predicts_better, saves
+from lrm_ident.residual.significance import f_test_p_value, yekutieli_factor
+from lrm_ident.residual.thresholds import (
+    EQUIVALENCE_COSINE,
+    EQUIVALENT_GAIN,
+    MAX_EFFECTS,
+    MIN_GAIN,
+    SIGNIFICANCE,
+    SIMILAR_GAIN,
+    VERY_STRONG,
+    Z_THRESHOLD,
+)
 
-SIGNIFICANCE = 0.01  # p value after Benjamini and Yekutieli, of all candidates together
-MIN_GAIN = 0.02  # part of the held-out RMS that an effect must save to be worth naming
-WORTH = 1.0 - (1.0 - MIN_GAIN) ** 2  # the same of the squares
-EQUIVALENCE_COSINE = 0.95  # principal cosine above which the data cannot distinguish two effects
-EQUIVALENT_GAIN = 0.5  # part of an effect's gain that an equivalent must have
-SIMILAR_GAIN = 0.8  # part of an effect's gain that a simpler one must have to be taken instead
-MAX_EFFECTS = 8
-VERY_STRONG = 10.0  # difference of Schwarz's criterion that is very strong evidence
 Choice = tuple[Explanation, ScoredCandidate]
 
 
@@ -181,8 +185,7 @@ def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
 
 def improves_prediction(then: Explanation, now: Explanation, start: Explanation) -> bool:
     """Whether held-out error falls significantly, and by more than the error of linearising at `start` could feign."""
-    gain = now.held_out.mean() - then.held_out.mean()
-    return bool(gain > WORTH * start.held_out.mean()) and paired_z(then.held_out, now.held_out) > Z_THRESHOLD
+    return predicts_better(then.held_out, now.held_out, MIN_GAIN, start.held_out)
 
 
 def equivalent_effects(selection: Selection, number: int, ranked: Sequence[ScoredCandidate]) -> tuple[str, ...]:
@@ -200,7 +203,7 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
             continue
         instead = step.beside[rival.name]
         saved = float(without.held_out.mean() - instead.held_out.mean())
-        if (rival.name in alike and saved > WORTH * without.held_out.mean()) or (
+        if (rival.name in alike and saves(instead.held_out, without.held_out, MIN_GAIN)) or (
             saved > EQUIVALENT_GAIN * gain and _inseparable(one, with_it, rival, instead)
         ):
             equivalent.append(rival.name)

@@ -9,17 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
-from lrm_ident.diagnosis.forward_selection import MIN_GAIN
-from lrm_ident.diagnosis.linearised_fit import paired_z
-from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate
+from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import held_out_blocks
-from lrm_ident.fitting.held_out import HeldOutBlock, decisive_rows, held_out_rows
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
 from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.residual.better_prediction import predicts_better
+from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
@@ -89,7 +87,7 @@ def judge(
     for number, scored in enumerate(diagnosis.supported):
         on_progress(f"refitting with {scored.name}")
         refit = _refit(diagnosis, scored)
-        if refit is not None and _predicts_better(decisive_rows(refit.blocks), decisive_rows(blocks)):
+        if refit is not None and predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
             return Judgement(diagnosis, blocks, refit, diagnosis.supported[number:])
     return Judgement(diagnosis, blocks, None, ())
 
@@ -102,9 +100,3 @@ def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:
         return Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
     except LrmError:
         return None
-
-
-def _predicts_better(then: Array, now: Array) -> bool:
-    """Whether held-out rows (N, R) are smaller by a share worth naming, and by more than their standard error."""
-    squares = [np.asarray((residual**2).sum(axis=1)) for residual in (then, now)]
-    return error_stats(then).rms < (1.0 - MIN_GAIN) * error_stats(now).rms and paired_z(*squares) > Z_THRESHOLD

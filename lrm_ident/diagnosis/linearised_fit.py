@@ -19,8 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.diagnosis.column_sets import ColumnSets, Part, column_sets, columns_of, joined, stacks_of
-from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE
-from lrm_ident.fitting.loss import robust_scale
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes
@@ -257,15 +255,3 @@ def cosine_of_bases(a: Array, b: Array) -> float:
     if not small.shape[1]:
         return 0.0
     return float(np.linalg.svd(large.T @ small, compute_uv=False).min())
-
-
-def paired_z(better: Array, worse: Array) -> float:
-    """z score of a paired difference of squared errors (N,): mean over its standard error (Vuong 1989).
-
-    Errors are winsorised at `OUTLIER_DISTANCE` robust standard deviations of the better prediction: a few poses where a
-    joint is about to fall over to the other side of its play would decide else.
-    """
-    most = (OUTLIER_DISTANCE * robust_scale(np.sqrt(better))) ** 2
-    difference = np.minimum(worse, most) - np.minimum(better, most)
-    spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
-    return float(difference.mean() / spread) if spread > 0 else 0.0

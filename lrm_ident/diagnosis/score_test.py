@@ -7,19 +7,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import fdtrc
 
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.candidates import Candidate
 from lrm_ident.diagnosis.column_sets import ColumnSets
 from lrm_ident.diagnosis.linearised_fit import AT_ONCE, Explanation, LinearisedFit, orthonormal_basis, projected_rank
 from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.residual.significance import f_test_p_value
+from lrm_ident.residual.thresholds import MIN_DETECTABLE, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 
-Z_THRESHOLD = 2.0  # standard errors by which one prediction must beat another to be distinguished from it
 Trials = list[tuple[Explanation, tuple[float, ...], ColumnSets, Array]]
-MIN_DETECTABLE = 3.0  # times the noise that a typical size must move all TCPs together to be testable
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,29 +91,9 @@ def _tried(found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights)
             yield one, [(alone, shape, own, C) for shape, (alone, own, C) in zip(one.shapes, ready)]  # noqa: B905
 
 
-def f_test_p_value(before: float, after: float, rank: int, degrees_of_freedom: int) -> float:
-    """p value of the F test of `rank` further parameters, from residual sums of squares before and after."""
-    rest = max(degrees_of_freedom - rank, 1)
-    return float(fdtrc(rank, rest, (before - after) / rank / (after / rest))) if after > 0 else 0.0
-
-
 def _implausible(candidate: Candidate, alone: Explanation) -> str:
     for parameter, theta, error in zip(candidate.parameters, alone.theta, alone.error, strict=True):
         margin = Z_THRESHOLD * error
         if theta + margin < parameter.lower or theta - margin > parameter.upper:
             return f"{parameter.name} would have to be {theta * parameter.typical / parameter.si:.3g}, against physics"
     return ""
-
-
-def yekutieli_factor(m: int) -> float:
-    """m · Σ 1/k: what the smallest of m p values is multiplied by."""
-    return m * sum(1.0 / k for k in range(1, m + 1))
-
-
-def benjamini_yekutieli(p_values: dict[str, float]) -> dict[str, float]:
-    """p values adjusted for the number of candidates under any dependence (Benjamini & Yekutieli 2001)."""
-    adjusted, smallest = {}, 1.0
-    for rank, name in reversed(list(enumerate(sorted(p_values, key=lambda name: p_values[name]), start=1))):
-        smallest = min(smallest, p_values[name] * yekutieli_factor(len(p_values)) / rank)
-        adjusted[name] = smallest
-    return adjusted

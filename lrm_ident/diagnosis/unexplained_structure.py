@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.column_sets import ColumnSets
 from lrm_ident.diagnosis.forward_selection import Selection, improves_prediction
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, paired_z
-from lrm_ident.diagnosis.score_test import Z_THRESHOLD
+from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit
+from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.free_functions import FreeFunction
-
-MIN_FREE_GAIN = 0.10  # part of the held-out RMS that a free function must save to be unexplained structure
-MAX_FREE_FUNCTIONS = 3
+from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +73,7 @@ def _select_free(
     left = [one for one in functions if not one.in_catalogue]
     while left and len(chosen) < MAX_FREE_FUNCTIONS:
         best = min(left, key=lambda one: tried[one].rms)
-        then, now = tried[best], fit.now
-        if then.rms > (1.0 - MIN_FREE_GAIN) * now.rms or paired_z(then.held_out, now.held_out) < Z_THRESHOLD:
+        if not predicts_better(tried[best].held_out, fit.now.held_out, MIN_FREE_GAIN):
             break
         chosen.append(best)
         left = [one for one in left if one is not best and one.joint == best.joint]

@@ -49,3 +49,8 @@ def held_out_rows(blocks: Sequence[HeldOutBlock]) -> Array:
     for block in blocks:
         residual[block.test] = block.test_residual
     return residual
+
+
+def squared(blocks: Sequence[HeldOutBlock]) -> Array:
+    """(N,), squared norms of `decisive_rows`."""
+    return np.asarray((decisive_rows(blocks) ** 2).sum(axis=1))

@@ -18,13 +18,14 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.better_prediction import saves, vuong_z
 from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel
+from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
 SEARCH_ROWS, MOST_ROWS = 250, 1000  # evenly spaced training rows: for the search of a kernel, and to learn from
 REDUNDANT = 0.999  # correlation above which time says nothing beside the order of measurement
 RELEVANT = 0.1  # of the most relevant input
-MIN_GAIN, MIN_Z = 0.05, 2.0  # part of the held-out RMS, and standard errors, that make a difference worth stating
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,14 +70,13 @@ class PredictableError:
     @property
     def z(self) -> float:
         """z score of the paired difference of squared errors (Vuong 1989); positive where the process is better."""
-        difference = (self.named**2).sum(axis=1) - (self.left**2).sum(axis=1)
-        spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
-        return float(difference.mean()) / spread if spread > 0 else 0.0
+        return vuong_z((self.named**2).sum(axis=1) - (self.left**2).sum(axis=1))
 
     @property
     def more_to_find(self) -> bool:
         """Whether the process predicts significantly and worthwhile better than the named model."""
-        return self.z > MIN_Z and self.error.rms < (1.0 - MIN_GAIN) * error_stats(self.named).rms
+        left, named = ((residual**2).sum(axis=1) for residual in (self.left, self.named))
+        return self.z > Z_THRESHOLD and saves(left, named, MIN_NAMELESS_GAIN)
 
     @property
     def noise_bound(self) -> float:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.residual.significance import benjamini_yekutieli
+from lrm_ident.residual.thresholds import MIN_REGIME_RATIO, SIGNIFICANCE
 from lrm_math.arrays import Array
 
 HALVINGS, SEED, PARTS = 25, 0, 10
 LARGEST_SHARE, FEWEST = 0.5, 8  # of the poses that an interval may hold; poses of it in either half
-SIGNIFICANCE, MIN_RATIO = 0.01, 1.5  # false discovery rate; RMS inside over RMS outside that is worth saying
 HINTS = {
     ("angle", "end"): "a stop, a cable that tightens, parts that touch?",
     ("angle", "middle"): "a gear tooth, a cable that catches?",
@@ -122,20 +123,17 @@ def studentised_squares(residual: Array, columns: Array) -> Array:
 
 def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
     """The regimes in which squared residuals (N,) in m² are significantly larger than elsewhere, the clearest first."""
-    from scipy.stats import false_discovery_control  # here, since every command would wait half a second for it
-
     quantities = list(regime_quantities(data))
     halves = _halves(data.repeat_of)
     if not quantities or min(int(half.sum()) for half in halves) < 2 * FEWEST:
         return ()
-    p_values = [_aggregated_p_value(quantity, squares, halves) for quantity in quantities]
-    adjusted = false_discovery_control(np.array(p_values), method="by")
+    adjusted = benjamini_yekutieli({one.name: _aggregated_p_value(one, squares, halves) for one in quantities})
     found = [
         _regime(quantity, _best_interval(quantity, squares), squares, p_value)
-        for quantity, p_value in sorted(zip(quantities, adjusted.tolist(), strict=True), key=lambda pair: pair[1])
-        if p_value < SIGNIFICANCE
+        for quantity in sorted(quantities, key=lambda one: adjusted[one.name])
+        if (p_value := adjusted[quantity.name]) < SIGNIFICANCE
     ]
-    return tuple(one for one in found if one.inside > MIN_RATIO * one.outside)
+    return tuple(one for one in found if one.inside > MIN_REGIME_RATIO * one.outside)
 
 
 def _halves(repeat_of: NDArray[np.int64]) -> list[NDArray[np.bool_]]:

@@ -16,7 +16,6 @@ from lrm_ident.diagnosis.add_effect import add_effects, free_base_parameters
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
-from lrm_ident.diagnosis.forward_selection import MIN_GAIN
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED
@@ -24,6 +23,7 @@ from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.diagnosis import diagnosis_document
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
