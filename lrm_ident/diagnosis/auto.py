@@ -92,25 +92,32 @@ def run_auto(
     steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
     on_step(steps[0])
     while now.first is not None and now.refit is not None and len(steps) <= max_effects:
-        before, added, refit = now, now.first, now.refit
+        added, refit, poses = _added(now, now.first), now.refit, now.diagnosis.data.pose
+        del now  # a diagnosis holds the columns of every candidate: one at a time
         found = diagnose(refit.fit.model, data, kinds, progress, loss, rates)
-        same = np.array_equal(found.data.pose, before.diagnosis.data.pose)
-        now = judge(found, refit.blocks if same else ())
-        steps.append(_step(before, added, now))
+        now = judge(found, refit.blocks if np.array_equal(found.data.pose, poses) else ())
+        steps.append(_step(added, now))
         on_step(steps[-1])
     return AutoRun(tuple(steps), now)
 
 
-def _step(before: Judgement, added: ScoredCandidate, after: Judgement) -> AutoStep:
-    effect = added.candidate.effect
+@dataclass(frozen=True, eq=False)
+class _Added:
+    """What a step adds: its name, what it cannot be told from, what it refines, and all keys that are then free."""
+
+    name: str
+    equivalent: tuple[str, ...]
+    refines: tuple[str, ...]
+    keys: frozenset[str]
+
+
+def _added(before: Judgement, one: ScoredCandidate) -> _Added:
+    effect, found = one.candidate.effect, before.diagnosis
     own = {f"{effect.id}.{effect.place}.{parameter.name}" for parameter in effect.parameters}
-    old = {*before.diagnosis.fit.model.free, *own}
-    return AutoStep(
-        added=added.name,
-        fit=after.diagnosis.fit,
-        held_out=after.held_out,
-        data=after.diagnosis.data,
-        equivalent=before.diagnosis.equivalent[added.name],
-        refines=effect.refined,
-        freed=tuple(key for key in after.diagnosis.fit.model.free if key not in old),
-    )
+    return _Added(one.name, found.equivalent[one.name], effect.refined, frozenset({*found.fit.model.free, *own}))
+
+
+def _step(added: _Added, after: Judgement) -> AutoStep:
+    found = after.diagnosis
+    freed = tuple(key for key in found.fit.model.free if key not in added.keys)
+    return AutoStep(added.name, found.fit, after.held_out, found.data, added.equivalent, added.refines, freed)

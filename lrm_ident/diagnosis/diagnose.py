@@ -130,7 +130,9 @@ def diagnose(
         if not numbers:
             break
         left_out += numbers
-        found = _diagnose(found.fit.model, found.data.without(numbers), kinds, progress, loss, rates)
+        before, rest = found.fit.model, found.data.without(numbers)
+        del found  # it holds the columns of every candidate
+        found = _diagnose(before, rest, kinds, progress, loss, rates)
     return replace(found, outliers=tuple(sorted(left_out)))
 
 

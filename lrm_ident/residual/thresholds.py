@@ -31,8 +31,8 @@ MIN_DETECTABLE = 3.0
 """Times the noise that a typical size must move all TCPs together for an effect to be testable: a convention."""
 
 FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1
-"""Residual over the noise floor, and where that is unknown Moran's I of neighbours, above which structure matters: by so
-much a stated noise may be wrong, and so little is seldom worth a search."""
+"""Residual over the noise floor, and where that is unknown Moran's I of neighbours, above which structure matters: by
+so much a stated noise may be wrong, and so little is seldom worth a search."""
 NOT_NOISE = 1e-3
 """p value of the lack-of-fit test below which the residual surely exceeds a known floor: a tenth of `SIGNIFICANCE`."""
 MIN_REGIME_RATIO = 1.5
