@@ -29,7 +29,7 @@ from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
 from lrm_ident.fitting.loss import Loss, robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.free_functions import free_functions, poses_before
+from lrm_ident.residual.free_functions import free_functions, lagged
 from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE, SIGNIFICANCE
@@ -161,7 +161,7 @@ def _diagnose(
     selection = forward_select(tried, linear, progress, weights, [one for one in ranked if one not in tried])
     selected = selection.effects
     joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
-    before = poses_before(whole.rest.joint_torque)[screened]
+    before = lagged(whole.rest.joint_torque)[screened]
     functions = free_functions(joint_jacobian, part, fitted.rest, before)
     return Diagnosis(
         fit=whole,

@@ -18,6 +18,7 @@ from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.covariates import levels
 from lrm_ident.residual.predictability import PredictableError, predictable_error
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -184,9 +185,9 @@ def _equivalent_rotation(residual: Array, column: Array) -> float:
 
 def _by_value(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
     """Groups by level if there are few levels, else by bins of equal width."""
-    levels, group = np.unique(np.round(values, 3), return_inverse=True)
-    if len(levels) <= MAX_LEVELS:
-        return group.reshape(-1), [f"{level:g}{unit}" for level in levels]
+    distinct, group = levels(values, 3)
+    if len(distinct) <= MAX_LEVELS:
+        return group, [f"{level:g}{unit}" for level in distinct]
     return _cut(values, np.linspace(values.min(), values.max(), BINS + 1), unit)
 
 
