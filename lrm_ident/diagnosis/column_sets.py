@@ -16,7 +16,7 @@ from lrm_math.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Split:
     """Rows that parameters are estimated from, and rows that the estimate is for: of a fold, or all from all.
 
     Attributes:
@@ -100,7 +100,7 @@ class ColumnSets:
         """(S,), number of each set, in the order of the columns."""
         return np.concatenate([stack.numbers for stack in self.stacks])
 
-    def products(self, parts: Sequence[Part], other: ColumnSets) -> list[Array]:
+    def products(self, parts: Sequence[Split], other: ColumnSets) -> list[Array]:
         """For each part (m, M), products of the columns of the other, a single set, with these over the rows of the
         estimate, without what is explained of both."""
         whole = other.columns.T @ self.columns
@@ -109,7 +109,7 @@ class ColumnSets:
             for part, theirs, own in zip(parts, other.explained, self.explained, strict=True)
         ]
 
-    def predicted(self, part: Part, amounts: Array, theta: Array) -> Array:
+    def predicted(self, part: Split, amounts: Array, theta: Array) -> Array:
         """(T, S), what each set says of the rows that a part predicts. amounts: (p, M), theta: (M,)."""
         columns = self.columns[part.told]
         along, found = np.empty((len(amounts), len(self))), np.empty((len(columns), len(self)))
@@ -157,7 +157,7 @@ def columns_of(stacks: Sequence[Stack]) -> dict[int, slice]:
 
 
 def column_sets(
-    columns: Array, explained: tuple[Array, ...], stacks: tuple[Stack, ...], parts: Sequence[Part]
+    columns: Array, explained: tuple[Array, ...], stacks: tuple[Stack, ...], parts: Sequence[Split]
 ) -> ColumnSets:
     """Sets whose columns and explained amounts are known."""
     grams = []
@@ -173,7 +173,7 @@ def column_sets(
     return ColumnSets(columns, explained, stacks, tuple(grams))
 
 
-def joined(sets: Sequence[ColumnSets], parts: Sequence[Part], together: bool = False) -> ColumnSets:
+def joined(sets: Sequence[ColumnSets], parts: Sequence[Split], together: bool = False) -> ColumnSets:
     """Sets of the same fit side by side, in this order; `together`: as one set."""
     sizes = [one.columns.shape[1] for one in sets]
     order = range(len(sets)) if together else [int(i) for stack in stacks_of(sizes) for i in stack.numbers]

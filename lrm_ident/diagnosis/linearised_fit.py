@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.column_sets import ColumnSets, Part, column_sets, columns_of, joined, stacks_of
+from lrm_ident.diagnosis.column_sets import ColumnSets, Split, column_sets, columns_of, joined, stacks_of
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes
@@ -74,13 +74,13 @@ class LinearisedFit:
 
     residual: Array
     basis: Array
-    parts: tuple[Part, ...]
+    parts: tuple[Split, ...]
     sigma: float
     rows: int = 3
     taken: tuple[Taken, ...] = ()
 
     @property
-    def folds(self) -> tuple[Part, ...]:
+    def folds(self) -> tuple[Split, ...]:
         """The parts that are predicted by the others."""
         return self.parts[1:]
 
@@ -205,16 +205,16 @@ def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]]
     basis = _svd(A)[0]
     rows = len(residual) // sum(len(poses) for poses in test_poses)
     every = np.arange(len(residual))
-    whole = Part(every[:0], slice(None), np.empty((len(every), 0)))
+    whole = Split(every[:0], slice(None), np.empty((len(every), 0)))
     folds = (_fold(A, rows * poses[:, None] + np.arange(rows)) for poses in test_poses)
     return LinearisedFit(residual - basis @ (basis.T @ residual), basis, (whole, *folds), sigma, rows)
 
 
-def _fold(A: Array, test: NDArray[np.int64]) -> Part:
+def _fold(A: Array, test: NDArray[np.int64]) -> Split:
     """The part that predicts test rows (poses, R)."""
     absent = test.reshape(-1)
     inverse_factor = _svd(A[np.setdiff1d(np.arange(len(A)), absent)])[1]
-    return Part(absent, absent, A[absent] @ inverse_factor)
+    return Split(absent, absent, A[absent] @ inverse_factor)
 
 
 def _svd(A: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.column_sets import Part
+from lrm_ident.diagnosis.column_sets import Split
 from lrm_ident.diagnosis.laws.grammar import Law
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD, LinearisedFit
 from lrm_ident.fitting.progress import OnProgress, silent
@@ -141,6 +141,6 @@ def _bic_gain(explained: Array, count: int, total: Array | float, group: LawColu
     return np.asarray(-count * np.log1p(-np.minimum(explained / total, 1.0 - 1e-12)) - terms[:, None] * np.log(count))
 
 
-def _poses(fold: Part, linear: LinearisedFit) -> NDArray[np.int64]:
+def _poses(fold: Split, linear: LinearisedFit) -> NDArray[np.int64]:
     """Those that a fold predicts."""
     return fold.absent[:: linear.rows] // linear.rows
