@@ -21,8 +21,8 @@ print(f"{len(data)} poses of {data.arm.name}, measured to {data.noise_sd * 1e3:.
 # ## Fit what every arm has: errors of the geometry, and springs in the joints
 
 # %%
-fit = lrm.fit(data)
-first = lrm.compare(fit.model, data)
+study = lrm.Study.of(data).fit()
+first = study.compare()
 print(f"nominal arm {first.nominal.mean * 1e3:.1f} mm, fitted {first.error.mean * 1e3:.2f} mm,")
 print(f"on poses that the fit did not see {first.held_out.error.mean * 1e3:.2f} mm")
 
@@ -38,7 +38,7 @@ lrm.plot(first, folder / "where.png")
 # ## Learn which effect is missing
 
 # %%
-diagnosis = lrm.diagnose(fit.model, data)
+diagnosis = study.diagnose()
 print(diagnosis.verdict, "-", diagnosis.first.why)
 lrm.plot(diagnosis, folder / "why.png")
 
@@ -46,10 +46,10 @@ lrm.plot(diagnosis, folder / "why.png")
 # ## Add it, and watch the error fall
 
 # %%
-better = lrm.add(fit.model, data, diagnosis.first.scored.name)
-second = lrm.compare(better.model, data)
+better = study.add(diagnosis.first.scored.name)
+second = better.compare()
 print(f"held out: {first.held_out.error.mean * 1e3:.2f} -> {second.held_out.error.mean * 1e3:.2f} mm")
-print("and now:", lrm.diagnose(better.model, data).verdict)
+print("and now:", better.diagnose().verdict)
 
 # %% [markdown]
 # ## Use the model
@@ -57,7 +57,7 @@ print("and now:", lrm.diagnose(better.model, data).verdict)
 # `save` writes the file that `lrm-ident` and the daemon read.
 
 # %%
-lrm.save(better, data, folder / "model.toml")
+better.save(folder / "model.toml")
 model = lrm.load_model(folder / "model.toml")
 error = np.linalg.norm(lrm.predict(model, data.poses) - data.tcp, axis=1)
 print(f"mean distance of predicted and measured tip: {error.mean() * 1e3:.2f} mm; files in {folder}")

@@ -18,8 +18,10 @@ if TYPE_CHECKING:
     from lrm_ident.report.plots.plot import plot
     from lrm_ident.study.api import (
         EXAMPLE,
+        Study,
         add,
         auto,
+        catalogue_with,
         compare,
         diagnose,
         fit,
@@ -27,13 +29,16 @@ if TYPE_CHECKING:
         load_model,
         load_poses,
         predict,
+        read_study,
         save,
     )
 
 __all__ = [
     "EXAMPLE",
+    "Study",
     "add",
     "auto",
+    "catalogue_with",
     "compare",
     "diagnose",
     "fit",
@@ -42,6 +47,7 @@ __all__ = [
     "load_poses",
     "plot",
     "predict",
+    "read_study",
     "save",
 ]
 

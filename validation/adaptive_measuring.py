@@ -79,7 +79,7 @@ def drawn(arm: Arm, count: int, seed: Sequence[int]) -> Poses:
 
 
 def assessed(rig: SimulatedRig, every: Poses, rows: Sequence[int]) -> tuple[AdaptiveFindings, int]:
-    """Findings from measuring some rows, and how many poses were measured."""
+    """ModelReport from measuring some rows, and how many poses were measured."""
     again, of = with_repeats(rows)
     return assess(rig.measure(every.take(again), of)), len(again)
 

@@ -1,6 +1,6 @@
 """Whether misread measurements are understood and healthy ones never refused, on arms of the independent generator.
 
-`python -m validation.misreadings` prints both for a half of the seeds: the thresholds of `registration.question`
+`python -m validation.misreadings` prints both for a half of the seeds: the thresholds of `registration.reading_check`
 were chosen on the first half, the second one is the report.
 """
 
@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.question import Answer, ask
+from lrm_ident.data.registration.reading_check import ReadingCheck, check_reading
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
@@ -48,11 +48,11 @@ class MisreadCase:
     data: Measurements
     truth: str
 
-    def understood(self, answer: Answer | None) -> bool:
-        """Whether the answer says the truth, alone or as one of several."""
-        if answer is None or answer.right:
+    def understood(self, check: ReadingCheck | None) -> bool:
+        """Whether the check says the truth, alone or as one of several."""
+        if check is None or check.right:
             return False
-        said = [" and ".join((*scored.hypothesis.words, scored.hypothesis.remedy)) for scored in answer.found]
+        said = [" and ".join((*scored.hypothesis.words, scored.hypothesis.remedy)) for scored in check.found]
         return not said if not self.truth else any(self.truth in words for words in said)
 
 
@@ -150,10 +150,10 @@ def print_misreadings(seeds: Sequence[int]) -> None:
     missed, shares = [], []
     for name, kind, seed in product(ARMS, KINDS, seeds):
         case = misread(name, kind, seed)
-        answer = ask(case.arm, case.data)
-        shares.append(np.inf if answer is None else answer.read.share)
-        if not case.understood(answer):
-            missed.append((name, kind, seed, case.truth, answer and [s.hypothesis.words for s in answer.found]))
+        check = check_reading(case.arm, case.data)
+        shares.append(np.inf if check is None else check.read.share)
+        if not case.understood(check):
+            missed.append((name, kind, seed, case.truth, check and [s.hypothesis.words for s in check.found]))
     print(f"  {len(shares) - len(missed)} of {len(shares)} misreadings understood; they miss {min(shares):.3f} or more")
     for miss in missed:
         print("   ", *miss)
@@ -163,10 +163,10 @@ def print_healthy(seeds: Sequence[int]) -> None:
     """How many healthy data sets are refused, and which."""
     refused, shares = [], []
     for name, seed in product(HEALTHY, seeds):
-        answer = ask(load_arm(name), healthy_data(name, seed))
-        shares.append(0.0 if answer is None else answer.read.share)
-        if answer is not None and not answer.right:
-            refused.append((name, seed, answer.read.share, [s.hypothesis.words for s in answer.found]))
+        check = check_reading(load_arm(name), healthy_data(name, seed))
+        shares.append(0.0 if check is None else check.read.share)
+        if check is not None and not check.right:
+            refused.append((name, seed, check.read.share, [s.hypothesis.words for s in check.found]))
     print(f"  {len(refused)} of {len(shares)} healthy data sets refused; they miss {max(shares):.3f} or less")
     for refusal in refused:
         print("   ", *refusal)

@@ -35,7 +35,7 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """As `command`, for a group of commands."""
+    """Registers a command of a group as `command` does."""
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         """Adds the function to the group under its own name."""

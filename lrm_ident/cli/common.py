@@ -1,24 +1,25 @@
-"""What all commands share: the consoles, reading of inputs, and the one writer of results."""
+"""Parts that all commands share: the consoles, reading of inputs, and the one writer of results."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import Progress as Bars
+from rich.progress import TaskID
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.effect_plugins import Catalogue
-from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.fitting.progress import OnProgress, Progress, unheard
 from lrm_ident.report.document import Block, Document, ResultTable, write
 from lrm_ident.study import inputs
-from lrm_ident.study.inputs import ModelInputs
-from lrm_ident.study.steps import NamedProgress
+from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError, UnknownName
@@ -72,17 +73,32 @@ def check_distinct(figure: Path | None, *others: Path | None) -> None:
 
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model]:
     """A model file, as it stands and as a model; notices go to stderr."""
-    return inputs.read_model(path, catalogue, notice)
+    file, model, notices = inputs.read_model(path, catalogue)
+    tell(notices)
+    return file, model
 
 
-def read_inputs(model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED) -> ModelInputs:
-    """A model file and measurements of its arm read as those of its fit; notices go to stderr."""
-    return inputs.read_inputs(model, data, effects_file, notice, reading)
+def read_study(
+    model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED, progress: Progress = unheard
+) -> Study:
+    """A study from its files; notices go to stderr."""
+    study = inputs.read_study(model, data, effects_file, reading, progress)
+    tell(study.notices)
+    return study
 
 
-def read_identifiable(model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED) -> ModelInputs:
-    """The same with a model whose free parameters the data alone identify, whatever a prior decided in the fit."""
-    return inputs.identifiable(read_inputs(model, data, effects_file, reading), notice)
+@contextmanager
+def opened(model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED) -> Iterator[Study]:
+    """A study from its files, which shows what it does as bars on stderr."""
+    with bars() as progress:
+        yield read_study(model, data, effects_file, reading, progress)
+
+
+def identifiable(study: Study) -> Study:
+    """The study with free parameters that the data alone identify; a notice goes to stderr if that changes them."""
+    own = study.identifiable()
+    tell(own.notices[len(study.notices) :])
+    return own
 
 
 def leave_out_poses(data: Measurements, text: str) -> Measurements:
@@ -113,11 +129,13 @@ def read_measurements(
     path: Path, arm: Arm, arm_name: str, reading: Reading = AS_NAMED, usual: Reading | None = None
 ) -> Measurements:
     """Measurements that the arm can have made; what a person should know of the file goes to stderr."""
-    return inputs.read_measurements(path, arm, arm_name, notice, reading, usual)
+    data = inputs.read_measurements(path, arm, arm_name, reading, usual)
+    tell(data.notices)
+    return data
 
 
 def notice(words: str) -> None:
-    """What a person should know, on stderr."""
+    """Tells a person something, on stderr."""
     log.print(f"notice: {words}")
 
 
@@ -137,21 +155,29 @@ def one_of(what: str, name: str, names: Sequence[Name]) -> Name:
     raise UnknownName(what, name, names)
 
 
+def tell(notices: Iterable[str]) -> None:
+    """Tells a person several things, one line each, on stderr."""
+    for words in notices:
+        notice(words)
+
+
 @contextmanager
 def progress(what: str) -> Iterator[OnProgress]:
     """A bar on stderr, on a terminal only."""
-    with Progress(console=log, transient=True, disable=not log.is_terminal) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, of: bar.update(task, completed=done, total=of)
+    with bars() as several:
+        yield partial(several, what)
 
 
 @contextmanager
-def named_progress() -> Iterator[NamedProgress]:
+def bars() -> Iterator[Progress]:
     """Bars on stderr for several parts of a work, on a terminal only."""
-    with Progress(console=log, transient=True, disable=not log.is_terminal) as bar:
+    with Bars(console=log, transient=True, disable=not log.is_terminal) as shown:
+        tasks: dict[str, TaskID] = {}
 
-        def named(what: str) -> OnProgress:
-            task = bar.add_task(what, total=None)
-            return lambda done, of: bar.update(task, completed=done, total=of)
+        def tick(what: str, done: int, of: int) -> None:
+            """Moves the bar of this name."""
+            if what not in tasks:
+                tasks[what] = shown.add_task(what, total=None)
+            shown.update(tasks[what], completed=done, total=of or None)
 
-        yield named
+        yield tick

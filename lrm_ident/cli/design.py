@@ -211,7 +211,7 @@ def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[s
 
 
 def _measured(path: Path, arm: Arm, arm_name: str) -> Measurements | None:
-    """What a file says of measured poses; None if it has commands alone. Raises `FileError`."""
+    """Measured poses of a file; None if it has commands alone. Raises `FileError`."""
     return read_measurements(path, arm, arm_name) if says_measured(path) else None
 
 

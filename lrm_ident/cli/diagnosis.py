@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from itertools import count
 from typing import Annotated
@@ -12,22 +13,19 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     LISTED,
-    log,
-    named_progress,
-    notice,
+    bars,
+    identifiable,
+    opened,
     progress,
     publish,
-    read_identifiable,
+    read_study,
     show,
+    tell,
 )
-from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.diagnosis.auto import AutoStep, run_auto
-from lrm_ident.diagnosis.diagnose import diagnose as run_diagnose
-from lrm_ident.diagnosis.diagnosis_report import build_report, report_of
+from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.diagnosis.diagnosis_report import report_of
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
-from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for
@@ -44,10 +42,11 @@ from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.error_summary import ErrorSummary
-from lrm_ident.study.model_history import fit_words, model_text, undo_step
-from lrm_ident.study.steps import add_step, auto_files, nominal_error, prior_step
+from lrm_ident.study.inputs import arm_from
+from lrm_ident.study.model_history import fit_words, undo_step
+from lrm_ident.study.study import MAX_EFFECTS, Study, write_model
 from lrm_math.arm.arm_file import MM, load_arm
-from lrm_math.effects import FORMS, effects_at
+from lrm_math.effects import FORMS
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -80,12 +79,9 @@ def diagnose(
     reading: Reading = AS_NAMED,
 ) -> None:
     """Find out which physical effect a model misses, that none is missing, or that no known one explains it."""
-    inputs = read_identifiable(model, data, effects_file, reading)
     rates = None if prior is None else load_rates(prior)
-    with progress("trying every effect at every place") as tick:
-        found = run_diagnose(inputs.model, inputs.data, inputs.catalogue, tick, inputs.loss, rates)
-    with log.status("cross-validating") as status:
-        report = build_report(found, status.update)
+    with opened(model, data, effects_file, reading) as study:
+        report = identifiable(study).diagnose(rates)
     publish(diagnosis_document(report), json, figure, partial(draw_report, report), None if show_all else LISTED)
 
 
@@ -104,17 +100,13 @@ def add(
 
     The loss is that of the model's last fit, and poses that `diagnose` calls outliers are left out.
     """
-    inputs = read_identifiable(model, data, effects_file, reading)
-    effects_at(inputs.model.arm, effect, inputs.catalogue)
-    with progress("looking for outliers") as tick:
-        found = run_diagnose(inputs.model, inputs.data, inputs.catalogue, tick, inputs.loss)
-    if found.outliers:
-        notice(f"outliers, left out: poses {', '.join(map(str, found.outliers))}")
-    with named_progress() as named:
-        taken = add_step(inputs, found, effect, named)
-    result = step_document(effect, len(inputs.model.free), taken.before, taken.fit, taken.after)
-    publish(result, json, most=None if show_all else LISTED)
-    write_text(output, model_text(taken.file))
+    with opened(model, data, effects_file, reading) as read:
+        study = identifiable(read)
+        after = study.add(effect)
+        tell(after.notices[len(study.notices) :])
+        before, errors = after.errors_before, after.errors
+    publish(step_document(effect, after.taken, before, errors), json, most=None if show_all else LISTED)
+    after.save(output)
     show(f"Model written to {output}")
 
 
@@ -122,7 +114,7 @@ def add(
 def undo(model: arg.ModelPath, output: arg.NewModel) -> None:
     """Take the last step of a model's history back, exactly."""
     restored = undo_step(read_toml(model, ModelFile))
-    write_text(output, model_text(restored))
+    write_model(output, restored, arm_from(model, restored.arm))
     known = restored.provenance
     how = "" if known is None else fit_words(known.loss, known.left_out)
     show(f"Back before the last step{how and f' ({how})'}; model written to {output}")
@@ -133,7 +125,7 @@ def auto(
     model: arg.ModelPath,
     data: arg.DataFile,
     output: arg.NewModel,
-    max_effects: Annotated[int, Option(min=0, help="Stop after this many.")] = 20,
+    max_effects: Annotated[int, Option(min=0, help="Stop after this many.")] = MAX_EFFECTS,
     nested: Annotated[
         bool, Option("--nested/--no-nested", help="Also choose the effects anew in every fold: honest, but longer.")
     ] = True,
@@ -149,34 +141,31 @@ def auto(
     With --prior: effects that arms of this kind often have need less evidence, and at the end all parameters are fitted
     together with the prior.
     """
-    inputs = read_identifiable(model, data, effects_file, reading)
-    file, the_model, measured, catalogue = inputs.file, inputs.model, inputs.data, inputs.catalogue
-    numbers, loss = count(), inputs.loss
+    study = identifiable(read_study(model, data, effects_file, reading))
+    numbers = count()
     rates = None if prior is None else load_rates(prior)
 
-    def on_step(step: AutoStep) -> None:
+    def on_step(step: AutoStep, _: Study) -> None:
         """Prints a step as soon as it is taken."""
         show(*step_blocks(next(numbers), step))
 
-    course = run_auto(the_model, measured, max_effects, catalogue, on_step, loss, rates=rates)
-    last = course.steps[-1]
-    held_out = HeldOutResidual(last.held_out)
-    *_, final = file, *auto_files(inputs, course.steps)
+    course, after = study.auto(max_effects, rates, on_step)
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
-    errors = ErrorSummary(nominal_error(the_model.arm, last.data), error_stats(last.fit.residual), held_out)
-    show(*error_blocks(errors, title))
+    show(*error_blocks(after.errors, title))
     with_prior: ErrorSummary | None = None
+    final = after
     if prior is not None:
-        final, with_prior = prior_step(final, course.model, last.data, prior, catalogue, loss)
-        show(*error_blocks(with_prior, f"Then {final.history[-1].step}: all {len(final.sigma)} parameters fitted"))
-    write_text(output, model_text(final))
+        final = after.fit_all(prior)
+        with_prior, last = final.errors, final.file.history[-1]
+        show(*error_blocks(with_prior, f"Then {last.step}: all {len(last.sigma)} parameters fitted"))
+    final.save(output)
     show(f"Model written to {output}")
     whole = HeldOutResidual(None, "not requested (--no-nested)")
     if nested:
-        with executor_for(cluster, effects_file, FOLDS) as pool, progress("choosing anew in every fold") as tick:
-            whole = nested_held_out(the_model, measured, pool, max_effects, catalogue, tick, loss, rates)
+        with executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
+            whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
     publish(
-        course_document(course, report_of(course.judgement), held_out, whole, with_prior),
+        course_document(course, report_of(course.judgement), after.held_out, whole, with_prior),
         json,
         most=None if show_all else LISTED,
     )

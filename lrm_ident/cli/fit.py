@@ -14,35 +14,29 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     LISTED,
+    bars,
     leave_out_poses,
     notice,
-    progress,
+    opened,
     publish,
-    read_inputs,
     read_measurements,
     read_model,
     show,
 )
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import arm_for, metadata_of
-from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
-from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.fitting.loss import Loss, loss_named
-from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
-from lrm_ident.fitting.priors import load_prior, prior_name_for, prior_of_file
-from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.fitting.identifiability import IdentifiedFit
+from lrm_ident.fitting.loss import loss_named
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model
+from lrm_ident.fitting.priors import Prior
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
-from lrm_ident.residual.error_breakdown import HeldOutResidual, try_held_out
-from lrm_ident.residual.error_breakdown import compare as run_compare
-from lrm_ident.study.error_summary import ErrorSummary
-from lrm_ident.study.model_history import arm_name_for, model_file, model_text
-from lrm_ident.study.steps import nominal_error
+from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
@@ -100,27 +94,18 @@ def fit(
     arm_name, the_arm = arm_for(data, arm)
     measured = leave_out_poses(read_measurements(data, the_arm, arm_name, reading), leave_out)
     model = _start_model(the_arm, effects, start, catalogue := catalogue_with(effects_file))
-    how, known = loss_named(loss), None if prior is None else load_prior(prior, model, catalogue)
-    result = fit_model(model, measured, parameters, how, unbounded, known)
-    with progress("held-out error") as tick:
-        fitted = result.fit.model
-        held_prior = known or result.fit.weak_prior
-        held_out = try_held_out(fitted, measured, fit_bounds(fitted, unbounded), how, tick, held_prior)
-    errors = ErrorSummary(nominal_error(the_arm, measured), error_stats(result.fit.residual), held_out)
-    document = fit_document(result, errors, measured)
-    if known:
-        with progress("held-out error without the prior") as tick:
-            alone = _alone(model, measured, parameters, how, unbounded, tick)
-        beside = PriorComparison(known, result.fit, held_out, *alone)
-        document = replace(
-            document, blocks=[*document.blocks, *beside.blocks()], values={**document.values, "prior": beside}
-        )
+    with bars() as progress:
+        begun = Study(model, measured, arm_name, catalogue, progress=progress)
+        fitted = begun.fit(parameters, loss_named(loss), prior, unbounded)
+        step = fitted.taken
+        document = fit_document(IdentifiedFit(step.fit, step.held), fitted.errors, measured)
+        if step.stated_prior:
+            beside = _without_prior(begun, fitted, step.stated_prior, parameters, unbounded)
+            blocks, values = [*document.blocks, *beside.blocks()], {**document.values, "prior": beside}
+            document = replace(document, blocks=blocks, values=values)
     publish(document, json, most=None if show_all else LISTED)
     if output:
-        name = arm_name_for(arm_name, output.parent)
-        where = None if prior is None else prior_name_for(prior)
-        file = model_file(result.fit, measured, held_out, name, "fit", how.name, prior=where)
-        write_text(output, model_text(file))
+        fitted.save(output)
     show(f"Model written to {output}" if output else "Not saved; give -o MODEL to keep it.")
 
 
@@ -162,13 +147,11 @@ def compare(
 
     The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses.
     """
-    inputs = read_inputs(model, data, effects_file, reading)
-    prior = prior_of_file(inputs.file, inputs.model, inputs.catalogue)
-    known = inputs.file.provenance
-    if known and known.data_sha256 != inputs.data.sha256:
-        notice(f"the model was fitted to {known.data}; its error here is on poses it never saw")
-    with progress("held-out error") as tick:
-        comparison = run_compare(inputs.model, inputs.data, tick, prior, inputs.loss)
+    with opened(model, data, effects_file, reading) as study:
+        known = study.file.provenance
+        if known and known.data_sha256 != study.data.sha256:
+            notice(f"the model was fitted to {known.data}; its error here is on poses it never saw")
+        comparison = study.compare()
     publish(
         comparison_document(comparison),
         json,
@@ -178,15 +161,14 @@ def compare(
     )
 
 
-def _alone(
-    model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, tick: OnProgress
-) -> tuple[Fit | str, HeldOutResidual]:
-    """The fit without a prior and its held-out error, or the reason why there is none."""
+def _without_prior(begun: Study, fitted: Study, prior: Prior, parameters: str, unbounded: bool) -> PriorComparison:
+    """The fit beside one without its prior, or beside the reason why there is none."""
+    known = PriorComparison(prior, fitted.taken.fit, fitted.held_out, "", HeldOutResidual(None))
     try:
-        alone = fit_model(model, data, parameters, loss, unbounded).fit
+        alone = begun.fit(parameters, fitted.loss, unbounded=unbounded)
     except LrmError as error:
-        return str(error), HeldOutResidual(None, str(error))
-    return alone, try_held_out(alone.model, data, fit_bounds(alone.model, unbounded), loss, tick, alone.weak_prior)
+        return replace(known, alone=str(error), alone_held_out=HeldOutResidual(None, str(error)))
+    return replace(known, alone=alone.taken.fit, alone_held_out=alone.held_out)
 
 
 def _start_model(arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:

@@ -9,10 +9,9 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import log, progress, publish, read_identifiable, show
+from lrm_ident.cli.common import identifiable, opened, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.diagnosis.laws.law_file import law_id
-from lrm_ident.diagnosis.laws.proposal import propose_law
 from lrm_ident.report.laws import proposal_document
 from lrm_math.model.reading import AS_NAMED, Reading
 
@@ -30,9 +29,8 @@ def propose(
 
     Writes the best as an effect of your own (docs/effects.md): read it, then add it with --effects-file.
     """
-    inputs = read_identifiable(model, data, effects_file, reading)
-    with progress("trying every law at every joint") as tick, log.status("searching") as status:
-        found = propose_law(inputs.model, inputs.data, tick, status.update, inputs.loss)
+    with opened(model, data, effects_file, reading) as study:
+        found = identifiable(study).propose()
     publish(proposal_document(found), json)
     if found.best is None:
         return

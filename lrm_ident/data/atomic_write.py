@@ -10,7 +10,7 @@ from lrm_math.errors import FileError
 
 
 def write_text(path: Path, text: str) -> None:
-    """As `write_bytes`, text in UTF-8."""
+    """Writes text in UTF-8 as `write_bytes` does."""
     write_bytes(path, text.encode())
 
 

@@ -63,7 +63,7 @@ class ColumnName:
 
 
 def column_name(text: str) -> ColumnName | None:
-    """What a column of a measurement file is; None if its name is not known, or its unit does not fit it."""
+    """Meaning of a column of a measurement file; None if its name is not known, or its unit does not fit it."""
     for words, unit in _readings(text):
         name = _own_name(words)
         if name is None:

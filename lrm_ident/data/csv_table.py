@@ -34,19 +34,20 @@ class CsvTable:
     factors: Mapping[str, float] = field(default_factory=dict)
     header_line: int = 1
 
-    def numbers(self, column: str) -> Array:
-        """(N,), one column as finite numbers in our unit. Raises `FileError`."""
-        j = self.header.index(column)
-        values = np.array([self._number(i, column, row[j]) for i, row in enumerate(self.rows)], dtype=np.float64)
-        return values * self.factors.get(column, 1.0)
+    def numbers(self, column: str, may_be_empty: bool = False) -> Array:
+        """(N,), one column as finite numbers in our unit, NaN in empty cells if there may be some.
 
-    def take(self, rows: Sequence[int]) -> CsvTable:
-        """Some rows."""
-        chosen = tuple(self.rows[row] for row in rows)
-        return replace(self, rows=chosen, lines=tuple(self.lines[row] for row in rows))
+        Raises `FileError`.
+        """
+        j = self.header.index(column)
+        values = [
+            math.nan if may_be_empty and not row[j].strip() else self._number(i, column, row[j])
+            for i, row in enumerate(self.rows)
+        ]
+        return np.array(values, dtype=np.float64) * self.factors.get(column, 1.0)
 
     def with_factors(self, factors: Mapping[str, float]) -> CsvTable:
-        """The same table with other factors for some columns."""
+        """This table with other factors for some columns."""
         return replace(self, factors={**self.factors, **factors})
 
     def at(self, row: int, column: str) -> str:

@@ -7,17 +7,35 @@ from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
 
+from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
 from lrm_ident.data.column_names import ColumnName, column_name
 from lrm_ident.data.csv_table import CsvTable, read_table
+from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
+from lrm_math.model.reading import AS_NAMED, Reading
 
 POSITION = ("x_mm", "y_mm", "z_mm")
 ANGLES = re.compile(r"q\d+_deg")
 
 
-def read_measurement_table(path: Path) -> CsvTable:
-    """Reads a table and names its columns as ours. Raises `FileError`: two columns that are the same by name."""
-    table = read_table(path)
+def read_measurement_table(path: Path, how: Reading = AS_NAMED) -> CsvTable:
+    """Reads a table: columns named as ours, in the units that `how` states in place of those of their names; poses
+    numbered 1, 2, 3 … where no column does it.
+
+    Raises `FileError`: two columns that are the same by name.
+    """
+    table = _numbered(_from_zero(_named(read_table(path))))
+    factors: dict[str, float] = {}
+    if how.unit:
+        factors |= dict.fromkeys((*POSITION, "distance_mm"), LENGTH_UNITS[how.unit] / MM)
+    if how.angle_unit:
+        names = [name for name in table.header if ANGLES.fullmatch(name)]
+        factors |= dict.fromkeys(names, ANGLE_UNITS[how.angle_unit] / ANGLE_UNITS["deg"])
+    return table.with_factors(factors)
+
+
+def _named(table: CsvTable) -> CsvTable:
+    """The table with our names of its columns."""
     found = [ColumnName(name) if _is_ours(name) else column_name(name) for name in table.header]
     exact = {column.name for column, name in zip(found, table.header, strict=True) if column and column.name == name}
     same: defaultdict[str, list[str]] = defaultdict(list)
@@ -33,17 +51,15 @@ def read_measurement_table(path: Path) -> CsvTable:
                 f"column {names[0]} stands twice" if len(set(names)) == 1 else f"{' and '.join(names)} are both {ours}"
             )
             raise FileError(table.path, f"header, line {table.header_line}", which, "leave one, or rename the other")
-    return _from_zero(
-        replace(
-            table,
-            header=tuple(column.name if column else name for column, name in zip(columns, table.header, strict=True)),
-            stated={c.name: name for c, name in zip(columns, table.header, strict=True) if c and c.name != name},
-            factors={column.name: column.factor for column in columns if column and column.factor != 1.0},
-        )
+    return replace(
+        table,
+        header=tuple(column.name if column else name for column, name in zip(columns, table.header, strict=True)),
+        stated={c.name: name for c, name in zip(columns, table.header, strict=True) if c and c.name != name},
+        factors={column.name: column.factor for column in columns if column and column.factor != 1.0},
     )
 
 
-def numbered(table: CsvTable) -> CsvTable:
+def _numbered(table: CsvTable) -> CsvTable:
     """The table with a column `pose`: 1, 2, 3 … if it has none."""
     if "pose" in table.header:
         return table

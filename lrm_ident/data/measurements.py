@@ -86,7 +86,7 @@ class Measurements:
 
     @property
     def sensed(self) -> Sensed:
-        """Which rows there are."""
+        """Quantities that were measured."""
         point = None
         if self.distance is not None:
             x, y, z = self._anchor.tolist()

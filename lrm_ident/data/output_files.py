@@ -1,4 +1,4 @@
-"""Where results are written: never over an input, a file beside it, an arm or metadata, nor to a device or folder."""
+"""Places of results: never over an input, a file beside it, an arm or metadata, nor to a device or folder."""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.csv_table import CsvTable, csv_text, read_csv
+from lrm_ident.data.number_table import read_numbers
 from lrm_ident.data.pose_table import read_angles
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -116,7 +117,7 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
     angles = [f"q{i + 1}_deg" for i in range(arm.dof)]
     table = read_csv(path, ["pose", *angles, *BASE, *ORIENTATION, *TCP])
     tracked = _tracked(table, least=1)
-    read_angles(table, arm)
+    read_angles(read_numbers(table, angles), arm)
     tcp = (tracked.in_base() - deviation) / MM
     columns = [("pose", table.numbers("pose"), 0)]
     columns += [(name, table.numbers(name), 3) for name in OPTIONAL if name in table.header]

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.design.pose_design import DesignProblem, design
-from lrm_ident.diagnosis.auto import AutoRun, AutoStep, run_auto
+from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnose import Verdict
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD
-from lrm_ident.fitting.loss import SQUARED
-from lrm_ident.fitting.model_fit import fit_model, nominal_model
+from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import LrmError
@@ -42,7 +41,7 @@ DRAWS = 9
 
 @dataclass(frozen=True)
 class StoppingGoal:
-    """When enough is known. `error`: RMS of the held-out error (m) that must surely be reached, or None.
+    """Goal at which enough is known. `error`: RMS of the held-out error (m) that must surely be reached, or None.
 
     `explain`: whether every missing effect must have one name.
     """
@@ -53,7 +52,7 @@ class StoppingGoal:
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveFindings:
-    """What is known from the poses so far.
+    """Knowledge from the poses so far.
 
     Attributes:
         model: after the last step of `auto`. named: for each effect added, its name and those it cannot be told from.
@@ -80,9 +79,7 @@ class AdaptiveFindings:
 def assess(data: Measurements, catalogue: Iterable[type[Effect]] = CATALOGUE) -> AdaptiveFindings:
     """Fits the thesis's model and follows `auto`. Raises `LrmError`: too few poses, or no fit."""
     kinds = tuple(catalogue)
-    assert data.arm is not None
-    fitted = fit_model(nominal_model(data.arm), data, "identifiable", SQUARED).fit
-    run = run_auto(fitted.model, data, catalogue=kinds)
+    run, _ = Study.of(data, catalogue=kinds).fit().auto()
     last = run.steps[-1]
     squares = (last.held_out**2).sum(axis=1)
     error = float(squares.std(ddof=1) / np.sqrt(len(squares)))
@@ -118,7 +115,7 @@ def first_rows(model: Model, measured: Poses | None, candidates: Poses, count: i
 
 
 def random_poses_as_good(found: AdaptiveFindings, measured: Poses, every: Poses, seed: int) -> int | None:
-    """How many random ones of all poses would be expected to place the TCP as well as those measured (median draw).
+    """Number of random poses that would be expected to place the TCP as well as those measured (median draw).
 
     By the covariance of the fitted parameters. None: not even all of them.
     """

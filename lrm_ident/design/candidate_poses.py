@@ -100,7 +100,7 @@ def candidate_grid(arm: Arm, levels: Sequence[Sequence[float]], rules: Clearance
 
 
 def violated_rules(arm: Arm, q: Array, rules: ClearanceRules) -> dict[str, NDArray[np.bool_]]:
-    """For every rule, which of the angles (N, n) violate it (N,)."""
+    """Violations of every rule: which of the angles (N, n) violate it (N,)."""
     chain = chain_of(arm)
     link_frames = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))
     points = link_frames[:, :, :3, 3]

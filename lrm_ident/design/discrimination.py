@@ -93,7 +93,7 @@ def _default_columns(candidate: Candidate) -> Array:
 def discrimination_of(
     effects: Sequence[Effect], fitted: Array, rivals: Sequence[Array], noise: float
 ) -> Discrimination:
-    """How well a set of poses discriminates between rivals.
+    """Power of a set of poses to discriminate between rivals.
 
     Args:
         effects: the rivals. fitted: (3 n, m), columns of the fitted parameters. rivals: (3 n, m_k), of each rival's

@@ -79,7 +79,7 @@ class FeasibleScore:
         return out
 
     def updated(self, row: int, sign: int) -> FeasibleScore:
-        """With one candidate added (+1) or removed (−1)."""
+        """Score with one candidate added (+1) or removed (−1)."""
         J, [V] = self.criterion.columns.columns[:, row], self.information.tcp_covariance_of(np.array([row]))
         gain = np.linalg.solve(np.eye(len(V)) + sign * V, self.criterion.residual[row] - J @ self.theta)
         theta = self.theta + sign * (self.information.inverse @ (J.T @ gain))

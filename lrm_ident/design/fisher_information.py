@@ -101,7 +101,7 @@ class FisherInformation:
             return np.where(factor > MIN_DETERMINANT, log_det, -np.inf)
 
     def updated(self, i: int, sign: int) -> FisherInformation:
-        """With candidate i added (+1) or removed (−1)."""
+        """Information with candidate i added (+1) or removed (−1)."""
         V = self.tcp_covariance_of(np.array([i]))[0]
         root = np.linalg.cholesky(np.linalg.inv(np.eye(len(V)) + sign * V))
         gain = self.inverse @ self.candidates.columns[:, i].T @ root

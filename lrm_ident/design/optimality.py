@@ -49,7 +49,7 @@ class DeterminantScore:
         return np.where(singular, -np.inf, total)
 
     def updated(self, row: int, sign: int) -> DeterminantScore:
-        """With one candidate added (+1) or removed (−1)."""
+        """Score with one candidate added (+1) or removed (−1)."""
         return DeterminantScore(tuple((part.updated(row, sign), weight) for part, weight in self.parts))
 
 
@@ -101,7 +101,7 @@ class EigenvalueScore:
         return out
 
     def updated(self, row: int, sign: int) -> EigenvalueScore:
-        """With one candidate added (+1) or removed (−1)."""
+        """Score with one candidate added (+1) or removed (−1)."""
         J = self.criterion.columns[row]
         return self.criterion.decomposed(self.M + sign * J.T @ J)
 

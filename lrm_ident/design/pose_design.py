@@ -85,7 +85,7 @@ class CandidateSet:
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """What a design is for.
+    """Problem that a design solves.
 
     Attributes:
         model: at whose parameters everything is linearised. keys: fitted parameters; None for all that are identifiable

@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.collapse import DestroyedArm
+from lrm_ident.data.registration.degenerate_fit import DegenerateFit
 from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, some_rows
 from lrm_ident.fitting.levenberg_marquardt import Fit, FitNotConverged, fit
 from lrm_ident.fitting.loss import Loss
@@ -78,7 +78,7 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss | None = No
         free = tuple(key for key in model.keys if key in (*model.free, *found))
         try:
             fitted = fit(replace(model, free=free), data, loss=loss)
-        except (NoEquilibrium, FitNotConverged, DestroyedArm):
+        except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return fitted
     return fitted
 
@@ -110,7 +110,7 @@ def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], h
         values[best.model.position(key)] = np.exp(log_value)
         try:
             tried = fit(best.model.with_values(values), data, loss=how)
-        except (NoEquilibrium, FitNotConverged, DestroyedArm):
+        except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return np.inf
         rms = error_stats(tried.residual).rms
         if rms < error_stats(best.residual).rms:

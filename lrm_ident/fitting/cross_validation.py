@@ -119,7 +119,7 @@ def _refitted(
     loss: Loss | None,
     prior: Prior | None,
 ) -> Iterator[Model]:
-    """For each block the model, fitted to the other blocks."""
+    """Models, for each block fitted to the other blocks."""
     for rows in left_out:
         yield fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior).model
 

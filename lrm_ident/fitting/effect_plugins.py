@@ -18,7 +18,7 @@ USER_MODULE = "effects_of_"
 Catalogue = tuple[type[Effect], ...]
 
 
-def catalogue_with(file: Path | None) -> Catalogue:
+def catalogue_with(file: str | Path | None) -> Catalogue:
     """All available effects: shipped, from entry points of installed packages, and defined in `file`.
 
     Raises `FileError`: the file cannot be run, defines no effect, or one whose id is taken.
@@ -26,9 +26,9 @@ def catalogue_with(file: Path | None) -> Catalogue:
     found: list[type[Effect]] = [*CATALOGUE, *(point.load() for point in entry_points(group=ENTRY_POINTS))]
     if file is not None:
         taken = {kind.id for kind in found}
-        for kind in effects_in(file):
+        for kind in effects_in(Path(file)):
             if kind.id in taken:
-                raise FileError(file, f"class {kind.__name__}", f"id '{kind.id}' is taken", "choose another one")
+                raise FileError(str(file), f"class {kind.__name__}", f"id '{kind.id}' is taken", "choose another one")
             found.append(kind)
     return tuple(found)
 

@@ -37,7 +37,7 @@ Result = TypeVar("Result")
 
 
 def in_this_process() -> Executor:
-    """For work that is short, or that cannot be pickled: one piece after the other, here."""
+    """Executor for work that is short, or that cannot be pickled: one piece after the other, here."""
     return ThreadPoolExecutor(1)
 
 
@@ -93,7 +93,7 @@ def as_finished(
 def in_order(
     executor: Executor, function: Callable[[Item], Result], items: Iterable[Item], progress: OnProgress = silent
 ) -> list[Result]:
-    """As `as_finished`, the results in the order of the items."""
+    """Results of `as_finished` in the order of the items."""
     return [result for _, result in sorted(as_finished(executor, function, items, progress), key=lambda one: one[0])]
 
 

@@ -29,7 +29,7 @@ def models_without(
     loss: Loss | None = None,
     prior: Prior | None = None,
 ) -> Iterator[Model]:
-    """For each block (rows of `data`): the model as a fit to the other blocks leaves it. Raises as `fit`."""
+    """Models for each block (rows of `data`), as a fit to the other blocks leaves it. Raises as `fit`."""
     fitted = fit(model, data, bounds, loss, prior)
     limits = bounds or bounds_of(model, model.free)
     objective = Objective(fitted.model, data, loss or SQUARED, prior)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.collapse import check_arm
+from lrm_ident.data.registration.degenerate_fit import check_arm
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.objective import Iterate, NoiseScale, NoiseUpdate, Objective
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
@@ -77,7 +77,7 @@ class Fit:
     damped: bool = False
 
     def take(self, rows: NDArray[np.int64]) -> Fit:
-        """The same fit, seen at some of its poses."""
+        """This fit, seen at some of its poses."""
         outliers = tuple(np.flatnonzero(np.isin(rows, self.outliers)).tolist())
         rest, residual, weight = self.rest.take(rows), self.residual[rows], self.weight[rows]
         return replace(self, rest=rest, residual=residual, weight=weight, outliers=outliers)
@@ -117,7 +117,7 @@ def fit(
 
     Raises:
         LrmError: fewer poses than free parameters (with a prior: than a third), no convergence (`FitNotConverged`), or
-            an arm that shrinks, stretches or loses a length (`DestroyedArm`).
+            an arm that shrinks, stretches or loses a length (`DegenerateFit`).
         NoEquilibrium: the start has no elastic equilibrium.
     """
     check_enough(len(data), len(model.free), prior)

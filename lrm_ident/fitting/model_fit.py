@@ -8,7 +8,7 @@ from dataclasses import replace
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
-from lrm_ident.data.registration.collapse import CHECK
+from lrm_ident.data.registration.degenerate_fit import CHECK
 from lrm_ident.fitting.identifiability import IdentifiedFit, fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import Loss

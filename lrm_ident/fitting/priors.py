@@ -37,7 +37,7 @@ class GaussianTable(StrictSchema):
 
 
 class EffectRateTable(StrictSchema):
-    """How often arms of a kind have an effect: `rate` (0 to 1) with its 95 % interval, found in so many of `arms`."""
+    """Rate of an effect among arms of a kind: `rate` (0 to 1) with its 95 % interval, found in so many of `arms`."""
 
     rate: Annotated[float, Field(gt=0, lt=1)]
     interval: list[float] | None = None
@@ -96,7 +96,7 @@ class Prior:
 
 @dataclass(frozen=True)
 class EffectRates:
-    """How often arms of a kind have each effect (`effect@place`), by `named`; every one that is not there: `other`."""
+    """Rates of the effects (`effect@place`) among arms of a kind, by `named`; every one that is not there: `other`."""
 
     named: Mapping[str, float]
     other: float

@@ -1,4 +1,4 @@
-"""How often arms of a kind have each effect: beta-binomial model (Skellam 1948), its two numbers from the fleet itself.
+"""Rates of effects among arms of a kind: beta-binomial model (Skellam 1948), its two numbers from the fleet itself.
 
 A step of `auto` may stand for several causes that one arm's data cannot tell apart; it counts for them in proportion to
 how often each is there (expectation-maximisation).
@@ -23,7 +23,7 @@ FEWEST = 1.0
 
 @dataclass(frozen=True)
 class EffectRate:
-    """How often an effect is there.
+    """Rate of an effect.
 
     Attributes:
         found: arms that have it, shares of unsure ones among them. arms: that could show it. rate, low, high: posterior

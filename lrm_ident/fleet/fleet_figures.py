@@ -1,4 +1,4 @@
-"""What the figures of a fleet's page show, as plain JSON: rounded values in the units of the screen."""
+"""Values of the figures of a fleet's page, as plain JSON: rounded values in the units of the screen."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _parameters(result: FleetResult) -> list[dict[str, Any]]:
 
 
 def _first_parameter(result: FleetResult, keys: list[str]) -> str:
-    """What stands out: an arm's parameter, one that goes with a tag, or the first compliance."""
+    """Findings that stand out: an arm's parameter, one that goes with a tag, or the first compliance."""
     notable = (*(one.key for one in result.outliers), *(link.what for link in result.links))
     softness = (key for key in keys if key.startswith("compliance.joint"))
     return next((key for key in (*notable, *softness, *keys) if key in keys), "")

@@ -1,4 +1,4 @@
-"""What stands out in a fleet: effects and parameters that go with a tag, and arms unlike their sisters.
+"""Findings that stand out in a fleet: effects and parameters that go with a tag, and arms unlike their sisters.
 
 Tags: Fisher's exact test of an effect against a tag (Freeman & Halton 1951); of a parameter the rank test of Mann &
 Whitney 1947 between two levels, exact for few arms, of Kruskal & Wallis 1952 between more; all together adjusted by
@@ -22,7 +22,7 @@ from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
 
-FEWEST_SISTERS, FEWEST_OF_A_LEVEL = 4, 2
+MIN_OTHER_ARMS, FEWEST_OF_A_LEVEL = 4, 2
 MOST_LEVELS = 8
 DETERMINED = 1.0  # typical sizes: a standard error above it says nothing of one arm
 Estimated = tuple[int, float, float]
@@ -71,7 +71,7 @@ def tag_associations(
     estimates: Sequence[ArmEstimates],
     rates: Sequence[EffectRate],
 ) -> tuple[TagAssociation, ...]:
-    """What goes significantly with a tag, surest first."""
+    """Findings that go significantly with a tag, surest first."""
     tried: dict[tuple[str, str], TagAssociation] = {}
     for tag in dict.fromkeys(name for member in members for name, _ in member.tags):
         cells = [dict(member.tags).get(tag, "") for member in members]
@@ -97,10 +97,10 @@ def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) ->
     The farthest is taken out and the rest looked at again, so that one cannot hide another.
     """
     known = {key: [row for row in rows if row[2] < DETERMINED] for key, rows in _by_key(estimates).items()}
-    tests = sum(len(rows) for rows in known.values() if len(rows) > FEWEST_SISTERS)
+    tests = sum(len(rows) for rows in known.values() if len(rows) > MIN_OTHER_ARMS)
     found = []
     for key, rows in known.items():
-        while len(rows) > FEWEST_SISTERS:
+        while len(rows) > MIN_OTHER_ARMS:
             distances, middles, spreads = _leave_one_out(rows)
             far = int(distances.argmax())
             if 2.0 * float(stdtr(len(rows) - 2, -distances[far])) * tests > SIGNIFICANCE:
@@ -114,7 +114,7 @@ def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) ->
 
 
 def _leave_one_out(rows: Sequence[Estimated]) -> tuple[Array, Array, Array]:
-    """Of each row (n,): its studentised distance from the others, their mean and their standard deviation."""
+    """Studentised distance of each row (n,) from the others, their mean and their standard deviation."""
     values, errors = (np.array([row[k] for row in rows]) for k in (1, 2))
     others = len(rows) - 1
     apart = values - values.mean()
@@ -137,7 +137,7 @@ def _medians_of_others(values: Array) -> Array:
 
 
 def _by_key(estimates: Sequence[ArmEstimates]) -> dict[str, list[Estimated]]:
-    """For each parameter: (arm, estimate, standard error) in typical sizes."""
+    """Estimates of each parameter: (arm, estimate, standard error) in typical sizes."""
     known: dict[str, list[Estimated]] = {}
     for arm, one in enumerate(estimates):
         for key, value, variance in zip(one.keys, one.mean, np.diag(one.covariance), strict=True):

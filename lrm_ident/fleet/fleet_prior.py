@@ -32,7 +32,7 @@ DIGITS = 6
 
 @dataclass(frozen=True, eq=False)
 class ArmEstimates:
-    """What one arm's file says of its parameters.
+    """Estimates of one arm's file.
 
     Attributes:
         model: with the estimates as values. keys: (P,), of those in `covariance` (P, P), typical sizes squared.
@@ -47,7 +47,7 @@ class ArmEstimates:
 
 @dataclass(frozen=True, eq=False)
 class FleetKnowledge:
-    """What a fleet has in common: `population` of the parameters `keys` (Q,), of typical sizes `typical` (SI) and with
+    """Prior of a fleet: `population` of the parameters `keys` (Q,), of typical sizes `typical` (SI) and with
     `units` (SI), and `rates`."""
 
     keys: tuple[str, ...]
@@ -91,7 +91,7 @@ def fleet_knowledge(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimat
 
 
 def arm_evidence(estimates: ArmEstimates, place: dict[str, int]) -> ArmEvidence:
-    """What the arm's poses alone say: the weak prior taken away from the posterior."""
+    """Information of the arm's poses alone: the weak prior taken away from the posterior."""
     posterior = np.linalg.inv(estimates.covariance)
     information = posterior - np.eye(len(estimates.keys)) / WEAK_SD**2
     sizes, directions = np.linalg.eigh(0.5 * (information + information.T))

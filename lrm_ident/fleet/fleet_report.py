@@ -78,7 +78,7 @@ def table_csv(result: FleetResult) -> str:
 
 
 def table_parquet(result: FleetResult) -> bytes | None:
-    """The same as Parquet; None where pyarrow (extra `lerobot`) is not installed."""
+    """The table as Parquet; None where pyarrow (extra `lerobot`) is not installed."""
     if find_spec("pyarrow") is None:
         return None
     import pyarrow

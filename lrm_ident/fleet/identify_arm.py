@@ -19,21 +19,19 @@ from pydantic import Field
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.auto import AutoRun, run_auto
+from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.priors import WEAK, weak_prior
-from lrm_ident.fitting.progress import silent
 from lrm_ident.residual.error_breakdown import HeldOutResidual
-from lrm_ident.study.inputs import ModelInputs, read_measurements
+from lrm_ident.study.inputs import read_measurements
 from lrm_ident.study.model_history import model_file, model_text, tool_version
-from lrm_ident.study.steps import auto_files, first_fit, nominal_error
+from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import ModelFile, to_model
+from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import StrictSchema
 
 
@@ -55,7 +53,7 @@ class ArmTask:
 
     @property
     def sha256(self) -> str:
-        """Of everything that the result depends on, the tool's version among it."""
+        """Hash of everything that the result depends on, the tool's version among it."""
         parts = (tool_version(), self.stored_arm, self.arm_text or "", self.data_name, self.data, self.beside or b"")
         digest = hashlib.sha256()
         for part in parts:
@@ -65,7 +63,7 @@ class ArmTask:
 
 
 class ArmRecord(StrictSchema):
-    """What is known of one arm, schema `lrm/fleet-arm/2`: the file of its result.
+    """Record of one arm, schema `lrm/fleet-arm/2`: the file of its result.
 
     `reason`: why there is no model, "" if there is one; all that follows is then empty. `steps`: of `auto`, each with
     the causes that it can stand for. `tested`: the effects that its poses could show. `evidence`: the model file of the
@@ -109,7 +107,6 @@ def identify_arm(task: ArmTask) -> ArmRecord:
 
 
 def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
-    notices: list[str] = []
     data_path, arm_path = scratch / task.data_name, scratch / "arm.toml"
     data_path.write_bytes(task.data)
     if task.beside is not None:
@@ -119,26 +116,23 @@ def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
         arm_path = scratch / "arm" / "arm.toml"
         arm_path.write_text(task.arm_text, encoding="utf-8")
     arm = load_arm(task.stored_arm if task.arm_text is None else arm_path)
-    data = read_measurements(data_path, arm, task.stored_arm, notices.append)
-    first = first_fit(arm, task.stored_arm, data, lambda _: silent)
-    inputs = ModelInputs(first, to_model(data_path, first, arm), data, CATALOGUE)
-    run = run_auto(inputs.model, data, loss=inputs.loss)
-    *_, final = first, *auto_files(inputs, run.steps)
-    last = run.steps[-1]
+    data = read_measurements(data_path, arm, task.stored_arm)
+    nominal = Study.of(data)
+    run, study = nominal.fit().auto()
     return ArmRecord(
         name=task.name,
         sha256=task.sha256,
-        notices=notices,
-        poses=len(last.data),
+        notices=list(data.notices),
+        poses=len(study.data),
         verdict=run.verdict,
         steps=[list(step.names) for step in run.steps[1:]],
         tested=_tested(run),
-        outliers=list(last.data.left_out),
-        nominal_rms_mm=nominal_error(arm, data).rms * 1e3,
-        fit_rms_mm=error_stats(last.fit.residual).rms * 1e3,
-        held_out_rms_mm=error_stats(last.held_out).rms * 1e3,
-        model=model_text(final),
-        evidence=evidence_of(run.model, last.data, task.stored_arm),
+        outliers=list(study.data.left_out),
+        nominal_rms_mm=nominal.nominal_error.rms * 1e3,
+        fit_rms_mm=study.errors.fitted.rms * 1e3,
+        held_out_rms_mm=error_stats(run.steps[-1].held_out).rms * 1e3,
+        model=model_text(study.file),
+        evidence=evidence_of(run.model, study.data, task.stored_arm),
     )
 
 

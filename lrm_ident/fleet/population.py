@@ -26,7 +26,7 @@ VAGUE_LOG_SD = 1.5
 
 @dataclass(frozen=True, eq=False)
 class ArmEvidence:
-    """What one arm determines, in typical sizes, of the parameters of its model.
+    """Information of one arm, in typical sizes, of the parameters of its model.
 
     Attributes:
         places: (P,), the parameters' numbers in the population. information: (P, P), Λ. along: (P,), Λ θ̂.
@@ -151,8 +151,10 @@ def _expectation(stacked: _Stacked, spread: Array) -> tuple[Array, Array, Array,
 
 
 def _freedom(precisions: Array, spread: Array, many: Array) -> Array:
-    """Of each spread: 2 τ⁴ over the variance of τ² (Fisher information ½ Σ M∘M of the marginal likelihood), less the
-    part that the mean takes."""
+    """Degrees of freedom of each spread: 2 τ⁴ over the variance of τ², less the part that the mean takes.
+
+    Fisher information of the marginal likelihood: ½ Σ M∘M.
+    """
     information = 0.5 * (precisions**2).sum(axis=0)
     by_log = 4.0 * information * np.outer(spread**2, spread**2) + np.eye(len(spread)) / VAGUE_LOG_SD**2
     variance = np.diag(np.linalg.inv(by_log))

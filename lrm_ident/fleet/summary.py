@@ -16,7 +16,7 @@ from lrm_math.model.model_file import arm_of
 
 
 def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], models: Path) -> FleetResult:
-    """What the arms that have a model have in common, and which stand out; arms that stand out are left out of it.
+    """Summary of the arms that have a model, and of those that stand out, which are left out of it.
 
     Args:
         models: folder of the model files.

@@ -130,7 +130,7 @@ def _knowledge_table(found: PoseDesign) -> ResultTable:
 
 
 def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
-    """What the poses are expected to identify and separate, one sentence each."""
+    """Expectation of what the poses identify and separate, one sentence each."""
     now = "" if found.before is None else f"{found.before.tcp:.3g} mm now, "
     yield (
         f"The TCP would be predicted to {found.after.tcp:.3g} mm RMS anywhere among the candidates ({now}"

@@ -14,12 +14,12 @@ from lrm_ident.data.wording import enumerate_words, in_mm
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
-from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.report.left_to_find import left_blocks, left_values, noise_words
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.study.step import StudyStep
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import Effect, Parameter
 
@@ -41,7 +41,7 @@ def diagnosis_document(report: DiagnosisReport) -> Document:
 
 
 def _values(report: DiagnosisReport) -> dict[str, object]:
-    """For machines."""
+    """Values for machines."""
     found = report.diagnosis
     return {
         "poses": len(found.data),
@@ -76,7 +76,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
 
 
 def _blocks(report: DiagnosisReport) -> list[Block]:
-    """For a person."""
+    """Blocks for a person."""
     found = report.diagnosis
     noise = noise_words(_floor_mm(report), found.floor.source, report.left)
     blocks: list[Block] = [
@@ -198,13 +198,13 @@ def step_blocks(number: int, step: AutoStep) -> Iterator[Block]:
         yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
 
-def step_document(effect: str, free: int, before: ErrorSummary, fit: Fit, after: ErrorSummary) -> Document:
-    """Result of `lrm-ident add`, schema `lrm/step/1`; `free`: how many parameters there were before."""
-    now = len(fit.model.free)
+def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:
+    """Result of `lrm-ident add`, schema `lrm/step/1`."""
+    free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
     tables = [*error_blocks(before, f"before: {free} parameters"), *error_blocks(after, f"with {effect}: {now}")]
     errors = {"before": before, "after": after}
     values = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
-    return Document([parameter_table(fit), *tables], "lrm/step/1", {"added": effect, "parameters": now, **values})
+    return Document([parameter_table(step.fit), *tables], "lrm/step/1", {"added": effect, "parameters": now, **values})
 
 
 def course_document(
@@ -260,7 +260,7 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
 
 
 def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
-    """What one effect is; in full, with source, places and parameters."""
+    """Explanation of one effect; in full, with source, places and parameters."""
     yield Text.assemble((kind.id, "bold"), f": {kind.cause}")
     yield f"    {kind.formula}"
     if kind.refines:

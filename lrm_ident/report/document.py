@@ -40,7 +40,7 @@ class ResultTable:
         return [column.partition("|")[0] for column in self.columns]
 
     def grid(self) -> Grid:
-        """For the terminal."""
+        """Text for the terminal."""
         out = Grid(title=self.title, title_justify="left", box=SIMPLE_HEAD, title_style="bold", pad_edge=False)
         for name, column in zip(self.names, self.columns, strict=True):
             out.add_column(name, justify="right" if "|" in column else "left")

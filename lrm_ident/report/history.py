@@ -19,12 +19,12 @@ def history_table(file: ModelFile) -> ResultTable:
 
 
 def history_values(file: ModelFile) -> list[dict[str, object]]:
-    """The same for JSON, unrounded."""
+    """History for JSON, unrounded."""
     return [_values(entry) for entry in file.history]
 
 
 def provenance_table(file: ModelFile) -> ResultTable:
-    """Where a model comes from: data, tool, date, how it was fitted."""
+    """Provenance of a model: data, tool, date, how it was fitted."""
     known = file.provenance
     rows: list[tuple[str, str]] = [("arm", file.arm), ("effects", ", ".join(file.effects))]
     if known is not None:

@@ -82,7 +82,7 @@ def _against_table_4_5(found: ParameterElimination) -> list[str]:
 
 
 def in_words(model: Model, held: UnidentifiableParameter) -> str:
-    """What an unidentifiable parameter amounts to: `δd1 moves the tip exactly like +0.87 δx_b +0.5 δz_b`."""
+    """Words for an unidentifiable parameter: `δd1 moves the tip exactly like +0.87 δx_b +0.5 δz_b`."""
     name, (_, scale, unit) = symbol(held.key), screen_unit(model, held.key)
     if held.combination and held.survival <= ALIKE:
         parts = " ".join(

@@ -56,7 +56,7 @@ class PriorComparison:
         }
 
     def _mean_sd(self, key: str, scale: float) -> tuple[float, float] | tuple[None, None]:
-        """Of a parameter's prior, times `scale`; none of each where it has none."""
+        """Mean and sd of a parameter's prior, times `scale`; none of each where it has none."""
         if key not in self.prior.keys:
             return None, None
         return float(self.prior.mean_of([key])[0] * scale), float(self.prior.sd_of([key])[0] * scale)

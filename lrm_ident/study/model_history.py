@@ -13,6 +13,7 @@ import tomli_w
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import enumerate_words
+from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.fitting.effect_plugins import file_of, sha256_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.priors import WEAK
@@ -20,9 +21,17 @@ from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
-from lrm_math.model.model_file import HistoryTable, ModelFile, ProvenanceTable, as_tables, parameter_tables
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import (
+    HistoryTable,
+    ModelFile,
+    ProvenanceTable,
+    as_tables,
+    parameter_tables,
+    to_model,
+)
 
-LEFT_OUT_SHOWN = 12
+LEFT_OUT_SHOWN, RIVALS_NAMED = 12, 30
 
 
 def tool_version() -> str:
@@ -136,11 +145,24 @@ def covariance_table_of(fit: Fit) -> CovarianceTable | None:
 
 
 def fit_words(loss: str, left_out: Sequence[int]) -> str:
-    """How a model is fitted, where it differs from least squares of all poses; else nothing."""
+    """Manner of a fit in words, where it differs from least squares of all poses; else nothing."""
     how = [] if loss == "squared" else [f"loss {loss}"]
     if left_out:
         how.append(f"{len(left_out)} poses left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}")
     return "; ".join(how)
+
+
+def auto_step_name(step: AutoStep) -> str:
+    """A step of `auto` in the history of a model file: the effect added, and the rest of its class; "" at the start."""
+    rivals = f", or {enumerate_words(step.equivalent, RIVALS_NAMED)}: these data cannot tell" if step.equivalent else ""
+    return f"add {step.added}{rivals}" if step.added else ""
+
+
+def as_written(model: Model, arm: str) -> Model:
+    """A model as it is read again from its own file: effects in the file's order, values through the file's units."""
+    effects, parameters = effect_names(model.effects), parameter_tables(model)
+    file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters)
+    return to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
 
 
 def model_text(file: ModelFile) -> str:

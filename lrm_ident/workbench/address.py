@@ -1,4 +1,4 @@
-"""Where a workbench runs: a port of this machine, a token, a folder."""
+"""Place where a workbench runs: a port of this machine, a token, a folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ HOST = "127.0.0.1"
 
 @dataclass(frozen=True)
 class WorkbenchAddress:
-    """Where a workbench runs: `port` of this machine, `token` of its address, `folder` of its steps."""
+    """Place where a workbench runs: `port` of this machine, `token` of its address, `folder` of its steps."""
 
     port: int
     token: str
@@ -23,7 +23,7 @@ class WorkbenchAddress:
 
     @property
     def address(self) -> str:
-        """What a person opens."""
+        """URL that a person opens."""
         return f"http://{HOST}:{self.port}/?token={self.token}"
 
 

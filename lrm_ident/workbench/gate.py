@@ -34,7 +34,7 @@ class Gate:
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """What the header Host may say."""
+        """Values that the header Host may have."""
         return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

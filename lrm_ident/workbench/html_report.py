@@ -1,4 +1,4 @@
-"""`lrm-ident report`: findings as one self-contained HTML file."""
+"""`lrm-ident report`: a model report as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from html import escape
 
 from lrm_ident.report.document import Block, Document
 from lrm_ident.report.document_html import blocks_html, table_html
-from lrm_ident.report.findings import Findings
+from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plots.interactive.assets import SCRIPTS
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.workbench.standalone import standalone_page
@@ -73,7 +73,7 @@ window.addEventListener("afterprint", () => lrm.print(false));
 """
 
 
-def html_report(found: Findings) -> str:
+def html_report(found: ModelReport) -> str:
     """The report's text."""
     title = f"{found.file.arm}: model and measurements {found.poses.path.name}"
     document = found.document()
@@ -94,7 +94,7 @@ def _blocks(part: Document | None) -> list[Block]:
     return [] if part is None else list(part.blocks)
 
 
-def _summary(found: Findings) -> str:
+def _summary(found: ModelReport) -> str:
     known = found.file.provenance
     made = "" if known is None else f"; fitted {known.date} with {known.tool}"
     return f"{found.field.poses} poses of {found.poses.path.name}{made}"

@@ -1,4 +1,4 @@
-"""What the workbench's page fetches: scripts, values of the figures, the report, the model; and dropped files."""
+"""Routes of the workbench's page: scripts, values of the figures, the report, the model; and dropped files."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class PageRoutes:
             return PlainTextResponse(NOTHING_OPEN, status_code=404)
         from lrm_ident.workbench.html_report import html_report
 
-        return HTMLResponse(html_report(step.findings))
+        return HTMLResponse(html_report(step.report))
 
     def model(self) -> Response:
         """The model file, to be saved; 404 if nothing is open."""

@@ -36,7 +36,7 @@ def serve(place: WorkbenchAddress, opened: OpenTask, tour: bool, show: bool) -> 
 
 
 def _last_words(place: WorkbenchAddress, opened: OpenTask) -> str:
-    """What a tab says when the server is gone."""
+    """Words of a tab when the server is gone."""
     again = shlex.join(["lrm-ident", "workbench", str(opened.data)])
     return (
         "The workbench was stopped, or the connection broke. Nothing is lost: every step is a model file in "

@@ -37,7 +37,7 @@ from lrm_ident.workbench.work.worker import (
 from lrm_math.errors import LrmError
 
 if TYPE_CHECKING:
-    from lrm_ident.report.findings import Findings
+    from lrm_ident.report.model_report import ModelReport
 
 NOTICES_KEPT = 8
 
@@ -74,7 +74,7 @@ class WorkbenchSession:
 
     @property
     def done(self) -> Sequence[DoneCommand]:
-        """What was done, as commands."""
+        """Steps that were taken, as commands."""
         return self.taken.done
 
     @property
@@ -89,13 +89,13 @@ class WorkbenchSession:
 
     @property
     def shown(self) -> StepView | None:
-        """What the page shows of the last step."""
+        """View of the last step."""
         return self.step.shown if self.step else None
 
     @property
-    def findings(self) -> Findings | None:
+    def report(self) -> ModelReport | None:
         """All that is known of the last step."""
-        return self.step.findings if self.step else None
+        return self.step.report if self.step else None
 
     @property
     def busy(self) -> bool:
@@ -120,7 +120,7 @@ class WorkbenchSession:
         self._begin(replace(task, kept=self.new_file()))
 
     def new_file(self) -> Path:
-        """Where the next step is kept."""
+        """File in which the next step is kept."""
         self.taken = replace(self.taken, count=self.taken.count + 1)
         return self.folder / kept_name(self.taken.count - 1)
 

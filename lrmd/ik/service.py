@@ -30,6 +30,7 @@ from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.planner import JointPath, Planner
 from lrmd.messages.codec import MessageError
 from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
+from lrmd.safety.collision_guard import CollisionGuard
 
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
@@ -192,7 +193,8 @@ class IkService:
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
         goals = [request.to_rad] if request.to_rad is not None else self._commands(request)
-        planner = Planner(self._config, self._scene, self.deployed.model, request.payload_kg or 0.0)
+        guard = CollisionGuard(self._scene, self.deployed.model if self.deployed.sha256 else None)
+        planner = Planner(self._config, guard, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
 
     def _commands(self, request: PlanRequest) -> list[list[float]]:

@@ -60,7 +60,7 @@ def _moving_mass(arm: Arm) -> float:
 
 
 def _lines(arm: Arm, tcp: str, difference: float | None) -> Iterator[str]:
-    """What the tables do not say; `tcp`: where the TCP is, in mm."""
+    """Sentences that the tables do not say; `tcp`: where the TCP is, in mm."""
     mass = _moving_mass(arm)
     yield (
         f"TCP {tcp} mm. From joint 1 it reaches {chain_of(arm).length / MM:.0f} mm at most. "

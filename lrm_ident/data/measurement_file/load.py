@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +12,8 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions
 from lrm_ident.data.csv_table import CsvTable, require
-from lrm_ident.data.measurement_file.distance_columns import (
-    DISTANCE,
-    DISTANCE_SD,
-    check_alike,
-    read_anchor,
-    read_distance,
-    read_distance_sd,
-    read_tcp,
-)
-from lrm_ident.data.measurement_file.metadata import Metadata, metadata_of
+from lrm_ident.data.measurement_file.distance_columns import DISTANCE, DISTANCE_SD, read_distances
+from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, Metadata, metadata_of
 from lrm_ident.data.measurement_file.pose_columns import (
     QUATERNION,
     SCATTER,
@@ -30,10 +22,11 @@ from lrm_ident.data.measurement_file.pose_columns import (
     read_covariance,
     read_feedback,
 )
-from lrm_ident.data.measurement_table import ANGLES, POSITION, numbered, read_measurement_table
+from lrm_ident.data.measurement_table import ANGLES, POSITION, read_measurement_table
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.number_table import NumberTable, read_numbers
 from lrm_ident.data.output_files import is_something_else
-from lrm_ident.data.pose_table import in_units, poses_of_table, read_angles, read_whole
+from lrm_ident.data.pose_table import angle_columns, pose_columns, read_poses
 from lrm_ident.data.weights.rotations import turned_covariance
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -43,7 +36,8 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import schema_of
 
-OPTIONAL = ("t_s", "session", "payload_g", "temp_c", "supply_v", "sd_mm", "repeat_of", "approach")
+OWN = {*POSITION, *SCATTER, *QUATERNION, DISTANCE, DISTANCE_SD, "supply_v", "sd_mm", "repeat_of"}
+"""Columns of measurements beside those of poses and of joint feedback."""
 
 
 def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> Measurements:
@@ -54,130 +48,90 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
 
     Raises `FileError`: naming file, line and column of the first fault (`BeyondLimits`: of a joint).
     """
-    metadata = metadata_of(path)
+    metadata = metadata_of(path) or NOTHING_STATED
     how = (reading or AS_NAMED).over(metadata)
-    table = in_units(numbered(read_measurement_table(path)), how)
-    angles = _angle_columns(table, arm, how)
-    require(table, ["pose", *angles, *(() if DISTANCE in table.header else POSITION)])
-    pose = read_whole(table, "pose")
+    cells = read_measurement_table(path, how)
+    positions = DISTANCE not in cells.header or bool({*POSITION} & {*cells.header})
+    cells = require(cells, ["pose", *_angle_columns(cells, arm, how), *(POSITION if positions else ())])
+    feedback = feedback_columns(arm)
+    gaps = {*QUATERNION, *feedback, DISTANCE, "repeat_of", *(POSITION if DISTANCE in cells.header else ())}
+    known = {*OWN, *pose_columns(arm), *feedback}
+    table = read_numbers(cells, known, gaps)
+    pose = table.whole("pose")
     _check_once(table, pose)
-    q = read_angles(table, arm, how)
-    known = {name: table.numbers(name) for name in OPTIONAL if name in table.header}
-    start = _start(path, metadata, arm, how)
-    sd = known.get("sd_mm")
-    if sd is not None:
-        table.reject(sd <= 0, "sd_mm", "not above zero")
-    noise = None if metadata is None or metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM
-    tcp = read_tcp(table, how)
-    more, unused = _more_parts(table, arm, how, metadata, tcp, None if sd is None else sd * MM, noise)
+    tcp = np.full((len(table), 3), np.nan)
+    if positions:
+        table.reject_gaps(POSITION, "position")
+        tcp = read_positions(how, table.stack(POSITION) * MM)
+    noise = None if metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM
+    parts, unused = _sensed_parts(table, arm, how, metadata, tcp, noise)
     return Measurements(
-        poses=poses_of_table(table, q, known, pose, start, how),
+        poses=read_poses(table, arm, how, _start(path, metadata, arm, how)),
         pose=pose,
         tcp=tcp,
         noise_sd=noise,
         repeat_of=_repeats(table, pose),
         path=path,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        notices=(*_notices(table, [*angles, *_sides(arm), "pose", *POSITION, *OPTIONAL, *_pose_columns(arm)]), *unused),
+        notices=(*_notices(cells, known), *unused),
         arm=arm,
         reading=Reading(**how.said()),
-        stated=_stated(table, how),
-        **more,
+        stated=_stated(cells, how),
+        **parts,
     )
 
 
-def _pose_columns(arm: Arm) -> tuple[str, ...]:
-    return (*SCATTER, *QUATERNION, *feedback_columns(arm), DISTANCE, DISTANCE_SD)
-
-
-def _more_parts(
-    table: CsvTable,
-    arm: Arm,
-    how: Reading,
-    metadata: Metadata | None,
-    tcp: Array,
-    sd: Array | None,
-    noise: float | None,
+def _sensed_parts(
+    table: NumberTable, arm: Arm, how: Reading, metadata: Metadata, tcp: Array, noise: float | None
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """What was measured beside positions `tcp` and their scatter, as attributes of measurements, and why some are not
-    used.
+    """Parts measured beside positions `tcp`, and all scatter, as attributes of measurements; why some are not used.
 
-    `sd`, `noise`: of the column sd_mm, and for all poses (m).
+    `noise`: standard deviation of all positions (m).
     """
-    known = sd if sd is not None or noise is None else np.full(len(table.rows), noise)
-    covariance, distance_sd = read_covariance(table, known), read_distance_sd(table, metadata)
+    sd = table.columns["sd_mm"] * MM if "sd_mm" in table else None
+    known = sd if sd is not None or noise is None else np.full(len(table), noise)
+    covariance = read_covariance(table, known)
     weighed = covariance is not None or known is not None
-    distance, notices = _used_distance(table, metadata, tcp, weighed)
+    found, notices = read_distances(table, metadata, how, tcp, weighed), list[str]()
     if np.isnan(tcp).all():
         notices.append("no positions: every error is that of a distance")
-        covariance, known, sd, weighed = None, None, distance_sd, distance_sd is not None
-    attitude, of_attitude = _used_attitude(table, covariance)
-    feedback, feedback_sd, of_feedback = _used_feedback(table, arm, how, metadata, weighed)
-    if covariance is None and known is not None and (feedback is not None or distance is not None):
+        covariance, known, sd, weighed = None, None, found.sd, found.sd is not None
+    attitude, feedback, feedback_sd = read_attitude(table), read_feedback(table, arm, how), metadata.feedback_sd_deg
+    if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
+        attitude = None
+        notices.append("the orientation is not used: state its standard deviation in a column srot_deg")
+    if feedback is not None and (feedback_sd is None or not weighed):
+        feedback = None
+        needed = "state feedback_sd_deg in the file beside the data, and the positions' standard deviation"
+        notices.append(f"the joint feedback is not used: {needed} (sd_mm, noise_sd_mm)")
+    if covariance is None and known is not None and (feedback is not None or found.distance is not None):
         covariance = np.full((len(known), 6, 6), np.nan)
         covariance[:, :3, :3] = known[:, None, None] ** 2 * np.eye(3)
     if covariance is not None:
-        turn, _ = _frame_of(how)
+        turn = _turn_of(how)
         if np.linalg.det(turn) < 0 and attitude is not None:
-            raise FileError(table.path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
+            raise table.fault("", "an orientation in a mirrored frame", "no rotation does that; check --axes")
         covariance = turned_covariance(covariance, turn)
         attitude = None if attitude is None else turn @ attitude
         sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
-        sd = sd if distance is None or distance_sd is None else np.where(np.isnan(tcp[:, 0]), distance_sd, sd)
+        if found.distance is not None and found.sd is not None:
+            sd = np.where(np.isnan(tcp[:, 0]), found.sd, sd)
     return {
         "sd": sd,
         "covariance": covariance,
         "attitude": attitude,
         "feedback": feedback,
-        "feedback_sd": feedback_sd,
-        "distance": distance,
-        "distance_sd": None if distance is None else distance_sd,
-        "distance_from": None if distance is None else read_anchor(metadata, how),
-    }, (*notices, *of_attitude, *of_feedback)
+        "feedback_sd": None if feedback is None or feedback_sd is None else float(np.radians(feedback_sd)),
+        "distance": found.distance,
+        "distance_sd": None if found.distance is None else found.sd,
+        "distance_from": found.start,
+    }, (*found.notices, *notices)
 
 
-def _used_distance(
-    table: CsvTable, metadata: Metadata | None, tcp: Array, weighed: bool
-) -> tuple[Array | None, list[str]]:
-    """Distances (N,) (m), if there are any that can be weighed beside the positions `tcp`; and notices of them."""
-    distance = read_distance(table, tcp)
-    if distance is None:
-        return None, []
-    if not np.isnan(tcp).all() and (read_distance_sd(table, metadata) is None or not weighed):
-        check_alike(table, tcp)
-        return None, ["the distances are not used: state distance_sd_mm, and the positions' sd_mm or noise_sd_mm"]
-    if metadata is None or metadata.distance_from_mm is None:
-        return distance, [
-            "the point that distances are measured from is not stated (distance_from_mm): it is estimated"
-        ]
-    return distance, []
-
-
-def _used_attitude(table: CsvTable, covariance: Array | None) -> tuple[Array | None, list[str]]:
-    """Orientations (N, 3, 3), if there are any of a known standard deviation; and notices of them."""
-    attitude = read_attitude(table)
-    if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
-        return None, ["the orientation is not used: state its standard deviation in a column srot_deg"]
-    return attitude, []
-
-
-def _used_feedback(
-    table: CsvTable, arm: Arm, how: Reading, metadata: Metadata | None, weighed: bool
-) -> tuple[Array | None, float | None, list[str]]:
-    """Measured joint angles (N, n) and their standard deviation (rad), if both are known; and notices of them."""
-    feedback = read_feedback(table, arm, how)
-    if feedback is None:
-        return None, None, []
-    if metadata is None or metadata.feedback_sd_deg is None or not weighed:
-        needed = "state feedback_sd_deg in the file beside the data, and the positions' standard deviation"
-        return None, None, [f"the joint feedback is not used: {needed} (sd_mm, noise_sd_mm)"]
-    return feedback, float(np.radians(metadata.feedback_sd_deg)), []
-
-
-def _frame_of(how: Reading) -> tuple[Array, Array]:
-    """Rotation (3, 3), or mirror, and translation (3,), m, by which a reading turns positions."""
+def _turn_of(how: Reading) -> Array:
+    """Rotation (3, 3), or mirror, by which a reading turns positions."""
     origin, *unit = read_positions(how, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
-    return (np.array(unit) - origin).T, origin
+    return np.asarray((np.array(unit) - origin).T)
 
 
 def _stated(table: CsvTable, how: Reading) -> Reading:
@@ -193,7 +147,7 @@ def _angle_columns(table: CsvTable, arm: Arm, how: Reading) -> list[str]:
     for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
         if values is not None and len(values) != arm.dof:
             raise FileError(table.path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
-    angles = [f"q{i + 1}_deg" for i in range(arm.dof)]
+    angles = angle_columns(arm)
     more = [name for name in table.header if ANGLES.fullmatch(name) and name not in angles]
     if more:
         count = sum(1 for name in table.header if ANGLES.fullmatch(name))
@@ -201,13 +155,9 @@ def _angle_columns(table: CsvTable, arm: Arm, how: Reading) -> list[str]:
     return angles
 
 
-def _sides(arm: Arm) -> list[str]:
-    return [f"approach{i + 1}" for i in range(arm.dof)]
-
-
-def _start(path: Path, metadata: Metadata | None, arm: Arm, how: Reading) -> Array | None:
+def _start(path: Path, metadata: Metadata, arm: Arm, how: Reading) -> Array | None:
     """(n,), joint angles before the first pose (rad), or None. Raises `FileError`."""
-    if metadata is None or metadata.start_q_deg is None:
+    if metadata.start_q_deg is None:
         return None
     if len(metadata.start_q_deg) != arm.dof:
         what = f"{len(metadata.start_q_deg)} angles"
@@ -225,11 +175,8 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Po
     """
     path = Path(file)
     how = (reading or AS_NAMED).over(metadata_of(path))
-    table = in_units(read_measurement_table(path), how)
-    require(table, _angle_columns(table, arm, how))
-    known: dict[str, Array] = {n: table.numbers(n) for n in ("t_s", "session", "temp_c") if n in table.header}
-    number = read_whole(table, "pose") if "pose" in table.header else None
-    return poses_of_table(table, read_angles(table, arm, how), known, number, None, how)
+    cells = read_measurement_table(path, how)
+    return read_poses(read_numbers(require(cells, _angle_columns(cells, arm, how)), pose_columns(arm)), arm, how)
 
 
 def says_measured(path: Path) -> bool:
@@ -238,42 +185,39 @@ def says_measured(path: Path) -> bool:
 
 
 def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:
-    """What the encoders read at the poses of a file, (N, n) in rad, and its standard deviation as stated (deg).
+    """Readings of the encoders at the poses of a file, (N, n) in rad, and its standard deviation as stated (deg).
 
     Raises `FileError`.
     """
-    metadata = metadata_of(path)
+    metadata, columns = metadata_of(path) or NOTHING_STATED, feedback_columns(arm)
     how = AS_NAMED.over(metadata)
-    feedback = read_feedback(in_units(read_measurement_table(path), how), arm, how)
-    return feedback, None if metadata is None else metadata.feedback_sd_deg
+    table = read_numbers(read_measurement_table(path, how), columns, columns)
+    return read_feedback(table, arm, how), metadata.feedback_sd_deg
 
 
-def _check_once(table: CsvTable, pose: NDArray[np.int64]) -> None:
+def _check_once(table: NumberTable, pose: NDArray[np.int64]) -> None:
     first: dict[int, int] = {}
     for row, number in enumerate(pose.tolist()):
         if first.setdefault(number, row) != row:
-            what = f"pose {number} stands in line {table.lines[first[number]]} already"
+            what = f"pose {number} stands in line {table.cells.lines[first[number]]} already"
             right = "each row has its own number; name a repetition in the column repeat_of"
-            raise FileError(table.path, table.at(row, "pose"), what, right)
+            raise table.fault(table.cells.at(row, "pose"), what, right)
 
 
-def _repeats(table: CsvTable, pose: NDArray[np.int64]) -> NDArray[np.int64]:
-    if "repeat_of" not in table.header:
+def _repeats(table: NumberTable, pose: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,), number of the pose that each row repeats; its own where the cell is empty."""
+    if "repeat_of" not in table:
         return pose
-    j = table.header.index("repeat_of")
-    rows = tuple(
-        row if row[j].strip() else (*row[:j], str(own), *row[j + 1 :])
-        for row, own in zip(table.rows, pose.tolist(), strict=True)
-    )
-    repeat = read_whole(replace(table, rows=rows), "repeat_of")
+    stated = table.columns["repeat_of"]
+    repeat = np.where(np.isnan(stated), pose, np.nan_to_num(stated)).astype(np.int64)
     unknown = ~np.isin(repeat, pose)
     if unknown.any():
         row = int(np.argmax(unknown))
-        raise FileError(table.path, table.at(row, "repeat_of"), f"there is no pose {repeat[row]}")
+        raise table.fault(table.cells.at(row, "repeat_of"), f"there is no pose {repeat[row]}")
     return repeat
 
 
-def _notices(table: CsvTable, known: list[str]) -> list[str]:
+def _notices(table: CsvTable, known: Collection[str]) -> list[str]:
     unknown = [name for name in table.header if name and name not in known]
     notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
     taken = {ours: name for ours, name in table.stated.items() if ours in known and not name.lower().startswith(ours)}

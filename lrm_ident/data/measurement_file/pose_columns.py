@@ -8,11 +8,10 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from lrm_ident.data.apply_reading import read_joints
-from lrm_ident.data.csv_table import CsvTable
+from lrm_ident.data.number_table import NumberTable
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
-from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
 
 AXES, TURNS = "xyz", "uvw"
@@ -33,22 +32,23 @@ def feedback_columns(arm: Arm) -> tuple[str, ...]:
     return tuple(f"q{i + 1}_meas_deg" for i in range(arm.dof))
 
 
-def read_covariance(table: CsvTable, sd: Array | None) -> Array | None:
+def read_covariance(table: NumberTable, sd: Array | None) -> Array | None:
     """(N, 6, 6), covariance of position and rotation vector (m, rad) of each pose; None if no column states any.
 
     `sd`: (N,), m per axis, of the column sd_mm or the file beside the data. Rows and columns of what is not stated are
     NaN. Raises `FileError`: half a covariance, or one that is not positive definite.
     """
-    position = _position(table, sd)
-    turn = _turn(table)
-    if position is None or (turn is None and not _stated(table, PER_AXIS, POSITION_COVARIANCE)):
-        if turn is not None:
-            right = "give sd_mm, sx_mm …, or noise_sd_mm in the file beside the data"
-            raise FileError(
-                table.path, "header", "the orientation has a standard deviation, the position has none", right
-            )
+    per_pose, position, turn = _position(table), None, _turn(table)
+    if per_pose is not None:
+        position = per_pose
+    elif sd is not None:
+        position = np.broadcast_to(sd[:, None, None] ** 2 * np.eye(3), (len(table), 3, 3))
+    if turn is not None and position is None:
+        right = "give sd_mm, sx_mm …, or noise_sd_mm in the file beside the data"
+        raise table.fault("header", "the orientation has a standard deviation, the position has none", right)
+    if position is None or (turn is None and per_pose is None):
         return None
-    out = np.full((len(table.rows), 6, 6), np.nan)
+    out = np.full((len(table), 6, 6), np.nan)
     out[:, :3, :3] = position
     if turn is not None:
         out[:, 3:, 3:] = turn
@@ -58,73 +58,50 @@ def read_covariance(table: CsvTable, sd: Array | None) -> Array | None:
     scale = np.sqrt(np.maximum(np.einsum("nii->ni", out[:, :size, :size]), 1e-300))
     least = np.linalg.eigvalsh(out[:, :size, :size] / (scale[:, :, None] * scale[:, None, :]))[:, 0]
     if not (least > 1e-9).all():
-        row = int(np.argmin(least))
-        raise FileError(table.path, table.at(row, table.header[0]), "its covariance is not positive definite")
+        cells, row = table.cells, int(np.argmin(least))
+        raise table.fault(cells.at(row, cells.header[0]), "its covariance is not positive definite")
     return out
 
 
-def _stated(table: CsvTable, *groups: Sequence[str]) -> bool:
-    """Whether one of the groups of columns is there. Raises `FileError` for a part of one."""
-    found = False
-    for group in groups:
-        there = [name for name in group if name in table.header]
-        if there and len(there) < len(group):
-            missing = next(name for name in group if name not in table.header)
-            raise FileError(table.path, "header", f"no column {missing}", f"{', '.join(group)} go together")
-        found = found or bool(there)
-    return found
-
-
-def _position(table: CsvTable, sd: Array | None) -> Array | None:
-    n = len(table.rows)
-    if _stated(table, POSITION_COVARIANCE):
+def _position(table: NumberTable) -> Array | None:
+    if table.has(POSITION_COVARIANCE):
         return _symmetric(table, POSITION_COVARIANCE, MM**2)
-    if _stated(table, PER_AXIS):
-        each = np.stack([positive(table, name) for name in PER_AXIS], axis=1) * MM
-        return np.asarray(np.einsum("ni,ij->nij", each**2, np.eye(3)))
-    return None if sd is None else np.broadcast_to(sd[:, None, None] ** 2 * np.eye(3), (n, 3, 3))
-
-
-def _turn(table: CsvTable) -> Array | None:
-    if _stated(table, TURN_COVARIANCE):
-        return _symmetric(table, TURN_COVARIANCE, DEG**2)
-    if TURN_SD in table.header:
-        return np.asarray(np.einsum("n,ij->nij", (positive(table, TURN_SD) * DEG) ** 2, np.eye(3)))
+    if table.has(PER_AXIS):
+        return np.asarray(np.einsum("ni,ij->nij", (table.stack(PER_AXIS) * MM) ** 2, np.eye(3)))
     return None
 
 
-def _cross(table: CsvTable) -> Array:
-    if not _stated(table, CROSS_COVARIANCE):
-        return np.zeros((len(table.rows), 3, 3))
-    return np.stack([table.numbers(name) for name in CROSS_COVARIANCE], axis=1).reshape(-1, 3, 3) * MM * DEG
+def _turn(table: NumberTable) -> Array | None:
+    if table.has(TURN_COVARIANCE):
+        return _symmetric(table, TURN_COVARIANCE, DEG**2)
+    if TURN_SD in table:
+        return np.asarray(np.einsum("n,ij->nij", (table.columns[TURN_SD] * DEG) ** 2, np.eye(3)))
+    return None
 
 
-def _symmetric(table: CsvTable, names: Sequence[str], unit: float) -> Array:
-    upper = np.stack([table.numbers(name) for name in names], axis=1) * unit
+def _cross(table: NumberTable) -> Array:
+    if not table.has(CROSS_COVARIANCE):
+        return np.zeros((len(table), 3, 3))
+    return table.stack(CROSS_COVARIANCE).reshape(-1, 3, 3) * MM * DEG
+
+
+def _symmetric(table: NumberTable, names: Sequence[str], unit: float) -> Array:
+    upper = table.stack(names) * unit
     out = np.empty((len(upper), 3, 3))
     for k, (i, j) in enumerate(combinations_with_replacement(range(3), 2)):
         out[:, i, j] = out[:, j, i] = upper[:, k]
     return out
 
 
-def positive(table: CsvTable, name: str) -> Array:
-    """(N,), a column of numbers above zero. Raises `FileError`."""
-    values = table.numbers(name)
-    table.reject(values <= 0, name, "not above zero")
-    return values
-
-
-def read_attitude(table: CsvTable) -> Array | None:
+def read_attitude(table: NumberTable) -> Array | None:
     """(N, 3, 3), rotation of the tool's frame, NaN where all four cells are empty; None without such columns.
 
     Raises `FileError`: a quaternion that is not of length one.
     """
-    if not _stated(table, QUATERNION):
+    if not table.has(QUATERNION):
         return None
-    values = np.stack([maybe_numbers(table, name) for name in QUATERNION], axis=1)
-    gone = np.isnan(values)
-    for i, name in enumerate(QUATERNION):
-        table.reject(gone[:, i] & ~gone.all(axis=1), name, "empty, the rest of the quaternion is not")
+    table.reject_gaps(QUATERNION, "quaternion")
+    values = table.stack(QUATERNION)
     length = np.linalg.norm(values, axis=1)
     table.reject(np.abs(length - 1.0) > UNIT_TOLERANCE, "qw", "the quaternion's length is not one")
     w, x, y, z = (values / length[:, None]).T
@@ -137,23 +114,10 @@ def read_attitude(table: CsvTable) -> Array | None:
     ).transpose(2, 0, 1)
 
 
-def read_feedback(table: CsvTable, arm: Arm, how: Reading) -> Array | None:
+def read_feedback(table: NumberTable, arm: Arm, how: Reading) -> Array | None:
     """(N, n), what the joints' encoders read (rad), NaN where a cell is empty; None without such columns."""
     columns = feedback_columns(arm)
-    if not _stated(table, columns):
-        return None
-    return np.radians(read_joints(how, np.stack([maybe_numbers(table, name) for name in columns], axis=1)))
-
-
-def maybe_numbers(table: CsvTable, name: str) -> Array:
-    """(N,), a column of numbers of which some may be missing (NaN)."""
-    j = table.header.index(name)
-    empty = np.array([not row[j].strip() for row in table.rows])
-    out = np.full(len(table.rows), np.nan)
-    if not empty.all():
-        rows = [i for i, missing in enumerate(empty.tolist()) if not missing]
-        out[rows] = table.take(rows).numbers(name)
-    return out
+    return np.radians(read_joints(how, table.stack(columns))) if table.has(columns) else None
 
 
 def covariance_columns(covariance: Array) -> list[tuple[str, Array, int]]:

@@ -1,4 +1,4 @@
-"""Where the fixed end of measured distances stands, from the arm as drawn (trilateration).
+"""Fixed end of measured distances, from the arm as drawn (trilateration).
 
 Differences of squared distances are linear in the point; Gauss-Newton steps then weigh all distances alike
 (Navidi, Murphy & Hereman 1998).
@@ -19,7 +19,7 @@ from lrm_math.model.model import Model, model_of
 
 STEPS = 20
 FEWEST = 4
-HOPELESS = 0.5
+MAX_RELATIVE_ERROR = 0.5
 """Share of the distances' spread that the arm as drawn may miss them by, with the best point."""
 
 
@@ -43,7 +43,7 @@ def with_anchor(model: Model, data: Measurements) -> Model:
         raise FileError(data.path, "", what, "state distance_from_mm in the file beside the data, or measure more")
     point, left = trilaterate(equilibrium(model, data.poses.take(rows)).true_tcp, data.distance[rows])
     spread = float(data.distance[rows].std())
-    if left > HOPELESS * spread:
+    if left > MAX_RELATIVE_ERROR * spread:
         what = f"from no point would {model.arm.name} miss the distances by less than {left * 1e3:.3g} mm RMS"
         raise FileError(data.path, "", what, "are the unit of distance_mm and the joints right, and is it this arm?")
     known |= dict(zip(keys, point.tolist(), strict=True))

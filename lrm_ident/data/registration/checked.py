@@ -14,7 +14,7 @@ from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import BeyondLimits
 from lrm_ident.data.registration.hypotheses import Hypothesis
-from lrm_ident.data.registration.question import MOST_POSES, Answer, Scored, ask, registered
+from lrm_ident.data.registration.reading_check import ReadingCheck, Scored, check_reading, compared_rows, registered
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
@@ -22,19 +22,19 @@ from lrm_math.model.reading import AS_NAMED, Reading
 
 
 class Misread(FileError):
-    """Measurements that their arm cannot have made as they were read; carries the `answer` of the comparison."""
+    """Measurements that their arm cannot have made as they were read; carries the `check` of the comparison."""
 
-    def __init__(self, path: Path, answer: Answer, arm: Arm, stated: Reading) -> None:
-        self.answer = answer
-        missed = f"as read, {arm.name} misses the positions by {_millimetres(answer.read)}"
-        if not answer.found:
+    def __init__(self, path: Path, check: ReadingCheck, arm: Arm, stated: Reading) -> None:
+        self.check = check
+        missed = f"as read, {arm.name} misses the positions by {_millimetres(check.read)}"
+        if not check.found:
             what = f"{missed}; no other unit, frame or axes and no sign or order of the joints explains them"
             super().__init__(path, "", what, "is it another arm? check the arm file, and which column is which joint")
             return
-        words = ", or ".join(" and ".join(scored.hypothesis.words) for scored in answer.found)
-        remedies = ", or ".join(remedy(scored.hypothesis, stated) for scored in answer.found)
-        then = f"(then {arm.name} misses the positions by {_millimetres(answer.found[0])}, as read by "
-        super().__init__(path, "", words, f"if so: {remedies} {then}{_millimetres(answer.read)})")
+        words = ", or ".join(" and ".join(scored.hypothesis.words) for scored in check.found)
+        remedies = ", or ".join(remedy(scored.hypothesis, stated) for scored in check.found)
+        then = f"(then {arm.name} misses the positions by {_millimetres(check.found[0])}, as read by "
+        super().__init__(path, "", words, f"if so: {remedies} {then}{_millimetres(check.read)})")
 
 
 def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Reading | None = None) -> Measurements:
@@ -58,29 +58,27 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
 
 
 def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
-    """What may be amiss, in words. Raises `Misread`."""
-    answer = ask(arm, data)
-    if answer is None:
+    """Doubts about the reading, in words. Raises `Misread`."""
+    check = check_reading(arm, data)
+    if check is None:
         return ()
-    if not answer.right:
-        raise Misread(data.path, answer, arm, data.stated)
-    better = next((scored for scored in answer.found if scored.hypothesis.words), None)
-    if better is None or not answer.read.overdetermined:
+    if not check.right:
+        raise Misread(data.path, check, arm, data.stated)
+    better = next((scored for scored in check.found if scored.hypothesis.words), None)
+    if better is None or not check.read.overdetermined:
         return ()
     words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.stated)})"
-    return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(answer.read)}",)
+    return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
 
 
 def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:
     """Measurements in an unknown frame, registered to the arm's; others as they are."""
     if data.reading.frame != "unknown":
         return data
-    rows = data.positions
+    rows = compared_rows(data)
     if not len(rows):
         right = "leave it out; state distance_from_mm in the arm's frame, or not at all"
         raise FileError(data.path, "", "distances alone do not determine the frame that they are in", right)
-    if len(rows) > MOST_POSES:
-        rows = np.sort(np.random.default_rng(0).choice(rows, MOST_POSES, replace=False))
     motion = registered(arm, data.poses.take(rows), data.tcp[rows])[1]
     frame = frame_table(motion.rotation, motion.translation)
     angle = math.degrees(math.acos(min(1.0, max(-1.0, (float(np.trace(motion.rotation)) - 1.0) / 2.0))))

@@ -36,7 +36,7 @@ class Hypothesis:
     remedy: str = ""
 
     def also(self, words: str, complexity: float, remedy: str = "", **fields: object) -> Hypothesis:
-        """With one mistake more; `fields`: of the reading."""
+        """Adds one mistake more; `fields`: of the reading."""
         return Hypothesis(
             self.reading.model_copy(update=fields),
             (*self.words, words),

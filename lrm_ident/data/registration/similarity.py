@@ -45,7 +45,7 @@ def similarity(source: Array, target: Array, weight: Array, mirrored: bool, scal
 
 
 def robust_similarity(source: Array, target: Array, mirrored: bool, scale: float | None = None) -> Similarity:
-    """The same with the weights of a Cauchy loss at the scale of the median residual: wrong points count little."""
+    """Similarity with the weights of a Cauchy loss at the scale of the median residual: wrong points count little."""
     weight = np.ones(len(source))
     for _ in range(ROBUST_PASSES):
         found = similarity(source, target, weight, mirrored, scale)

@@ -97,7 +97,7 @@ def _check_serial(robot: Urdf, path: Sequence[UrdfJoint]) -> None:
 
 
 def _axis_frames(path: Sequence[UrdfJoint]) -> Iterator[Array]:
-    """For each turning joint a frame (4, 4) in the base link's whose z is its axis, all angles zero."""
+    """Frames of the turning joints (4, 4) in the base link's whose z is its axis, all angles zero."""
     pose = np.eye(4)
     for joint in path:
         pose = pose @ joint.origin

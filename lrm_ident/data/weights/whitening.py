@@ -18,7 +18,7 @@ from lrm_math.model.sensed import TCP_ONLY, Sensed
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """How the rows of N poses are weighted.
+    """Weighting of the rows of N poses.
 
     Attributes:
         sd: (N,), standard deviation per axis of each position, of the distance where there is no position (m); None if
@@ -52,7 +52,7 @@ class Whitening:
         return self.sensed.rows(dof)
 
     def take(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Whitening:
-        """Of some poses."""
+        """Weights of some poses."""
         sd, root = (None if part is None else part[rows] for part in (self.sd, self.root))
         return replace(self, sd=sd, root=root)
 

@@ -122,7 +122,7 @@ def measured_covariance(found: HandEye, boards: Sequence[BoardPose]) -> Array:
 
 
 def measured_covariance_of(camera: Array, mount: Array, seen: Array, own: Array) -> Array:
-    """The same from the board's poses `seen` (N, 4, 4) in the camera's frame and their covariance `own` (N, 6, 6)."""
+    """Covariance from the board's poses `seen` (N, 4, 4) in the camera's frame and their own, `own` (N, 6, 6)."""
     tool, origin = camera @ seen @ inverse(mount), (camera @ seen)[:, :3, 3]
     lever = _lever_columns(tool[:, :3, 3] - origin, np.broadcast_to(np.eye(3), (len(tool), 3, 3)))
     turned = lever @ np.kron(np.eye(2), camera[:3, :3])

@@ -57,7 +57,7 @@ def _detect(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners:
 
 
 def _quality(picture: NDArray[np.uint8], corners: Corners) -> RejectedPhoto | None:
-    """Why a picture of the board is too poor, if it is: blurred edges, or burnt out."""
+    """Reason why a picture of the board is too poor, if it is: blurred edges, or burnt out."""
     low = np.maximum(corners.pixels.min(axis=0) - CORNERS_OF_REGION, 0).astype(int)
     high = (corners.pixels.max(axis=0) + CORNERS_OF_REGION).astype(int) + 1
     region = picture[low[1] : high[1], low[0] : high[0]].astype(np.float64)

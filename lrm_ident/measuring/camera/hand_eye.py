@@ -1,4 +1,4 @@
-"""Where the camera stands and how the board is mounted: robot-world/hand-eye calibration (Shah 2013), then refined."""
+"""Place of the camera and mount of the board: robot-world/hand-eye calibration (Shah 2013), then refined."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FEWEST_POSES = 8
 LEVER = 0.15
 """m: a rotation counts as what it moves at this distance, about the size of a small arm's links."""
 ROBUST = 0.004  # m, beyond which a photo's residual counts less
-HOPELESS = 0.08  # m: median residual above which arm, poses and photos do not belong together
+MAX_RELATIVE_ERROR = 0.08  # m: median residual above which arm, poses and photos do not belong together
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ def hand_eye(tool: Array, boards: Sequence[BoardPose]) -> HandEye:
     camera, mount = _motion(found[:6]), _motion(found[6:])
     residual = pose_difference(camera @ seen @ inverse(mount), tool)
     middle = float(np.median(np.linalg.norm(residual[:, :3], axis=1)))
-    if middle > HOPELESS:
+    if middle > MAX_RELATIVE_ERROR:
         raise LrmError(
             f"the photos do not fit the poses (median {middle * 1e3:.0f} mm): is it this arm, are the poses in the "
             "order of the photos, do the joints turn the way the arm file says?"

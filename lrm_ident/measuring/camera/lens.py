@@ -49,7 +49,7 @@ class Lens:
 
     @classmethod
     def of(cls, file: LensFile) -> Lens:
-        """Of a file."""
+        """Lens of a file."""
         K = np.array([[file.focal_x_px, 0, file.centre_x_px], [0, file.focal_y_px, file.centre_y_px], [0, 0, 1.0]])
         return cls(K, np.array(file.distortion), (file.width_px, file.height_px), file.noise_px)
 

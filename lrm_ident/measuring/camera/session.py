@@ -1,4 +1,4 @@
-"""What a camera measured: tool poses in the arm's frame with their covariance, and where camera and board stood."""
+"""Measurements by a camera: tool poses in the arm's frame with their covariance, and where camera and board stood."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ FACING = 0.35  # cosine of the angle between the line of sight and the board's n
 
 
 class CameraSession(StrictSchema):
-    """Where the camera stood (in the arm's frame) and the board on the tool; schema `lrm/camera-session/1`."""
+    """Place of the camera (in the arm's frame) and the board on the tool; schema `lrm/camera-session/1`."""
 
     schema_: Literal["lrm/camera-session/1"] = Field(alias="schema")
     arm: str

@@ -98,7 +98,7 @@ class AdaptiveCampaign:
 
 
 def findings_words(found: AdaptiveFindings) -> str:
-    """What is known, in a line."""
+    """Knowledge so far, in a line."""
     names = "; ".join(names[0] if len(names) == 1 else f"{names[0]} or {', '.join(names[1:])}" for names in found.named)
     error = f"held-out error {in_mm(found.held_out)} mm RMS, with 95 % below {in_mm(found.bound)}"
     return f"{error}; {f'added {names}' if names else 'nothing added'}; {found.verdict.replace('_', ' ')}"

@@ -11,8 +11,8 @@ import numpy as np
 
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import metadata_of
-from lrm_ident.data.measurement_table import numbered, read_measurement_table
-from lrm_ident.data.pose_table import read_whole
+from lrm_ident.data.measurement_table import read_measurement_table
+from lrm_ident.data.number_table import read_numbers
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
@@ -57,12 +57,12 @@ def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
 def load_plan(path: Path, arm: Arm) -> CampaignPlan:
     """Reads `pose, q1_deg …, payload_g, approach, repeat_of`, as `design` writes them. Raises `FileError`."""
     poses = load_poses(path, arm, metadata_of(path))
-    table = numbered(read_measurement_table(path))
-    number = read_whole(table, "pose")
+    table = read_numbers(read_measurement_table(path), ("pose", "repeat_of", "approach"))
+    number = table.whole("pose")
     if len(set(number.tolist())) < len(number):
         raise FileError(path, "column pose", "a number stands twice")
-    repeats = read_whole(table, "repeat_of") if "repeat_of" in table.header else number
-    approach = read_whole(table, "approach") if "approach" in table.header else np.zeros_like(number)
+    repeats = table.whole("repeat_of") if "repeat_of" in table else number
+    approach = table.whole("approach") if "approach" in table else np.zeros_like(number)
     columns = (number, poses.q, poses.payload, approach, repeats)
     planned = (
         PlannedPose(int(n), tuple(q.tolist()), float(load), int(side), int(of))

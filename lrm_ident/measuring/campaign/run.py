@@ -8,7 +8,7 @@ from typing import Protocol
 
 from lrm_ident.measuring.campaign.data_file import ArmState, DataFile
 from lrm_ident.measuring.campaign.plan import PlannedPose
-from lrm_ident.measuring.tracker.dwell import RestMean, UnfitRest, rest_mean
+from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, tip_position
 from lrm_math.errors import LrmError
 
@@ -26,8 +26,11 @@ class CampaignArm(Protocol):
     def go(self, pose: PlannedPose) -> ArmState:
         """Moves there and waits. Raises `Unreachable`; other `LrmError`s end the campaign."""
 
+    def disturbed(self) -> str:
+        """What has changed since `go`, so that the arm may not stand there any more, in words; empty if nothing has."""
+
     def too_warm(self) -> str:
-        """Which servo is too warm to go on, in words; empty if none is."""
+        """The servo that is too warm to go on, in words; empty if none is."""
 
     def cool(self, rest: PlannedPose) -> None:
         """Goes to a pose that loads it little, and waits until it is cool."""
@@ -58,7 +61,7 @@ class PoseTiming:
 
 @dataclass(frozen=True)
 class CampaignProgress:
-    """What happened at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s.
+    """Event at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s.
 
     `notable`: something was not as it should be.
     """
@@ -80,7 +83,7 @@ class CampaignResult:
 
 @dataclass(frozen=True)
 class PoseCampaign:
-    """What a campaign works with. `rest`: where the arm cools. Poses of `plan` that the file has are left out."""
+    """Parts that a campaign works with. `rest`: where the arm cools. Poses of `plan` that the file has are left out."""
 
     arm: CampaignArm
     tracker: Tracker
@@ -117,6 +120,10 @@ class PoseCampaign:
             except Unreachable as error:
                 faults.append(str(error))
                 break
+            if why := self.arm.disturbed():
+                words = f"pose {pose.number}: its row is dropped: {why}"
+                self.on_progress(CampaignProgress(words, len(file.done), 0, 0.0, True))
+                rest = UnstableDwell(why)
             if isinstance(rest, RestMean):
                 file.append(pose, state, rest)
                 again = f", after {len(faults)} unfit rests ({faults[-1]})" if faults else ""
@@ -126,7 +133,7 @@ class PoseCampaign:
         result.failed[pose.number] = faults[-1]
         return f"pose {pose.number} not measured: {faults[-1]}"
 
-    def measure(self, pose: PlannedPose) -> tuple[ArmState, RestMean | UnfitRest]:
+    def measure(self, pose: PlannedPose) -> tuple[ArmState, RestMean | UnstableDwell]:
         """Goes to a pose, waits for its time, and averages over the end of the rest."""
         begin = self.clock.now()
         state = self.arm.go(pose)
@@ -135,7 +142,7 @@ class PoseCampaign:
 
 def rest_at(
     tracker: Tracker, numbers: TargetNumbers, clock: Clock, timing: PoseTiming, begin: float
-) -> RestMean | UnfitRest:
+) -> RestMean | UnstableDwell:
     """The mean over the end of a rest whose pose began at a time (s): once the targets are seen again, and settled."""
     for _ in range(round(SIGHT_S / GLANCE_S)):
         if any(tip_position(frame, numbers) is not None for frame in tracker.frames(GLANCE_S)):

@@ -1,4 +1,4 @@
-"""Where the tip landed that was sent to goals, before and after, in words, tables and JSON."""
+"""Report of where the tip landed that was sent to goals, before and after, in words, tables and JSON."""
 
 from __future__ import annotations
 

@@ -13,16 +13,16 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.csv_table import csv_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import metadata_of
-from lrm_ident.data.measurement_table import numbered, read_measurement_table
+from lrm_ident.data.measurement_table import read_measurement_table
+from lrm_ident.data.number_table import read_numbers
 from lrm_ident.data.output_files import is_something_else
-from lrm_ident.data.pose_table import read_whole
 from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
 from lrm_ident.measuring.recordings.rests import RestTimes, check_number, regular_rests, still_rests
 from lrm_ident.measuring.recordings.take import RecordedTake
 from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
-from lrm_ident.measuring.tracker.dwell import UnfitRest, rest_mean
+from lrm_ident.measuring.tracker.dwell import UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
@@ -33,7 +33,7 @@ from lrm_math.toml_file import schema_of
 
 @dataclass(frozen=True)
 class RecordingOrder:
-    """How to read a recording.
+    """Order to read a recording.
 
     `tool`, `base`: names of the bodies at the tip and at the base. `times`: of regular rests; None: they are looked
     for. `skip`: rests before the first pose. `dwell`: s at the end of a rest to average over. `axes`: as in `Reading`.
@@ -66,7 +66,7 @@ class DrivenPoses:
 
 @dataclass(frozen=True, eq=False)
 class ImportedRows:
-    """What a recording gave: tips (N, 3) in m, times (N,) in s or None, spreads (N,) in m or None.
+    """Rows of a recording: tips (N, 3) in m, times (N,) in s or None, spreads (N,) in m or None.
 
     `left_out`: numbers of poses whose rest was unfit, with the reason. `notices`: what a person should know.
     """
@@ -128,10 +128,10 @@ def _driven(path: Path, arm: Arm) -> DrivenPoses:
     if path.suffix in (".mat", ".txt"):
         found = read_mat_poses(path, arm.dof)
         return DrivenPoses(found.number, found.q, np.zeros(len(found.q)), found.number)
-    poses, table = load_poses(path, arm, metadata_of(path)), numbered(read_measurement_table(path))
-    number = read_whole(table, "pose").astype(np.float64)
-    of = read_whole(table, "repeat_of").astype(np.float64) if "repeat_of" in table.header else number
-    return DrivenPoses(number, poses.q, poses.payload, of)
+    poses = load_poses(path, arm, metadata_of(path))
+    table = read_numbers(read_measurement_table(path), ("pose", "repeat_of"))
+    number = table.columns["pose"]
+    return DrivenPoses(number, poses.q, poses.payload, table.columns.get("repeat_of", number))
 
 
 def _one_each(source: Path, driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
@@ -152,12 +152,14 @@ def _averaged(take: RecordedTake, driven: DrivenPoses, order: RecordingOrder) ->
         rests = list(check_number(still_rests(t, pair.tip, order.dwell), count, order.skip))
     means = [rest_mean(pair.frames(rows), pair.numbers) for rows in rests]
     left_out = {
-        int(number): mean.why for number, mean in zip(driven.number, means, strict=True) if isinstance(mean, UnfitRest)
+        int(number): mean.why
+        for number, mean in zip(driven.number, means, strict=True)
+        if isinstance(mean, UnstableDwell)
     }
-    kept = [k for k, mean in enumerate(means) if not isinstance(mean, UnfitRest)]
+    kept = [k for k, mean in enumerate(means) if not isinstance(mean, UnstableDwell)]
     if not kept:
         raise FileError(take.path, "", f"no rest is fit: {next(iter(left_out.values()))}")
-    good = [mean for mean in means if not isinstance(mean, UnfitRest)]
+    good = [mean for mean in means if not isinstance(mean, UnstableDwell)]
     tip = read_positions(Reading(axes=order.axes), np.array([mean.tip for mean in good]))
     times, sd = np.array([mean.t for mean in good]) - take.t[0], np.array([mean.sd for mean in good])
     return ImportedRows(driven.take(np.array(kept)), tip, times, sd, left_out)

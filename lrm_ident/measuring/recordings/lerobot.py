@@ -106,7 +106,7 @@ def _info(folder: Path) -> Mapping[str, Any]:
 
 
 def _columns_of(folder: Path, info: Mapping[str, Any], feature: str, arm: Arm) -> list[int]:
-    """Which columns of a feature are the arm's joints, by the names of both. Raises `FileError`."""
+    """Columns of a feature that are the arm's joints, by the names of both. Raises `FileError`."""
     path = folder / "meta" / "info.json"
     names = info.get("features", {}).get(feature, {}).get("names")
     if isinstance(names, dict):

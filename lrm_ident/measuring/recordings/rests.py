@@ -1,4 +1,4 @@
-"""Where in a recording the arm rested: at regular times, or wherever the tip stood still."""
+"""Rests of the arm in a recording: at regular times, or wherever the tip stood still."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class BodyPair:
 
     @property
     def numbers(self) -> TargetNumbers:
-        """Of the bodies in `frames`."""
+        """Names of the bodies in `frames`."""
         return TargetNumbers(TOOL, None if self.base is None else BASE)
 
     @property

@@ -36,33 +36,35 @@ class RestMean:
 
 
 @dataclass(frozen=True)
-class UnfitRest:
-    """Why the frames of a rest give no position."""
+class UnstableDwell:
+    """Reason why the frames of a rest give no position."""
 
     why: str
 
 
-def rest_mean(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> RestMean | UnfitRest:
+def rest_mean(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> RestMean | UnstableDwell:
     """The mean position of the tip over the frames of a rest, or what is wrong with them."""
     frames = list({frame.number: frame for frame in frames}.values())  # a datagram may come twice
     if len(frames) < LEAST:
-        return UnfitRest(f"only {len(frames)} different frames arrived")
+        return UnstableDwell(f"only {len(frames)} different frames arrived")
     known = [(frame.t, tip) for frame in frames if (tip := tip_position(frame, numbers)) is not None]
     if len(frames) - len(known) > LOST_SHARE * len(frames):
-        return UnfitRest(f"target {_most_lost(frames, numbers)} unseen in {len(frames) - len(known)} of {len(frames)}")
+        return UnstableDwell(
+            f"target {_most_lost(frames, numbers)} unseen in {len(frames) - len(known)} of {len(frames)}"
+        )
     tips = np.array([tip for _, tip in known])
     if _longest_run(tips) >= FROZEN:
-        return UnfitRest("frozen: exactly the same position again and again")
+        return UnstableDwell("frozen: exactly the same position again and again")
     away = np.linalg.norm(tips - np.median(tips, axis=0), axis=1)
     outliers = int(np.sum(away > max(OUTLIER * float(np.median(away)), FINEST)))
     if outliers:
-        return UnfitRest(f"{outliers} outliers in {len(tips)} frames, {away.max() * 1e3:.1f} mm at most")
+        return UnstableDwell(f"{outliers} outliers in {len(tips)} frames, {away.max() * 1e3:.1f} mm at most")
     mean = tips.mean(axis=0)
     sd = float(np.sqrt(((tips - mean) ** 2).sum() / (3 * (len(tips) - 1))))
     half = len(tips) // 2
     shift = float(np.linalg.norm(tips[:half].mean(axis=0) - tips[-half:].mean(axis=0)))
     if shift > max(MOVING * sd * np.sqrt(2.0 / half), FINEST):
-        return UnfitRest(f"still moving: {shift * 1e3:.2f} mm between the halves of the rest")
+        return UnstableDwell(f"still moving: {shift * 1e3:.2f} mm between the halves of the rest")
     return RestMean(mean, sd, float(np.mean([t for t, _ in known])), len(known))
 
 

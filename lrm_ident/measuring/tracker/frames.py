@@ -1,4 +1,4 @@
-"""What every tracker says: frames with the poses of numbered targets."""
+"""Frames of any tracker: frames with the poses of numbered targets."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def draw_choice(found: PoseSelection, data: Measurements, path: Path) -> None:
 
 
 def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, path: Path) -> None:
-    """Where the poses are, the expected error of every parameter, and the detectable sizes of the rivals.
+    """Positions of the poses, the expected error of every parameter, and the detectable sizes of the rivals.
 
     Raises `FileError` for an unknown format or a place that cannot be written.
     """

@@ -21,7 +21,7 @@ DEGREES = 180.0 / np.pi
 
 @dataclass(frozen=True, eq=False)
 class DriverCurve:
-    """What the effects of a fitted model that follow one driver turn a joint by.
+    """Turn of a joint by the effects of a fitted model that follow one driver.
 
     Attributes:
         driver, unit: the driver's name (`q2`, `tau2`, `t`) and unit. joint: the name of the joint that is turned.

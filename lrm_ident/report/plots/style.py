@@ -1,14 +1,14 @@
-"""What all figures share: colours for any colour vision (Okabe & Ito 2008), file formats, axes, writing."""
+"""Style that all figures share: colours for any colour vision (Okabe & Ito 2008), file formats, axes, writing."""
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lrm_ident.data.atomic_write import write_bytes
 from lrm_math.errors import FileError
 
 if TYPE_CHECKING:  # matplotlib takes half a second to load
@@ -34,20 +34,14 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Figure]:
     import matplotlib.pyplot as plt
 
     check_format(path)
-    figure, temporary = plt.figure(figsize=(width, height), layout="constrained"), ""
+    figure = plt.figure(figsize=(width, height), layout="constrained")
     try:
         yield figure
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)
-        os.close(handle)
-        figure.savefig(temporary, dpi=110)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
-        raise FileError(path, "", f"cannot be written ({error.strerror})") from None
+        drawn = BytesIO()
+        figure.savefig(drawn, dpi=110, format=path.suffix[1:])
     finally:
         plt.close(figure)
+    write_bytes(path, drawn.getvalue())
 
 
 def finish(axes: Axes, x: str, y: str, title: str = "", legend: bool = True) -> None:

@@ -43,7 +43,7 @@ def draw_reach(found: VariantComparison, path: Path) -> None:
 
 
 def _height(found: VariantComparison) -> float:
-    """Where to cut level (m): through the middle of the first area, or where the map holds most."""
+    """Heights to cut level (m): through the middle of the first area, or where the map holds most."""
     first = found.maps[0]
     if found.areas:
         return 0.5 * (found.areas[0].low[2] + found.areas[0].high[2])

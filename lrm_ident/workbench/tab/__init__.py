@@ -1,1 +1,1 @@
-"""What one browser tab of the workbench shows."""
+"""Elements of one browser tab of the workbench."""

@@ -17,7 +17,7 @@ Do = Callable[[Callable[[], object]], object]
 
 
 def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
-    """What the search for a law found, and the button that adds it."""
+    """Shows what the search for a law found, and the button that adds it."""
     with ui.dialog() as dialog, _card("lrm-law", "lrm-wide"):
         ui.html(law.words, sanitize=False).classes("lrm-numbers")
         with ui.row():
@@ -30,7 +30,7 @@ def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
 
 
 def save_dialog(session: WorkbenchSession, do: Do) -> None:
-    """Where to write the model. Raises `LrmError` if there is none."""
+    """Asks where to write the model. Raises `LrmError` if there is none."""
     if session.step is None:
         raise LrmError("no model is open yet")
     with ui.dialog() as dialog, _card("lrm-save"):
@@ -49,7 +49,7 @@ def save_dialog(session: WorkbenchSession, do: Do) -> None:
 
 
 def commands_dialog(session: WorkbenchSession) -> None:
-    """What was done, as commands."""
+    """Shows the steps as commands."""
     text = commands_text(session.done)
     with ui.dialog() as dialog, _card("lrm-done", "lrm-wide"):
         ui.label("What was done here, as commands")

@@ -1,4 +1,4 @@
-"""What stands in the head of the page: styles, scripts, and the colours that the browser asks for."""
+"""Head of the page: styles, scripts, and the colours that the browser asks for."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ SILENT_S = 2.0
 
 @dataclass(frozen=True, eq=False)
 class RoverTip:
-    """Where an arm is.
+    """Position of an arm.
 
     Attributes:
         mode: of the daemon, and why. q: (n,), commanded angles (rad). payload: kg.
@@ -39,7 +39,7 @@ class RoverTip:
 
     @property
     def words(self) -> str:
-        """For a person."""
+        """Words for a person."""
         tip, drawn = self.bent[-1] * 1e3, self.nominal[-1] * 1e3
         off = float(np.linalg.norm(tip - drawn))
         angles = " ".join(f"{angle:.1f}" for angle in np.degrees(self.q))
@@ -85,7 +85,7 @@ class RoverLink:
             self._session = None
 
     def tip(self, model: Model) -> RoverTip:
-        """Where the arm is now. Raises `LrmError` if the daemon is silent or has another arm."""
+        """Position of the arm now. Raises `LrmError` if the daemon is silent or has another arm."""
         if self.failure:
             raise LrmError(self.failure)
         if time.monotonic() - self.heard > SILENT_S:

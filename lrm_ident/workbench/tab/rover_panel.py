@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class RoverPanel:
-    """Of one tab. What it needs is loaded when somebody listens, since the page would wait for it."""
+    """Panel of one tab. What it needs is loaded when somebody listens, since the page would wait for it."""
 
     def __init__(self, session: WorkbenchSession) -> None:
         self.session = session

@@ -1,4 +1,4 @@
-"""What was done in the workbench, as commands of `lrm-ident` that do the same."""
+"""Steps taken in the workbench, as commands of `lrm-ident` that do the same."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class DoneCommand:
 
     @property
     def text(self) -> str:
-        """For a shell."""
+        """Text for a shell."""
         words = ["lrm-ident", *map(str, self.words)]
         if self.effects_file is not None:
             words += ["--effects-file", str(self.effects_file)]

@@ -1,18 +1,18 @@
-"""What the page shows of a step, made where it was computed, so that the page's process only passes it on."""
+"""View of a step on the page, made where it was computed, so that the page's process only passes it on."""
 
 from __future__ import annotations
 
 from lrm_ident.report.document import Block, Document
 from lrm_ident.report.document_html import blocks_html, table_html
-from lrm_ident.report.findings import Findings
+from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.study.model_history import model_text, undo_step
 from lrm_ident.workbench.section import section_html
 from lrm_ident.workbench.work.tasks import StepView
 
 
-def step_shown(found: Findings) -> StepView:
-    """Title, verdict, figures and tables of findings."""
+def step_shown(found: ModelReport) -> StepView:
+    """Title, verdict, figures and tables of a report."""
     file = found.file
     return StepView(
         title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
@@ -25,7 +25,7 @@ def step_shown(found: Findings) -> StepView:
     )
 
 
-def _numbers(found: Findings) -> str:
+def _numbers(found: ModelReport) -> str:
     sections = {
         "What is missing, and what these data cannot show": _html(found.diagnosis),
         "Where it fails": _html(found.comparison),

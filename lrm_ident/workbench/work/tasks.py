@@ -1,6 +1,6 @@
-"""What the workbench asks its process to do, and what comes back: plain values that need none of what computes.
+"""Tasks of the workbench for its process, and their results: plain values that need none of what computes.
 
-The page's process is up in a moment for that; `doing.py` does the work.
+The page's process is up in a moment for that; `run_task.py` does the work.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from lrm_math.model.reading import AS_NAMED, Reading
 
 if TYPE_CHECKING:
-    from lrm_ident.report.findings import Findings
+    from lrm_ident.report.model_report import ModelReport
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class OpenFiles:
 
 @dataclass(frozen=True)
 class StepView:
-    """What the page shows of a step.
+    """View of a step on the page.
 
     Attributes:
         title: arm, file, and how many poses. verdict: of the diagnosis, or "".
@@ -55,7 +55,7 @@ class StepResult:
     packed: bytes
 
     @cached_property
-    def findings(self) -> Findings:
+    def report(self) -> ModelReport:
         """All that is known."""
         return unpacked(self.packed)
 
@@ -131,9 +131,9 @@ class ProposeTask:
 WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask
 
 
-def unpacked(packed: bytes) -> Findings:
-    """Findings that came from our own process."""
-    found: Findings = pickle.loads(packed)
+def unpacked(packed: bytes) -> ModelReport:
+    """ModelReport that came from our own process."""
+    found: ModelReport = pickle.loads(packed)
     return found
 
 

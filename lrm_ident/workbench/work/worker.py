@@ -23,7 +23,7 @@ SMALLEST_PAUSE = 0.05
 
 @dataclass(frozen=True)
 class WorkProgress:
-    """What is being done; `of` is 0 as long as its length is not known."""
+    """Progress of the work; `of` is 0 as long as its length is not known."""
 
     what: str
     done: int = 0
@@ -32,7 +32,7 @@ class WorkProgress:
 
 @dataclass(frozen=True)
 class WorkNotice:
-    """What a person should know of a file."""
+    """Notice of a file for a person."""
 
     words: str
 
@@ -51,13 +51,13 @@ class WorkDone:
 
 @dataclass(frozen=True)
 class WorkFailure:
-    """Why a task ended without a result, in one line."""
+    """Reason why a task ended without a result, in one line."""
 
     words: str
 
 
 WorkMessage = WorkProgress | WorkNotice | WorkResult | WorkDone | WorkFailure
-Say = Callable[[WorkMessage], None]
+Send = Callable[[WorkMessage], None]
 
 
 @dataclass
@@ -84,7 +84,7 @@ class WorkProcess:
         self._pipe.send(task)
 
     def messages(self) -> Iterator[WorkMessage]:
-        """What has come since the last call; a failure, and a new process, if it died."""
+        """Messages that have come since the last call; a failure, and a new process, if it died."""
         try:
             while self._pipe.poll():
                 message = self._pipe.recv()
@@ -126,11 +126,13 @@ def work_process() -> WorkProcess:
 
 def _work(pipe: Connection) -> None:
     """Takes tasks until the other end closes."""
-    do = import_module("lrm_ident.workbench.work.doing").do  # here: only this process needs what computes
+    run_task = import_module(
+        "lrm_ident.workbench.work.run_task"
+    ).run_task  # here: only this process needs what computes
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
     said = 0.0
 
-    def say(message: WorkMessage) -> None:
+    def send(message: WorkMessage) -> None:
         """Sends a message to the page; of progress not more than one per `SMALLEST_PAUSE`."""
         nonlocal said
         now = time.monotonic()
@@ -145,7 +147,7 @@ def _work(pipe: Connection) -> None:
         except (EOFError, OSError):
             return
         try:
-            do(task, say)
+            run_task(task, send)
             pipe.send(WorkDone())
         except LrmError as error:
             pipe.send(WorkFailure(str(error)))

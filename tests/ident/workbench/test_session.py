@@ -48,7 +48,7 @@ def until(session: WorkbenchSession, holds: Callable[[], bool]) -> None:
 
 
 def diagnosed(session: WorkbenchSession) -> bool:
-    return session.findings is not None and session.findings.diagnosis is not None and session.worker.task is None
+    return session.report is not None and session.report.diagnosis is not None and session.worker.task is None
 
 
 @pytest.mark.slow
@@ -59,11 +59,11 @@ def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Pa
     with pytest.raises(LrmError, match="still at work"):
         session.undo()
     until(session, lambda: len(session.steps) == 2 and diagnosed(session))
-    assert session.findings is not None
-    first, second = session.findings.file.history
+    assert session.report is not None
+    first, second = session.report.file.history
     assert second.held_out_rms_mm is not None
     assert second.held_out_rms_mm < 0.3 * (first.held_out_rms_mm or 0.0)
-    assert "Nothing is missing" in session.findings.verdict
+    assert "Nothing is missing" in session.report.verdict
     session.save(tmp_path / "saved.toml")
     for command in commands_text(session.done).splitlines():
         words = command.replace("step-", "again-").split()[1:]

@@ -1,4 +1,4 @@
-"""What `figures.js` draws, as plain JSON: rounded values in the units of the screen."""
+"""Values that `figures.js` draws, as plain JSON: rounded values in the units of the screen."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from lrm_ident.data.wording import in_mm
 from lrm_ident.report.diagnosis import MARKS
-from lrm_ident.report.findings import Findings
+from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plots.interactive.candidate_view import CandidateView
 from lrm_ident.residual.error_field import COLOURS, FieldStep
 from lrm_math.arrays import Array
@@ -19,7 +19,7 @@ UM, ANGLE, SMALLEST_P = 3, 4, 1e-15
 """Decimals of millimetres and degrees in the drawing only, and the least p value that is printed."""
 
 
-def figure_values(found: Findings) -> dict[str, Any]:
+def figure_values(found: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
     field, data = found.field, found.poses
     return {
@@ -75,7 +75,7 @@ def _step(step: FieldStep) -> dict[str, Any]:
     }
 
 
-def _where(found: Findings) -> dict[str, Any]:
+def _where(found: ModelReport) -> dict[str, Any]:
     """The joint and the driver that are shown first: those that the residual follows most."""
     factors = [] if found.comparison is None else found.comparison.values["factors"]
     names = {one.name: one for one in found.covariates}
@@ -86,7 +86,7 @@ def _where(found: Findings) -> dict[str, Any]:
     return {"joint": 0, "driver": found.covariates[0].name if found.covariates else ""}
 
 
-def _ranking(found: Findings, values: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _ranking(found: ModelReport, values: Mapping[str, Any]) -> list[dict[str, Any]]:
     views = {view.name: view for view in found.candidates}
     out = []
     for advice in values["ranking"]:

@@ -64,6 +64,9 @@ class TwoJointRig:
             for k, p in enumerate(places)
         ]
 
+    def disturbed(self) -> str:
+        return ""
+
     def too_warm(self) -> str:
         return ""
 
@@ -79,7 +82,7 @@ def run(rig: TwoJointRig, path: Path, goal: StoppingGoal) -> list[str]:
     told: list[str] = []
     file = DataFile(path, ARM.dof)
     with file:
-        file.begin(CampaignHead("two-joint", "test", (0.0,) * ARM.dof, "plan", 0.0))
+        file.begin(CampaignHead("two-joint", "test", (0.0,) * ARM.dof, "plan", 0.0, "power"))
         campaign = PoseCampaign(rig, rig, TargetNumbers(1, None), rig, PoseTiming(), PLAN[0], lambda _: None)
         AdaptiveCampaign(campaign, ARM, goal, told.append).run(PLAN, file)
     return told
@@ -115,7 +118,7 @@ def unsure(error: float = 1e-3, names: tuple[str, ...] = ("a@b", "c@d")) -> Adap
 
 
 def given(monkeypatch: pytest.MonkeyPatch, *findings: AdaptiveFindings) -> None:
-    """Findings one after the other, the last one again and again."""
+    """ModelReport one after the other, the last one again and again."""
     left = list(findings)
     monkeypatch.setattr(adaptive, "assess", lambda _: left.pop(0) if len(left) > 1 else left[0])
     chosen: Callable[..., object] = lambda *args: np.arange(min(BATCH, len(args[2])))  # noqa: E731

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.measuring.tracker.dtrack import dtrack_text, parse_dtrack
-from lrm_ident.measuring.tracker.dwell import RestMean, UnfitRest, rest_mean
+from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame, tip_position
 from lrm_ident.measuring.tracker.growing_csv import GrowingCsv
 from lrm_ident.measuring.tracker.source import open_tracker
@@ -134,7 +134,7 @@ def test_a_good_rest_is_averaged(seed: int) -> None:
 )
 def test_an_unfit_rest_is_noticed(frames: list[TrackerFrame], why: str) -> None:
     found = rest_mean(frames, NUMBERS)
-    assert isinstance(found, UnfitRest)
+    assert isinstance(found, UnstableDwell)
     assert why in found.why
 
 

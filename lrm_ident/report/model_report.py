@@ -17,8 +17,8 @@ from lrm_ident.report.plots.interactive.candidate_view import CandidateView, can
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.error_field import ErrorField, error_field
-from lrm_ident.study.inputs import ModelInputs
 from lrm_ident.study.model_history import models_of_history
+from lrm_ident.study.study import Study
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model_file import ModelFile, to_model
 
@@ -26,7 +26,7 @@ CANDIDATES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Findings:
+class ModelReport:
     """A model on measurements, as plain values that go between processes.
 
     Attributes:
@@ -54,7 +54,7 @@ class Findings:
 
     @property
     def provenance(self) -> ResultTable:
-        """Where the model comes from."""
+        """Provenance of the model."""
         return provenance_table(self.file)
 
     @property
@@ -77,14 +77,14 @@ class Findings:
         return Document(blocks, "lrm/report/1", values)
 
 
-def first_look(inputs: ModelInputs) -> Findings:
-    """What costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
-    file, model, data = inputs.file, inputs.model, inputs.data
-    models = [(name, to_model(data.path, one, model.arm, inputs.catalogue)) for name, one in models_of_history(file)]
+def quick_report(study: Study) -> ModelReport:
+    """Report that costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
+    file, model, data = study.file, study.model, study.data
+    models = [(name, to_model(data.path, one, model.arm, study.catalogue)) for name, one in models_of_history(file)]
     field = error_field(data, models)
     known = covariates(data, equilibrium(model, data.poses).joint_torque)
     errors = {key: sd * models[-1][1].parameters[models[-1][1].position(key)].si for key, sd in file.sigma.items()}
-    return Findings(
+    return ModelReport(
         file=file,
         poses=data.take(field.rows),
         field=field,
@@ -93,15 +93,15 @@ def first_look(inputs: ModelInputs) -> Findings:
     )
 
 
-def with_comparison(found: Findings, compared: ModelComparison) -> Findings:
-    """With the result of `compare`."""
+def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelReport:
+    """Adds the result of `compare`."""
     worst = tuple(int(compared.data.pose[row]) for row in compared.worst)
     marked = {**(found.marked or {}), "worst": worst}
     return replace(found, comparison=comparison_document(compared), marked=marked)
 
 
-def with_diagnosis(found: Findings, report: DiagnosisReport) -> Findings:
-    """With the result of `diagnose`."""
+def with_diagnosis(found: ModelReport, report: DiagnosisReport) -> ModelReport:
+    """Adds the result of `diagnose`."""
     diagnosis = report.diagnosis
     fitted, data = diagnosis.seen
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}

@@ -25,8 +25,8 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.checked import Misread, load_checked
-from lrm_ident.data.registration.collapse import DestroyedArm, check_arm
-from lrm_ident.data.registration.question import ask, nominal_tcp
+from lrm_ident.data.registration.degenerate_fit import DegenerateFit, check_arm
+from lrm_ident.data.registration.reading_check import check_reading, nominal_tcp
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
@@ -47,15 +47,15 @@ OPTION_1 = ["--parameters", "option1"]
 @pytest.mark.parametrize("number", range(len(KINDS)))
 def test_each_misreading_is_understood_on_one_arm(number: int) -> None:
     case = misread(ARMS[number % len(ARMS)], KINDS[number], seed=7)
-    assert case.understood(ask(case.arm, case.data))
+    assert case.understood(check_reading(case.arm, case.data))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", HEALTHY)
 def test_a_bad_arm_is_not_refused(name: str) -> None:
     for seed in (11, 12):
-        answer = ask(load_arm(name), healthy_data(name, seed))
-        assert answer is None or answer.right
+        check = check_reading(load_arm(name), healthy_data(name, seed))
+        assert check is None or check.right
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_whatever_fits_refuses_to_destroy_the_arm(values: dict[str, float], said
         lambda: lrm.add(model, data, "compliance"),
         lambda: lrm.auto(model, data),
     ):
-        with pytest.raises(DestroyedArm, match=said):
+        with pytest.raises(DegenerateFit, match=said):
             fitting()
     check_arm(_drawn_with({}), keys)
 
@@ -233,7 +233,7 @@ def test_a_length_that_others_undo_does_not_collapse() -> None:
     rest = _drawn_with({"offsets.joint1.d_mm": -0.080})
     keys = [key for key in rest.model.keys if "base" in key or key == "offsets.joint1.d_mm"]
     check_arm(rest, keys)
-    with pytest.raises(DestroyedArm, match="collapse"):
+    with pytest.raises(DegenerateFit, match="collapse"):
         check_arm(rest, ["offsets.joint1.d_mm"])
 
 

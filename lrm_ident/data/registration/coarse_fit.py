@@ -1,4 +1,4 @@
-"""Loose fit: how near an arm comes to measured positions if it errs and gives within bounds (ridge regression).
+"""Coarse fit: how near an arm comes to measured positions if it errs and gives within bounds (ridge regression).
 
 Gauss–Newton steps on all errors of the dimensions and on the joints' compliances, weighted by a Cauchy loss,
 regularised by the sizes that they have on an assembled arm, and clipped to bounds that no assembled arm exceeds.
@@ -33,7 +33,7 @@ TRUSTED = 0.8  # share of the poses, the nearest ones, that the score counts
 
 
 @dataclass(frozen=True, eq=False)
-class LooseFit:
+class CoarseFit:
     """`tcp`: (N, 3), predicted with the fitted dimensions (m). `score`: `trimmed_rms` of the distances (m).
 
     `overdetermined`: whether there are so many coordinates that the fit cannot follow whatever was measured.
@@ -55,7 +55,7 @@ class _Sizes:
     stiff: Array
 
 
-def loose_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> LooseFit:
+def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> CoarseFit:
     """The arm's errors fitted to measured positions (N, 3), m.
 
     Args:
@@ -65,7 +65,7 @@ def loose_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> L
     sizes = _sizes(equilibrium(model, poses), fixed_base)
     columns = [model.position(key) for key in sizes.keys]
     z, overdetermined = np.zeros(len(columns)), tcp.size >= OVERDETERMINED * len(columns)
-    best: LooseFit | None = None
+    best: CoarseFit | None = None
     robust = overdetermined  # weights slow a fit that can follow anything, so such a one starts without
     for step in range(STEPS + 1):
         try:
@@ -74,7 +74,7 @@ def loose_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> L
             break
         residual = tcp - rest.tcp
         distance = np.linalg.norm(residual, axis=1)
-        now = LooseFit(rest.tcp, trimmed_rms(distance), overdetermined)
+        now = CoarseFit(rest.tcp, trimmed_rms(distance), overdetermined)
         settled = best is not None and abs(now.score - best.score) < SETTLED * best.score
         best = now if best is None or now.score < best.score else best
         if settled and robust:
@@ -104,7 +104,7 @@ def reach(arm: Arm) -> float:
 
 
 def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:
-    """What is fitted, at the equilibrium of the arm as drawn; a joint without torque cannot sag."""
+    """Columns that are fitted, at the equilibrium of the arm as drawn; a joint without torque cannot sag."""
     model, length = drawn.model, reach(drawn.model.arm)
     torque = dict(zip(model.arm.joint_names, np.abs(drawn.joint_torque).max(axis=0).tolist(), strict=True))
     torque["base"] = float(np.abs(drawn.base_moment).max())

@@ -7,8 +7,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from lrm_ident.data.registration.loose_fit import reach
-from lrm_ident.data.registration.question import nominal_tcp
+from lrm_ident.data.registration.coarse_fit import reach
+from lrm_ident.data.registration.reading_check import nominal_tcp
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_math.arm.arm_file import MM
 from lrm_math.errors import LrmError
@@ -24,12 +24,12 @@ OWN, LOOKED_AT = 0.1, 200
 CHECK = "are unit, axes and frame right, and is it this arm?"
 
 
-class DestroyedArm(LrmError):
+class DegenerateFit(LrmError):
     """A fit that lowers the error only by destroying the arm."""
 
 
 def check_arm(rest: Equilibrium, free: Sequence[str]) -> None:
-    """Raises `DestroyedArm` if a fit does not describe the arm of the question.
+    """Raises `DegenerateFit` if a fit does not describe the arm of the question.
 
     Args:
         rest: equilibrium of the fitted model at the poses.
@@ -41,11 +41,11 @@ def check_arm(rest: Equilibrium, free: Sequence[str]) -> None:
         scale = robust_similarity(nominal, rest.tcp, mirrored=False).scale
         if not LEAST_SCALE < scale < MOST_SCALE:
             verb = "shrinks" if scale < 1 else "stretches"
-            raise DestroyedArm(f"the fit lowers the error only as it {verb} the arm to {100 * scale:.0f} %; {CHECK}")
+            raise DegenerateFit(f"the fit lowers the error only as it {verb} the arm to {100 * scale:.0f} %; {CHECK}")
     for key, drawn, fitted in lengths(model, free):
         if abs(drawn) > LONG * reach(model.arm) and fitted / drawn < LEFT and _own_motion(rest, free, key) > OWN:
             change = f"from {drawn / MM:.1f} to {fitted / MM:.1f} mm"
-            raise DestroyedArm(f"the fit lets a length collapse: {key} goes {change}; {CHECK}")
+            raise DegenerateFit(f"the fit lets a length collapse: {key} goes {change}; {CHECK}")
 
 
 def _own_motion(rest: Equilibrium, free: Sequence[str], key: str) -> float:

@@ -1,8 +1,8 @@
-"""Is the question right? Whether an arm can have moved to the measured positions, as they were read or read otherwise.
+"""Check of the reading: can an arm have moved to the measured positions, as they were read or read otherwise?
 
-The measured cloud is compared with the nominal arm under few hypotheses. For each set of joint angles the best
-similarity (Umeyama 1991), proper and mirrored, determines unit, axes and frame; a loose fit of the arm's dimensions
-then scores them. Errors of a real arm fit loosely, a misreading does not.
+The measured points is compared with the nominal arm under few hypotheses. For each set of joint angles the best
+similarity (Umeyama 1991), proper and mirrored, determines unit, axes and frame; a coarse fit of the arm's dimensions
+then scores them. A real arm's errors stay within the bounds of that fit, a misreading does not.
 """
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.apply_reading import axes_matrix, axes_words, rigid_motion
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.coarse_fit import coarse_fit, trimmed_rms
 from lrm_ident.data.registration.hypotheses import (
     COMPOUND,
     Hypothesis,
@@ -24,7 +26,6 @@ from lrm_ident.data.registration.hypotheses import (
     with_free_frame,
     with_unit,
 )
-from lrm_ident.data.registration.loose_fit import loose_fit, trimmed_rms
 from lrm_ident.data.registration.similarity import Similarity, robust_similarity
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import read_arm, shipped_arms
@@ -39,7 +40,7 @@ MOST_POSES = 100
 LOOKED_AT, WORTH = 10, 2.0
 """How many similarities are looked at closely, the simplest first, and how much worse than the best one they may be."""
 FLOOR = 0.01
-"""Share of the cloud's spread below which a score is as good as any."""
+"""Share of the points' spread below which a score is as good as any."""
 BETTER = 0.5
 """A misreading is reported only if it brings the score below this part of it."""
 GOOD = 0.02
@@ -51,18 +52,18 @@ ALIKE = 1.5
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
 REGISTRATIONS = 2
-HOPELESS = 0.3
+MAX_RELATIVE_ERROR = 0.3
 """Share of the spread beyond which the data are of another arm, even if no other reading is better."""
 
 
 @dataclass(frozen=True)
 class Scored:
-    """A hypothesis and how far its loose fit misses.
+    """A hypothesis and how far its coarse fit misses.
 
     Attributes:
         score: `trimmed_rms` of the distances (m).
         spread: RMS distance of the nominal arm's positions from their centre (m).
-        overdetermined: whether there are enough poses for a loose fit to miss at all.
+        overdetermined: whether there are enough poses for a coarse fit to miss at all.
     """
 
     hypothesis: Hypothesis
@@ -77,8 +78,8 @@ class Scored:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What the comparison found.
+class ReadingCheck:
+    """Result of the comparison.
 
     Attributes:
         read: the file as it was read.
@@ -93,12 +94,12 @@ class Answer:
         """Whether the data can be taken as they were read."""
         best = min((scored.share for scored in self.found), default=np.inf)
         if not self.read.overdetermined:
-            return self.read.share <= HOPELESS
-        return self.read.share <= min(max(FLOOR, best / BETTER), HOPELESS)
+            return self.read.share <= MAX_RELATIVE_ERROR
+        return self.read.share <= min(max(FLOOR, best / BETTER), MAX_RELATIVE_ERROR)
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class PointSet:
     """Joint angles and positions of some measurements as read, and how: units stated, never a known frame."""
 
     arm: Arm
@@ -107,52 +108,58 @@ class Cloud:
     reading: Reading
 
     def scored(self, hypothesis: Hypothesis, q: Array, tcp: Array) -> Scored:
-        """A hypothesis, scored by the loose fit with the angles (N, n) and positions (N, 3) that it makes of these."""
+        """A hypothesis, scored by the coarse fit with the angles (N, n) and positions (N, 3) that it makes of these."""
         poses, free = replace(self.poses, q=q), hypothesis.reading.frame == "unknown"
         seen = registered(self.arm, poses, tcp)[0] if free else tcp
         nominal = nominal_tcp(self.arm, poses)
-        fit = loose_fit(self.arm, poses, seen, fixed_base=free)
+        fit = coarse_fit(self.arm, poses, seen, fixed_base=free)
         return Scored(hypothesis, fit.score, _spread(nominal), fit.overdetermined)
 
 
-def ask(arm: Arm, data: Measurements) -> Answer | None:
+def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     """Compares measurements with the nominal arm; None if there are too few poses, or all are one."""
-    rows = data.positions
-    if len(rows) > MOST_POSES:
-        rows = np.sort(np.random.default_rng(0).choice(rows, MOST_POSES, replace=False))
+    rows = compared_rows(data)
     data = data.take(rows)
     if len(rows) < LEAST_POSES or _spread(nominal_tcp(arm, data.poses)) == 0.0:
         return None
-    cloud = Cloud(arm, data.poses, data.tcp, data.stated)
-    read = cloud.scored(Hypothesis(data.stated), data.poses.q, data.tcp)
+    points = PointSet(arm, data.poses, data.tcp, data.stated)
+    read = points.scored(Hypothesis(data.stated), data.poses.q, data.tcp)
     if read.share <= FLOOR:
-        return Answer(read, (read,))
-    every = [read, *_alternatives(_before_frame(cloud))]
+        return ReadingCheck(read, (read,))
+    every = [read, *_alternatives(_before_frame(points))]
     if min(scored.share for scored in every) > GOOD:
-        every += _other_arms(cloud)
+        every += _other_arms(points)
     best = min(scored.share for scored in every)
     alike = [scored for scored in every if scored.share <= max(ALIKE * best, FLOOR)]
     simplest = min(scored.hypothesis.complexity for scored in alike)
     chosen = [s for s in alike if s.hypothesis.complexity == simplest and s.share <= PLAUSIBLE]
-    return Answer(read, tuple(sorted(chosen, key=lambda scored: scored.share)))
+    return ReadingCheck(read, tuple(sorted(chosen, key=lambda scored: scored.share)))
 
 
-def _before_frame(cloud: Cloud) -> Cloud:
-    """The cloud in the frame that it was measured in, if that is known: another reading may have another one."""
-    if not isinstance(cloud.reading.frame, FrameTable):
-        return cloud
-    rotation, translation = rigid_motion(cloud.reading.frame)
-    unknown = cloud.reading.model_copy(update={"frame": "unknown"})
-    return replace(cloud, tcp=(cloud.tcp - translation) @ rotation, reading=unknown)
+def compared_rows(data: Measurements) -> NDArray[np.int64]:
+    """Rows with a position; of many, `MOST_POSES` drawn at random, always the same."""
+    rows = data.positions
+    if len(rows) <= MOST_POSES:
+        return rows
+    return np.sort(np.random.default_rng(0).choice(rows, MOST_POSES, replace=False))
 
 
-def _alternatives(cloud: Cloud) -> Iterator[Scored]:
+def _before_frame(points: PointSet) -> PointSet:
+    """The points in the frame that it was measured in, if that is known: another reading may have another one."""
+    if not isinstance(points.reading.frame, FrameTable):
+        return points
+    rotation, translation = rigid_motion(points.reading.frame)
+    unknown = points.reading.model_copy(update={"frame": "unknown"})
+    return replace(points, tcp=(points.tcp - translation) @ rotation, reading=unknown)
+
+
+def _alternatives(points: PointSet) -> Iterator[Scored]:
     """Other readings, the simplest first, until one explains the data and all others as simple have been looked at."""
     enough = np.inf
-    for proposal in sorted(_proposals(cloud), key=lambda proposal: proposal.hypothesis.complexity):
+    for proposal in sorted(_proposals(points), key=lambda proposal: proposal.hypothesis.complexity):
         if proposal.hypothesis.complexity > enough:
             return
-        scored = cloud.scored(proposal.hypothesis, proposal.q, proposal.tcp)
+        scored = points.scored(proposal.hypothesis, proposal.q, proposal.tcp)
         if scored.share <= GOOD:
             enough = proposal.hypothesis.complexity
         yield scored
@@ -167,29 +174,29 @@ class Proposal:
     tcp: Array
 
 
-def _proposals(cloud: Cloud) -> Iterator[Proposal]:
+def _proposals(points: PointSet) -> Iterator[Proposal]:
     """Readings that a similarity suggests, of the joint angles for which it misses least."""
     candidates = []
-    for joints in joint_hypotheses(cloud.reading, cloud.poses.q):
-        nominal = nominal_tcp(cloud.arm, replace(cloud.poses, q=joints.q))
+    for joints in joint_hypotheses(points.reading, points.poses.q):
+        nominal = nominal_tcp(points.arm, replace(points.poses, q=joints.q))
         for mirrored in (False, True):
-            found = robust_similarity(cloud.tcp, nominal, mirrored)
-            left = trimmed_rms(np.linalg.norm(nominal - found.apply(cloud.tcp), axis=1))
+            found = robust_similarity(points.tcp, nominal, mirrored)
+            left = trimmed_rms(np.linalg.norm(nominal - found.apply(points.tcp), axis=1))
             candidates.append((left / max(_spread(nominal), 1e-9), joints, found, mirrored))
     best = min(left for left, *_ in candidates)
     worth = [candidate for candidate in candidates if candidate[0] <= WORTH * best]
     worth.sort(key=lambda candidate: (candidate[1].hypothesis.complexity, candidate[0]))
     for _, joints, found, mirrored in worth[:LOOKED_AT]:
-        yield from _positions(cloud, joints, found, mirrored)
+        yield from _positions(points, joints, found, mirrored)
 
 
-def _positions(cloud: Cloud, joints: JointHypothesis, found: Similarity, mirrored: bool) -> Iterator[Proposal]:
+def _positions(points: PointSet, joints: JointHypothesis, found: Similarity, mirrored: bool) -> Iterator[Proposal]:
     """Readings of the positions that agree with a similarity: as read, other axes, another frame."""
     how = joints.hypothesis.reading
     unit = nearest_unit(how.unit or "mm", found.scale, SCALE_TOLERANCE)
     if unit is None:
         return
-    scaled, scale_only = cloud.tcp * unit[1], with_unit(joints.hypothesis, *unit)
+    scaled, scale_only = points.tcp * unit[1], with_unit(joints.hypothesis, *unit)
     turn = axes_matrix(axes_words(found.rotation))
     if how.frame != "unknown":
         if scale_only.words and not mirrored:
@@ -202,24 +209,26 @@ def _positions(cloud: Cloud, joints: JointHypothesis, found: Similarity, mirrore
         yield Proposal(with_free_frame(scale_only, mirrored), joints.q, flipped)
 
 
-def _other_arms(cloud: Cloud) -> Iterator[Scored]:
+def _other_arms(points: PointSet) -> Iterator[Scored]:
     """The data as read, of each shipped arm with as many joints."""
     for name, path in shipped_arms().items():
         other = read_arm(path)
-        if other.dof == cloud.arm.dof and other != cloud.arm:
-            words = Hypothesis(cloud.reading).also(f"these look like measurements of {name}", COMPOUND, f"--arm {name}")
-            yield replace(cloud, arm=other).scored(words, cloud.poses.q, cloud.tcp)
+        if other.dof == points.arm.dof and other != points.arm:
+            words = Hypothesis(points.reading).also(
+                f"these look like measurements of {name}", COMPOUND, f"--arm {name}"
+            )
+            yield replace(points, arm=other).scored(words, points.poses.q, points.tcp)
 
 
 def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:
     """Positions (N, 3) in the arm's frame (m), and the rigid motion that takes them there.
 
-    Registration (Kabsch 1976) and loose fit of the arm's dimensions alternate.
+    Registration (Kabsch 1976) and coarse fit of the arm's dimensions alternate.
     """
     goal = nominal_tcp(arm, poses)
     for _ in range(REGISTRATIONS):
         motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
-        goal = loose_fit(arm, poses, motion.apply(tcp), fixed_base=True).tcp
+        goal = coarse_fit(arm, poses, motion.apply(tcp), fixed_base=True).tcp
     motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
     return motion.apply(tcp), motion
 

@@ -1,0 +1,76 @@
+"""Known columns of a table as numbers in our units, every cell read and checked once."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.csv_table import CsvTable
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+
+ABOVE_ZERO = ("sd_mm", "sx_mm", "sy_mm", "sz_mm", "srot_deg", "distance_mm", "distance_sd_mm")
+WHOLE = ("pose", "repeat_of")
+SIDES = (-1.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class NumberTable:
+    """Columns (N,) by name; NaN where a cell is empty that may be. `cells`: where they come from."""
+
+    cells: CsvTable
+    columns: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.cells.rows)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def stack(self, names: Sequence[str]) -> Array:
+        """(N, k), several columns side by side."""
+        return np.stack([self.columns[name] for name in names], axis=1)
+
+    def whole(self, name: str) -> NDArray[np.int64]:
+        """(N,), a column of whole numbers."""
+        return self.columns[name].astype(np.int64)
+
+    def has(self, names: Sequence[str]) -> bool:
+        """Whether columns that go together are there. Raises `FileError` for a part of them."""
+        there = [name for name in names if name in self.columns]
+        if there and len(there) < len(names):
+            missing = next(name for name in names if name not in self.columns)
+            raise self.fault("header", f"no column {missing}", f"{', '.join(names)} go together")
+        return bool(there)
+
+    def reject(self, bad: NDArray[np.bool_], name: str, what: str, right: str = "") -> None:
+        """Raises `FileError` at the first row where `bad` (N,) holds."""
+        self.cells.reject(bad, name, what, right)
+
+    def reject_gaps(self, names: Sequence[str], whole: str) -> None:
+        """Raises `FileError` at the first row of which some of these cells are empty, and some are not."""
+        gone = np.isnan(self.stack(names))
+        for empty, name in zip(gone.T, names, strict=True):
+            self.reject(empty & ~gone.all(axis=1), name, f"empty, the rest of the {whole} is not")
+
+    def fault(self, where: str, what: str, right: str = "") -> FileError:
+        """An error of the file; `where`: a header, or a cell by `cells.at`."""
+        return FileError(self.cells.path, where, what, right)
+
+
+def read_numbers(cells: CsvTable, names: Collection[str], may_be_empty: Collection[str] = ()) -> NumberTable:
+    """The columns of these names, as far as they are there. Raises `FileError`: what is no number, or cannot be one."""
+    columns = {name: cells.numbers(name, name in may_be_empty) for name in cells.header if name in names}
+    for name, values in columns.items():
+        if name in ABOVE_ZERO:
+            cells.reject(values <= 0, name, "not above zero")
+        elif name in WHOLE:
+            cells.reject(np.nan_to_num(values) % 1.0 != 0.0, name, "not a whole number")
+        elif name == "payload_g":
+            cells.reject(values < 0, name, "a negative load")
+        elif name.startswith("approach"):
+            cells.reject(~np.isin(values, SIDES), name, "not a side", "1, -1, or 0 if unknown")
+    return NumberTable(cells, columns)

@@ -1,0 +1,40 @@
+"""One step of an identification: a fit, and how it was made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lrm_ident.fitting.identifiability import UnidentifiableParameter
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.parameter_sets import Bounds
+from lrm_ident.fitting.priors import Prior
+from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_math.model.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class StudyStep:
+    """A step that was taken.
+
+    Attributes:
+        name: as in the history of the model file, for instance `add backlash@joint2`; "" if that has no entry of it.
+        fit: of the model after it. held: parameters held at zero, since the data cannot identify them.
+        start: the model before it; None for a first fit.
+        bounds: of the fit, for the fits of its cross-validation; None: those that the effects state.
+        stated_prior: of the fit. prior_name: of that, as a model file names it.
+        held_out: where that is known already.
+    """
+
+    name: str
+    fit: Fit
+    held: tuple[UnidentifiableParameter, ...] = ()
+    start: Model | None = None
+    bounds: Bounds | None = None
+    stated_prior: Prior | None = None
+    prior_name: str | None = None
+    held_out: HeldOutResidual | None = None
+
+    @property
+    def prior(self) -> Prior | None:
+        """Prior of its fit: the prior that was stated, or the weak one that damped it."""
+        return self.stated_prior or self.fit.weak_prior

@@ -1,0 +1,299 @@
+"""`Study`: a model on measurements of its arm. Every door holds one, calls its methods, and presents what they give."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.auto import AutoRun, AutoStep, run_auto
+from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
+from lrm_ident.diagnosis.laws.proposal import LawProposal, propose_law
+from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
+from lrm_ident.fitting.effect_plugins import Catalogue
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.loss import SQUARED, Loss
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
+from lrm_ident.fitting.priors import WEAK, EffectRates, Prior, load_prior, prior_name_for, prior_of_file
+from lrm_ident.fitting.progress import Progress, unheard
+from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, compare, try_held_out
+from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.study.model_history import (
+    arm_name_for,
+    as_written,
+    auto_step_name,
+    model_file,
+    model_text,
+    undo_step,
+)
+from lrm_ident.study.step import StudyStep
+from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.errors import LrmError
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import ModelFile, to_model
+
+MAX_EFFECTS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A model on measurements of its arm, and the steps that led to it.
+
+    Attributes:
+        model: its free parameters are those that the next step varies.
+        data: what is fitted; `data.left_out` has the numbers of the poses that are not.
+        arm: a shipped arm's name or the path of an arm file, as a model file names it.
+        catalogue: every effect that may be tried or named.
+        loss: what fits minimise.
+        source: the model file that the study was read from; None if it began with a fit.
+        step: the last step; None as long as none was taken. before: the study before it.
+        notices: what a person should know of the files and of what was done with them, one line each.
+        progress: called while something long is done.
+    """
+
+    model: Model
+    data: Measurements
+    arm: str
+    catalogue: Catalogue = CATALOGUE
+    loss: Loss = SQUARED
+    source: ModelFile | None = None
+    step: StudyStep | None = None
+    before: Study | None = None
+    notices: tuple[str, ...] = ()
+    progress: Progress = unheard
+
+    @staticmethod
+    def of(
+        data: Measurements,
+        effects: Sequence[str] = DEFAULT_EFFECTS,
+        catalogue: Catalogue = CATALOGUE,
+        progress: Progress = unheard,
+    ) -> Study:
+        """The nominal arm of measurements, with these effects (`id` or `id@place`) at zero: nothing is fitted yet.
+
+        Raises `LrmError`: measurements without an arm, or an unknown effect.
+        """
+        if data.arm is None:
+            raise LrmError(f"{data.path}: no arm; give measurements that were loaded with one")
+        model = nominal_model(data.arm, effects, catalogue)
+        return Study(model, data, data.arm_name or data.arm.name, catalogue, progress=progress)
+
+    def fit(
+        self, parameters: str = "identifiable", loss: Loss = SQUARED, prior: str | None = None, unbounded: bool = False
+    ) -> Study:
+        """Fits the model anew; arguments as `fit_model`'s, `prior` the name of a shipped one or a path.
+
+        Raises `LrmError`: unknown names, too few poses, no convergence, or nothing that these poses can tell.
+        """
+        known = None if prior is None else load_prior(prior, self.model, self.catalogue)
+        result = fit_model(self.model, self.data, parameters, loss, unbounded, known)
+        name = None if prior is None else prior_name_for(prior)
+        bounds = fit_bounds(result.fit.model, unbounded)
+        step = StudyStep("fit", result.fit, result.held, bounds=bounds, stated_prior=known, prior_name=name)
+        return replace(self, loss=loss, source=None)._after(step, None)
+
+    def compare(self) -> ModelComparison:
+        """Compares the model as it is with the data: error, held-out error, and what it may depend on."""
+        return compare(self.model, self.data, partial(self.progress, "held-out error"), self.prior, self.loss)
+
+    def screen(self, rates: EffectRates | None = None) -> Diagnosis:
+        """Tries every effect at every place by the linearised fit, and finds outliers.
+
+        Args:
+            rates: how often arms of this kind have each effect, where that is known.
+        """
+        own, tick = self.identifiable(), partial(self.progress, "trying every effect at every place")
+        return diagnose(own.model, own.data, own.catalogue, tick, own.loss, rates)
+
+    def diagnose(self, rates: EffectRates | None = None, screened: Diagnosis | None = None) -> DiagnosisReport:
+        """Finds which effect the model misses. `screened`: what `screen` gives, where that is known."""
+        return build_report(screened or self.screen(rates), self._say)
+
+    def add(self, effect: str, screened: Diagnosis | None = None) -> Study:
+        """Adds an effect (`id` or `id@place`): everything is fitted together, without the outliers of the diagnosis.
+
+        Args:
+            screened: what `screen` gives, where that is known. Raises `LrmError`.
+        """
+        own = self.identifiable()
+        added = effects_at(own.model.arm, effect, own.catalogue)
+        found = screened or own.screen()
+        fitted = add_effects(own.model, found.data, added, loss=own.loss)
+        left_out = f"outliers, left out: poses {', '.join(map(str, found.outliers))}"
+        notices = (*own.notices, left_out) if found.outliers else own.notices
+        then = replace(own, data=found.data, notices=notices)
+        return then._after(StudyStep(f"add {effect}", fitted, start=own.model), self)
+
+    def auto(
+        self,
+        max_effects: int = MAX_EFFECTS,
+        rates: EffectRates | None = None,
+        on_step: Callable[[AutoStep, Study], object] = lambda *_: None,
+    ) -> tuple[AutoRun, Study]:
+        """Adds effects as the diagnoses advise until they say stop: the run, and the study after it.
+
+        Args:
+            on_step: called with the start, and with every step as soon as it is taken.
+        """
+        own, now = self.identifiable(), self
+
+        def taken(step: AutoStep) -> None:
+            """Follows the run with a study."""
+            nonlocal now
+            name, held_out = auto_step_name(step), HeldOutResidual(step.held_out)
+            one = StudyStep(name, step.fit, start=now.model, held_out=held_out)
+            now = replace(own, data=step.data)._after(one, now)
+            on_step(step, now)
+
+        tick = partial(self.progress, "looking for what is missing")
+        run = run_auto(own.model, own.data, max_effects, own.catalogue, taken, own.loss, tick, rates)
+        return run, now
+
+    def nested_held_out(
+        self, executor: Executor, max_effects: int = MAX_EFFECTS, rates: EffectRates | None = None
+    ) -> HeldOutResidual:
+        """Held-out residual of `auto` itself, effects chosen anew in every fold; folds side by side on `executor`."""
+        own, tick = self.identifiable(), partial(self.progress, "choosing anew in every fold")
+        return nested_held_out(own.model, own.data, executor, max_effects, own.catalogue, tick, own.loss, rates)
+
+    def fit_all(self, prior: str) -> Study:
+        """Fits all parameters of the model together with a prior (name or path). Raises `LrmError`."""
+        known = load_prior(prior, self._fitted, self.catalogue)
+        result = fit_model(self._fitted, self.data, "identifiable", self.loss, prior=known).fit
+        name = f"with the prior {known.name}"
+        step = StudyStep(name, result, start=self._fitted, stated_prior=known, prior_name=prior_name_for(prior))
+        return self._after(step, self)
+
+    def propose(self) -> LawProposal:
+        """Proposes a law where no known effect fits: a small grammar searched at every joint."""
+        own, tick = self.identifiable(), partial(self.progress, "trying every law at every joint")
+        return propose_law(own.model, own.data, tick, self._say, own.loss)
+
+    def undo(self) -> Study:
+        """Takes the last step back. Raises `LrmError` if there is none."""
+        own = self._filed
+        before = None if own is None or own.before is None else own.before._filed
+        if before is not None:
+            return before
+        file = undo_step(self.file)
+        model = to_model(self.data.path, file, self.model.arm, self.catalogue)
+        return replace(self, model=model, source=file, step=None)
+
+    def identifiable(self) -> Study:
+        """Frees only parameters that the data alone identify, whatever a prior decided in the fit."""
+        if self.prior_name is None:
+            return self
+        fitted = fit_identifiable(self.model, self.data, self.model.free, self.loss).fit.model
+        words = (
+            f"the model was fitted with the prior '{self.prior_name}'; this goes on with the "
+            f"{len(fitted.free)} of its {len(self.model.free)} parameters that the data can tell without it"
+        )
+        return replace(self, model=fitted, source=None, step=None, before=self, notices=(*self.notices, words))
+
+    @cached_property
+    def prior(self) -> Prior | None:
+        """Prior of the last fit. Raises `FileError` if its file is gone."""
+        if self.step is not None:
+            return self.step.prior
+        return None if self.source is None else prior_of_file(self.source, self.model, self.catalogue)
+
+    @property
+    def prior_name(self) -> str | None:
+        """The prior's, as a model file names it."""
+        if self.step is not None:
+            return WEAK if self.step.fit.damped else self.step.prior_name
+        known = None if self.source is None else self.source.provenance
+        return None if known is None else known.prior
+
+    @cached_property
+    def held_out(self) -> HeldOutResidual:
+        """Held-out residual of the last fit, repeated in ten blocks of neighbouring poses."""
+        if self.step is not None and self.step.held_out is not None:
+            return self.step.held_out
+        bounds = None if self.step is None else self.step.bounds
+        return try_held_out(
+            self._fitted, self.data, bounds, self.loss, partial(self.progress, "held-out error"), self.prior
+        )
+
+    @cached_property
+    def errors(self) -> ErrorSummary:
+        """Errors of the nominal arm, of the last fit, and held out."""
+        fitted = self._error_of(self.model) if self.step is None else error_stats(self.step.fit.residual)
+        return ErrorSummary(self.nominal_error, fitted, self.held_out)
+
+    @cached_property
+    def errors_before(self) -> ErrorSummary:
+        """Errors of the model before the last step, on the data of that step."""
+        start = self.model if self.step is None or self.step.start is None else self.step.start
+        tick = partial(self.progress, "held-out error, before")
+        held_out = try_held_out(start, self.data, loss=self.loss, progress=tick)
+        return ErrorSummary(self.nominal_error, self._error_of(start), held_out)
+
+    @cached_property
+    def nominal_error(self) -> ErrorStats:
+        """TCP error of the arm file's nominal arm."""
+        return self._error_of(with_anchor(model_of(self.model.arm, ()), self.data))
+
+    @cached_property
+    def file(self) -> ModelFile:
+        """The model file, with the history of all steps. Raises `LrmError` if nothing was fitted or read."""
+        own = self._filed
+        if own is None:
+            raise LrmError("nothing is fitted yet: there is no model to write")
+        if own is not self:
+            return own.file
+        if self.source is not None:
+            return self.source
+        before = None if self.before is None else self.before._filed
+        history, step = () if before is None else before.file.history, self.taken
+        return model_file(
+            step.fit, self.data, self.held_out, self.arm, step.name, self.loss.name, history, step.prior_name
+        )
+
+    @property
+    def taken(self) -> StudyStep:
+        """The last step. Raises `LrmError` if none was taken."""
+        if self.step is None:
+            raise LrmError("nothing is fitted yet")
+        return self.step
+
+    def save(self, path: str | Path) -> None:
+        """Writes the model file, which the command line and the daemon read. Raises `FileError`."""
+        write_model(Path(path), self.file, self.arm)
+
+    @property
+    def _filed(self) -> Study | None:
+        """The nearest study, from this one back, that has a model file of its own."""
+        if self.source is not None or (self.step is not None and self.step.name):
+            return self
+        return None if self.before is None else self.before._filed
+
+    @property
+    def _fitted(self) -> Model:
+        return self.model if self.step is None else self.step.fit.model
+
+    def _say(self, what: str) -> None:
+        self.progress(what, 0, 0)
+
+    def _after(self, step: StudyStep, before: Study | None) -> Study:
+        """After a step; its model is as its file would be read again, so that every door goes on alike."""
+        model = as_written(step.fit.model, self.arm)
+        return replace(self, model=model, source=None, step=step, before=before)
+
+    def _error_of(self, model: Model) -> ErrorStats:
+        """TCP error of a model as it is."""
+        return error_stats(self.data.position_error(equilibrium(model, self.data.poses)))
+
+
+def write_model(path: Path, file: ModelFile, arm: str) -> None:
+    """Writes a model file; `arm`, where it is a path, as seen from the file's folder. Raises `FileError`."""
+    write_text(path, model_text(file.model_copy(update={"arm": arm_name_for(arm, path.parent)})))

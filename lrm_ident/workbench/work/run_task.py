@@ -1,0 +1,159 @@
+"""The tasks of the workbench, done: by the functions of the commands, on the files that the commands would read."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import singledispatch
+from itertools import count
+
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.measurement_file.metadata import arm_for
+from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.diagnosis.laws.law_file import law_id
+from lrm_ident.fitting.effect_plugins import sha256_of
+from lrm_ident.fitting.progress import Progress
+from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.laws import proposal_document
+from lrm_ident.report.model_report import ModelReport, quick_report, with_comparison, with_diagnosis
+from lrm_ident.study.inputs import read_measurements, read_study
+from lrm_ident.study.study import Study
+from lrm_ident.workbench.work.showing import step_shown
+from lrm_ident.workbench.work.tasks import (
+    AddTask,
+    AutoTask,
+    CompareTask,
+    DiagnoseTask,
+    LawResult,
+    OpenFiles,
+    OpenTask,
+    ProposeTask,
+    StepResult,
+    WorkTask,
+    kept_name,
+    unpacked,
+)
+from lrm_ident.workbench.work.worker import Send, WorkFailure, WorkNotice, WorkProgress, WorkResult
+
+_LAST: dict[str, Diagnosis] = {}
+"""The last diagnosis, by the hashes of its files."""
+
+
+@singledispatch
+def run_task(task: WorkTask, send: Send) -> None:
+    """Does a task; sends how far it is, and its results. Raises `LrmError`."""
+    send(WorkFailure(f"no work is known for {type(task).__name__}"))
+
+
+@run_task.register
+def open_files(task: OpenTask, send: Send) -> None:
+    """Reads the files, fits a model if there is none, and keeps it."""
+    send(WorkProgress("reading the files"))
+    files = OpenFiles(task.kept, task.data, task.effects_file, task.reading)
+    if task.model is not None:
+        study = read_study(task.model, task.data, task.effects_file, task.reading)
+        _tell(study.notices, send)
+        study.save(task.kept)
+        send(WorkResult(step_found(files, quick_report(study))))
+        return
+    name, arm = arm_for(task.data, task.arm)
+    data = read_measurements(task.data, arm, name, task.reading)
+    _tell(data.notices, send)
+    send(WorkProgress("fitting"))
+    study = Study.of(data, progress=_bars(send)).fit()
+    study.save(task.kept)
+    _send_step(files, send)
+
+
+@run_task.register
+def look(task: CompareTask, send: Send) -> None:
+    """Reads the files anew."""
+    send(WorkProgress("reading the files"))
+    _send_step(task.files, send)
+
+
+@run_task.register
+def diagnose_step(task: DiagnoseTask, send: Send) -> None:
+    """Compares, then diagnoses."""
+    send(WorkProgress("held-out error"))
+    study = _study(task.files, send)
+    found = with_comparison(unpacked(task.packed), study.compare())
+    send(WorkResult(step_found(task.files, found)))
+    found = with_diagnosis(found, study.diagnose(screened=_screened(task.files, study)))
+    send(WorkResult(step_found(task.files, found)))
+
+
+@run_task.register
+def add_effect(task: AddTask, send: Send) -> None:
+    """Adds the effect, refits everything, and keeps the model."""
+    send(WorkProgress(f"adding {task.effect}: looking for outliers"))
+    study = _study(task.files, send)
+    screened = _screened(task.files, study)
+    send(WorkProgress(f"adding {task.effect}: refitting everything"))
+    study.add(task.effect, screened).save(task.kept)
+    _send_step(replace(task.files, model=task.kept), send)
+
+
+@run_task.register
+def follow_advice(task: AutoTask, send: Send) -> None:
+    """Takes step after step and keeps each."""
+    numbers = count(task.number)
+
+    def on_step(step: AutoStep, study: Study) -> None:
+        """Keeps the model of a step, and reports it to the page."""
+        if step.added:
+            kept = task.folder / kept_name(next(numbers))
+            study.save(kept)
+            _send_step(replace(task.files, model=kept), send)
+
+    _study(task.files, send).auto(on_step=on_step)
+
+
+@run_task.register
+def propose(task: ProposeTask, send: Send) -> None:
+    """Looks for a law, and keeps its file."""
+    found = _study(task.files, send).propose()
+    words = blocks_html(proposal_document(found).blocks)
+    if found.best is None:
+        send(WorkResult(LawResult(words)))
+        return
+    write_text(task.kept, found.best.source)
+    law = found.best.law
+    send(WorkResult(LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}")))
+
+
+def step_found(files: OpenFiles, found: ModelReport) -> StepResult:
+    """Result of a step, for the page."""
+    return StepResult(files, step_shown(found), pickle.dumps(found))
+
+
+def _study(files: OpenFiles, send: Send) -> Study:
+    """The study of files whose notices were shown before; it says what it does. Raises `FileError`."""
+    return read_study(files.model, files.data, files.effects_file, files.reading, _bars(send))
+
+
+def _tell(notices: Iterable[str], send: Send) -> None:
+    for words in notices:
+        send(WorkNotice(words))
+
+
+def _send_step(files: OpenFiles, send: Send) -> None:
+    study = _study(files, send)
+    _tell(study.notices, send)
+    send(WorkResult(step_found(files, quick_report(study))))
+
+
+def _bars(send: Send) -> Progress:
+    return lambda what, done, of: send(WorkProgress(what, done, of))
+
+
+def _screened(files: OpenFiles, study: Study) -> Diagnosis:
+    """The screening of a step, made once in a process: `add` needs the one that its ranking came from."""
+    content = f"{sha256_of(files.model)} {study.data.sha256} {files.effects_file}"
+    if content not in _LAST:
+        found = study.screen()
+        _LAST.clear()
+        _LAST[content] = found
+    return _LAST[content]
