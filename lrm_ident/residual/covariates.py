@@ -67,7 +67,7 @@ class Covariate:
         return replace(self, values=self.values[rows])
 
     def legendre_basis(self, degree: int) -> Array:
-        """(N, ≤ degree), Legendre polynomials 1 … degree of the scaled values, no more than the levels can determine."""
+        """(N, ≤ degree), Legendre polynomials 1 … degree of the scaled values, as many as the levels determine."""
         values = scaled(self.values)
         top = min(degree, len(levels(values, 3)[0]) - 1)
         return np.asarray(np.polynomial.legendre.legvander(values, max(top, 0))[:, 1:], dtype=np.float64)
