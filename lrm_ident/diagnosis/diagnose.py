@@ -1,10 +1,10 @@
 """Diagnosis: which physical effect is missing, that none is, or that structure is left which no effect explains.
 
-measurements -> fit -> candidates -> forms -> judge -> report: this is the linear screening, `judge` refits its result.
+measurements -> fit -> candidates -> forms -> confirm -> report: this is the linear screening, `confirm` refits it.
 Every effect of the catalogue in every form at every place is tried on the residual (score test) and judged by the
 held-out error that it would leave; effects are taken by forward selection. Then free functions are tried on what is
 left: they separate an effect that is really there from one that only resembles a structure outside the catalogue.
-Of thousands of poses a part is screened, drawn at random, with those that the fit misses most; the judge refits all.
+Of thousands of poses a part is screened, drawn at random, with those that the fit misses most; `confirm` refits all.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unex
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_ident.fitting.identifiability import some_rows
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
-from lrm_ident.fitting.loss import Loss, robust_scale
+from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.free_functions import free_functions, lagged
@@ -54,7 +54,7 @@ class Diagnosis:
         selected: by forward selection, in that order, spurious ones included.
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
         joint_jacobian: (joints, 3, n), motion of the TCP for a unit rotation of each joint (m/rad).
-        outliers: numbers of the poses left out. loss: of every fit; None: least squares.
+        outliers: numbers of the poses left out. loss: of every fit.
     """
 
     fit: Fit
@@ -71,10 +71,10 @@ class Diagnosis:
     joint_jacobian: Array
     screened: NDArray[np.int64]
     outliers: tuple[int, ...] = ()
-    loss: Loss | None = None
+    loss: Loss = SQUARED
 
     @property
-    def seen(self) -> tuple[Fit, Measurements]:
+    def screened_subset(self) -> tuple[Fit, Measurements]:
         """The fit and the measurements at the poses that were screened."""
         return self.fit.take(self.screened), self.data.take(self.screened)
 
@@ -111,7 +111,7 @@ def diagnose(
     data: Measurements,
     catalogue: Iterable[type[Effect]] = CATALOGUE,
     progress: OnProgress = silent,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     rates: EffectRates | None = None,
 ) -> Diagnosis:
     """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
@@ -141,7 +141,7 @@ def _diagnose(
     data: Measurements,
     kinds: tuple[type[Effect], ...],
     progress: OnProgress,
-    loss: Loss | None,
+    loss: Loss,
     rates: EffectRates | None,
 ) -> Diagnosis:
     whole = fit(model, data, loss=loss)

@@ -15,7 +15,7 @@ import numpy as np
 
 from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
 from lrm_ident.diagnosis.column_sets import joined
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, cosine_of_bases
+from lrm_ident.diagnosis.linearised_fit import LinearEstimate, LinearisedFit, cosine_of_bases
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, saves
@@ -31,7 +31,7 @@ from lrm_ident.residual.thresholds import (
     Z_THRESHOLD,
 )
 
-Choice = tuple[Explanation, ScoredCandidate]
+Choice = tuple[LinearEstimate, ScoredCandidate]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class SelectionStep:
     """The fit with what is selected so far, and for the name of each candidate what it explains beside that."""
 
     fit: LinearisedFit
-    beside: Mapping[str, Explanation]
+    beside: Mapping[str, LinearEstimate]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def _next(
     ranked: Sequence[ScoredCandidate],
     selected: Sequence[ScoredCandidate],
     step: SelectionStep,
-    start: Explanation,
+    start: LinearEstimate,
     expected: Mapping[str, float],
 ) -> ScoredCandidate | None:
     """The effect to add, if any."""
@@ -123,7 +123,7 @@ def _next(
 
 
 def _choices(
-    ranked: Sequence[ScoredCandidate], step: SelectionStep, start: Explanation, expected: Mapping[str, float]
+    ranked: Sequence[ScoredCandidate], step: SelectionStep, start: LinearEstimate, expected: Mapping[str, float]
 ) -> Iterator[Choice]:
     """The plausible candidates that are significant and predict better."""
     now, freedom, tests = step.fit.now, step.fit.degrees_of_freedom, yekutieli_factor(len(ranked))
@@ -160,7 +160,7 @@ def _parsimonious(choices: Sequence[Choice], standing: Mapping[str, int], count:
 
 
 def _choose(
-    choices: Sequence[Choice], now: Explanation, standing: Mapping[str, int], expected: Mapping[str, float]
+    choices: Sequence[Choice], now: LinearEstimate, standing: Mapping[str, int], expected: Mapping[str, float]
 ) -> Choice:
     """The most helpful; of those that prediction cannot separate from it, by standing, then by how much it is expected,
     then by number of parameters."""
@@ -183,7 +183,7 @@ def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
     return min((c for c in choices if c[1].name in names), key=lambda choice: choice[0].rms, default=chosen)
 
 
-def improves_prediction(then: Explanation, now: Explanation, start: Explanation) -> bool:
+def improves_prediction(then: LinearEstimate, now: LinearEstimate, start: LinearEstimate) -> bool:
     """Whether held-out error falls significantly, and by more than the error of linearising at `start` could feign."""
     return predicts_better(then.held_out, now.held_out, MIN_GAIN, start.held_out)
 
@@ -210,7 +210,9 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
     return tuple(equivalent)
 
 
-def _inseparable(one: ScoredCandidate, with_it: Explanation, rival: ScoredCandidate, instead: Explanation) -> bool:
+def _inseparable(
+    one: ScoredCandidate, with_it: LinearEstimate, rival: ScoredCandidate, instead: LinearEstimate
+) -> bool:
     """Whether two effects predict alike, or move the TCP alike."""
     close = paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
     return close or cosine_of_bases(one.orthonormal, rival.orthonormal) > EQUIVALENCE_COSINE
@@ -218,10 +220,10 @@ def _inseparable(one: ScoredCandidate, with_it: Explanation, rival: ScoredCandid
 
 def _same_form(
     one: ScoredCandidate,
-    with_it: Explanation,
+    with_it: LinearEstimate,
     after: SelectionStep,
     ranked: Sequence[ScoredCandidate],
-    start: Explanation,
+    start: LinearEstimate,
 ) -> set[str]:
     """Effects of which a form that `one` needs is a form too: where a formula is wrong, formulas do not distinguish."""
     found: set[str] = set()

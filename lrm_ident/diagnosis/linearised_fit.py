@@ -27,7 +27,7 @@ AT_ONCE = 256  # columns that the fitted parameters are projected out of togethe
 
 
 @dataclass(frozen=True, eq=False)
-class Explanation:
+class LinearEstimate:
     """What columns explain.
 
     Attributes:
@@ -149,16 +149,16 @@ class LinearisedFit:
         return replace(self, parts=tuple(parts), taken=(*self.taken, Taken(columns, root)))
 
     @cached_property
-    def now(self) -> Explanation:
+    def now(self) -> LinearEstimate:
         """The fit as it is."""
         left = [self._left(number) for number in range(len(self.parts))]
-        return Explanation(np.zeros(0), np.zeros(0), float(left[0] @ left[0]), self._by_pose(left)[0])
+        return LinearEstimate(np.zeros(0), np.zeros(0), float(left[0] @ left[0]), self._by_pose(left)[0])
 
-    def explain(self, sets: ColumnSets | None = None) -> Explanation:
+    def explain(self, sets: ColumnSets | None = None) -> LinearEstimate:
         """What a set of columns explains (nothing: the fit as it is)."""
         return self.now if sets is None else self.explain_each(sets)[0]
 
-    def explain_each(self, sets: ColumnSets) -> list[Explanation]:
+    def explain_each(self, sets: ColumnSets) -> list[LinearEstimate]:
         """What each set alone explains beside the fit."""
         sets = self.up_to_date(sets)
         theta, inverse = self._estimates(sets)
@@ -166,12 +166,12 @@ class LinearisedFit:
         for number, part in enumerate(self.parts):
             left.append(self._left(number)[:, None] - sets.predicted(part, sets.explained[number], theta[number]))
         in_sample, held_out = (left[0] ** 2).sum(axis=0), self._by_pose(left)
-        found: list[Explanation | None] = [None] * len(sets)
+        found: list[LinearEstimate | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
         for place, (number, start, end) in enumerate(zip(sets.numbers, sets.starts, ends, strict=True)):
             variance = float(in_sample[place]) / max(self.degrees_of_freedom - int(end - start), 1)
             error = np.sqrt(max(variance, self.sigma**2) * inverse[start:end])
-            found[number] = Explanation(theta[0, start:end], error, float(in_sample[place]), held_out[place])
+            found[number] = LinearEstimate(theta[0, start:end], error, float(in_sample[place]), held_out[place])
         return [one for one in found if one is not None]
 
     def _estimates(self, sets: ColumnSets) -> tuple[Array, Array]:

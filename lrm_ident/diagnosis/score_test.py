@@ -11,14 +11,14 @@ import numpy as np
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.candidates import Candidate
 from lrm_ident.diagnosis.column_sets import ColumnSets
-from lrm_ident.diagnosis.linearised_fit import AT_ONCE, Explanation, LinearisedFit, orthonormal_basis, projected_rank
+from lrm_ident.diagnosis.linearised_fit import AT_ONCE, LinearEstimate, LinearisedFit, orthonormal_basis, projected_rank
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.significance import f_test_p_value
 from lrm_ident.residual.thresholds import MIN_DETECTABLE, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 
-Trials = list[tuple[Explanation, tuple[float, ...], ColumnSets, Array]]
+Trials = list[tuple[LinearEstimate, tuple[float, ...], ColumnSets, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class ScoredCandidate:
     candidate: Candidate
     shape: tuple[float, ...]
     projected: ColumnSets
-    alone: Explanation
+    alone: LinearEstimate
     p_value: float
     implausible: str
 
@@ -91,7 +91,7 @@ def _tried(found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights)
             yield one, [(alone, shape, own, C) for shape, (alone, own, C) in zip(one.shapes, ready)]  # noqa: B905
 
 
-def _implausible(candidate: Candidate, alone: Explanation) -> str:
+def _implausible(candidate: Candidate, alone: LinearEstimate) -> str:
     for parameter, theta, error in zip(candidate.parameters, alone.theta, alone.error, strict=True):
         margin = Z_THRESHOLD * error
         if theta + margin < parameter.lower or theta - margin > parameter.upper:

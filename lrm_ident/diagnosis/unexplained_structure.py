@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.column_sets import ColumnSets
 from lrm_ident.diagnosis.forward_selection import Selection, improves_prediction
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit
+from lrm_ident.diagnosis.linearised_fit import LinearEstimate, LinearisedFit
 from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN
@@ -34,7 +34,7 @@ def unexplained_structure(
 ) -> UnexplainedStructure:
     """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows."""
     linear, fit = selection.steps[0].fit, selection.steps[-1].fit
-    tried: dict[FreeFunction, Explanation] = {}
+    tried: dict[FreeFunction, LinearEstimate] = {}
     for joint in {one.joint: None for one in functions}:  # one after the other: all columns together need much memory
         own = [one for one in functions if one.joint == joint]
         tried |= dict(zip(own, fit.explain_each(_projected(own, fit, weigh)), strict=True))
@@ -62,7 +62,10 @@ def _projected(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: Row
 
 
 def _select_free(
-    functions: Sequence[FreeFunction], tried: Mapping[FreeFunction, Explanation], fit: LinearisedFit, weigh: RowWeights
+    functions: Sequence[FreeFunction],
+    tried: Mapping[FreeFunction, LinearEstimate],
+    fit: LinearisedFit,
+    weigh: RowWeights,
 ) -> list[FreeFunction]:
     """Forward selection of free functions outside the catalogue while one saves enough, all at the joint of the first.
 

@@ -13,7 +13,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.fold_steps import models_without
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.levenberg_marquardt import fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
@@ -77,7 +77,7 @@ def held_out_blocks(
     model: Model,
     data: Measurements,
     bounds: Bounds | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     progress: OnProgress = silent,
     count: int = FOLDS,
     prior: Prior | None = None,
@@ -116,7 +116,7 @@ def _refitted(
     data: Measurements,
     left_out: Sequence[NDArray[np.int64]],
     bounds: Bounds | None,
-    loss: Loss | None,
+    loss: Loss,
     prior: Prior | None,
 ) -> Iterator[Model]:
     """Models, for each block fitted to the other blocks."""
@@ -128,7 +128,7 @@ def held_out_residual(
     model: Model,
     data: Measurements,
     bounds: Bounds | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     progress: OnProgress = silent,
     count: int = FOLDS,
     prior: Prior | None = None,

@@ -32,7 +32,7 @@ class HeldOutBlock:
         return self.in_fit()
 
 
-def decisive_rows(blocks: Sequence[HeldOutBlock]) -> Array:
+def compared_residuals(blocks: Sequence[HeldOutBlock]) -> Array:
     """(N, R), what is compared between models: held-out residuals, weighted by their noise where that is stated."""
     if any(block.weighted is None for block in blocks):
         return held_out_rows(blocks)
@@ -52,5 +52,5 @@ def held_out_rows(blocks: Sequence[HeldOutBlock]) -> Array:
 
 
 def squared(blocks: Sequence[HeldOutBlock]) -> Array:
-    """(N,), squared norms of `decisive_rows`."""
-    return np.asarray((decisive_rows(blocks) ** 2).sum(axis=1))
+    """(N,), squared norms of `compared_residuals`."""
+    return np.asarray((compared_residuals(blocks) ** 2).sum(axis=1))

@@ -14,7 +14,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.fitting.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, check_enough, fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import chain_geometry
@@ -214,7 +214,7 @@ class IdentifiedFit:
 
 
 def fit_identifiable(
-    model: Model, data: Measurements, keys: Sequence[str], loss: Loss | None = None, signed: Bounds | None = None
+    model: Model, data: Measurements, keys: Sequence[str], loss: Loss = SQUARED, signed: Bounds | None = None
 ) -> IdentifiedFit:
     """Fits the identifiable parameters among `keys`; the others are zero in the result.
 

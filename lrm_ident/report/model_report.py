@@ -103,7 +103,7 @@ def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelRepor
 def with_diagnosis(found: ModelReport, report: DiagnosisReport) -> ModelReport:
     """Adds the result of `diagnose`."""
     diagnosis = report.diagnosis
-    fitted, data = diagnosis.seen
+    fitted, data = diagnosis.screened_subset
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}
     rows = np.array([row_of.get(number, -1) for number in found.poses.pose.tolist()])
     known = covariates(data, fitted.rest.joint_torque)

@@ -14,7 +14,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
@@ -99,7 +99,7 @@ def compare(
     data: Measurements,
     progress: OnProgress = silent,
     prior: Prior | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
 ) -> ModelComparison:
     """Compares a model, as it is, with measurements; held out, its free parameters are refitted in every fold.
 
@@ -127,7 +127,7 @@ def try_held_out(
     model: Model,
     data: Measurements,
     bounds: Bounds | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     progress: OnProgress = silent,
     prior: Prior | None = None,
 ) -> HeldOutResidual:

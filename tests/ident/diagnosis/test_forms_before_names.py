@@ -160,7 +160,7 @@ def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
     data = replace(data, tcp=data.tcp + np.where(data.pose[:, None] == 40, [0.1, 0.0, 0.0], 0.0))
     course = run_auto(base_fit(lab, data), data)
     assert {"drift@joint2", "backlash@joint2"} <= {name for step in course.steps[1:] for name in step.names}
-    assert course.judgement.first is None
+    assert course.confirmed.first is None
     assert course.verdict == "nothing_missing"
     assert all(40 not in step.data.pose for step in course.steps)
     errors = [float((step.held_out**2).sum(axis=1).mean()) for step in course.steps]

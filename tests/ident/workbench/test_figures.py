@@ -79,7 +79,7 @@ def test_the_form_of_the_hidden_play_lies_on_the_data(data: Measurements) -> Non
     assert data.arm is not None
     model = fit_model(nominal_model(data.arm), data, "identifiable", SQUARED).fit.model
     report = build_report(diagnose(model, data))
-    fitted, seen = report.diagnosis.seen
+    fitted, seen = report.diagnosis.screened_subset
     known = covariates(seen, fitted.rest.joint_torque)
     assert report.first is not None
     view = candidate_view(report.first, report.diagnosis, known, np.arange(len(seen)))

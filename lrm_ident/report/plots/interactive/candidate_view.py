@@ -55,7 +55,7 @@ def candidate_view(
         known: covariates of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
     """
     scored = ranked.scored
-    fitted, data = found.seen
+    fitted, data = found.screened_subset
     weigh = RowWeights(data.whitening, fitted.weight)
     columns = scored.candidate.columns(scored.shape)
     alone = (columns @ scored.alone.theta).reshape(len(data), -1)[:, :3]

@@ -1,4 +1,4 @@
-"""The one judge of `diagnose`, `add` and `auto`: the best candidates refitted in full and cross-validated.
+"""Confirmation of a diagnosis for `diagnose`, `add` and `auto`: the best candidates refitted in full, cross-validated.
 
 Screening (`diagnose`) is linear. The first that it supports is refitted here with everything else free, as `add` does
 it, and counts only if the held-out error falls by more than its standard error says; else the next one is tried.
@@ -41,7 +41,7 @@ class Refit:
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
+class ConfirmedDiagnosis:
     """A diagnosis with its best candidate refitted.
 
     Attributes:
@@ -72,9 +72,9 @@ class Judgement:
         return "unexplained_structure" if lost else self.diagnosis.verdict
 
 
-def judge(
+def confirm(
     diagnosis: Diagnosis, blocks: tuple[HeldOutBlock, ...] = (), on_progress: Callable[[str], object] = str
-) -> Judgement:
+) -> ConfirmedDiagnosis:
     """Refits the supported effects in turn until one predicts better.
 
     Args:
@@ -88,8 +88,8 @@ def judge(
         on_progress(f"refitting with {scored.name}")
         refit = _refit(diagnosis, scored)
         if refit is not None and predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
-            return Judgement(diagnosis, blocks, refit, diagnosis.supported[number:])
-    return Judgement(diagnosis, blocks, None, ())
+            return ConfirmedDiagnosis(diagnosis, blocks, refit, diagnosis.supported[number:])
+    return ConfirmedDiagnosis(diagnosis, blocks, None, ())
 
 
 def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:

@@ -15,14 +15,14 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import linearised
-from lrm_ident.diagnosis.laws.grammar import Law
-from lrm_ident.diagnosis.laws.law_columns import TYPICAL_SIZE, law_columns, levers
-from lrm_ident.diagnosis.laws.law_file import law_id, law_source
-from lrm_ident.diagnosis.laws.search import LawSearch, search_laws
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law
+from lrm_ident.diagnosis.symbolic_regression.law_columns import TYPICAL_SIZE, law_columns, levers
+from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
+from lrm_ident.diagnosis.symbolic_regression.search import LawSearch, search_laws
 from lrm_ident.fitting.cross_validation import held_out_residual
 from lrm_ident.fitting.effect_plugins import effects_in
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.better_prediction import paired_z, predicts_better
 from lrm_ident.residual.thresholds import MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
@@ -78,7 +78,7 @@ def propose_law(
     data: Measurements,
     progress: OnProgress = silent,
     on_progress: Callable[[str], object] = str,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
 ) -> LawProposal:
     """Searches laws at every joint; proposes one if the search beats noise and predicts held-out blocks better.
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.diagnosis.column_sets import Split
-from lrm_ident.diagnosis.laws.grammar import Law
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD, LinearisedFit
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
 
