@@ -16,7 +16,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect
+from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.model.model import Model
 
 
@@ -113,8 +113,9 @@ class _Added:
 
 def _added(before: ConfirmedDiagnosis, one: ScoredCandidate) -> _Added:
     effect, found = one.candidate.effect, before.diagnosis
-    own = {f"{effect.id}.{effect.place}.{parameter.name}" for parameter in effect.parameters}
-    return _Added(one.name, found.equivalent[one.name], effect.refined, frozenset({*found.fit.model.free, *own}))
+    return _Added(
+        one.name, found.equivalent[one.name], variants(effect), frozenset({*found.fit.model.free, *effect.keys})
+    )
 
 
 def _step(added: _Added, after: ConfirmedDiagnosis) -> AutoStep:

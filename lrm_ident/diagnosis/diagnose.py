@@ -160,7 +160,7 @@ def _diagnose(
     weights = None if rates is None else rates.weights([one.name for one in tried])
     selection = forward_select(tried, linear, progress, weights, [one for one in ranked if one not in tried])
     selected = selection.effects
-    joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
+    joint_jacobian = response.slots[list(response.equilibrium.model.chain.joint_slots)]
     before = lagged(whole.rest.joint_torque)[screened]
     functions = free_functions(joint_jacobian, part, fitted.rest, before)
     return Diagnosis(

@@ -158,7 +158,7 @@ def _estimates(scored: ScoredCandidate) -> Estimates:
 def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> Estimates:
     effect, model = scored.candidate.effect, fitted.model
     errors = dict(zip(model.free, fitted.standard_error, strict=True))
-    keys = {f"{effect.id}.{effect.place}.{parameter.name}": parameter for parameter in effect.parameters}
+    keys = dict(zip(effect.keys, effect.parameters, strict=True))
     return tuple(
         (p.name, model.value(key) / p.si, float(errors.get(key, 0.0)) / p.si)
         for key, p in keys.items()
@@ -172,8 +172,9 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     units = {p.name: p.unit for p in effect.parameters}
     words = {name: _with_unit(value, error, units[name]) for name, value, error in estimates}
     numbers = {p.name: words.get(p.name, "0") for p in effect.parameters}
-    claim = effect.claim.format(place=effect.place, **numbers) if effect.claim else f"{effect.id} at {effect.place}"
-    if any(name in effect.claim for name in words):
+    sentence = effect.about.claim
+    claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
+    if any(name in sentence for name in words):
         return claim
     surest = sorted(estimates, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
     surest_values = ", ".join(f"{name} {words[name]}" for name in words if name in {one[0] for one in surest})
@@ -190,10 +191,10 @@ def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:
     kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
     names = [name for one in supported[:1] for name in (one.name, *diagnosis.equivalent[one.name])]
     if len(names) > 1:
-        needs = dict.fromkeys(kinds[name].needs for name in names if kinds[name].needs)
+        needs = dict.fromkeys(kinds[name].about.needs for name in names if kinds[name].about.needs)
         what = "; ".join(needs) or "poses that differ in load, angle and order independently"
         return f"To tell {names[0]} from {names[1]}: {what}."
     for effect, reason in diagnosis.not_testable:
-        if effect.needs and "typical size" not in reason:
-            return f"To test {effect.id}@{effect.place} ({reason}): {effect.needs}."
+        if effect.about.needs and "typical size" not in reason:
+            return f"To test {effect.name} ({reason}): {effect.about.needs}."
     return "Repeat a few poses to know the noise, and measure in random order with two loads."

@@ -30,6 +30,7 @@ from lrm_ident.residual.thresholds import (
     VERY_STRONG,
     Z_THRESHOLD,
 )
+from lrm_math.effects import variants
 
 Choice = tuple[LinearEstimate, ScoredCandidate]
 
@@ -138,11 +139,11 @@ def _choices(
 def _standing(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
     """Its standing beside the effects of the model and those selected."""
     names = {other.name for other in selected}
-    return REFINEMENT if names & set(one.candidate.effect.refined) else one.candidate.standing
+    return REFINEMENT if names & set(variants(one.candidate.effect)) else one.candidate.standing
 
 
 def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
-    return standing[one.name] == REFINEMENT and bool(one.candidate.effect.refines)
+    return standing[one.name] == REFINEMENT and bool(one.candidate.effect.variant_of)
 
 
 def _parsimonious(choices: Sequence[Choice], standing: Mapping[str, int], count: int) -> Sequence[Choice]:
@@ -179,7 +180,7 @@ def _choose(
 
 def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
     """The best plain effect that this form refines, if one helps: it is named first; else the form itself."""
-    names = chosen[1].candidate.effect.refined
+    names = variants(chosen[1].candidate.effect)
     return min((c for c in choices if c[1].name in names), key=lambda choice: choice[0].rms, default=chosen)
 
 
@@ -228,7 +229,7 @@ def _same_form(
     """Effects of which a form that `one` needs is a form too: where a formula is wrong, formulas do not distinguish."""
     found: set[str] = set()
     for form in ranked:
-        refined = form.candidate.effect.refined
-        if one.name in refined and improves_prediction(after.beside[form.name], with_it, start):
-            found.update(refined)
+        plain = variants(form.candidate.effect)
+        if one.name in plain and improves_prediction(after.beside[form.name], with_it, start):
+            found.update(plain)
     return found

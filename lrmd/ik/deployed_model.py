@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.effects import compensable
 from lrm_math.errors import FileError
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.model import Model, model_of
@@ -58,7 +59,7 @@ def deploy_file(config: Config, path: Path | None) -> DeployedModel:
         raise FileError(path, "model", "changed while it was read", "write it whole, then load it again")
     if model.arm.name != config.arm.name:
         raise FileError(path, "arm", f"a model of {model.arm.name}", f"this daemon drives {config.arm.name}")
-    left_out = tuple(sorted({e.id for e in model.effects if not e.online and e.id != "quantisation"}))
+    left_out = tuple(sorted({e.id for e in model.effects if not compensable(e)}))
     return DeployedModel(model, covariance, str(path), hashlib.sha256(content).hexdigest(), left_out)
 
 

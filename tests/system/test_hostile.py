@@ -17,6 +17,9 @@ SHORT = (
     "link: old handshakes",
     "flood: malformed",
     "kills and stops",
+    "renewed jog",
+    "short moves",
+    "waiting client",
 )
 
 

@@ -13,18 +13,20 @@ Read it, rename it, say what causes it. To use it: lrm-ident add MODEL DATA {id}
 
 import numpy as np
 
-from lrm_math.effects import Effect, Parameter
+from lrm_math.effects import Description, Effect, Parameter
 
 
 class ProposedLaw(Effect):
     id = "{id}"
-    cause = "Not known: a law proposed from measurements."
-    formula = "{formula}"
-    source = "{source}"
-    claim = "joint{joint} follows {follows}: {claims}"
-    moves = ("joint{joint}.theta",)
-    feels = {feels}
-    online = {online}
+    about = Description(
+        cause="Not known: a law proposed from measurements.",
+        formula="{formula}",
+        source="{source}",
+        claim="joint{joint} follows {follows}: {claims}",
+    )
+    targets = ("joint{joint}.theta",)
+    load_slots = {load_slots}
+    depends_on = {depends_on}
     parameters = (
 {parameters}    )
 
@@ -32,8 +34,8 @@ class ProposedLaw(Effect):
     def places(cls, arm):
         return ("joint{joint}",)
 
-    def motion(self, poses, tau, p):
-{quantities}        return ({motion},)
+    def amounts(self, poses, tau, p):
+{quantities}        return ({amount},)
 '''
 
 
@@ -55,14 +57,14 @@ def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> s
         source=f"lrm-ident propose, {data}",
         follows=" and ".join(quantity.name for quantity in law.quantities),
         claims=", ".join(f"{{{name}}}" for name in names),
-        feels=f'("joint{law.joint + 1}.theta",)' if any(q.name == "tau" for q in law.quantities) else "()",
-        online=not needs_time,
+        load_slots=f'("joint{law.joint + 1}.theta",)' if any(q.name == "tau" for q in law.quantities) else "()",
+        depends_on=("angle", "direction", *(("time",) if needs_time else ())),
         parameters="".join(
             f'        Parameter("{name}", "of {term.replace("np.", "")}", {size:.3g}),\n'
             for name, term, size in zip(names, law.terms, typical, strict=True)
         ),
         quantities="".join(_assignment(quantity) for quantity in law.quantities),
-        motion=" + ".join(f"p[{i}] * {term}" for i, term in enumerate(law.terms)),
+        amount=" + ".join(f"p[{i}] * {term}" for i, term in enumerate(law.terms)),
     )
 
 

@@ -189,7 +189,7 @@ def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
     assert "few levels: joints 1, 2, 3, 4, 5 and 6" in traps
     assert "run with joint 1 (correlation 0.94)" in traps
     assert "no reversal: joint 1" in traps
-    refused = {f"{effect.id}@{effect.place}" for effect, _ in found.not_testable}
+    refused = {effect.name for effect, _ in found.not_testable}
     assert {"hysteresis@joint1", "payload@tool", "session@joint2"} <= refused
 
 
@@ -290,16 +290,16 @@ def test_pure_noise_has_no_structure(seed: int) -> None:
 
 def test_every_effect_explains_itself(lab: Arm) -> None:
     for kind in CATALOGUE:
-        assert kind.cause.endswith(".")
-        assert kind.formula
-        assert kind.source
+        assert kind.about.cause.endswith(".")
+        assert kind.about.formula
+        assert kind.about.source
         for place in kind.places(lab):
             effect = kind(lab, place)
             for parameter in effect.parameters:
                 assert parameter.typical > 0
                 assert parameter.meaning
                 assert parameter.name.endswith("_" + parameter.unit)
-            effect.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
+            effect.about.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
 
 
 @pytest.mark.parametrize(

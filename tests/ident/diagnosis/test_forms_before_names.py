@@ -26,7 +26,7 @@ from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import effects_at, variants
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.model import Model, model_of
 from validation.hidden_effects.data import ARM_FILE
@@ -113,12 +113,12 @@ def test_a_link_that_bends_at_its_near_end_is_named_then_refined(lab: Arm, descr
     data = hidden(described, 2, RootHinge(2, 0.1035, 0.03))
     found = diagnose(base_fit(lab, data), data)
     first = found.selected[0]
-    assert "lateral_compliance@link2" in (first.name, *first.candidate.effect.refined)
+    assert "lateral_compliance@link2" in (first.name, *variants(first.candidate.effect))
     better = add_effects(found.fit.model, data, effects_at(lab, "lateral_compliance@link2"))
     assert better.sigma > 1.1 * NOISE
     refined = diagnose(better.model, data)
     assert refined.selected[0].name == "bending_ends@link2"
-    assert [one.candidate.effect.id for one in refined.supported if not one.candidate.effect.refines] == []
+    assert [one.candidate.effect.id for one in refined.supported if not one.candidate.effect.variant_of] == []
     assert add_effects(better.model, data, effects_at(lab, "bending_ends@link2")).sigma < 1.06 * NOISE
 
 
@@ -127,7 +127,7 @@ def test_five_waves_a_turn_are_eccentricity_in_another_form(lab: Arm, described:
     data = hidden(described, 4, GearTeeth(2, 0.008))
     found = diagnose(base_fit(lab, data), data)
     first = found.selected[0]
-    names = {first.name, *first.candidate.effect.refined}
+    names = {first.name, *variants(first.candidate.effect)}
     assert names & {"eccentricity@joint2", "angle_curve@joint2"}
     assert add_effects(found.fit.model, data, effects_at(lab, "angle_curve@joint2")).sigma < 1.06 * NOISE
 

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from tests.soak.hostile.approach import renewed_jog, short_moves, waiting_client
 from tests.soak.hostile.flood import FLOODS, flooded
 from tests.soak.hostile.link_attacks import ATTACKS, Hidden, Mute, OldHandshake
 from tests.soak.hostile.link_proxy import LinkProxy
@@ -166,7 +167,8 @@ ON_LINK: dict[str, AttackOnLink] = {f"link: {name}": on_link(name) for name in A
 ON_DAEMON: dict[str, Attack] = {
     "none": nothing, **{f"flood: {name}": by_flood(*kinds) for name, kinds in FLOODS.items()},
     "api stopped": stopped_api, "kills and stops": kills, "state folder full": full_folder,
-    "state folder read-only": read_only_folder,
+    "state folder read-only": read_only_folder, "renewed jog": renewed_jog, "short moves": short_moves,
+    "waiting client": waiting_client,
 }  # fmt: skip
 ALL = (*ON_LINK, *ON_DAEMON)
 

@@ -101,6 +101,17 @@ class Trial:
                 rover.move({"joint1": goal, "joint4": -goal})
                 self.moves += 1
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Its own client keeps still, with the servos on."""
+        self.wait_until_it_moves()
+        self._pause.set()
+        time.sleep(0.5)
+        try:
+            yield
+        finally:
+            self._pause.clear()
+
     def estop(self) -> None:
         """Stops the arm as a stranger would, if it has pulses; waits until they are off. Measured in `result`."""
         self._pause.set()

@@ -124,7 +124,7 @@ class GuardedSequence:
     def jog(self) -> None:
         """A jog towards the nearest obstacle, or anywhere, renewed at any rate."""
         direction = self.inward() if self.rng.random() < 0.7 else self.rng.uniform(-1, 1, JOINTS)
-        rates = float(self.rng.uniform(0.01, 0.28)) * direction / np.abs(direction).max()
+        rates = float(self.rng.uniform(0.01, 0.28)) * direction / max(float(np.abs(direction).max()), 1e-12)
         for _ in range(int(self.rng.integers(1, 12))):
             self.request(JogRequest(lease=self.token, rate_rad_per_s=self.named(rates)))
             self.tick(int(self.rng.integers(1, 40)))

@@ -88,10 +88,10 @@ def test_a_written_law_moves_the_joint_as_its_formula_says(
     file.write_text(law_source(law, (0.02,) * len(law.terms), "some.csv", "facts"), encoding="utf-8")
     (kind,) = effects_in(file)
     effect, p = kind(lab, "joint2"), rng.normal(size=len(law.terms))
-    (moved,) = effect.motion(poses, (torque,), p.tolist())
+    (moved,) = effect.amounts(poses, (torque,), p.tolist())
     np.testing.assert_allclose(moved, law.values(poses, torque) @ p, atol=1e-12)
     assert effect.id == law_id(law)
-    assert bool(effect.feels) == ("tau" in law.formula)
+    assert bool(effect.load_slots) == ("tau" in law.formula)
 
 
 TRUE = 17

@@ -12,9 +12,9 @@ import numpy as np
 
 from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
-from lrm_math.ik.joint_laws import JointLaws
-from lrm_math.ik.kernel.flat_arm import FlatArm, Twelve, flat_arm, frames_as_numbers, with_form, with_laws
-from lrm_math.ik.kernel.linkage import Indices
+from lrm_math.ik.joint_errors import JointErrorModel
+from lrm_math.ik.kernel.kernel_model import KernelModel, Twelve, frames_as_numbers, packed, with_form, with_laws
+from lrm_math.ik.kernel.moving_slots import Indices
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import KernelFound
 from lrm_math.ik.library import PoseLibrary
@@ -46,13 +46,13 @@ class Method(Protocol):
     def name(self) -> str:
         """Name in replies."""
 
-    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | Stalled | None:
+    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | Stalled | None:
         """Commands for one goal; None where the method finds none."""
 
 
 @dataclass(frozen=True, eq=False)
-class ArmAtRest:
-    """Those of K commands that come to rest, `rows` (M,): slot amounts (M, V) and tool frames (M, 12) by columns."""
+class EquilibriumBatch:
+    """Those of K commands that settle, `rows` (M,): slot amounts (M, V) and tool frames (M, 12) by columns."""
 
     rows: Indices
     slots: Array
@@ -60,15 +60,15 @@ class ArmAtRest:
 
 
 @dataclass(frozen=True, eq=False)
-class SolverContext:
+class CalibratedArm:
     """A deployed model (see `deployed_model`) and what follows from it alone."""
 
     model: Model
 
     @cached_property
-    def joint_laws(self) -> JointLaws:
+    def errors(self) -> JointErrorModel:
         """What the kernel computes, and what is left to Python."""
-        return JointLaws(self.model)
+        return JointErrorModel(self.model)
 
     @cached_property
     def limits(self) -> JointLimits:
@@ -86,35 +86,35 @@ class SolverContext:
         return np.asarray(self.nominal_solver.frames(q[None])[0, -1])
 
     @cached_property
-    def _bare(self) -> FlatArm:
-        laws, limits = self.joint_laws, self.limits
-        moments = laws.linkage.moments(self.model.weights(0.0))
-        arm = flat_arm(laws.linkage, moments, self.model.binding.reach, limits.lower, limits.upper)
+    def _bare(self) -> KernelModel:
+        errors, limits = self.errors, self.limits
+        moments = errors.moving.moments(self.model.weights(0.0))
+        arm = packed(errors.moving, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = with_form(arm, pieper_form(screw_axes_of(equivalent_arm(self.model))))
-        play, force = laws.axial_play
-        arm = arm.with_springs(laws.constants, laws.compliances).with_(play=play, play_force=force)
-        return with_laws(arm, laws.kernel_laws, 0.0)
+        play, force = errors.axial_play
+        arm = arm.with_springs(errors.constants, errors.compliances).with_(play=play, play_force=force)
+        return with_laws(arm, errors.laws, errors.complete, 0.0)
 
     @cached_property
     def library(self) -> PoseLibrary:
         """Settled poses all over the range."""
-        return PoseLibrary.of(self.joint_laws, self._bare)
+        return PoseLibrary.of(self.errors, self._bare)
 
     @cached_property
-    def _ready(self) -> FlatArm:
-        """The arm without load, with seeds; effects that are not linear about the library's mean loads."""
-        laws, library = self.joint_laws, self.library
-        arm = with_laws(self._bare, laws.kernel_laws, library.nonlinear_bound(laws))
-        if not laws.others_are_linear:
-            arm = arm.with_springs(*laws.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
+    def _ready(self) -> KernelModel:
+        """The arm without load, with seeds; effects without formula about the library's mean loads."""
+        errors, library = self.errors, self.library
+        arm = with_laws(self._bare, errors.laws, errors.complete, library.nonlinear_bound(errors))
+        if not errors.complete:
+            arm = arm.with_springs(*errors.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
         return arm.with_library(library.tcp, library.q, library.slots)
 
     @cached_property
-    def arm(self) -> Callable[[float], FlatArm]:
+    def kernel(self) -> Callable[[float], KernelModel]:
         """The arm with a payload (kg), cached."""
 
-        def loaded(payload: float) -> FlatArm:
-            return self._ready.with_(moment=self.joint_laws.linkage.moments(self.model.weights(payload)))
+        def loaded(payload: float) -> KernelModel:
+            return self._ready.with_(moment=self.errors.moving.moments(self.model.weights(payload)))
 
         return lru_cache(maxsize=CACHED_PAYLOADS)(loaded)
 
@@ -124,16 +124,16 @@ class SolverContext:
 
     def branches(self, query: IkQuery) -> IkSolutions:
         """All branches of a pose; commands nearest to `near`, or to the middle of the limits, of any other goal."""
-        arm, near = self.arm(query.payload), query.near
+        arm, near = self.kernel(query.payload), query.near
         found, V = arm.search(query.goal, near or self.limits.middle, near, FREE_STARTS), arm.slots
-        if self.joint_laws.complete:
+        if self.errors.complete:
             return IkSolutions(tuple(self._unpacked(found, query.goal.constraints >= arm.joints)), found.steps)
         states = [(np.array(x.slots[:V]), np.array(x.tau[:V])) for x in found.at[: found.count]]
         return IkSolutions(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), found.steps)
 
     def _unpacked(self, found: KernelFound, determined: bool) -> list[IkSolution]:
         """The kernel's solutions."""
-        n, V, out = self.model.arm.dof, len(self.joint_laws.linkage.slots), []
+        n, V, out = self.model.arm.dof, len(self.errors.moving.slots), []
         for k in range(found.count):
             at = found.at[k]
             detour = tuple(j for j, wrong in enumerate(at.detour[:n], 1) if wrong)
@@ -143,29 +143,28 @@ class SolverContext:
 
     def at_goal(self, query: IkQuery, slots: Array) -> list[IkSolution]:
         """The command at the goal by Newton's method from slot amounts (V,); none if it does not lead there."""
-        if not self.joint_laws.others_are_linear:
-            return self._corrected(query, slots, self.arm(query.payload).forward(slots[None])[1][0])
-        state = self.arm(query.payload).newton(query.goal, slots, query.near)
-        if state is None:
-            return []
-        if self.joint_laws.complete:
-            return self._unpacked(state[2], query.goal.constraints >= self.model.arm.dof)
-        return self._corrected(query, *state[:2])
+        arm = self.kernel(query.payload)
+        if not self.errors.complete:
+            return self._corrected(query, slots, arm.forward(slots[None])[1][0])
+        state = arm.newton(query.goal, slots, query.near)
+        return [] if state is None else self._unpacked(state[2], query.goal.constraints >= self.model.arm.dof)
 
     def _corrected(self, query: IkQuery, slots: Array, tau: Array) -> list[IkSolution]:
-        """The command for a state at the goal, (V,) each; other effects than the kernel's first linearised about it."""
-        laws = self.joint_laws
+        """The command for a state near the goal, (V,) each: the kernel with the model linearised about it, repeatedly.
+
+        Where effects without formula act on joints alone, the kernel's state is the model's, and stays.
+        """
         q, side, detour = self._command(query, slots, tau)
-        for _ in range(0 if laws.others_are_linear else LINEARISATIONS):
-            poses = self.poses(query, q[None], side[None])
-            arm = self.arm(query.payload).with_springs(*laws.linearised(poses, tau))
-            state = arm.newton(query.goal, slots)
+        for _ in range(LINEARISATIONS):
+            springs = self.errors.linearised(self.poses(query, q[None], side[None]), tau)
+            state = self.kernel(query.payload).with_springs(*springs).newton(query.goal, slots)
             if state is None:
                 return []
-            steady = bool(np.abs(state[0] - slots).max() < STEADY)
+            moved = float(np.abs(state[0] - slots).max())
             slots, tau, _ = state
-            q, side, detour = self._command(query, slots, tau)
-            if steady:
+            if moved > 0.0:
+                q, side, detour = self._command(query, slots, tau)
+            if moved < STEADY:
                 break
         if not np.isfinite(q).all():
             return []
@@ -177,14 +176,14 @@ class SolverContext:
     def _command(self, query: IkQuery, slots: Array, tau: Array) -> tuple[Array, Array, Array]:
         """Command (n,), sides of arrival, and 1 where coming straight from `near` contradicts them, else 0."""
 
-        laws = self.joint_laws
-        stiff = (slots - laws.constants)[laws.linkage.joints]
+        errors = self.errors
+        unloaded = (slots - errors.constants)[errors.moving.joints]
 
         def command(side: Array) -> Array:
-            poses = self.poses(query, stiff[None], side[None])
-            return np.asarray(laws.command(poses, tau[None], slots[None])[0])
+            poses = self.poses(query, unloaded[None], side[None])
+            return np.asarray(errors.command(poses, tau[None], slots[None])[0])
 
-        side = np.zeros(len(stiff))
+        side = np.zeros(len(unloaded))
         q, wrong = command(side), side
         if query.near is None:
             return q, side, wrong
@@ -197,50 +196,50 @@ class SolverContext:
             side = np.where(wrong > 0.0, -side, side)
         return q, side, wrong
 
-    def at_rest(
+    def equilibria(
         self, query: IkQuery, q: Array, direction: Array | None = None, start: Array | None = None,
         tolerance: float = 1e-9,
-    ) -> ArmAtRest:  # fmt: skip
+    ) -> EquilibriumBatch:  # fmt: skip
         """Equilibria of commands (K, n) from sides (K, n), those that there are.
 
-        `start`: (K, V), slot amounts to begin with; None: those of the stiff arm. `tolerance`: m.
+        `start`: (K, V), slot amounts to begin with; None: those without loads. `tolerance`: m.
         """
-        laws, arm = self.joint_laws, self.arm(query.payload)
-        if laws.complete:
-            begin = self.stiff(q) if start is None else start
+        errors, arm = self.errors, self.kernel(query.payload)
+        if errors.complete:
+            begin = self.unloaded_slots(q) if start is None else start
             side = np.zeros_like(q) if direction is None else direction
             slots, tcp, iterations = arm.settle(q, side, begin, tolerance)
             rows = np.flatnonzero(iterations > 0)
-            return ArmAtRest(rows, slots[rows], tcp[rows])
+            return EquilibriumBatch(rows, slots[rows], tcp[rows])
         first = None if start is None else self.chain_amounts(start)
-        rest, rows = batch_equilibrium(self.model, self.poses(query, q, direction), first, tolerance)
-        slots = np.array([np.broadcast_to(rest.slots[k], len(rest.poses)) for k in laws.linkage.slots]).T
+        settled, rows = batch_equilibrium(self.model, self.poses(query, q, direction), first, tolerance)
+        slots = np.array([np.broadcast_to(settled.slots[k], len(settled.poses)) for k in errors.moving.slots]).T
         frames = arm.forward(slots)[0]
-        return ArmAtRest(rows, slots, frames_as_numbers(frames[:, :3, 3], frames[:, :3, :3]))
+        return EquilibriumBatch(rows, slots, frames_as_numbers(frames[:, :3, 3], frames[:, :3, :3]))
 
     def tool_at(
         self, query: IkQuery, q: tuple[float, ...], direction: tuple[int, ...], start: tuple[float, ...] | None = None
     ) -> list[float] | None:
-        """Tool frame by columns, twelve numbers, at rest at one command; None if it has none. `start`: slots nearby."""
-        begin = self.stiff(np.array([q]))[0].tolist() if start is None else start
-        if not self.joint_laws.complete:
-            rest = self.at_rest(query, np.array([q]), np.array([direction]), np.array([begin]))
-            return rest.tcp[0].tolist() if len(rest.rows) else None
-        n, arm, iterations = len(q), self.arm(query.payload), ctypes.c_int()
+        """Tool frame by columns, twelve numbers, of a command's equilibrium; None if it has none. `start`: slots."""
+        begin = self.unloaded_slots(np.array([q]))[0].tolist() if start is None else start
+        if not self.errors.complete:
+            settled = self.equilibria(query, np.array([q]), np.array([direction]), np.array([begin]))
+            return settled.tcp[0].tolist() if len(settled.rows) else None
+        n, arm, iterations = len(q), self.kernel(query.payload), ctypes.c_int()
         slots, tcp = (ctypes.c_double * arm.slots)(*begin), Twelve()
         angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*direction)
         kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
         return tcp[:] if iterations.value > 0 else None
 
-    def stiff(self, q: Array) -> Array:
+    def unloaded_slots(self, q: Array) -> Array:
         """(K, V), slot amounts of the arm without loads at commands (K, n)."""
-        out = np.tile(self.joint_laws.constants, (len(q), 1))
-        out[:, self.joint_laws.linkage.joints] += q
+        out = np.tile(self.errors.constants, (len(q), 1))
+        out[:, self.errors.moving.joints] += q
         return out
 
     def chain_amounts(self, slots: Array) -> list[Number]:
         """Amounts of all slots of the chain, from those of the moving ones (K, V); floats for a single pose."""
         out: list[Number] = list(self.model.binding.constants)
-        for k, amount in zip(self.joint_laws.linkage.slots.tolist(), slots.T, strict=True):
+        for k, amount in zip(self.errors.moving.slots.tolist(), slots.T, strict=True):
             out[k] = float(amount[0]) if len(slots) == 1 else amount
         return out

@@ -14,7 +14,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.kernel.laws import KERNEL_LAWS, KernelLaw
-from lrm_math.ik.kernel.linkage import Linkage
+from lrm_math.ik.kernel.moving_slots import MovingSlots
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import (
     MAX_BODIES,
@@ -35,18 +35,18 @@ DESCENTS, KEPT = 24, 4
 BELOW = {
     "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
-    "law": ("", len(KERNEL_LAWS) + 1), "spring_from": ("", MAX_SPRINGS + 1),
+    "law": ("", len(KERNEL_LAWS)), "spring_from": ("", MAX_SPRINGS + 1),
 }  # fmt: skip
 """What the numbers of an array, places in other arrays, are below: how many of these the arm has, and a number."""
 SHAPES = (AxisPair.MEETING, AxisPair.PARALLEL, AxisPair.SKEW)
 
 
 @dataclass(frozen=True, eq=False)
-class FlatArm:
+class KernelModel:
     """A packed model. `memory`: the kernel's structure; `kept`: arrays that it points to."""
 
     memory: KernelArm
-    linkage: Linkage
+    moving: MovingSlots
     kept: tuple[NDArray[Any], ...] = ()
 
     @property
@@ -64,14 +64,14 @@ class FlatArm:
         """Of the structure."""
         return ctypes.addressof(self.memory)
 
-    def with_(self, **numbers: ArrayLike) -> FlatArm:
+    def with_(self, **numbers: ArrayLike) -> KernelModel:
         """A copy with other numbers in some fields of the structure."""
         memory = KernelArm.from_buffer_copy(self.memory)
         for name, values in numbers.items():
             put(memory, name, values)
-        return FlatArm(memory, self.linkage, self.kept)
+        return KernelModel(memory, self.moving, self.kept)
 
-    def with_library(self, tcp: Array, q: Array, slots: Array) -> FlatArm:
+    def with_library(self, tcp: Array, q: Array, slots: Array) -> KernelModel:
         """A copy with seeds, M poses at rest: tool frames (M, 4, 4), commands (M, n), slot amounts (M, V)."""
         fits("library poses", len(q), MAX_POSES)
         columns = np.ascontiguousarray(frames_as_numbers(tcp[:, :3, 3], tcp[:, :3, :3]).T, dtype=np.float32)
@@ -79,9 +79,9 @@ class FlatArm:
         memory = self.with_(start=slots.mean(axis=0)).memory
         memory.poses, memory.library_q, memory.library_slots = len(q), _at(kept[0]), _at(kept[1])
         memory.library_columns = _at(columns)
-        return FlatArm(memory, self.linkage, kept)
+        return KernelModel(memory, self.moving, kept)
 
-    def with_springs(self, zero: Array, compliances: Array) -> FlatArm:
+    def with_springs(self, zero: Array, compliances: Array) -> KernelModel:
         """A copy with other amounts without load (V,) and compliances (V, V), rad/N·m or m/N·m."""
         rows, columns = np.nonzero(compliances)
         fits("springs", len(rows), MAX_SPRINGS)
@@ -118,11 +118,11 @@ class FlatArm:
         """(K, n + 2, 4, 4), frames of the base, after joint 1 … n, and of the tool, at slot amounts (K, V); m."""
         s, after = np.ascontiguousarray(slots, dtype=np.float64), np.empty((len(slots), self.slots + 1, 12))
         kernel().ik_frames(self.address, len(s), _at(s), _at(after))
-        moved = matrices(after[:, self.linkage.frame_inboard].reshape(-1, 12)).reshape(len(s), -1, 4, 4)
-        return np.asarray(moved @ self.linkage.frames)
+        moved = matrices(after[:, self.moving.frame_inboard].reshape(-1, 12)).reshape(len(s), -1, 4, 4)
+        return np.asarray(moved @ self.moving.frames)
 
     def cube(
-        self, drawn: FlatArm, centre: Array, side: float, points: int, target: Array, tolerance: float, q: Array,
+        self, drawn: KernelModel, centre: Array, side: float, points: int, target: Array, tolerance: float, q: Array,
         slots: Array,
     ) -> tuple[Array, Array] | None:  # fmt: skip
         """Of a cube of goals of the arm as drawn, the command (n,) whose equilibrium is nearest to `target` (3,), m.
@@ -179,36 +179,36 @@ class FlatArm:
         return None if q is None else (ctypes.c_double * self.joints)(*q)
 
 
-def flat_arm(linkage: Linkage, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]) -> FlatArm:
+def packed(
+    moving: MovingSlots, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]
+) -> KernelModel:
     """An arm without springs, laws, closed form or library; limits (rad). Raises `LrmError` beyond a fixed maximum."""
-    V, n, B = len(linkage.slots), len(linkage.joints), len(linkage.inboard)
+    V, n, B = len(moving.slots), len(moving.joints), len(moving.inboard)
     for name, count, most in (("moving slots", V, MAX_SLOTS), ("joints", n, MAX_JOINTS), ("bodies", B, MAX_BODIES)):
         fits(name, count, most)
     memory = KernelArm()
-    memory.slots, memory.joints, memory.others, memory.bodies = V, n, len(linkage.others), B
+    memory.slots, memory.joints, memory.others, memory.bodies = V, n, len(moving.others), B
     memory.laws_known, memory.reach = 1, reach
-    turned = [not np.array_equal(weld[:3, :3], np.eye(3)) for weld in linkage.welds]
-    return FlatArm(memory, linkage).with_(
-        gravity=linkage.gravity, weld=linkage.welds[:, :3].transpose(0, 2, 1), welded_turn=turned, moment=moments,
-        axis=linkage.axes, joint=linkage.joints, other=linkage.others, inboard=linkage.inboard,
-        counted=linkage.counted, moved=linkage.moved, lower=lower, upper=upper,
+    turned = [not np.array_equal(weld[:3, :3], np.eye(3)) for weld in moving.fixed]
+    return KernelModel(memory, moving).with_(
+        gravity=moving.gravity, weld=moving.fixed[:, :3].transpose(0, 2, 1), welded_turn=turned, moment=moments,
+        axis=moving.axes, joint=moving.joints, other=moving.others, inboard=moving.inboard,
+        counted=moving.counted, moved=moving.moved, lower=lower, upper=upper,
     )  # fmt: skip
 
 
-def with_laws(arm: FlatArm, laws: Sequence[KernelLaw] | None, nonlinear_bound: float) -> FlatArm:
-    """The arm with joint laws; None: they are computed in Python. `nonlinear_bound`: rad, most that laws change."""
-    known = laws or ()
-    fits("joint laws", len(known), MAX_LAWS)
-    p = np.zeros((len(known), 4))
-    for row, (_, _, values) in zip(p, known, strict=True):
+def with_laws(arm: KernelModel, laws: Sequence[KernelLaw], complete: bool, nonlinear_bound: float) -> KernelModel:
+    """The arm with joint laws; not `complete`: Python corrects commands. `nonlinear_bound`: rad, most that these do."""
+    fits("joint laws", len(laws), MAX_LAWS)
+    p = np.zeros((len(laws), 4))
+    for row, (_, _, values) in zip(p, laws, strict=True):
         row[: len(values)] = values
-    out = arm.with_(law=[law for law, _, _ in known], law_joint=[joint for _, joint, _ in known], law_p=p)
-    out.memory.laws, out.memory.laws_known = len(known), laws is not None
-    out.memory.nonlinear_bound = nonlinear_bound
+    out = arm.with_(law=[law for law, _, _ in laws], law_joint=[joint for _, joint, _ in laws], law_p=p)
+    out.memory.laws, out.memory.laws_known, out.memory.nonlinear_bound = len(laws), complete, nonlinear_bound
     return out
 
 
-def with_form(arm: FlatArm, form: PieperForm | None) -> FlatArm:
+def with_form(arm: KernelModel, form: PieperForm | None) -> KernelModel:
     """The arm with a closed form, its own or that of one like it."""
     if form is None:
         return arm

@@ -17,14 +17,14 @@ Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Linkage:
+class MovingSlots:
     """The moving slots of a chain and the rigid transforms between them.
 
     Attributes:
         slots: (V,), numbers of the moving slots in the chain, ascending.
         joints, others: (n,), (W,), positions among them of joints and of other slots.
         axes: (V,), 0 to 2 for a turn about x, y, z, 3 to 5 for a translation.
-        welds: (V + 1, 4, 4), the transform to each slot, and from the last one to the TCP (m).
+        fixed: (V + 1, 4, 4), the transform to each slot, and from the last one to the TCP (m).
         inboard: (B,), number of moving slots inboard of each body; `body_frames`: (B, 4, 4), its frame there.
         frame_inboard, frames: the same of the base, after joint 1 … n, and of the tool, (n + 2,) and (n + 2, 4, 4).
         counted, moved: (V,), the first body that a slot's load counts, and that the slot moves.
@@ -35,7 +35,7 @@ class Linkage:
     joints: Indices
     others: Indices
     axes: Indices
-    welds: Array
+    fixed: Array
     inboard: Indices
     body_frames: Array
     frame_inboard: Indices
@@ -54,7 +54,7 @@ class Linkage:
         return np.asarray(mass[:, None] * (self.body_frames @ com)[:, :, 0])
 
 
-def linkage_of(chain: Chain, constants: Sequence[float], also: Sequence[int]) -> Linkage:
+def moving_slots_of(chain: Chain, constants: Sequence[float], also: Sequence[int]) -> MovingSlots:
     """A chain whose slots keep the amounts `constants` (rad, m), except the joints and those in `also`."""
     slots = sorted({*chain.joint_slots, *also})
     edges = [-1, *slots, len(chain.slots)]
@@ -62,17 +62,17 @@ def linkage_of(chain: Chain, constants: Sequence[float], also: Sequence[int]) ->
     def fixed(ends: Sequence[int]) -> tuple[Indices, Array]:
         """Numbers of moving slots inboard of some places before slots `ends`, and the places' frames there."""
         inboard = [sum(k < end for k in slots) for end in ends]
-        welds = [_weld(chain, constants, edges[n] + 1, end) for n, end in zip(inboard, ends, strict=True)]
-        return np.array(inboard, dtype=np.int64), np.array(welds).reshape(-1, 4, 4)
+        fixed = [_fixed(chain, constants, edges[n] + 1, end) for n, end in zip(inboard, ends, strict=True)]
+        return np.array(inboard, dtype=np.int64), np.array(fixed).reshape(-1, 4, 4)
 
     inboard, body_frames = fixed([body.before for body in chain.bodies])
     frame_inboard, frames = fixed(chain.frame_ends)
-    return Linkage(
+    return MovingSlots(
         slots=np.array(slots),
         joints=np.array([slots.index(k) for k in chain.joint_slots]),
         others=np.array([v for v, k in enumerate(slots) if chain.slots[k].joint is None], dtype=np.int64),
         axes=np.array([chain.slots[k].axis + (0 if chain.slots[k].rotates else 3) for k in slots]),
-        welds=np.array([_weld(chain, constants, a + 1, b) for a, b in pairwise(edges)]),
+        fixed=np.array([_fixed(chain, constants, a + 1, b) for a, b in pairwise(edges)]),
         inboard=inboard,
         body_frames=body_frames,
         frame_inboard=frame_inboard,
@@ -83,7 +83,7 @@ def linkage_of(chain: Chain, constants: Sequence[float], also: Sequence[int]) ->
     )
 
 
-def _weld(chain: Chain, constants: Sequence[float], start: int, stop: int) -> Array:
+def _fixed(chain: Chain, constants: Sequence[float], start: int, stop: int) -> Array:
     """(4, 4), product of the slots start … stop − 1 at their constant amounts."""
     out = np.eye(4)
     for k in range(start, stop):
