@@ -165,7 +165,7 @@ def auto(
         with executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
             whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
     publish(
-        course_document(course, report_of(course.judgement), after.held_out, whole, with_prior),
+        course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior),
         json,
         most=None if show_all else LISTED,
     )

@@ -87,7 +87,7 @@ def rival_columns(
 def _default_columns(candidate: Candidate) -> Array:
     """The candidate's columns at the scanned shape nearest to the default."""
     default = np.array([parameter.default for parameter in candidate.effect.parameters])
-    return candidate.columns[np.argmin([np.abs(np.array(shape) - default).sum() for shape in candidate.shapes])]
+    return candidate.columns(min(candidate.shapes, key=lambda shape: np.abs(np.array(shape) - default).sum()))
 
 
 def discrimination_of(

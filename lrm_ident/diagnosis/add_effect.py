@@ -13,7 +13,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.degenerate_fit import DegenerateFit
 from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, some_rows
 from lrm_ident.fitting.levenberg_marquardt import Fit, FitNotConverged, fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_math.effects import Effect, name_of_key, split_key
 from lrm_math.errors import LrmError, NoEquilibrium
@@ -28,7 +28,7 @@ def add_effects(
     data: Measurements,
     effects: Sequence[Effect],
     shape: Sequence[float] | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
 ) -> Fit:
     """Fits a model with further effects: all its free parameters and the new ones together.
 
@@ -56,7 +56,7 @@ def add_effects(
     return free_base_parameters(best, data, loss)
 
 
-def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss | None = None) -> Fit:
+def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) -> Fit:
     """Frees what the data can tell beside the free parameters, of `offsets`, `compliance` and effects that are fitted
     in part, and refits.
 
@@ -92,7 +92,7 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
     return replace(model_of(model.arm, (*model.effects, effect), known), free=model.free)
 
 
-def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], how: Loss | None) -> Fit:
+def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], how: Loss) -> Fit:
     """The best fit over a shape parameter, on a logarithmic scale around its present value.
 
     Of thousands of poses a part is searched, then all are fitted.

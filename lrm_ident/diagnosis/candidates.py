@@ -33,14 +33,14 @@ class Candidate:
             parameters are zero (or the model's).
         standing: its place in a tie: `REFINEMENT` of an effect of the model, `PLAIN` effect, or another `FORM` of an
             effect that the model does not have.
-        columns: for each of them (3 N, m): motion of the TCP for parameters of their typical size, pose by pose (m).
+        response: of the model with every candidate in it, none acting.
     """
 
     effect: Effect
     rows: tuple[int, ...]
     shapes: tuple[tuple[float, ...], ...]
-    columns: tuple[Array, ...]
     standing: int
+    response: Response
 
     @property
     def name(self) -> str:
@@ -51,6 +51,12 @@ class Candidate:
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters that would be fitted."""
         return tuple(self.effect.parameters[row] for row in self.rows)
+
+    def columns(self, shape: tuple[float, ...]) -> Array:
+        """(R N, m), motion of the TCP for parameters of their typical size at a shape, pose by pose (m)."""
+        typical = np.array([parameter.typical for parameter in self.parameters])
+        moved = effect_columns(self.effect, shape, self.response)[list(self.rows)]
+        return np.asarray((moved.transpose(2, 1, 0) * typical).reshape(-1, len(self.rows)))
 
 
 def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:
@@ -107,7 +113,7 @@ def _no_torque(effect: Effect, rest: Equilibrium) -> str | None:
 def differentiate_candidates(
     model: Model, poses: Poses, effects: Sequence[Unfitted], sensed: Sensed = TCP_ONLY
 ) -> tuple[Response, list[Candidate]]:
-    """The columns of every effect at the model's equilibrium, where none of them acts yet; and that response."""
+    """Every effect at the model's equilibrium, where none of them acts yet; and that response."""
     present = _present(model)
     added = [effect for effect, _ in effects if effect.name not in present]
     known = {key: model.value(key) for key in model.keys}
@@ -121,10 +127,7 @@ def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response:
     parameters = effect.parameters
     present = [extended.value(key) for key in effect.keys]
     shapes = _shapes(parameters, present, fixed=any(key in extended.free for key in effect.keys))
-    typical = np.array([parameters[row].typical for row in rows])
-    moved = (effect_columns(effect, shape, response)[list(rows)] for shape in shapes)
-    columns = tuple((motion.transpose(2, 1, 0) * typical).reshape(-1, len(rows)) for motion in moved)
-    return Candidate(effect, rows, shapes, columns, standing)
+    return Candidate(effect, rows, shapes, standing, response)
 
 
 def _shapes(parameters: Sequence[Parameter], present: Sequence[float], fixed: bool) -> tuple[tuple[float, ...], ...]:

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtr
 
-from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE
-from lrm_ident.diagnosis.score_test import benjamini_yekutieli
 from lrm_ident.fleet.effect_rates import EffectRate
 from lrm_ident.fleet.fleet_prior import ArmEstimates
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
+from lrm_ident.residual.significance import benjamini_yekutieli
+from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import split_key
 

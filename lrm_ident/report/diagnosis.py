@@ -16,7 +16,7 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidat
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import error_blocks, parameter_table
-from lrm_ident.report.left_to_find import left_blocks, left_values, noise_words
+from lrm_ident.report.predictable_residual import left_blocks, left_values, noise_words
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.step import StudyStep

@@ -10,7 +10,7 @@ from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals
-from lrm_ident.fitting.identifiability import IdentifiedFit, UnidentifiableParameter
+from lrm_ident.fitting.identifiability import UnidentifiableParameter
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
@@ -42,9 +42,11 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     return [table] if errors.held_out.error else [table, f"held out: none, because {errors.held_out.reason}"]
 
 
-def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements) -> Document:
+def fit_document(
+    fit: Fit, held: Sequence[UnidentifiableParameter], errors: ErrorSummary, data: Measurements
+) -> Document:
     """Result of `lrm-ident fit`, schema `lrm/fit/1`."""
-    fit, model = result.fit, result.fit.model
+    model = fit.model
     mean, before, held_out = errors.fitted.mean, errors.nominal.mean, errors.held_out.error
     outliers = [(data.pose[row], np.linalg.norm(fit.residual[row]) * 1e3) for row in fit.outliers]
     how = fit_words(fit.loss.name, data.left_out)
@@ -53,7 +55,7 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
         parameter_table(fit),
         *section(
             "Held at zero, because these poses cannot tell them:",
-            (f"{p.key}: {_why(fit.rest, p)}" for p in result.held),
+            (f"{p.key}: {_why(fit.rest, p)}" for p in held),
         ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
         *section(OUTLIERS, (f"pose {pose}: {wording.in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
@@ -73,7 +75,7 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
         "steps": fit.steps,
         "estimates": estimates(fit, se_at_bound=None),
         "correlation": {"keys": model.free, "matrix": np.round(fit.correlation, 6)},
-        "held_at_zero": [_held(model, held) for held in result.held],
+        "held_at_zero": [_held(model, one) for one in held],
         "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
     }
     return Document(blocks, "lrm/fit/1", values)

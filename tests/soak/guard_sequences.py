@@ -1,6 +1,6 @@
 """Random sequences of requests to the controller of random arms: does the collision guard keep its law in every tick?
 
-    python -m tests.soak.guard_sequences --sequences 10000
+python -m tests.soak.guard_sequences --sequences 10000
 """
 
 from __future__ import annotations

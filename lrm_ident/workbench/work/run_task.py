@@ -12,7 +12,7 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnose import Diagnosis
-from lrm_ident.diagnosis.laws.law_file import law_id
+from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.document_html import blocks_html

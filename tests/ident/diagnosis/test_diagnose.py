@@ -22,7 +22,7 @@ from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
-from lrm_ident.diagnosis.linearised_fit import linearise, paired_z, principal_cosine
+from lrm_ident.diagnosis.linearised_fit import linearise, principal_cosine
 from lrm_ident.fitting import identifiability
 from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds
 from lrm_ident.fitting.effect_plugins import catalogue_with, effects_in
@@ -31,6 +31,7 @@ from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.report.plots.diagnosis import draw_report
+from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.residual.data_audit import audit
 from lrm_ident.residual.residual_structure import NoiseFloor, noise_floor, residual_structure
 from lrm_math.arm.arm import Arm

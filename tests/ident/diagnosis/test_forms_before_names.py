@@ -16,7 +16,6 @@ from lrm_ident.diagnosis.add_effect import add_effects, free_base_parameters
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
-from lrm_ident.diagnosis.forward_selection import MIN_GAIN
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED
@@ -24,6 +23,7 @@ from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.diagnosis import diagnosis_document
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, variants
@@ -160,7 +160,7 @@ def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
     data = replace(data, tcp=data.tcp + np.where(data.pose[:, None] == 40, [0.1, 0.0, 0.0], 0.0))
     course = run_auto(base_fit(lab, data), data)
     assert {"drift@joint2", "backlash@joint2"} <= {name for step in course.steps[1:] for name in step.names}
-    assert course.judgement.first is None
+    assert course.confirmed.first is None
     assert course.verdict == "nothing_missing"
     assert all(40 not in step.data.pose for step in course.steps)
     errors = [float((step.held_out**2).sum(axis=1).mean()) for step in course.steps]

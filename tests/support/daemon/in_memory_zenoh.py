@@ -141,9 +141,7 @@ class InMemoryDaemon:
         self.server = ZenohServer(self.session, sim.config.robot, self, states, lambda _: AtOnce())
         command, query = (key(sim.config.robot, tail) for tail in ("cmd/estop", "rpc/estop"))
         replies, confirmed = estop_replies(query, boot_id), (lambda: True)
-        self.estop = EstopServer(
-            self.session, (command,), query, replies, self.emergency_stop, confirmed, AtOnce()
-        )
+        self.estop = EstopServer(self.session, (command,), query, replies, self.emergency_stop, confirmed, AtOnce())
 
     def _flush(self) -> None:
         for event in self.sim.core.events:

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.diagnosis.laws.grammar import Law, laws_at, quantities_at
-from lrm_ident.diagnosis.laws.law_file import law_id, law_source
-from lrm_ident.diagnosis.laws.proposal import propose_law
-from lrm_ident.diagnosis.laws.search import LawColumns, LawSearch, search_laws
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law, laws_at, quantities_at
+from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
+from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
+from lrm_ident.diagnosis.symbolic_regression.search import LawColumns, LawSearch, search_laws
 from lrm_ident.fitting.effect_plugins import effects_in, file_of, sha256_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit

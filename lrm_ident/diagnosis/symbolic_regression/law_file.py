@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lrm_ident.diagnosis.laws.grammar import LETTERS, Law, Quantity
+from lrm_ident.diagnosis.symbolic_regression.grammar import LETTERS, Law, Quantity
 
 TEMPLATE = '''"""{title}
 

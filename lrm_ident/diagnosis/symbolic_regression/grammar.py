@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from lrm_ident.residual.covariates import levels
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 
@@ -101,8 +102,8 @@ def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ..
 
 
 def _quantity(name: str, code: str, values: Array, angle: bool = False) -> Quantity:
-    levels = len(np.unique(np.round(values, 4)))
-    return Quantity(name, code, float(values.min()), float(values.max()), levels, angle)
+    distinct = len(levels(values, 4)[0])
+    return Quantity(name, code, float(values.min()), float(values.max()), distinct, angle)
 
 
 def _largest(values: Array) -> str:

@@ -1,4 +1,4 @@
-"""The one judge of `diagnose`, `add` and `auto`: the best candidates refitted in full and cross-validated.
+"""Confirmation of a diagnosis for `diagnose`, `add` and `auto`: the best candidates refitted in full, cross-validated.
 
 Screening (`diagnose`) is linear. The first that it supports is refitted here with everything else free, as `add` does
 it, and counts only if the held-out error falls by more than its standard error says; else the next one is tried.
@@ -9,17 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
-from lrm_ident.diagnosis.forward_selection import MIN_GAIN
-from lrm_ident.diagnosis.linearised_fit import paired_z
-from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate
+from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import held_out_blocks
-from lrm_ident.fitting.held_out import HeldOutBlock, decisive_rows, held_out_rows
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
 from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.residual.better_prediction import predicts_better
+from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
@@ -43,7 +41,7 @@ class Refit:
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
+class ConfirmedDiagnosis:
     """A diagnosis with its best candidate refitted.
 
     Attributes:
@@ -74,9 +72,9 @@ class Judgement:
         return "unexplained_structure" if lost else self.diagnosis.verdict
 
 
-def judge(
+def confirm(
     diagnosis: Diagnosis, blocks: tuple[HeldOutBlock, ...] = (), on_progress: Callable[[str], object] = str
-) -> Judgement:
+) -> ConfirmedDiagnosis:
     """Refits the supported effects in turn until one predicts better.
 
     Args:
@@ -89,9 +87,9 @@ def judge(
     for number, scored in enumerate(diagnosis.supported):
         on_progress(f"refitting with {scored.name}")
         refit = _refit(diagnosis, scored)
-        if refit is not None and _predicts_better(decisive_rows(refit.blocks), decisive_rows(blocks)):
-            return Judgement(diagnosis, blocks, refit, diagnosis.supported[number:])
-    return Judgement(diagnosis, blocks, None, ())
+        if refit is not None and predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
+            return ConfirmedDiagnosis(diagnosis, blocks, refit, diagnosis.supported[number:])
+    return ConfirmedDiagnosis(diagnosis, blocks, None, ())
 
 
 def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:
@@ -102,9 +100,3 @@ def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:
         return Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
     except LrmError:
         return None
-
-
-def _predicts_better(then: Array, now: Array) -> bool:
-    """Whether held-out rows (N, R) are smaller by a share worth naming, and by more than their standard error."""
-    squares = [np.asarray((residual**2).sum(axis=1)) for residual in (then, now)]
-    return error_stats(then).rms < (1.0 - MIN_GAIN) * error_stats(now).rms and paired_z(*squares) > Z_THRESHOLD

@@ -8,8 +8,8 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
-from lrm_ident.diagnosis.laws.grammar import Law, laws_at, quantities_at
-from lrm_ident.diagnosis.laws.search import LawColumns
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law, laws_at, quantities_at
+from lrm_ident.diagnosis.symbolic_regression.search import LawColumns
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses

@@ -14,16 +14,16 @@ from lrm_math.model.derivatives import parameter_jacobian
 
 
 @dataclass(frozen=True, eq=False)
-class LeftToFind:
+class PredictableResidual:
     """How much a nameless model predicts of the held-out residual, and the regimes where the residual is largest."""
 
     predictable: PredictableError
     regimes: tuple[Regime, ...]
 
 
-def left_to_find(fitted: Fit, data: Measurements, blocks: Sequence[HeldOutBlock]) -> LeftToFind:
+def predictable_residual(fitted: Fit, data: Measurements, blocks: Sequence[HeldOutBlock]) -> PredictableResidual:
     """Tries a Gaussian process on what a cross-validated fit leaves, and looks for regimes."""
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     columns = parameter_jacobian(fitted.rest, keys).reshape(-1, len(keys))
     predictable = predictable_error(data, blocks)
-    return LeftToFind(predictable, find_regimes(data, studentised_squares(fitted.residual, columns)))
+    return PredictableResidual(predictable, find_regimes(data, studentised_squares(fitted.residual, columns)))

@@ -15,18 +15,17 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import linearised
-from lrm_ident.diagnosis.forward_selection import MIN_GAIN, SIGNIFICANCE
-from lrm_ident.diagnosis.laws.grammar import Law
-from lrm_ident.diagnosis.laws.law_columns import TYPICAL_SIZE, law_columns, levers
-from lrm_ident.diagnosis.laws.law_file import law_id, law_source
-from lrm_ident.diagnosis.laws.search import LawSearch, search_laws
-from lrm_ident.diagnosis.linearised_fit import paired_z
-from lrm_ident.diagnosis.score_test import Z_THRESHOLD
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law
+from lrm_ident.diagnosis.symbolic_regression.law_columns import TYPICAL_SIZE, law_columns, levers
+from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
+from lrm_ident.diagnosis.symbolic_regression.search import LawSearch, search_laws
 from lrm_ident.fitting.cross_validation import held_out_residual
 from lrm_ident.fitting.effect_plugins import effects_in
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.better_prediction import paired_z, predicts_better
+from lrm_ident.residual.thresholds import MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
@@ -79,7 +78,7 @@ def propose_law(
     data: Measurements,
     progress: OnProgress = silent,
     on_progress: Callable[[str], object] = str,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
 ) -> LawProposal:
     """Searches laws at every joint; proposes one if the search beats noise and predicts held-out blocks better.
 
@@ -115,12 +114,12 @@ def _propose(
     linear = linearised(start, data, RowWeights(data.whitening, start.weight))
     groups = law_columns(start, data)
     search = search_laws(linear, groups if known is None else [groups[known.law.joint]], progress)
-    without = linear.explain().held_out
+    without = linear.now.held_out
     nested = float(np.sqrt(search.nested.mean()))
     found = LawProposal(before, nested, search.p_value, len(search.laws), None, "")
     if search.p_value > SIGNIFICANCE:
         return replace(found, reason=f"the best of {len(search.laws)} laws is no better than on pure noise")
-    if paired_z(search.nested, without) < Z_THRESHOLD or search.nested.mean() > (1.0 - MIN_GAIN) ** 2 * without.mean():
+    if not predicts_better(search.nested, without, MIN_GAIN):
         return replace(found, reason="no law predicts poses that were not used to choose it")
     order = np.argsort(search.squares.mean(axis=0))
     classed = _equivalent(search, order, without)

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.laws.grammar import Law
+from lrm_ident.diagnosis.column_sets import Split
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD, LinearisedFit
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
 
@@ -66,19 +67,22 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     both = np.concatenate([linear.residual[:, None], noise], axis=1)
     for number, group in enumerate(groups):
         held_out, by_fold = np.empty((rows // linear.rows, len(group.laws))), np.empty((folds, len(group.laws)))
-        projected, own = linear.project(group.motions), linear.own
-        whole = _products(projected.all_rows, both, group)
+        projected = linear.project_each(group.motions.T[:, :, None], [1] * group.motions.shape[1])
+        motions, residual = projected.columns, linear.residual[:, None]
+        whole = _products(motions, both, group)
         for k, fold in enumerate(linear.folds):
-            train = whole.less(_products(projected.absent[k], own.absent[k], group))
+            amounts, known = projected.explained[k + 1], linear.own.explained[k + 1]
+            train = whole.less(_products(motions[fold.absent], residual[fold.absent], group))
+            train = train.less(_products(amounts, known, group))
             theta, explained = _solve(train, group, linear)
-            test = projected.test[k, : len(fold.test)]
+            test = motions[fold.told] - fold.predictor @ amounts
             predicted = test[:, group.first] * theta[0, :, 0]
             predicted[:, group.pairs] += test[:, group.second[group.pairs]] * theta[1, group.pairs, 0]
-            left = fold.test_residual[:, None] - predicted
-            poses = fold.test[:: linear.rows] // linear.rows
-            held_out[poses] = (left**2).reshape(-1, linear.rows, left.shape[1]).sum(axis=1)
-            by_fold[k] = _bic_gain(explained, fold.train_residual[:, None], group)[:, 0]
-        gains = _bic_gain(_solve(whole, group, linear)[1], both, group)
+            left = residual[fold.told] - fold.predictor @ known - predicted
+            held_out[_poses(fold, linear)] = (left**2).reshape(-1, linear.rows, left.shape[1]).sum(axis=1)
+            squares_left = (residual**2).sum() - (residual[fold.absent] ** 2).sum() - (known**2).sum()
+            by_fold[k] = _bic_gain(explained, rows - len(fold.absent), squares_left, group)[:, 0]
+        gains = _bic_gain(_solve(whole, group, linear)[1], rows, (both**2).sum(axis=0), group)
         squares.append(held_out)
         fold_gain.append(by_fold)
         gain.append(gains[:, 0])
@@ -87,7 +91,7 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     every, chosen = np.concatenate(squares, axis=1), np.concatenate(fold_gain, axis=1).argmax(axis=1)
     nested = np.empty(rows // linear.rows)
     for fold, law in zip(linear.folds, chosen.tolist(), strict=True):
-        poses = fold.test[:: linear.rows] // linear.rows
+        poses = _poses(fold, linear)
         nested[poses] = every[poses, law]
     total = np.concatenate(gain)
     return LawSearch(
@@ -131,8 +135,12 @@ def _solve(products: _Products, group: LawColumns, linear: LinearisedFit) -> tup
     return np.stack([first, second]), first * along[a] + second * along[b]
 
 
-def _bic_gain(explained: Array, residuals: Array, group: LawColumns) -> Array:
-    """(L, D), fall of the BIC by each law on each residual."""
-    n, total = len(residuals), (residuals**2).sum(axis=0)
+def _bic_gain(explained: Array, count: int, total: Array | float, group: LawColumns) -> Array:
+    """(L, D), fall of the BIC by each law on D residuals of so many rows with total squares (D,)."""
     terms = np.array([len(law.terms) for law in group.laws])
-    return np.asarray(-n * np.log1p(-np.minimum(explained / total, 1.0 - 1e-12)) - terms[:, None] * np.log(n))
+    return np.asarray(-count * np.log1p(-np.minimum(explained / total, 1.0 - 1e-12)) - terms[:, None] * np.log(count))
+
+
+def _poses(fold: Split, linear: LinearisedFit) -> NDArray[np.int64]:
+    """Those that a fold predicts."""
+    return fold.absent[:: linear.rows] // linear.rows

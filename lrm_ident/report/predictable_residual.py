@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from lrm_ident.data.wording import in_mm
 from lrm_ident.report.document import Block, section
-from lrm_ident.residual.left_to_find import LeftToFind
+from lrm_ident.residual.predictable_residual import PredictableResidual
 
 
-def left_blocks(left: LeftToFind) -> list[Block]:
+def left_blocks(left: PredictableResidual) -> list[Block]:
     """One sentence on what could be predicted, and one on each regime."""
     regimes = section("\nWhere what is left is concentrated", (regime.sentence for regime in left.regimes))
     return [left.predictable.sentence, *regimes]
 
 
-def left_values(left: LeftToFind) -> dict[str, object]:
+def left_values(left: PredictableResidual) -> dict[str, object]:
     """The entries `nameless`, `noise_bound_rms_mm` and `regimes` of a diagnosis."""
     return {
         "nameless": left.predictable,
@@ -22,7 +22,7 @@ def left_values(left: LeftToFind) -> dict[str, object]:
     }
 
 
-def noise_words(floor_mm: float | None, source: str, left: LeftToFind) -> str:
+def noise_words(floor_mm: float | None, source: str, left: PredictableResidual) -> str:
     """The noise floor, or its upper bound where it is not known."""
     if floor_mm is None:
         return f"unknown (at most {in_mm(left.predictable.noise_bound)} mm: the rest can be predicted)"
