@@ -94,17 +94,15 @@ class Stranger:
         return np.asarray(self.scene.separations(self.scene.frames(q)).min(axis=1))
 
     def go_near(self) -> None:
-        """Moves to a pose with 5 to 15 mm more than the margin, and waits until it is there."""
+        """Moves home, then to a pose with 5 to 15 mm more than the margin, and waits until it is there."""
         self.take()
-        here, rng = self.commanded(), np.random.default_rng(1)
-        for q in rng.uniform(-0.9, 0.9, (4000, len(here))):
-            spare = float(self.distances(q[None])[0]) - self.scene.margin
-            if 5e-3 < spare < 15e-3 and check_move(self.scene, here, q).free:
-                if self.ask("rpc/move", lease=self.lease, waypoints=[self.named(q)]) is None:
-                    continue
-                break
-        else:
-            raise AssertionError("no pose near an obstacle is reached by a straight move")
+        home, rng = np.zeros(self.config.dof), np.random.default_rng(1)
+        some = rng.uniform(-0.9, 0.9, (4000, len(home)))
+        spare = self.distances(some) - self.scene.margin
+        near = some[(spare > 5e-3) & (spare < 15e-3)]
+        q = next(q for q in near if check_move(self.scene, home, q).free)
+        moved = self.ask("rpc/move", lease=self.lease, waypoints=[self.named(home), self.named(q)])
+        assert moved is not None, "the arm goes home and near the obstacle"
 
         def arrived() -> bool:
             self.take()
