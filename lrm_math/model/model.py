@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect, Parameter, name_of_key
+from lrm_math.effects import Effect, Parameter
 from lrm_math.effects.targets import links_bent_at_ends
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics import statics
@@ -115,7 +115,7 @@ def model_of(arm: Arm, effects: Iterable[Effect], values: Mapping[str, float] | 
     model = Model(arm, tuple(effects), np.empty(0))
     twice = {key for key in model.keys if model.keys.count(key) > 1}
     if twice:
-        raise LrmError(f"effect given twice: {name_of_key(sorted(twice)[0])}")
+        raise LrmError(f"effect given twice: {sorted(twice)[0].rsplit('.', 1)[0]}")
     filled = np.array([parameter.default for parameter in model.parameters], dtype=np.float64)
     for key, value in (values or {}).items():
         if not np.isfinite(value):
