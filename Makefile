@@ -80,7 +80,9 @@ soak: setup ## all laws with fifteen times the examples, the daemon's controller
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.sanitised 1000000
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile --minutes $(MINUTES)
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.forger
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.process_memory
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.steady_memory $(MINUTES)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.killed_campaign --kills 50
 
 wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist/ (minutes)
