@@ -8,12 +8,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from lrm_math.errors import FileError, LrmError
-from lrmd.api.model_trial import check_in_trial
+from lrmd.api.model_trial import check_in_trial, load_checked
 from lrmd.config import Config
 from lrmd.errors import RequestError
-from lrmd.ik.deployed_model import DeployedModel, deploy_file
-from lrmd.ik.service import solver_of
+from lrmd.ik.deployed_model import DeployedModel
 from lrmd.persistence.deployed_models import (
     DeployedStack,
     active_model,
@@ -24,22 +22,10 @@ from lrmd.persistence.deployed_models import (
     write_version,
 )
 from lrmd.ramp.shared_memory import SharedRecords
-from lrmd.safety.collision_guard import Guard, guard_of
-from lrmd.safety.model_check import check_comes_to_rest
+from lrmd.safety.collision_guard import Guard
 
 IK_TIMEOUT, POLL_INTERVAL = 5.0, 0.005
 """s: time of the ik process for its present query and the new model, and how often its digest is read."""
-
-
-def load_checked(config: Config, path: Path | None) -> tuple[DeployedModel, Guard | None]:
-    """The model of a file (None: the nominal arm), and the guard with its sag. Raises `LrmError`: not to be used."""
-    deployed = deploy_file(config, path)
-    solver_of(config, deployed)
-    try:
-        check_comes_to_rest(config.arm, deployed.model)
-    except LrmError as error:
-        raise FileError(deployed.path, "", str(error)) from None
-    return deployed, guard_of(config.arm, deployed.model if deployed.sha256 else None)
 
 
 class ActiveModel:

@@ -15,7 +15,11 @@ from pathlib import Path
 from lrm_math.errors import FileError, LrmError
 from lrmd.config import Config
 from lrmd.errors import RequestError
+from lrmd.ik.deployed_model import DeployedModel, deploy_file
+from lrmd.ik.service import solver_of
 from lrmd.ramp.parent import die_with_parent
+from lrmd.safety.collision_guard import Guard, guard_of
+from lrmd.safety.model_check import check_comes_to_rest
 
 MEMORY = 64 << 20
 """Bytes of address space for the file, beyond what the process and the nominal arm take."""
@@ -25,6 +29,17 @@ TOO_LARGE, TOO_DEEP = f"takes more than {MEMORY >> 20} MB of memory", "nests too
 LONGEST_REASON = 1000
 NICE = 5
 """It gives way to the processes that move the arm."""
+
+
+def load_checked(config: Config, path: Path | None) -> tuple[DeployedModel, Guard | None]:
+    """The model of a file (None: the nominal arm), and the guard with its sag. Raises `LrmError`: not to be used."""
+    deployed = deploy_file(config, path)
+    solver_of(config, deployed)
+    try:
+        check_comes_to_rest(config.arm, deployed.model)
+    except LrmError as error:
+        raise FileError(deployed.path, "", str(error)) from None
+    return deployed, guard_of(config.arm, deployed.model if deployed.sha256 else None)
 
 
 def check_in_trial(config: Config, path: Path | None) -> None:
@@ -62,8 +77,6 @@ def run(config: Config, path: Path | None, answer: Connection) -> None:
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     os.nice(NICE)
-    from lrmd.api.model_reload import load_checked
-
     load_checked(config, None)
     before = _limit(_address_space() + MEMORY)
     what = ""
