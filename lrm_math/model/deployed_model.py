@@ -1,4 +1,4 @@
-"""What of a model a rover can compensate."""
+"""Part of a model that a rover can compensate."""
 
 from __future__ import annotations
 

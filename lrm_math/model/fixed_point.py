@@ -91,7 +91,7 @@ class EquilibriumSearch:
         raise NoEquilibrium(poses.names(diverging), left)
 
     def _bent(self, tau: list[Number]) -> dict[int, Number]:
-        """Where the moving slots are under these loads."""
+        """Amounts of the moving slots under these loads."""
         binding = self.model.binding
         bent = {k: self.rigid[k] for k in binding.moving}
         for effect in binding.elastic:

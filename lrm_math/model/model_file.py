@@ -130,7 +130,7 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
 
 
 def _own_effects(tables: ModelFile) -> str:
-    """Where a model's own effects are, if it has any."""
+    """Place of a model's own effects, if it has any."""
     known = tables.provenance
     if known is None or known.effects_file is None:
         return ""

@@ -1,4 +1,4 @@
-"""What is measured of a pose beside the TCP's position: rows of its derivative, and what encoders read."""
+"""Measured quantities of a pose beside the TCP's position: rows of its derivative, and what encoders read."""
 
 from __future__ import annotations
 

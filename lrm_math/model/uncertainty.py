@@ -28,7 +28,7 @@ class PositionUncertainty:
 def position_uncertainty(
     settled: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
 ) -> PositionUncertainty | None:
-    """Of the first pose; see `position_covariance`."""
+    """Standard deviation at the first pose; see `position_covariance`."""
     every = position_covariance(settled, covariance, joint_sd)
     return None if every is None else PositionUncertainty(every[0], math.sqrt(float(np.trace(every[0]))))
 

@@ -37,7 +37,7 @@ class DaemonRestarted(LrmError):
 
 @dataclass(frozen=True)
 class Origin:
-    """What every message of the daemon says of its origin: which start of it, and when (monotonic ns, 0 if unsaid)."""
+    """Origin of a message, as it says itself: which start of it, and when (monotonic ns, 0 if unsaid)."""
 
     boot_id: str
     t_mono_ns: int

@@ -20,7 +20,7 @@ from lrmd.ramp.shared_memory import RampReport
 
 
 class BoardPulses(StrEnum):
-    """What the board puts out: nothing, only pulses of this daemon, or pulses that somebody else left."""
+    """Output of the board: nothing, only pulses of this daemon, or pulses that somebody else left."""
 
     NONE = "none"
     OWN = "own"
@@ -29,7 +29,7 @@ class BoardPulses(StrEnum):
 
 @dataclass(frozen=True)
 class ArmingSituation:
-    """What the pose of an arming request may come from."""
+    """Sources of the pose of an arming request."""
 
     request: ArmRequest
     config: Config

@@ -27,7 +27,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class Departure:
-    """Where a motion begins: at pulses `start` (ns), where `remaining` ticks of the present way are left."""
+    """Beginning of a motion: at pulses `start` (ns), where `remaining` ticks of the present way are left."""
 
     start: Pulses
     remaining: int = 0
@@ -97,7 +97,7 @@ class OrderScheduler:
             self.issue(now, self.newest.outputs | 1 << self.arming.popleft())
 
     def departure(self, remaining: int, lead: int, position: Pulses) -> Departure:
-        """Where the next motion can begin: `lead` ticks ahead on the present one, or at its end.
+        """Beginning of the next motion: `lead` ticks ahead on the present one, or at its end.
 
         `remaining`: ticks of it that were left in the ramp's last report; `position`: pulses (ns) of servos that stand.
         """

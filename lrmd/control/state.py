@@ -89,7 +89,7 @@ class ControllerState:
         return self.report.order == self.order.number
 
     def departure(self) -> Departure:
-        """Where the next motion begins. Raises `RequestError` while the ramp has not read the newest order."""
+        """Departure of the next motion. Raises `RequestError` while the ramp has not read the newest order."""
         if not self.settled:
             raise RequestError("busy", "the ramp has not read the last order yet; ask again", retryable=True)
         remaining = self.report.remaining if self.orders.way.parts else 0
@@ -102,14 +102,14 @@ class ControllerState:
 
     @property
     def port_trouble(self) -> str:
-        """Why the port cannot be opened; empty if it is open."""
+        """Reason why the port cannot be opened; empty if it is open."""
         number = self.report.port_error
         why = "another program has it open" if number == errno.EAGAIN else os.strerror(number).lower()
         return f"{self.config.link.port}: {why}" if number else ""
 
     @property
     def board_trouble(self) -> str:
-        """What is wrong with the board's firmware; empty if nothing is."""
+        """Fault of the board's firmware; empty if nothing is."""
         if not self.report.other_version:
             return ""
         return (
@@ -119,7 +119,7 @@ class ControllerState:
 
     @property
     def name_trouble(self) -> str:
-        """What is wrong with the robot's name on the network; empty if this daemon has it alone."""
+        """Fault of the robot's name on the network; empty if this daemon has it alone."""
         if not self.other_daemons:
             return ""
         others = ", ".join(sorted(self.other_daemons)[:3])
@@ -127,7 +127,7 @@ class ControllerState:
 
     @property
     def troubles(self) -> list[str]:
-        """What keeps the arm from being armed, besides its mode."""
+        """Obstacles to arming, besides the mode."""
         return [trouble for trouble in (self.port_trouble, self.board_trouble, self.name_trouble) if trouble]
 
     def saved(self, wall: int) -> StoredState:

@@ -152,7 +152,7 @@ class IkProcess:
             self._turn(queued)
 
     def _look_up(self) -> None:
-        """What has to be done between two goals: sign of life, the daemon's model, queries that are over."""
+        """Duties between two goals: sign of life, the daemon's model, queries that are over."""
         self._shared.ik[0] = time.monotonic_ns()
         self._update_model()
         for queued in self._queue:

@@ -112,7 +112,7 @@ class FeasibilityCheck:
         return abs(math.dist(tool[9:], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
 
     def reason(self, q: tuple[float, ...], payload: float) -> tuple[str, ClosestPair | None]:
-        """Why a command (rad) is infeasible, as text, and the two bodies of a collision."""
+        """Reason why a command (rad) is infeasible, as text, and the two bodies of a collision."""
         command = np.array([q])
         settled = self.arm.equilibria(IkQuery(Goal((0.0, 0.0, 0.0)), payload), command)
         if self.scene is not None and len(settled.rows):
@@ -128,7 +128,7 @@ class FeasibilityCheck:
         return NO_EQUILIBRIUM, None
 
     def _clearance(self, scene: Scene, payload: float, q: Array, slots: Array) -> Clearance:
-        """Of twice as many arms: at settled, with slot amounts (K, V), then the rigid ones at the commands (K, n)."""
+        """Clearance of twice as many arms: settled, with slot amounts (K, V), then the rigid ones at the commands (K, n)."""
         bent, rigid = self.arm.kernel(payload).frames(slots), self.arm.nominal_solver.frames(q)
         return clearance_of(scene, np.concatenate([bent, rigid]))
 

@@ -19,7 +19,7 @@ class Head(NamedTuple):
 
 
 def _heads() -> list[Head]:
-    """Of the 256 first bytes."""
+    """Meanings of the 256 first bytes."""
     heads = [Head("number")] * 256
     heads[0x80:0x90] = [Head("map", n) for n in range(16)]
     heads[0x90:0xA0] = [Head("array", n) for n in range(16)]
@@ -38,7 +38,7 @@ HEADS = _heads()
 
 
 def excess(data: bytes, bounds: MessageBounds) -> str | None:
-    """What of a message is beyond its bounds, as text; None if nothing is, as far as the bytes go."""
+    """Excess of a message beyond its bounds, as text; None if nothing is, as far as the bytes go."""
     at, parts, left, size = 0, 0, 1, len(data)
     most = {"text": bounds.text, "array": bounds.elements, "map": bounds.entries, "number": 8}
     while left and at < size:

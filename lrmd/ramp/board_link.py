@@ -38,7 +38,7 @@ which one may have the right number by chance: none of that tick counts."""
 
 
 class BoardReply(Enum):
-    """What the board says in the answer to a frame."""
+    """Content of the board's answer to a frame."""
 
     PULSES_SET = auto()
     """ACK to ARM."""
@@ -61,7 +61,7 @@ class BoardReply(Enum):
 
 
 class Action(Enum):
-    """What the ramp does with its pulses when a reply comes."""
+    """Response of the ramp's pulses to a reply."""
 
     CONFIRM = auto()
     """The board has the pulses of the frame: the next step may follow."""

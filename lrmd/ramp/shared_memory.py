@@ -26,7 +26,7 @@ AT_ONCE = 2**32 - 1
 
 
 class RampFault(IntEnum):
-    """Why the ramp froze its motion. It then drops every order whose sender had not seen the fault."""
+    """Reason why the ramp froze its motion. It then drops every order whose sender had not seen the fault."""
 
     NONE = 0
     STARTED = 1
@@ -247,7 +247,7 @@ class SharedRecords:
 
     @property
     def payload(self) -> float:
-        """What the arm carries (kg), for queries that do not say it."""
+        """Payload of the arm (kg), for queries that do not say it."""
         return float(self._memory.payload)
 
     @payload.setter
@@ -274,7 +274,7 @@ class SharedRecords:
 
     @property
     def estop_reason(self) -> str:
-        """Why the last emergency stop was requested; empty if nobody said so."""
+        """Reason of the last emergency stop; empty if nobody said so."""
         return (self._estop_reason.read() or b"").rstrip(b"\0").decode(errors="replace")
 
     @estop_reason.setter
