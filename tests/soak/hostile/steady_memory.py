@@ -1,7 +1,7 @@
 """Memory of the daemon after all floods at once: `python -m tests.soak.hostile.steady_memory [MINUTES]`.
 
 Prints for each process the resident memory (MB) before, at most, and after a pause; the law is that it returns to
-within 5 % of what it was. Before: after a first half minute of the same, when every part of the code has been loaded.
+within 5 % of what it was. Before: after the first two minutes of the same, when every part of the code has been loaded.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tests.soak.hostile.process_memory import BROKEN, ROLES, PeakMemory
 from tests.soak.hostile.trial import Trial, trial
 from tests.support.daemon.daemon_process import children, role
 
-WARM_UP_S, PAUSE_S, ALLOWED = 30.0, 20.0, 1.05
+WARM_UP_S, PAUSE_S, ALLOWED = 120.0, 20.0, 1.05
 
 
 def memory(t: Trial) -> dict[str, float]:
