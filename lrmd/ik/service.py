@@ -128,7 +128,7 @@ class FeasibilityCheck:
         return NO_EQUILIBRIUM, None
 
     def _clearance(self, scene: Scene, payload: float, q: Array, slots: Array) -> Clearance:
-        """Clearance of twice as many arms: settled, with slot amounts (K, V), then the rigid ones at the commands (K, n)."""
+        """Clearance of twice as many arms: settled, amounts (K, V), then the rigid ones at the commands (K, n)."""
         bent, rigid = self.arm.kernel(payload).frames(slots), self.arm.nominal_solver.frames(q)
         return clearance_of(scene, np.concatenate([bent, rigid]))
 
