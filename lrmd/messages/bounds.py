@@ -39,7 +39,7 @@ class MessageBounds:
     text: int = 0
 
     def widened(self) -> MessageBounds:
-        """The bounds with room for mistakes: a message with a field too many, or too long, is told which field it is."""
+        """The bounds with room for mistakes: a message with a field too many, or too long, is told which it is."""
         return MessageBounds(self.size + 1024, self.parts + 64, self.entries + 16, self.elements + 16, self.text + 256)
 
 
