@@ -64,13 +64,6 @@ def publish_figure(figure: Path, draw: Callable[[Path], None], behind: ResultTab
         show(f"Figure written to {figure}, its data to {numbers}")
 
 
-def check_distinct(figure: Path | None, *others: Path | None) -> None:
-    """Raises `FileError` if another file has the name under which the numbers behind a figure will be written."""
-    behind = None if figure is None else figure.with_suffix(".csv")
-    if behind is not None and behind.resolve() in [other.resolve() for other in others if other]:
-        raise FileError(behind, "", f"is where the numbers behind {figure} go", "give the two files different names")
-
-
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model]:
     """A model file, as it stands and as a model; notices go to stderr."""
     file, model, notices = inputs.read_model(path, catalogue)
