@@ -101,10 +101,14 @@ def leave_out_poses(data: Measurements, text: str) -> Measurements:
         first, _, last = word.partition("-")
         if not (first.isdigit() and (last or first).isdigit()):
             raise LrmError(f"--leave-out {text}: '{word}' is no pose number; give numbers and ranges such as 12,40-42")
+        if int(last or first) < int(first):
+            raise LrmError(f"--leave-out {text}: '{word}' runs backwards; is {last}-{first} meant?")
         numbers += range(int(first), int(last or first) + 1)
-    unknown = sorted(set(numbers) - set(data.pose.tolist()))
+    unknown = sorted(set(numbers) - {*data.pose.tolist(), *data.left_out})
     if unknown:
         raise LrmError(f"--leave-out {text}: {data.path.name} has no pose {unknown[0]}")
+    if set(data.pose.tolist()) <= set(numbers):
+        raise LrmError(f"--leave-out {text}: leaves none of the {len(data)} poses")
     return data.without(numbers) if numbers else data
 
 

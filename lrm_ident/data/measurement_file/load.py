@@ -22,6 +22,7 @@ from lrm_ident.data.measurement_file.pose_columns import (
     read_covariance,
     read_feedback,
 )
+from lrm_ident.data.measurement_file.row_checks import doubtful, without_lost
 from lrm_ident.data.measurement_table import ANGLES, POSITION, read_measurement_table
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.number_table import NumberTable, read_numbers
@@ -50,9 +51,9 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     """
     metadata = metadata_of(path) or NOTHING_STATED
     how = (reading or AS_NAMED).over(metadata)
-    cells = read_measurement_table(path, how)
+    cells = read_measurement_table(path, how, [joint.name for joint in arm.joints])
     positions = DISTANCE not in cells.header or bool({*POSITION} & {*cells.header})
-    cells = require(cells, ["pose", *_angle_columns(cells, arm, how), *(POSITION if positions else ())])
+    cells = require(cells, [*_angle_columns(cells, arm, how), *(POSITION if positions else ())])
     feedback = feedback_columns(arm)
     gaps = {*QUATERNION, *feedback, DISTANCE, "repeat_of", *(POSITION if DISTANCE in cells.header else ())}
     known = {*OWN, *pose_columns(arm), *feedback}
@@ -65,7 +66,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         tcp = read_positions(how, table.stack(POSITION) * MM)
     noise = None if metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM
     parts, unused = _sensed_parts(table, arm, how, metadata, tcp, noise)
-    return Measurements(
+    data = Measurements(
         poses=read_poses(table, arm, how, _start(path, metadata, arm, how)),
         pose=pose,
         tcp=tcp,
@@ -73,12 +74,13 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         repeat_of=_repeats(table, pose),
         path=path,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        notices=(*_notices(cells, known), *unused),
+        notices=(*_notices(cells, known), *doubtful(table, arm, metadata), *unused),
         arm=arm,
         reading=Reading(**how.said()),
         stated=_stated(cells, how),
         **parts,
     )
+    return without_lost(data, table) if positions else data
 
 
 def _sensed_parts(
@@ -175,7 +177,7 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Po
     """
     path = Path(file)
     how = (reading or AS_NAMED).over(metadata_of(path))
-    cells = read_measurement_table(path, how)
+    cells = read_measurement_table(path, how, [joint.name for joint in arm.joints])
     return read_poses(read_numbers(require(cells, _angle_columns(cells, arm, how)), pose_columns(arm)), arm, how)
 
 
@@ -217,12 +219,21 @@ def _repeats(table: NumberTable, pose: NDArray[np.int64]) -> NDArray[np.int64]:
     return repeat
 
 
+def _converted(table: CsvTable, ours: str) -> str:
+    factor = table.factors.get(ours, 1.0)
+    return "" if factor == 1.0 else f" times {factor:.6g}"
+
+
 def _notices(table: CsvTable, known: Collection[str]) -> list[str]:
     unknown = [name for name in table.header if name and name not in known]
     notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
-    taken = {ours: name for ours, name in table.stated.items() if ours in known and not name.lower().startswith(ours)}
+    taken = {
+        ours: f"{ours} = '{name}'{_converted(table, ours)}"
+        for ours, name in table.stated.items()
+        if ours in known and (table.factors.get(ours, 1.0) != 1.0 or not name.lower().startswith(ours))
+    }
     if taken:
-        notices.append("read as: " + ", ".join(f"{ours} = '{name}'" for ours, name in taken.items()))
+        notices.append("read as: " + ", ".join(taken.values()))
     sidecar = table.path.with_suffix(".toml")
     if sidecar.is_file() and is_something_else(sidecar):
         notices.append(f"{sidecar.name} beside it is {schema_of(sidecar)}, so it says nothing of these data")
