@@ -60,4 +60,4 @@ def doubt(quantity: Quantity, values: ArrayLike) -> Doubt | None:
 
 
 def _figure(value: float) -> str:
-    return f"{value:.4g}" if value < 1e6 else f"{value:.10g}"
+    return f"{value:.4g}" if value < 1e6 else f"{value:.15g}"

@@ -1,4 +1,4 @@
-"""Places of results: never over an input, a file beside it or any file that the tool did not write; no device, no folder."""
+"""Places of results: never an input, a file beside one, any file that the tool did not write, a device or a folder."""
 
 from __future__ import annotations
 

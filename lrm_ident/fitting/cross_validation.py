@@ -99,7 +99,7 @@ def held_out_blocks(
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
         left = data.take(train).position_error(seen), part.position_error(unseen)
-        blocks.append(HeldOutBlock(train, test, *left, weighted))
+        blocks.append(HeldOutBlock(train, test, *left, weighted, part.turn_error(unseen)))
         progress(number + 1, count)
     return tuple(blocks)
 

@@ -24,6 +24,7 @@ ROUND_OFF = 1e-7  # a column is numerically dependent if its independent part is
 MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
 NEGLIGIBLE = 0.05  # share of a combination that is not listed
 MAX_ITERATIONS = 6
+FEW = 0.2  # share of outliers
 MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
 SELECTION_ORDER = (
     *("anchor.*", "compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
@@ -182,10 +183,22 @@ def explain_dependence(
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedFit:
-    """A fit of the identifiable parameters, and those held at zero."""
+    """A fit of the identifiable parameters to `data`, as they were weighed, and those held at zero."""
 
     fit: Fit
     held: tuple[UnidentifiableParameter, ...]
+    data: Measurements
+
+
+def lost_to_outliers(result: IdentifiedFit) -> tuple[str, ...]:
+    """Parameters held at zero that the data could tell without the outliers of the fit, if those are few."""
+    found, data, held = result.fit, result.data, [parameter.key for parameter in result.held]
+    rows = np.setdiff1d(np.arange(len(data)), found.outliers)
+    if not held or not 0 < len(found.outliers) < FEW * len(data):
+        return ()
+    part, rest = data.take(rows), found.rest.take(rows)
+    noise = expected_noise(rest, [*found.model.free, *held], part)
+    return identifiable_beside(rest, found.model.free, held, noise, part.whitening)
 
 
 def fit_identifiable(
@@ -222,7 +235,7 @@ def fit_identifiable(
             break
         seen.append(selected.kept)
         rest, noise = result.rest, result.sigma
-    return IdentifiedFit(result, selected.held)
+    return IdentifiedFit(result, selected.held, data)
 
 
 def some_rows(count: int) -> NDArray[np.int64]:

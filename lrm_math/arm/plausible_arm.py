@@ -14,7 +14,8 @@ from lrm_math.arm.arm import Arm
 from lrm_math.plausibility import Quantity, doubt, times
 
 LEAST_REACH, MOST_REACH = 0.06, 10.0  # m
-LEAST_MASS, MOST_MASS = 0.3, 1500.0  # kg, of all bodies, per cubed metre of reach
+LEAST_MASS, MOST_MASS = 0.05, 1500.0  # kg, of all bodies, per cubed metre of reach
+LIGHTEST = 0.02  # kg
 LENGTHS = {"metres": 1e3, "centimetres": 10.0, "inches": 25.4, "millimetres": 1.0, "micrometres": 1e-3}
 """Millimetres of each unit."""
 HEAVIER_LIGHTER = {"millimetres": ("kilograms", "milligrams"), "metres": ("tonnes", "grams")}
@@ -62,7 +63,7 @@ def _masses(arm: Arm, length: float, written: str) -> Iterator[tuple[str, str]]:
     mass, volume = total_mass(arm), length**3
     if not mass or not volume:
         return
-    low, high = LEAST_MASS * volume, MOST_MASS * volume
+    low, high = max(LEAST_MASS * volume, LIGHTEST), MOST_MASS * volume
     if low <= mass <= high:
         return
     heaviest = max(arm.bodies, key=lambda body: body.mass)

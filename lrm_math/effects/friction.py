@@ -25,7 +25,8 @@ def friction_states(q: Array, moves: Array, start: Array | None) -> Array:
 
     Args:
         q: (N, n), commanded angles in the measured order (rad).
-        moves: (N, n), sign of each joint's last move, 0 where that is not known. start: (n,), angles before the first pose, if known.
+        moves: (N, n), sign of each joint's last move, 0 where that is not known.
+        start: (n,), angles before the first pose, if known.
     """
     lengths = np.abs(np.diff(q, axis=0, prepend=q[:1] if start is None else np.asarray(start)[None]))
     kept = np.exp(-lengths[:, :, None] / np.radians(TRAVELS_DEG))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions
+from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions, turn_of
 from lrm_ident.data.csv_table import CsvTable, require
 from lrm_ident.data.measurement_file.distance_columns import DISTANCE, DISTANCE_SD, read_distances
 from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, Metadata, metadata_of
@@ -110,7 +110,7 @@ def _sensed_parts(
         covariance = np.full((len(known), 6, 6), np.nan)
         covariance[:, :3, :3] = known[:, None, None] ** 2 * np.eye(3)
     if covariance is not None:
-        turn = _turn_of(how)
+        turn = turn_of(how)
         if np.linalg.det(turn) < 0 and attitude is not None:
             raise table.fault("", "an orientation in a mirrored frame", "no rotation does that; check --axes")
         covariance = turned_covariance(covariance, turn)
@@ -128,12 +128,6 @@ def _sensed_parts(
         "distance_sd": None if found.distance is None else found.sd,
         "distance_from": found.start,
     }, (*found.notices, *notices)
-
-
-def _turn_of(how: Reading) -> Array:
-    """Rotation (3, 3), or mirror, by which a reading turns positions."""
-    origin, *unit = read_positions(how, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
-    return np.asarray((np.array(unit) - origin).T)
 
 
 def _stated(table: CsvTable, how: Reading) -> Reading:

@@ -1,4 +1,4 @@
-"""Rows that cannot be what they say: a lost tracker, an order that is not that of the measuring, repetitions elsewhere."""
+"""Rows that cannot be what they say: a lost tracker, rows in another order, repetitions elsewhere."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ def without_lost(data: Measurements, table: NumberTable) -> Measurements:
         return data
     if lost.all():
         raise table.fault("", "every position is 0, 0, 0", "was the tracker on?")
-    words = f"{int(lost.sum())} positions are exactly 0, 0, 0, as of a lost tracker, and left out: {_poses(data.pose[lost])}"
+    count = f"{int(lost.sum())} positions are exactly 0, 0, 0, as of a lost tracker"
+    words = f"{count}, and left out: {_poses(data.pose[lost])}"
     return replace(data.without(data.pose[lost].tolist()), notices=(*data.notices, words))
 
 
@@ -69,7 +70,8 @@ def _repetitions(table: NumberTable, arm: Arm, number: NDArray[np.int64]) -> Ite
     if "repeat_of" not in table:
         return
     q, first = table.stack(angle_columns(arm)), {int(pose): row for row, pose in enumerate(number)}
-    of = [first.get(int(pose), row) if np.isfinite(pose) else row for row, pose in enumerate(table.columns["repeat_of"])]
+    stated = np.nan_to_num(table.columns["repeat_of"], nan=-1.0)
+    of = [first.get(int(pose), row) for row, pose in enumerate(stated)]
     away = np.abs(q - q[of]).max(axis=1) > SAME_POSE
     if away.any():
         yield f"repeat_of: {_poses(number[away])} is not commanded where the pose is that it repeats"
@@ -78,8 +80,8 @@ def _repetitions(table: NumberTable, arm: Arm, number: NDArray[np.int64]) -> Ite
 def _noise(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
     """A standard deviation smaller than that of any tracker."""
     stated = table.columns.get("sd_mm", np.array([metadata.noise_sd_mm or np.nan]))
-    name, usual, least = "sd_mm" if "sd_mm" in table else "noise_sd_mm", float(np.median(stated)), FINEST * reach(arm) / MM
-    if 0.0 < usual < least:
+    name, usual = "sd_mm" if "sd_mm" in table else "noise_sd_mm", float(np.median(stated))
+    if 0.0 < usual < FINEST * reach(arm) / MM:
         yield f"{name} is {usual:.3g} mm: no tracker is so exact; were it in metres, it would be {usual * 1e3:.3g} mm"
 
 

@@ -12,8 +12,8 @@ from lrm_ident.data.robot_files.denavit_hartenberg import DhLink, dh_links
 from lrm_ident.data.robot_files.rigid_motion import base_placement, inverse, tool_placement, turn
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose
 from lrm_math.arm.arm import Arm, Body, Joint, Placement
-from lrm_math.arrays import Array, Vector3
 from lrm_math.arm.plausible_arm import implausible
+from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, raise_faults
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.forward import frames

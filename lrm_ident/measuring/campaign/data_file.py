@@ -79,7 +79,7 @@ class DataFile:
             raise FileError(self.metadata, "", "is missing beside the measured rows")
 
     def _check_header(self) -> None:
-        """Raises `FileError` unless the file, if there is one, begins as this campaign's do: nothing is cut off others."""
+        """Raises `FileError` unless the file, if there is one, is of this campaign: nothing is cut off others."""
         header = (",".join(self._columns()) + "\n").encode()
         try:
             with self.path.open("rb") as file:
