@@ -135,7 +135,7 @@ def test_a_noise_that_no_tracker_has_is_said(lab: Arm, tmp_path: Path) -> None:
 def test_metadata_in_other_units(lab: Arm, tmp_path: Path) -> None:
     path = changed(tmp_path, lambda _, __: None)
     path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\nnoise_sd_mm = 300.0\n')
-    with pytest.raises(FileError, match="noise_sd_mm: 300 mm is not plausible.*micrometres"):
+    with pytest.raises(FileError, match=r"noise_sd_mm: 300 mm is not plausible.*micrometres"):
         load_measurements(path, lab)
 
 
