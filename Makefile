@@ -72,13 +72,17 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it has not seen (ARMS=, ten minutes)
 	$(ONE_THREAD) $(BIN)/python -m validation.fleet --arms $(or $(ARMS),12)
 
-soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, a million broken messages, a million IK queries under sanitizers, attacks for MINUTES=10, a campaign killed 50 times
+soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, a million broken messages, a million IK queries under sanitizers, attacks for MINUTES=10, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.guard_sequences
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.sanitised 1000000
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile --minutes $(MINUTES)
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.forger
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.process_memory
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.steady_memory $(MINUTES)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.killed_campaign --kills 50
 
 wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist/ (minutes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +11,12 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from lrm_math.errors import FileError, name_suggestion
+
+LARGEST = 32 << 20
+"""Bytes of a file that are read: a device has no end."""
+DEPTH = 32
+DEEP_KEY = re.compile(rf"""(?:[\w"'-][ \t]*\.[ \t]*(?=[\w"'-])[^.,={{}}\[\]\n]*){{{DEPTH}}}""")
+"""Parts of a key, joined by dots: tomllib takes memory that grows with the square of their number."""
 
 
 class StrictSchema(BaseModel):
@@ -29,13 +36,23 @@ def read_toml(path: Path, schema: type[S]) -> S:
 def parse_toml(path: Path) -> dict[str, Any]:
     """The raw tables of a TOML file. Raises `FileError` if it cannot be read or parsed."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+        if len(content) > LARGEST:
+            raise FileError(path, "", f"more than {LARGEST >> 20} MB", "files of tables are shorter")
+        text = content.decode()
+        if deep := DEEP_KEY.search(text):
+            row = text.count("\n", 0, deep.start()) + 1
+            raise FileError(path, f"line {row}", f"a key of more than {DEPTH} parts", "tables nest a few levels deep")
+        return tomllib.loads(text.replace("\r\n", "\n"))
     except FileNotFoundError:
         raise FileError(path, "", "no such file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(path, "", f"cannot be read ({error})") from None
     except tomllib.TOMLDecodeError as error:
         raise FileError(path, "", f"not valid TOML: {error}") from None
+    except RecursionError:
+        raise FileError(path, "", "arrays or tables nest too deeply", "a few levels are meant") from None
 
 
 def schema_of(path: Path) -> str | None:
@@ -89,8 +106,14 @@ def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel]) -
             what, expected = f"unknown key {key}", name_suggestion(str(key), _valid_keys(schema, table))
         case _:
             message = fault["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-            what, expected = f"{key} = {fault['input']!r}", f"should be {message}"
+            what, expected = f"{key} = {_shown(fault['input'])}", f"should be {message}"
     return FileError(path, where, what, expected)
+
+
+def _shown(value: object) -> str:
+    """A value of a file, short."""
+    text = repr(value)
+    return text if len(text) <= 200 else text[:197] + "..."
 
 
 def _valid_keys(schema: type[BaseModel], table: list[int | str]) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.calibrated_arm import Method
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import pose
@@ -33,17 +34,17 @@ from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.library import CHAR_LENGTH
 from lrm_math.ik.reply import CalibratedReply, NotConverged, Solved
 from lrm_math.ik.solutions import AT_LIMIT, IkQuery
-from lrm_math.ik.solver_context import Method
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.batch_equilibrium import batch_equilibrium
+from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
 PLAY_AND_BENDING = ("backlash", "lateral_compliance", "servo_gain")
-SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
+SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 PAYLOAD = 0.0663
 METHODS: tuple[Method, Method] = (Direct(), Cube())
 QUICK = Cube(guesses=2, name="cube, 2 guesses")
@@ -119,7 +120,7 @@ def figures(name: str, solver: CalibratedSolver, tools: Array, method: Method) -
     solved = [(i, reply) for i, reply in enumerate(answers) if isinstance(reply, Solved)]
     owner = np.array([i for i, reply in solved for _ in reply.branches])
     commands = np.array([branch.q for _, reply in solved for branch in reply.branches])
-    rest, rows = batch_equilibrium(solver.context.model, poses_of(commands, PAYLOAD), tolerance=1e-12)
+    rest, rows = batch_equilibrium(solver.arm.model, poses_of(commands, PAYLOAD), tolerance=1e-12)
     error = np.full(len(commands), np.inf)
     error[rows] = np.linalg.norm(rest.true_tcp - tools[owner[rows], :3, 3], axis=1)
     exact = {i for i, off in zip(owner.tolist(), error.tolist(), strict=True) if off <= EXACT}
@@ -144,18 +145,18 @@ def one_cube(solver: CalibratedSolver, tools: Array) -> float:
     for tool in tools:
         ask = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
         started = time.perf_counter()
-        once.search(solver.context, ask)
+        once.search(solver.arm, ask)
         took.append(time.perf_counter() - started)
     return float(np.median(took))
 
 
 def exhaustive(solver: CalibratedSolver, query: IkQuery) -> list[Array]:
     """Commands within the limits that the `STARTS` closest poses of the library lead to."""
-    context, library = solver.context, solver.context.library
+    arm, library = solver.arm, solver.arm.library
     goal = query.goal
     off = ((library.tcp[:, :3, 3] - goal.position) ** 2).sum(axis=1)
     off += CHAR_LENGTH**2 * ((library.tcp[:, :3, :3] - np.array(goal.rotation)) ** 2).sum(axis=(1, 2))
-    reached = [c for row in np.argsort(off)[:STARTS] for c in context.at_goal(query, library.slots[row])]
+    reached = [c for row in np.argsort(off)[:STARTS] for c in arm.at_goal(query, library.slots[row])]
     return distinct([np.array(command.q) for command in reached if command.margin >= -AT_LIMIT])
 
 

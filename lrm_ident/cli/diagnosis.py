@@ -46,7 +46,7 @@ from lrm_ident.study.inputs import arm_from
 from lrm_ident.study.model_history import fit_words, undo_step
 from lrm_ident.study.study import MAX_EFFECTS, Study, write_model
 from lrm_math.arm.arm_file import MM, load_arm
-from lrm_math.effects import FORMS
+from lrm_math.effects import FREE_FORMS
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -59,7 +59,7 @@ def effects(
     effects_file: arg.EffectsFile = None,
 ) -> None:
     """Explain the effects that the tool knows: cause, formula, parameters, what data it takes to see them."""
-    catalogue = (*catalogue_with(effects_file), *FORMS)
+    catalogue = (*catalogue_with(effects_file), *FREE_FORMS)
     chosen = [kind for kind in catalogue if name in (None, kind.id)]
     if not chosen:
         raise UnknownName("effect", str(name), [kind.id for kind in catalogue])
@@ -165,7 +165,7 @@ def auto(
         with executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
             whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
     publish(
-        course_document(course, report_of(course.judgement), after.held_out, whole, with_prior),
+        course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior),
         json,
         most=None if show_all else LISTED,
     )

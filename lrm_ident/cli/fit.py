@@ -28,7 +28,6 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import arm_for, metadata_of
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
-from lrm_ident.fitting.identifiability import IdentifiedFit
 from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model
 from lrm_ident.fitting.priors import Prior
@@ -100,7 +99,7 @@ def fit(
         fitted = begun.fit(parameters, loss_named(loss), prior, unbounded)
         tell(fitted.notices)
         step = fitted.taken
-        document = fit_document(IdentifiedFit(step.fit, step.held, measured), fitted.errors, measured)
+        document = fit_document(step.fit, step.held, fitted.errors, measured)
         if step.stated_prior:
             beside = _without_prior(begun, fitted, step.stated_prior, parameters, unbounded)
             blocks, values = [*document.blocks, *beside.blocks()], {**document.values, "prior": beside}

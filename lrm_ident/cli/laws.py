@@ -11,7 +11,7 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import identifiable, opened, publish, show
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.diagnosis.laws.law_file import law_id
+from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.report.laws import proposal_document
 from lrm_math.model.reading import AS_NAMED, Reading
 

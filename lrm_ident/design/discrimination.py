@@ -61,7 +61,7 @@ def check_testable(rest: Equilibrium, effects: Sequence[Effect], sensed: Sensed 
     for effect in effects:
         reason = effect.missing_excitation(excitation)
         if reason is not None:
-            raise LrmError(f"{effect.id}@{effect.place} cannot show at any of the candidate poses: {reason}")
+            raise LrmError(f"{effect.name} cannot show at any of the candidate poses: {reason}")
 
 
 def rival_columns(
@@ -77,7 +77,7 @@ def rival_columns(
     wanted = [(effect, unfitted_rows(effect, fitted)) for effect in effects]
     for effect, rows in wanted:
         if not rows:
-            name = f"{effect.id}@{effect.place}"
+            name = effect.name
             raise LrmError(f"{name} has nothing that is not fitted already; name effects that the model lacks")
     found = differentiate_candidates(model, poses, wanted, sensed)[1]
     each = sensed.rows(model.arm.dof)
@@ -87,7 +87,7 @@ def rival_columns(
 def _default_columns(candidate: Candidate) -> Array:
     """The candidate's columns at the scanned shape nearest to the default."""
     default = np.array([parameter.default for parameter in candidate.effect.parameters])
-    return candidate.columns[np.argmin([np.abs(np.array(shape) - default).sum() for shape in candidate.shapes])]
+    return candidate.columns(min(candidate.shapes, key=lambda shape: np.abs(np.array(shape) - default).sum()))
 
 
 def discrimination_of(
@@ -110,7 +110,7 @@ def discrimination_of(
 
 
 def _test(effect: Effect, others: Array, columns: Array, noise: float) -> Rival:
-    name, own = f"{effect.id}@{effect.place}", _project_out(others, columns)
+    name, own = effect.name, _project_out(others, columns)
     rows, size = own.shape
     freedom = rows - others.shape[1] - size
     values = np.linalg.svd(own, compute_uv=False) / noise

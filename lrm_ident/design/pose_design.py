@@ -209,7 +209,7 @@ def _criterion(problem: DesignProblem, columns: Columns, measured: Columns | Non
     try:
         return DeterminantCriterion(((whitened, general - rivals), (whiten(wide, wide_prior), rivals)))
     except RankDeficient:
-        names = " and ".join(f"{effect.id}@{effect.place}" for effect in problem.rivals)
+        names = " and ".join(effect.name for effect in problem.rivals)
         raise LrmError(
             f"no choice of these {len(fitted)} candidates can tell {names} apart; offer more levels "
             "(--levels), other loads (--loads-g), or fewer rivals"

@@ -13,9 +13,9 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.degenerate_fit import DegenerateFit
 from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, some_rows
 from lrm_ident.fitting.levenberg_marquardt import Fit, FitNotConverged, fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
-from lrm_math.effects import Effect
+from lrm_math.effects import Effect, name_of_key, split_key
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.model import Model, model_of
 
@@ -28,7 +28,7 @@ def add_effects(
     data: Measurements,
     effects: Sequence[Effect],
     shape: Sequence[float] | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
 ) -> Fit:
     """Fits a model with further effects: all its free parameters and the new ones together.
 
@@ -39,10 +39,10 @@ def add_effects(
     Raises:
         LrmError: all parameters are fitted already, no new one is identifiable, or no convergence.
     """
-    extended, names = model, ", ".join(f"{effect.id}@{effect.place}" for effect in effects)
+    extended, names = model, ", ".join(effect.name for effect in effects)
     for effect in effects:
         extended = _with_effect(extended, effect, shape)
-    own = {f"{e.id}.{e.place}.{p.name}": p for e in effects for p in e.parameters}
+    own = {key: p for e in effects for key, p in zip(e.keys, e.parameters, strict=True)}
     new = [key for key, parameter in own.items() if parameter.fixed is None and key not in model.free]
     if not new:
         raise LrmError(f"{names}: in the model already, with all parameters fitted")
@@ -56,7 +56,7 @@ def add_effects(
     return free_base_parameters(best, data, loss)
 
 
-def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss | None = None) -> Fit:
+def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) -> Fit:
     """Frees what the data can tell beside the free parameters, of `offsets`, `compliance` and effects that are fitted
     in part, and refits.
 
@@ -64,13 +64,13 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss | None = No
     """
     for _ in range(MAX_FREEINGS):
         model = fitted.model
-        begun = {key.rpartition(".")[0] for key in model.free}
+        begun = {name_of_key(key) for key in model.free}
         base = [
             key
             for key, parameter in zip(model.keys, model.parameters, strict=True)
             if parameter.fixed is None
             and key not in model.free
-            and (key.partition(".")[0] in DEFAULT_EFFECTS or key.rpartition(".")[0] in begun)
+            and (split_key(key)[0] in DEFAULT_EFFECTS or name_of_key(key) in begun)
         ]
         found = identifiable_beside(fitted.rest, model.free, base, fitted.sigma, data.whitening)
         if not found or len(model.free) + len(found) > len(data):
@@ -85,15 +85,14 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss | None = No
 
 def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) -> Model:
     known = {key: model.value(key) for key in model.keys}
-    if (effect.id, effect.place) in {(e.id, e.place) for e in model.effects}:
+    if effect.name in {present.name for present in model.effects}:
         return model
     if shape is not None:
-        prefix = f"{effect.id}.{effect.place}."
-        known |= {prefix + p.name: value for p, value in zip(effect.parameters, shape, strict=True)}
+        known |= dict(zip(effect.keys, shape, strict=True))
     return replace(model_of(model.arm, (*model.effects, effect), known), free=model.free)
 
 
-def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], how: Loss | None) -> Fit:
+def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], how: Loss) -> Fit:
     """The best fit over a shape parameter, on a logarithmic scale around its present value.
 
     Of thousands of poses a part is searched, then all are fitted.

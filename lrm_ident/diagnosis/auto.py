@@ -1,4 +1,4 @@
-"""`auto`: diagnose, add the first effect that the judge supports, and again, until it supports none."""
+"""`auto`: diagnose, add the first effect that a full refit confirms, and again, until there is none."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
-from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect
+from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.model.model import Model
 
 
@@ -48,10 +48,10 @@ class AutoStep:
 
 @dataclass(frozen=True, eq=False)
 class AutoRun:
-    """A run of `auto`: its steps, and the judgement that ended it."""
+    """A run of `auto`: its steps, and the confirmed that ended it."""
 
     steps: tuple[AutoStep, ...]
-    judgement: Judgement
+    confirmed: ConfirmedDiagnosis
 
     @property
     def model(self) -> Model:
@@ -61,12 +61,12 @@ class AutoRun:
     @property
     def diagnosis(self) -> Diagnosis:
         """The last diagnosis."""
-        return self.judgement.diagnosis
+        return self.confirmed.diagnosis
 
     @property
     def verdict(self) -> Verdict:
         """The last verdict."""
-        return self.judgement.verdict
+        return self.confirmed.verdict
 
 
 def run_auto(
@@ -75,11 +75,11 @@ def run_auto(
     max_effects: int = 20,
     catalogue: Iterable[type[Effect]] = CATALOGUE,
     on_step: Callable[[AutoStep], object] = lambda _: None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     progress: OnProgress = silent,
     rates: EffectRates | None = None,
 ) -> AutoRun:
-    """Stepwise selection: diagnoses, adds the first supported effect as the judge refitted it, and again.
+    """Stepwise selection: diagnoses, adds the first supported effect as it was confirmed, and again.
 
     Args:
         rates: how often arms of this kind have each effect, where that is known (`diagnose`).
@@ -88,29 +88,37 @@ def run_auto(
         LrmError: a diagnosis fails.
     """
     kinds = tuple(catalogue)
-    now = judge(diagnose(model, data, kinds, progress, loss, rates))
+    now = confirm(diagnose(model, data, kinds, progress, loss, rates))
     steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
     on_step(steps[0])
     while now.first is not None and now.refit is not None and len(steps) <= max_effects:
-        before, added, refit = now, now.first, now.refit
+        added, refit, poses = _added(now, now.first), now.refit, now.diagnosis.data.pose
+        del now  # a diagnosis holds the columns of every candidate: one at a time
         found = diagnose(refit.fit.model, data, kinds, progress, loss, rates)
-        same = np.array_equal(found.data.pose, before.diagnosis.data.pose)
-        now = judge(found, refit.blocks if same else ())
-        steps.append(_step(before, added, now))
+        now = confirm(found, refit.blocks if np.array_equal(found.data.pose, poses) else ())
+        steps.append(_step(added, now))
         on_step(steps[-1])
     return AutoRun(tuple(steps), now)
 
 
-def _step(before: Judgement, added: ScoredCandidate, after: Judgement) -> AutoStep:
-    effect = added.candidate.effect
-    own = {f"{effect.id}.{effect.place}.{parameter.name}" for parameter in effect.parameters}
-    old = {*before.diagnosis.fit.model.free, *own}
-    return AutoStep(
-        added=added.name,
-        fit=after.diagnosis.fit,
-        held_out=after.held_out,
-        data=after.diagnosis.data,
-        equivalent=before.diagnosis.equivalent[added.name],
-        refines=effect.refined,
-        freed=tuple(key for key in after.diagnosis.fit.model.free if key not in old),
+@dataclass(frozen=True, eq=False)
+class _Added:
+    """What a step adds: its name, what it cannot be told from, what it refines, and all keys that are then free."""
+
+    name: str
+    equivalent: tuple[str, ...]
+    refines: tuple[str, ...]
+    keys: frozenset[str]
+
+
+def _added(before: ConfirmedDiagnosis, one: ScoredCandidate) -> _Added:
+    effect, found = one.candidate.effect, before.diagnosis
+    return _Added(
+        one.name, found.equivalent[one.name], variants(effect), frozenset({*found.fit.model.free, *effect.keys})
     )
+
+
+def _step(added: _Added, after: ConfirmedDiagnosis) -> AutoStep:
+    found = after.diagnosis
+    freed = tuple(key for key in found.fit.model.free if key not in added.keys)
+    return AutoStep(added.name, found.fit, after.held_out, found.data, added.equivalent, added.refines, freed)

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, FORMS, Effect, Parameter
+from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter, variants
 from lrm_math.effects.base import Excitation
+from lrm_math.effects.targets import Kind, kind_of
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import Response, effect_columns, respond
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
@@ -32,24 +33,30 @@ class Candidate:
             parameters are zero (or the model's).
         standing: its place in a tie: `REFINEMENT` of an effect of the model, `PLAIN` effect, or another `FORM` of an
             effect that the model does not have.
-        columns: for each of them (3 N, m): motion of the TCP for parameters of their typical size, pose by pose (m).
+        response: of the model with every candidate in it, none acting.
     """
 
     effect: Effect
     rows: tuple[int, ...]
     shapes: tuple[tuple[float, ...], ...]
-    columns: tuple[Array, ...]
     standing: int
+    response: Response
 
     @property
     def name(self) -> str:
         """`effect@place`."""
-        return f"{self.effect.id}@{self.effect.place}"
+        return self.effect.name
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters that would be fitted."""
         return tuple(self.effect.parameters[row] for row in self.rows)
+
+    def columns(self, shape: tuple[float, ...]) -> Array:
+        """(R N, m), motion of the TCP for parameters of their typical size at a shape, pose by pose (m)."""
+        typical = np.array([parameter.typical for parameter in self.parameters])
+        moved = effect_columns(self.effect, shape, self.response)[list(self.rows)]
+        return np.asarray((moved.transpose(2, 1, 0) * typical).reshape(-1, len(self.rows)))
 
 
 def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:
@@ -57,29 +64,29 @@ def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE
 
     Without `quantisation`, which is known and never fitted.
     """
-    for kind in (*catalogue, *FORMS):
+    for kind in (*catalogue, *FREE_FORMS):
         for place in kind.places(model.arm):
             effect = kind(model.arm, place)
             rows = unfitted_rows(effect, model.free)
-            if rows and kind.id != "quantisation":
+            if rows and "counts" not in kind.depends_on:
                 yield effect, rows
 
 
 def _present(model: Model) -> set[str]:
-    return {f"{effect.id}@{effect.place}" for effect in model.effects}
+    return {effect.name for effect in model.effects}
 
 
 def _standing(effect: Effect, present: set[str]) -> int:
     """See `Candidate.standing`."""
-    if present & {f"{effect.id}@{effect.place}", *effect.refined}:
+    if present & {effect.name, *variants(effect)}:
         return REFINEMENT
-    return FORM if effect.refines else PLAIN
+    return FORM if effect.variant_of else PLAIN
 
 
 def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:
     """Which of the effect's parameters are neither shapes nor among the keys of fitted ones."""
-    prefix = f"{effect.id}.{effect.place}."
-    return tuple(i for i, p in enumerate(effect.parameters) if p.fixed is None and prefix + p.name not in fitted)
+    named = enumerate(zip(effect.parameters, effect.keys, strict=True))
+    return tuple(i for i, (p, key) in named if p.fixed is None and key not in fitted)
 
 
 def split_testable(
@@ -94,10 +101,10 @@ def split_testable(
 
 def _no_torque(effect: Effect, rest: Equilibrium) -> str | None:
     """Why an effect that acts by loads cannot act at these poses: nothing has weight, or none reaches its axes."""
-    if (effect.feels or effect.pushes or effect.weighs) and rest.weightless:
+    if (effect.load_slots or kind_of(effect) in (Kind.LOAD, Kind.WEIGHT)) and rest.weightless:
         return "the arm's file gives no masses"
     index = rest.model.chain.index
-    felt = sorted(index[key] for key in effect.feels if key in index)
+    felt = sorted(index[key] for key in effect.load_slots if key in index)
     if felt and float(np.abs(rest.loads_on(felt)).max()) < NO_TORQUE:
         return f"gravity puts no load on {effect.place}"
     return None
@@ -106,9 +113,9 @@ def _no_torque(effect: Effect, rest: Equilibrium) -> str | None:
 def differentiate_candidates(
     model: Model, poses: Poses, effects: Sequence[Unfitted], sensed: Sensed = TCP_ONLY
 ) -> tuple[Response, list[Candidate]]:
-    """The columns of every effect at the model's equilibrium, where none of them acts yet; and that response."""
+    """Every effect at the model's equilibrium, where none of them acts yet; and that response."""
     present = _present(model)
-    added = [effect for effect, _ in effects if f"{effect.id}@{effect.place}" not in present]
+    added = [effect for effect, _ in effects if effect.name not in present]
     known = {key: model.value(key) for key in model.keys}
     extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free)
     response = respond(equilibrium(extended, poses), sensed)
@@ -117,13 +124,10 @@ def differentiate_candidates(
 
 
 def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response: Response, standing: int) -> Candidate:
-    parameters, prefix = effect.parameters, f"{effect.id}.{effect.place}."
-    present = [extended.value(prefix + parameter.name) for parameter in parameters]
-    shapes = _shapes(parameters, present, fixed=any(prefix + p.name in extended.free for p in parameters))
-    typical = np.array([parameters[row].typical for row in rows])
-    moved = (effect_columns(effect, shape, response)[list(rows)] for shape in shapes)
-    columns = tuple((motion.transpose(2, 1, 0) * typical).reshape(-1, len(rows)) for motion in moved)
-    return Candidate(effect, rows, shapes, columns, standing)
+    parameters = effect.parameters
+    present = [extended.value(key) for key in effect.keys]
+    shapes = _shapes(parameters, present, fixed=any(key in extended.free for key in effect.keys))
+    return Candidate(effect, rows, shapes, standing, response)
 
 
 def _shapes(parameters: Sequence[Parameter], present: Sequence[float], fixed: bool) -> tuple[tuple[float, ...], ...]:

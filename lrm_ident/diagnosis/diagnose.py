@@ -1,10 +1,10 @@
 """Diagnosis: which physical effect is missing, that none is, or that structure is left which no effect explains.
 
-measurements -> fit -> candidates -> forms -> judge -> report: this is the linear screening, `judge` refits its result.
+measurements -> fit -> candidates -> forms -> confirm -> report: this is the linear screening, `confirm` refits it.
 Every effect of the catalogue in every form at every place is tried on the residual (score test) and judged by the
 held-out error that it would leave; effects are taken by forward selection. Then free functions are tried on what is
 left: they separate an effect that is really there from one that only resembles a structure outside the catalogue.
-Of thousands of poses a part is screened, drawn at random, with those that the fit misses most; the judge refits all.
+Of thousands of poses a part is screened, drawn at random, with those that the fit misses most; `confirm` refits all.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.candidates import REFINEMENT, differentiate_candidates, split_testable, unfitted_effects
-from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE, equivalent_effects, forward_select
+from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
-from lrm_ident.diagnosis.score_test import ScoredCandidate, benjamini_yekutieli, score_candidates
+from lrm_ident.diagnosis.score_test import ScoredCandidate, score_candidates
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_ident.fitting.identifiability import some_rows
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
-from lrm_ident.fitting.loss import Loss, robust_scale
+from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.free_functions import free_functions, poses_before
+from lrm_ident.residual.free_functions import free_functions, lagged
 from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
+from lrm_ident.residual.significance import benjamini_yekutieli
+from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE, SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.model import Model
 
-FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1  # residual over floor, and Moran's I, above which structure matters
 MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
 MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
-NOT_NOISE = 1e-3  # p value of the lack-of-fit test below which the residual exceeds the floor surely
 Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable"]
 
 
@@ -54,7 +54,7 @@ class Diagnosis:
         selected: by forward selection, in that order, spurious ones included.
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
         joint_jacobian: (joints, 3, n), motion of the TCP for a unit rotation of each joint (m/rad).
-        outliers: numbers of the poses left out. loss: of every fit; None: least squares.
+        outliers: numbers of the poses left out. loss: of every fit.
     """
 
     fit: Fit
@@ -71,10 +71,10 @@ class Diagnosis:
     joint_jacobian: Array
     screened: NDArray[np.int64]
     outliers: tuple[int, ...] = ()
-    loss: Loss | None = None
+    loss: Loss = SQUARED
 
     @property
-    def seen(self) -> tuple[Fit, Measurements]:
+    def screened_subset(self) -> tuple[Fit, Measurements]:
         """The fit and the measurements at the poses that were screened."""
         return self.fit.take(self.screened), self.data.take(self.screened)
 
@@ -111,7 +111,7 @@ def diagnose(
     data: Measurements,
     catalogue: Iterable[type[Effect]] = CATALOGUE,
     progress: OnProgress = silent,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     rates: EffectRates | None = None,
 ) -> Diagnosis:
     """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
@@ -130,7 +130,9 @@ def diagnose(
         if not numbers:
             break
         left_out += numbers
-        found = _diagnose(found.fit.model, found.data.without(numbers), kinds, progress, loss, rates)
+        before, rest = found.fit.model, found.data.without(numbers)
+        del found  # it holds the columns of every candidate
+        found = _diagnose(before, rest, kinds, progress, loss, rates)
     return replace(found, outliers=tuple(sorted(left_out)))
 
 
@@ -139,7 +141,7 @@ def _diagnose(
     data: Measurements,
     kinds: tuple[type[Effect], ...],
     progress: OnProgress,
-    loss: Loss | None,
+    loss: Loss,
     rates: EffectRates | None,
 ) -> Diagnosis:
     whole = fit(model, data, loss=loss)
@@ -154,23 +156,24 @@ def _diagnose(
     ranked = sorted(scored, key=lambda one: one.alone.rms)
     floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
     quiet = _like_noise(whole, data, floor, structure)
-    tried = [one for one in ranked if one.candidate.standing == REFINEMENT] if quiet else ranked
+    tried = [one for one in ranked if not quiet or one.candidate.standing == REFINEMENT]
     weights = None if rates is None else rates.weights([one.name for one in tried])
-    selected = forward_select(tried, linear, progress, weights)
-    joint_jacobian = response.slots[list(response.rest.model.chain.joint_slots)]
-    before = poses_before(whole.rest.joint_torque)[screened]
+    selection = forward_select(tried, linear, progress, weights, [one for one in ranked if one not in tried])
+    selected = selection.effects
+    joint_jacobian = response.slots[list(response.equilibrium.model.chain.joint_slots)]
+    before = lagged(whole.rest.joint_torque)[screened]
     functions = free_functions(joint_jacobian, part, fitted.rest, before)
     return Diagnosis(
         fit=whole,
         data=data,
         floor=floor,
         structure=structure,
-        squared_held_out=linear.explain().held_out,
+        squared_held_out=linear.now.held_out,
         scored=(*selected, *(one for one in ranked if one not in selected)),
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
-        selected=tuple(selected),
-        equivalent={one.name: equivalent_effects(one, selected, ranked, linear) for one in selected},
-        unexplained=unexplained_structure(selected, linear, functions, weigh),
+        selected=selected,
+        equivalent={one.name: equivalent_effects(selection, i, ranked) for i, one in enumerate(selected)},
+        unexplained=unexplained_structure(selection, functions, weigh),
         not_testable=(*not_testable, *undetectable),
         joint_jacobian=joint_jacobian[:, :3],
         screened=screened,

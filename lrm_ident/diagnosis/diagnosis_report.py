@@ -10,14 +10,14 @@ import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.wording import in_mm
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
-from lrm_ident.diagnosis.forward_selection import MIN_GAIN
-from lrm_ident.diagnosis.judge import Judgement, judge
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import audit
-from lrm_ident.residual.left_to_find import LeftToFind, left_to_find
 from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_ident.residual.predictable_residual import PredictableResidual, predictable_residual
+from lrm_ident.residual.thresholds import MIN_GAIN
 
 DISPLAY_UNITS = {
     "rad": (180.0 / np.pi, "°"),
@@ -71,7 +71,7 @@ class DiagnosisReport:
     ranking: tuple[RankedCandidate, ...]
     limitations: tuple[str, ...]
     hint: str
-    left: LeftToFind
+    left: PredictableResidual
     hints: tuple[str, ...]
 
     @property
@@ -94,21 +94,21 @@ def build_report(diagnosis: Diagnosis, on_progress: Callable[[str], object] = st
     Args:
         on_progress: called with what is being done.
     """
-    return report_of(judge(diagnosis, on_progress=on_progress))
+    return report_of(confirm(diagnosis, on_progress=on_progress))
 
 
-def report_of(judgement: Judgement) -> DiagnosisReport:
-    """Ranks every candidate, the judge's first; says what is left to find, and what to measure next."""
-    diagnosis, supported = judgement.diagnosis, judgement.supported
-    left = left_to_find(diagnosis.fit, diagnosis.data, judgement.blocks)
-    before = error_stats(judgement.held_out)
-    more = judgement.verdict in ("nothing_missing", "unpredictable") and left.predictable.more_to_find
+def report_of(confirmed: ConfirmedDiagnosis) -> DiagnosisReport:
+    """Ranks every candidate, the confirmed ones first; says what is left to find, and what to measure next."""
+    diagnosis, supported = confirmed.diagnosis, confirmed.supported
+    left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks)
+    before = error_stats(confirmed.held_out)
+    more = confirmed.verdict in ("nothing_missing", "unpredictable") and left.predictable.more_to_find
     return DiagnosisReport(
         diagnosis=diagnosis,
-        verdict="unexplained_structure" if more else judgement.verdict,
+        verdict="unexplained_structure" if more else confirmed.verdict,
         fit=error_stats(diagnosis.fit.residual),
         held_out=before,
-        ranking=tuple(_rank(one, judgement, before) for one in _order(diagnosis, supported)),
+        ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
         limitations=audit(diagnosis.data, diagnosis.fit.rest.joint_torque),
         hint=_hint(diagnosis, supported),
         left=left,
@@ -124,9 +124,9 @@ def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[S
     return [*supported, *rest]
 
 
-def _rank(scored: ScoredCandidate, judgement: Judgement, before: ErrorStats) -> RankedCandidate:
-    diagnosis, supported = judgement.diagnosis, judgement.supported
-    refit = judgement.refit if scored in supported[:1] else None
+def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorStats) -> RankedCandidate:
+    diagnosis, supported = confirmed.diagnosis, confirmed.supported
+    refit = confirmed.refit if scored in supported[:1] else None
     fitted, rms = (None, scored.alone.rms) if refit is None else (refit.fit, refit.error.rms)
     estimates = _estimates(scored) if fitted is None else _fitted_estimates(scored, fitted)
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
@@ -158,7 +158,7 @@ def _estimates(scored: ScoredCandidate) -> Estimates:
 def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> Estimates:
     effect, model = scored.candidate.effect, fitted.model
     errors = dict(zip(model.free, fitted.standard_error, strict=True))
-    keys = {f"{effect.id}.{effect.place}.{parameter.name}": parameter for parameter in effect.parameters}
+    keys = dict(zip(effect.keys, effect.parameters, strict=True))
     return tuple(
         (p.name, model.value(key) / p.si, float(errors.get(key, 0.0)) / p.si)
         for key, p in keys.items()
@@ -172,8 +172,9 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     units = {p.name: p.unit for p in effect.parameters}
     words = {name: _with_unit(value, error, units[name]) for name, value, error in estimates}
     numbers = {p.name: words.get(p.name, "0") for p in effect.parameters}
-    claim = effect.claim.format(place=effect.place, **numbers) if effect.claim else f"{effect.id} at {effect.place}"
-    if any(name in effect.claim for name in words):
+    sentence = effect.about.claim
+    claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
+    if any(name in sentence for name in words):
         return claim
     surest = sorted(estimates, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
     surest_values = ", ".join(f"{name} {words[name]}" for name in words if name in {one[0] for one in surest})
@@ -190,10 +191,10 @@ def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:
     kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
     names = [name for one in supported[:1] for name in (one.name, *diagnosis.equivalent[one.name])]
     if len(names) > 1:
-        needs = dict.fromkeys(kinds[name].needs for name in names if kinds[name].needs)
+        needs = dict.fromkeys(kinds[name].about.needs for name in names if kinds[name].about.needs)
         what = "; ".join(needs) or "poses that differ in load, angle and order independently"
         return f"To tell {names[0]} from {names[1]}: {what}."
     for effect, reason in diagnosis.not_testable:
-        if effect.needs and "typical size" not in reason:
-            return f"To test {effect.id}@{effect.place} ({reason}): {effect.needs}."
+        if effect.about.needs and "typical size" not in reason:
+            return f"To test {effect.name} ({reason}): {effect.about.needs}."
     return "Repeat a few poses to know the noise, and measure in random order with two loads."

@@ -8,24 +8,47 @@ what needs so many parameters more that Schwarz's criterion speaks very strongly
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, cosine_of_bases, paired_z
-from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate, f_test_p_value, yekutieli_factor
+from lrm_ident.diagnosis.column_sets import joined
+from lrm_ident.diagnosis.linearised_fit import LinearEstimate, LinearisedFit, cosine_of_bases
+from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.residual.better_prediction import paired_z, predicts_better, saves
+from lrm_ident.residual.significance import f_test_p_value, yekutieli_factor
+from lrm_ident.residual.thresholds import (
+    EQUIVALENCE_COSINE,
+    EQUIVALENT_GAIN,
+    MAX_EFFECTS,
+    MIN_GAIN,
+    SIGNIFICANCE,
+    SIMILAR_GAIN,
+    VERY_STRONG,
+    Z_THRESHOLD,
+)
+from lrm_math.effects import variants
 
-SIGNIFICANCE = 0.01  # p value after Benjamini and Yekutieli, of all candidates together
-MIN_GAIN = 0.02  # part of the held-out RMS that an effect must save to be worth naming
-WORTH = 1.0 - (1.0 - MIN_GAIN) ** 2  # the same of the squares
-EQUIVALENCE_COSINE = 0.95  # principal cosine above which the data cannot distinguish two effects
-EQUIVALENT_GAIN = 0.5  # part of an effect's gain that an equivalent must have
-SIMILAR_GAIN = 0.8  # part of an effect's gain that a simpler one must have to be taken instead
-MAX_EFFECTS = 8
-VERY_STRONG = 10.0  # difference of Schwarz's criterion that is very strong evidence
-Choice = tuple[Explanation, ScoredCandidate]
+Choice = tuple[LinearEstimate, ScoredCandidate]
+
+
+@dataclass(frozen=True, eq=False)
+class SelectionStep:
+    """The fit with what is selected so far, and for the name of each candidate what it explains beside that."""
+
+    fit: LinearisedFit
+    beside: Mapping[str, LinearEstimate]
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Selected effects; `steps`: before each of them, and after the last."""
+
+    effects: tuple[ScoredCandidate, ...]
+    steps: tuple[SelectionStep, ...]
 
 
 def forward_select(
@@ -33,7 +56,8 @@ def forward_select(
     linear: LinearisedFit,
     progress: OnProgress,
     weights: Mapping[str, float] | None = None,
-) -> list[ScoredCandidate]:
+    others: Sequence[ScoredCandidate] = (),
+) -> Selection:
     """Adds the best effect, one after the other, as long as one is significant, plausible, and predicts better.
 
     Where the model has effects with other forms, a new name must predict better than all these forms together, or
@@ -42,54 +66,84 @@ def forward_select(
     Args:
         weights: of the candidates' p values (`EffectRates.weights`): what is expected needs less evidence. Of
             those that predict alike, the one with the larger weight is taken. None: all alike.
+        others: candidates that are tried at every step but not selected.
     """
-    expected = weights or {}
     selected: list[ScoredCandidate] = []
-    now = start = linear.explain()
-    while len(selected) < MAX_EFFECTS:
-        taken = [one.projected for one in selected]
-        freedom = linear.degrees_of_freedom - sum(one.size for one in selected)
-        choices: list[Choice] = []
-        for one in ranked:
-            if one not in selected and not one.implausible:
-                tried = linear.explain(*taken, one.projected)
-                p_value = f_test_p_value(now.in_sample, tried.in_sample, one.size, freedom)
-                adjusted = p_value * yekutieli_factor(len(ranked)) * len(one.candidate.columns)
-                adjusted /= expected.get(one.name, 1.0)
-                if adjusted < SIGNIFICANCE and improves_prediction(tried, now, start):
-                    choices.append((tried, one))
+    steps = []
+    for step in _steps((*ranked, *others), linear, selected):
+        steps.append(step)
         progress(1 + len(selected), MAX_EFFECTS)
-        standing = {one.name: _standing(one, selected) for one in ranked}
-        refinements = [one for one in ranked if _is_refinement(one, standing) and one not in selected]
-        while choices:
-            simple = _parsimonious(choices, standing, len(linear.residual))
-            best = _choose(simple, now, standing, expected)
-            then, chosen = best if standing[best[1].name] < FORM else _plain(best, choices)
-            left_out = [one for _, one in choices if all(one is not other for _, other in simple)]
-            forms = [one.projected for one in refinements if one not in left_out]
-            if standing[chosen.name] == REFINEMENT or not forms:
-                break
-            by_forms = linear.explain(*taken, *forms)
-            if paired_z(then.held_out, by_forms.held_out) > Z_THRESHOLD:
-                break
-            if improves_prediction(linear.explain(*taken, *forms, chosen.projected), by_forms, start):
-                break
-            choices.remove((then, chosen))
-        if not choices:
+        chosen = _next(ranked, selected, step, linear.now, weights or {}) if len(selected) < MAX_EFFECTS else None
+        if chosen is not None:
+            selected.append(chosen)
+    return Selection(tuple(selected), tuple(steps))
+
+
+def _steps(
+    candidates: Sequence[ScoredCandidate], fit: LinearisedFit, selected: Sequence[ScoredCandidate]
+) -> Iterator[SelectionStep]:
+    """Steps for as long as `selected` grows between them; what is selected is projected out of all candidates once."""
+    sets = joined([one.projected for one in candidates], fit.parts) if candidates else None
+    for number in range(MAX_EFFECTS + 1):
+        if len(selected) < number:
             break
-        now = then
-        selected.append(chosen)
-    return selected
+        fit = fit.beside(*(one.projected for one in selected[number - 1 : number]))
+        sets = None if sets is None else fit.up_to_date(sets)
+        found = [] if sets is None else fit.explain_each(sets)
+        yield SelectionStep(fit, dict(zip((one.name for one in candidates), found, strict=True)))
+
+
+def _next(
+    ranked: Sequence[ScoredCandidate],
+    selected: Sequence[ScoredCandidate],
+    step: SelectionStep,
+    start: LinearEstimate,
+    expected: Mapping[str, float],
+) -> ScoredCandidate | None:
+    """The effect to add, if any."""
+    standing = {one.name: _standing(one, selected) for one in ranked}
+    refinements = [one for one in ranked if _is_refinement(one, standing) and one not in selected]
+    choices = [one for one in _choices(ranked, step, start, expected) if one[1] not in selected]
+    formed: dict[tuple[str, ...], LinearisedFit] = {}
+    while choices:
+        simple = _parsimonious(choices, standing, len(step.fit.residual))
+        best = _choose(simple, step.fit.now, standing, expected)
+        then, chosen = best if standing[best[1].name] < FORM else _plain(best, choices)
+        left_out = [one for _, one in choices if all(one is not other for _, other in simple)]
+        forms = [one for one in refinements if one not in left_out]
+        if standing[chosen.name] == REFINEMENT or not forms:
+            return chosen
+        names = tuple(one.name for one in forms)
+        by_forms = formed.setdefault(names, formed.get(names) or step.fit.beside(*(one.projected for one in forms)))
+        if paired_z(then.held_out, by_forms.now.held_out) > Z_THRESHOLD:
+            return chosen
+        if improves_prediction(by_forms.explain(chosen.projected), by_forms.now, start):
+            return chosen
+        choices.remove((then, chosen))
+    return None
+
+
+def _choices(
+    ranked: Sequence[ScoredCandidate], step: SelectionStep, start: LinearEstimate, expected: Mapping[str, float]
+) -> Iterator[Choice]:
+    """The plausible candidates that are significant and predict better."""
+    now, freedom, tests = step.fit.now, step.fit.degrees_of_freedom, yekutieli_factor(len(ranked))
+    for one in ranked:
+        tried = step.beside[one.name]
+        p_value = f_test_p_value(now.in_sample, tried.in_sample, one.size, freedom)
+        adjusted = p_value * tests * len(one.candidate.shapes) / expected.get(one.name, 1.0)
+        if not one.implausible and adjusted < SIGNIFICANCE and improves_prediction(tried, now, start):
+            yield tried, one
 
 
 def _standing(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
     """Its standing beside the effects of the model and those selected."""
     names = {other.name for other in selected}
-    return REFINEMENT if names & set(one.candidate.effect.refined) else one.candidate.standing
+    return REFINEMENT if names & set(variants(one.candidate.effect)) else one.candidate.standing
 
 
 def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
-    return standing[one.name] == REFINEMENT and bool(one.candidate.effect.refines)
+    return standing[one.name] == REFINEMENT and bool(one.candidate.effect.variant_of)
 
 
 def _parsimonious(choices: Sequence[Choice], standing: Mapping[str, int], count: int) -> Sequence[Choice]:
@@ -107,7 +161,7 @@ def _parsimonious(choices: Sequence[Choice], standing: Mapping[str, int], count:
 
 
 def _choose(
-    choices: Sequence[Choice], now: Explanation, standing: Mapping[str, int], expected: Mapping[str, float]
+    choices: Sequence[Choice], now: LinearEstimate, standing: Mapping[str, int], expected: Mapping[str, float]
 ) -> Choice:
     """The most helpful; of those that prediction cannot separate from it, by standing, then by how much it is expected,
     then by number of parameters."""
@@ -126,58 +180,56 @@ def _choose(
 
 def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
     """The best plain effect that this form refines, if one helps: it is named first; else the form itself."""
-    names = chosen[1].candidate.effect.refined
+    names = variants(chosen[1].candidate.effect)
     return min((c for c in choices if c[1].name in names), key=lambda choice: choice[0].rms, default=chosen)
 
 
-def improves_prediction(then: Explanation, now: Explanation, start: Explanation) -> bool:
+def improves_prediction(then: LinearEstimate, now: LinearEstimate, start: LinearEstimate) -> bool:
     """Whether held-out error falls significantly, and by more than the error of linearising at `start` could feign."""
-    gain = now.held_out.mean() - then.held_out.mean()
-    return bool(gain > WORTH * start.held_out.mean()) and paired_z(then.held_out, now.held_out) > Z_THRESHOLD
+    return predicts_better(then.held_out, now.held_out, MIN_GAIN, start.held_out)
 
 
-def equivalent_effects(
-    one: ScoredCandidate, selected: Sequence[ScoredCandidate], ranked: Sequence[ScoredCandidate], linear: LinearisedFit
-) -> tuple[str, ...]:
-    """Names of candidates that the data cannot distinguish from `one` in its place.
+def equivalent_effects(selection: Selection, number: int, ranked: Sequence[ScoredCandidate]) -> tuple[str, ...]:
+    """Names of candidates that the data cannot distinguish from a selected one in its place.
 
     Without forms of effects that the model does not have: they are no causes of their own.
     """
-    others = [other.projected for other in selected[: selected.index(one)]]
-    without, with_it = linear.explain(*others), linear.explain(*others, one.projected)
+    one, step = selection.effects[number], selection.steps[number]
+    without, with_it = step.fit.now, step.beside[one.name]
     gain = float(without.held_out.mean() - with_it.held_out.mean())
-    alike = _same_form(one, others, with_it, ranked, linear)
+    alike = _same_form(one, with_it, selection.steps[number + 1], ranked, selection.steps[0].fit.now)
     equivalent = []
     for rival in ranked:
         if rival is one or rival.implausible or rival.candidate.standing == FORM:
             continue
-        instead = linear.explain(*others, rival.projected)
+        instead = step.beside[rival.name]
         saved = float(without.held_out.mean() - instead.held_out.mean())
-        if (rival.name in alike and saved > WORTH * without.held_out.mean()) or (
+        if (rival.name in alike and saves(instead.held_out, without.held_out, MIN_GAIN)) or (
             saved > EQUIVALENT_GAIN * gain and _inseparable(one, with_it, rival, instead)
         ):
             equivalent.append(rival.name)
     return tuple(equivalent)
 
 
-def _inseparable(one: ScoredCandidate, with_it: Explanation, rival: ScoredCandidate, instead: Explanation) -> bool:
+def _inseparable(
+    one: ScoredCandidate, with_it: LinearEstimate, rival: ScoredCandidate, instead: LinearEstimate
+) -> bool:
     """Whether two effects predict alike, or move the TCP alike."""
     close = paired_z(with_it.held_out, instead.held_out) < Z_THRESHOLD
-    return close or cosine_of_bases(one.projected.orthonormal, rival.projected.orthonormal) > EQUIVALENCE_COSINE
+    return close or cosine_of_bases(one.orthonormal, rival.orthonormal) > EQUIVALENCE_COSINE
 
 
 def _same_form(
     one: ScoredCandidate,
-    others: Sequence[ProjectedColumns],
-    with_it: Explanation,
+    with_it: LinearEstimate,
+    after: SelectionStep,
     ranked: Sequence[ScoredCandidate],
-    linear: LinearisedFit,
+    start: LinearEstimate,
 ) -> set[str]:
     """Effects of which a form that `one` needs is a form too: where a formula is wrong, formulas do not distinguish."""
     found: set[str] = set()
     for form in ranked:
-        if one.name in form.candidate.effect.refined:
-            beside = linear.explain(*others, one.projected, form.projected)
-            if improves_prediction(beside, with_it, linear.explain()):
-                found.update(form.candidate.effect.refined)
+        plain = variants(form.candidate.effect)
+        if one.name in plain and improves_prediction(after.beside[form.name], with_it, start):
+            found.update(plain)
     return found

@@ -71,9 +71,9 @@ def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[st
     base = _base(load_arm(plan.arm))
     base = replace(base, free=tuple(base.keys))
     effects = unfitted_effects(base, catalogue_with(plan.effects_file))
-    plain = [one for one in effects if not one[0].refines]
+    plain = [one for one in effects if not one[0].variant_of]
     testable, not_testable = split_testable(plain, equilibrium(base, plan.poses))
-    names = [f"{effect.id}@{effect.place}" for effect, _ in testable]
+    names = [effect.name for effect, _ in testable]
     return [name for name in names if fnmatchcase(name, pattern)], not_testable
 
 
@@ -97,10 +97,10 @@ def _trial(plan: InjectionPlan, arm: Arm, name: str) -> InjectionTrial:
     sizes = np.where(positive, rng.uniform(0.3, 1.0, count), rng.normal(0, NOMINAL_SD, count))
     values = {k: s * p.typical for k, s, p in zip(base.keys, sizes, base.parameters, strict=True)}
     [effect] = effects_at(arm, name, catalogue)
-    for parameter in effect.parameters:
+    for key, parameter in zip(effect.keys, effect.parameters, strict=True):
         sign = 1.0 if parameter.lower >= 0.0 else rng.choice([-1.0, 1.0])
         size = parameter.typical * sign if parameter.fixed is None else parameter.fixed
-        values[f"{effect.id}.{effect.place}.{parameter.name}"] = float(size)
+        values[key] = float(size)
     try:
         without = equilibrium(model_of(arm, base.effects, {k: values[k] for k in base.keys}), plan.poses).tcp
         truth = equilibrium(model_of(arm, (*base.effects, effect), values), plan.poses).tcp

@@ -2,46 +2,32 @@
 
 With A the fitted parameters' columns (projected out of everything; Frisch–Waugh–Lovell theorem), r the residual and C
 further columns of typical size, θ minimises |r − Aβ − Cθ|² + (σ/s)² |θ|²: a ridge, i.e. a Gaussian prior of s typical
-sizes, which bounds directions that the data cannot determine. Each fold solves the same problem on its training rows;
-nothing is refitted from scratch, so thousands of hypotheses cost seconds.
+sizes, which bounds directions that the data cannot determine. Each fold solves the same problem on its training rows.
+
+Forward selection by updates (the sweep operator, Goodnight 1979; orthogonal least squares, Chen, Billings and Luo
+1989): columns that are taken are projected out of the residual and of all others once, in the sample and in every
+fold, the ridge as further rows. A candidate then costs its own columns only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE
-from lrm_ident.fitting.loss import robust_scale
+from lrm_ident.diagnosis.column_sets import ColumnSets, Split, column_sets, columns_of, joined, stacks_of
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes
 NUMERICAL_RANK = 1e-9
-AT_ONCE = 40  # sets of columns that are projected together
+AT_ONCE = 256  # columns that the fitted parameters are projected out of together
 
 
 @dataclass(frozen=True, eq=False)
-class Fold:
-    """Training rows with A projected out, test rows as a fit to the training rows leaves them.
-
-    The training rows of A are U S Vᵀ: `basis` is U, `inverse_factor` is V S⁻¹.
-    """
-
-    train: NDArray[np.int64]
-    test: NDArray[np.int64]
-    basis: Array
-    inverse_factor: Array
-    test_columns: Array
-    train_residual: Array
-    test_residual: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Explanation:
+class LinearEstimate:
     """What columns explain.
 
     Attributes:
@@ -55,31 +41,22 @@ class Explanation:
     in_sample: float
     held_out: Array
 
-    @property
+    @cached_property
     def rms(self) -> float:
         """Held-out RMS of the 3-D distance (m)."""
         return float(np.sqrt(self.held_out.mean()))
 
 
 @dataclass(frozen=True, eq=False)
-class ProjectedColumns:
-    """Columns C with A projected out.
+class Taken:
+    """Columns that are in the fit too, with what was known of them before.
 
     Attributes:
-        all_rows: (3 N, m).
-        absent: (F, P + Q, m), for each fold what its training rows lack of `all_rows`: the part that A explains there,
-            and the test rows; so the training rows' products are those of all rows less those of these.
-        test: (F, Q, m), test rows less what the training fit of A predicts for them; zero beyond a fold's rows.
+        columns: one set. inverse_root: for each part (m, m), W with WᵀW the inverse of its normal equations' matrix.
     """
 
-    all_rows: Array
-    absent: Array
-    test: Array
-
-    @cached_property
-    def orthonormal(self) -> Array:
-        """(3 N, rank), orthonormal basis of `all_rows`."""
-        return _svd(self.all_rows)[0]
+    columns: ColumnSets
+    inverse_root: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,117 +64,157 @@ class LinearisedFit:
     """A fit linearised at its minimum, on which further columns are tried.
 
     Attributes:
-        residual: (3 N,), what the fitted parameters leave (m).
-        basis: (3 N, P), orthonormal basis of their columns.
+        residual: (R N,), what the fitted parameters leave (m), R rows of each of N poses.
+        basis: (R N, P), orthonormal basis of their columns.
+        parts: the whole sample, then every fold.
         sigma: m per axis, the noise against which the prior is weighed.
-        rows: of each pose, R; 3 N above stands for R N.
+        rows: of each pose, R.
+        taken: columns that were taken into the fit after it was linearised, one after the other.
     """
 
     residual: Array
     basis: Array
-    folds: tuple[Fold, ...]
+    parts: tuple[Split, ...]
     sigma: float
     rows: int = 3
+    taken: tuple[Taken, ...] = ()
 
     @property
+    def folds(self) -> tuple[Split, ...]:
+        """The parts that are predicted by the others."""
+        return self.parts[1:]
+
+    @property
+    def ridge(self) -> float:
+        """Weight of the prior in the normal equations."""
+        return (self.sigma / PRIOR_SD) ** 2
+
+    @cached_property
     def degrees_of_freedom(self) -> int:
         """Measured rows less fitted parameters."""
         measured = (self.residual != 0.0) | self.basis.any(axis=1)
-        return int(np.count_nonzero(measured)) - int(self.basis.shape[1])
+        columns: int = sum(one.inverse_root.shape[1] for one in self.taken)
+        return int(np.count_nonzero(measured)) - int(self.basis.shape[1] + columns)
 
     @cached_property
-    def _test_rows(self) -> NDArray[np.int64]:
-        """(F, Q), test rows of each fold, filled up with the number of a row that does not exist."""
-        out = np.full((len(self.folds), max(len(fold.test) for fold in self.folds)), len(self.residual))
-        for row, fold in zip(out, self.folds, strict=True):
-            row[: len(fold.test)] = fold.test
-        return out
-
-    @cached_property
-    def _bases(self) -> Array:
-        """(F, P, 3 N), Uᵀ of each fold, zero at test rows."""
-        out = np.zeros((len(self.folds), max(fold.basis.shape[1] for fold in self.folds), len(self.residual)))
-        for rows, fold in zip(out, self.folds, strict=True):
-            rows[: fold.basis.shape[1], fold.train] = fold.basis.T
-        return out
-
-    @cached_property
-    def _predictors(self) -> Array:
-        """(F, Q, P), test rows of A V S⁻¹ of each fold."""
-        out = np.zeros((*self._test_rows.shape, self._bases.shape[1]))
-        for rows, fold in zip(out, self.folds, strict=True):
-            rows[: len(fold.test), : fold.basis.shape[1]] = fold.test_columns @ fold.inverse_factor
-        return out
-
-    @cached_property
-    def own(self) -> ProjectedColumns:
+    def own(self) -> ColumnSets:
         """The residual as a column."""
-        return self._parts(self.residual[:, None])
+        return self.up_to_date(self._known(self.residual[:, None], [1]))
 
-    def project(self, C: Array) -> ProjectedColumns:
-        """Projects the fitted parameters out of columns C (3 N, m)."""
-        return self._parts(C - self.basis @ (self.basis.T @ C))
+    def project(self, C: Array) -> ColumnSets:
+        """One set of columns C (R N, m) without what the fit explains of them."""
+        return self.project_each([C], [C.shape[1]])
 
-    def project_each(self, sets: Sequence[Array]) -> list[ProjectedColumns]:
-        """`project` of each of some sets of columns (3 N, m), many at a time: the bases are read once for all."""
-        found: list[ProjectedColumns] = []
-        for start in range(0, len(sets), AT_ONCE):
-            chunk = sets[start : start + AT_ONCE]
-            whole = self.project(np.concatenate(chunk, axis=1))
-            ends = np.cumsum([C.shape[1] for C in chunk])[:-1]
-            parts = (np.split(getattr(whole, name), ends, axis=-1) for name in ("all_rows", "absent", "test"))
-            found += [ProjectedColumns(*map(np.ascontiguousarray, part)) for part in zip(*parts, strict=True)]
-        return found
+    def project_each(self, sets: Iterable[Array], sizes: Sequence[int]) -> ColumnSets:
+        """Sets of columns (R N, m), of these sizes, without what the fit explains of them."""
+        columns, place = np.empty((len(self.residual), sum(sizes))), columns_of(stacks_of(sizes))
+        for number, C in enumerate(sets):
+            columns[:, place[number]] = C
+        for start in range(0, columns.shape[1], AT_ONCE):
+            some = columns[:, start : start + AT_ONCE]
+            some -= self.basis @ (self.basis.T @ some)
+        return self.up_to_date(self._known(columns, sizes))
 
-    def _parts(self, C: Array) -> ProjectedColumns:
-        (count, size, rows), m = self._bases.shape, C.shape[1]
-        explained = (self._bases.reshape(-1, rows) @ C).reshape(count, size, m)
-        test = np.concatenate([C, np.zeros((1, m))])[self._test_rows]
-        return ProjectedColumns(C, np.concatenate([explained, test], axis=1), test - self._predictors @ explained)
+    def _known(self, columns: Array, sizes: Sequence[int]) -> ColumnSets:
+        """Columns orthogonal to the fitted parameters': what a fold's training rows have in common with these is what
+        its test rows lack."""
+        later = sum(one.inverse_root.shape[1] for one in self.taken)
+        explained = []
+        for part in self.parts:
+            fitted = part.predictor[:, : part.predictor.shape[1] - later]
+            explained.append(-fitted.T @ columns[part.told])
+        return column_sets(columns, tuple(explained), stacks_of(sizes), self.parts)
 
-    def explain(self, *parts: ProjectedColumns) -> Explanation:
-        """What the columns of all parts explain together (nothing: the fit as it is)."""
-        prior, own = (self.sigma / PRIOR_SD) ** 2, self.own
-        if not parts:
-            held_out = self._by_pose(own.test[:, :, 0])
-            return Explanation(np.zeros(0), np.zeros(0), float(self.residual @ self.residual), held_out)
-        columns, absent, test = (
-            np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in ("all_rows", "absent", "test")
-        )
-        gram = columns.T @ columns + np.eye(columns.shape[1]) * prior
-        along, missing = columns.T @ self.residual, absent.transpose(0, 2, 1)
-        theta = np.linalg.solve(gram - missing @ absent, along[:, None] - missing @ own.absent)
-        squared = self._by_pose((own.test - test @ theta)[:, :, 0])
-        inverse = np.linalg.inv(gram)
-        theta = inverse @ along
-        left = self.residual - columns @ theta
-        variance = float(left @ left) / max(self.degrees_of_freedom - len(theta), 1)
-        error = np.sqrt(max(variance, self.sigma**2) * np.diag(inverse))
-        return Explanation(theta, error, float(left @ left), squared)
+    def up_to_date(self, sets: ColumnSets) -> ColumnSets:
+        """Columns that were projected before some others were taken: without what these explain too."""
+        whole = sets.explained[0].shape[0]
+        for one in self.taken:
+            size = one.inverse_root.shape[1]
+            whole -= size
+            if whole < 0:
+                products = sets.products(self.parts, one.columns)
+                sets = sets.with_explained([W @ rows for W, rows in zip(one.inverse_root, products, strict=True)])
+        return sets
 
-    def _by_pose(self, test: Array) -> Array:
-        """(N,), squared 3-D distance of each pose from the folds' test residuals (F, Q)."""
-        held_out = np.zeros(len(self.residual) + 1)
-        held_out[self._test_rows] = test**2
-        return np.asarray(held_out[:-1].reshape(-1, self.rows).sum(axis=1))
+    def beside(self, *sets: ColumnSets) -> LinearisedFit:
+        """The fit with these columns too."""
+        if not sets:
+            return self
+        columns = self.up_to_date(joined(sets, self.parts, together=True))
+        root = _inverse_root(columns.grams[0][:, 0], self.ridge)
+        parts = []
+        for part, W, amounts in zip(self.parts, root, columns.explained, strict=True):
+            left = columns.columns[part.told] - part.predictor @ amounts
+            parts.append(replace(part, predictor=np.concatenate([part.predictor, left @ W.T], axis=1)))
+        return replace(self, parts=tuple(parts), taken=(*self.taken, Taken(columns, root)))
+
+    @cached_property
+    def now(self) -> LinearEstimate:
+        """The fit as it is."""
+        left = [self._left(number) for number in range(len(self.parts))]
+        return LinearEstimate(np.zeros(0), np.zeros(0), float(left[0] @ left[0]), self._by_pose(left)[0])
+
+    def explain(self, sets: ColumnSets | None = None) -> LinearEstimate:
+        """What a set of columns explains (nothing: the fit as it is)."""
+        return self.now if sets is None else self.explain_each(sets)[0]
+
+    def explain_each(self, sets: ColumnSets) -> list[LinearEstimate]:
+        """What each set alone explains beside the fit."""
+        sets = self.up_to_date(sets)
+        theta, inverse = self._estimates(sets)
+        left = []
+        for number, part in enumerate(self.parts):
+            left.append(self._left(number)[:, None] - sets.predicted(part, sets.explained[number], theta[number]))
+        in_sample, held_out = (left[0] ** 2).sum(axis=0), self._by_pose(left)
+        found: list[LinearEstimate | None] = [None] * len(sets)
+        ends = [*sets.starts[1:], sets.columns.shape[1]]
+        for place, (number, start, end) in enumerate(zip(sets.numbers, sets.starts, ends, strict=True)):
+            variance = float(in_sample[place]) / max(self.degrees_of_freedom - int(end - start), 1)
+            error = np.sqrt(max(variance, self.sigma**2) * inverse[start:end])
+            found[number] = LinearEstimate(theta[0, start:end], error, float(in_sample[place]), held_out[place])
+        return [one for one in found if one is not None]
+
+    def _estimates(self, sets: ColumnSets) -> tuple[Array, Array]:
+        """(parts, M), ridge estimates of every set alone; (M,), diagonal of the inverse normal matrix of the sample."""
+        along = np.stack([rows[0] for rows in sets.products(self.parts, self.own)])
+        theta, inverse = np.empty_like(along), np.empty(along.shape[1])
+        for stack, gram in zip(sets.stacks, sets.grams, strict=True):
+            normal = gram + self.ridge * np.eye(stack.size)
+            right = along[:, stack.columns].reshape(len(along), -1, stack.size, 1)
+            theta[:, stack.columns] = np.linalg.solve(normal, right).reshape(len(along), -1)
+            inverse[stack.columns] = np.diagonal(np.linalg.inv(normal[0]), axis1=1, axis2=2).reshape(-1)
+        return theta, inverse
+
+    def _left(self, number: int) -> Array:
+        """(T,), what the fit leaves of the residual in the rows that a part predicts."""
+        part = self.parts[number]
+        return np.asarray(self.residual[part.told] - part.predictor @ self.own.explained[number][:, 0])
+
+    def _by_pose(self, left: Sequence[Array]) -> Array:
+        """(S, N), squared 3-D distance of each pose from what is left (T, S) of the rows that the folds predict."""
+        count = 1 if left[0].ndim == 1 else left[0].shape[1]
+        held_out = np.empty((count, len(self.residual) // self.rows))
+        for part, rows in zip(self.folds, left[1:], strict=True):
+            squares = (rows.reshape(-1, self.rows, count) ** 2).sum(axis=1)
+            held_out[:, part.absent[:: self.rows] // self.rows] = squares.T
+        return held_out
 
 
 def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]], sigma: float) -> LinearisedFit:
-    """Linearises a fit with the parameters' columns A (3 N, P), residual (3 N,) (m) and the test poses of each fold."""
+    """Linearises a fit with the parameters' columns A (R N, P), residual (R N,) (m) and the test poses of each fold."""
     basis = _svd(A)[0]
-    projected = residual - basis @ (basis.T @ residual)
     rows = len(residual) // sum(len(poses) for poses in test_poses)
-    folds = tuple(_fold(A, projected, poses, rows) for poses in test_poses)
-    return LinearisedFit(projected, basis, folds, sigma, rows)
+    every = np.arange(len(residual))
+    whole = Split(every[:0], slice(None), np.empty((len(every), 0)))
+    folds = (_fold(A, rows * poses[:, None] + np.arange(rows)) for poses in test_poses)
+    return LinearisedFit(residual - basis @ (basis.T @ residual), basis, (whole, *folds), sigma, rows)
 
 
-def _fold(A: Array, residual: Array, poses: NDArray[np.int64], rows: int) -> Fold:
-    test = (rows * poses[:, None] + np.arange(rows)).reshape(-1)
-    train = np.setdiff1d(np.arange(len(residual)), test)
-    basis, inverse_factor = _svd(A[train])
-    test_residual = residual[test] - A[test] @ (inverse_factor @ (basis.T @ residual[train]))
-    train_residual = residual[train] - basis @ (basis.T @ residual[train])
-    return Fold(train, test, basis, inverse_factor, A[test], train_residual, test_residual)
+def _fold(A: Array, test: NDArray[np.int64]) -> Split:
+    """The part that predicts test rows (poses, R)."""
+    absent = test.reshape(-1)
+    inverse_factor = _svd(A[np.setdiff1d(np.arange(len(A)), absent)])[1]
+    return Split(absent, absent, A[absent] @ inverse_factor)
 
 
 def _svd(A: Array) -> tuple[Array, Array]:
@@ -205,6 +222,20 @@ def _svd(A: Array) -> tuple[Array, Array]:
     basis, singular, rows = np.linalg.svd(A, full_matrices=False)
     keep = singular > NUMERICAL_RANK * singular.max(initial=0.0)
     return basis[:, keep], rows[keep].T / singular[keep]
+
+
+def _inverse_root(gram: Array, ridge: float) -> Array:
+    """(…, m, m), W with WᵀW = (G + ridge I)⁻¹; by eigenvalues where the ridge is lost in round-off."""
+    try:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(gram + ridge * np.eye(gram.shape[-1]))))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(gram)
+        return np.asarray((vectors / np.sqrt(np.maximum(values, 0.0) + ridge)[:, None, :]).transpose(0, 2, 1))
+
+
+def orthonormal_basis(columns: Array) -> Array:
+    """(R N, rank), of the space of columns (R N, m)."""
+    return _svd(columns)[0]
 
 
 def projected_rank(columns: Array, original: Array) -> int:
@@ -224,15 +255,3 @@ def cosine_of_bases(a: Array, b: Array) -> float:
     if not small.shape[1]:
         return 0.0
     return float(np.linalg.svd(large.T @ small, compute_uv=False).min())
-
-
-def paired_z(better: Array, worse: Array) -> float:
-    """z score of a paired difference of squared errors (N,): mean over its standard error (Vuong 1989).
-
-    Errors are winsorised at `OUTLIER_DISTANCE` robust standard deviations of the better prediction: a few poses where a
-    joint is about to fall over to the other side of its play would decide else.
-    """
-    most = (OUTLIER_DISTANCE * robust_scale(np.sqrt(better))) ** 2
-    difference = np.minimum(worse, most) - np.minimum(better, most)
-    spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
-    return float(difference.mean() / spread) if spread > 0 else 0.0

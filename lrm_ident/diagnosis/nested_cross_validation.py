@@ -13,7 +13,7 @@ from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.executors import in_order
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.error_breakdown import HeldOutResidual
@@ -31,7 +31,7 @@ def nested_held_out(
     max_effects: int = 20,
     catalogue: Catalogue = CATALOGUE,
     progress: OnProgress = silent,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     rates: EffectRates | None = None,
 ) -> HeldOutResidual:
     """Each joint-space block predicted by an `auto` that selected its effects without it.
@@ -58,7 +58,7 @@ def _predict(
     data: Measurements,
     max_effects: int,
     catalogue: Catalogue,
-    loss: Loss | None,
+    loss: Loss,
     rates: EffectRates | None,
     out: NDArray[np.bool_],
 ) -> Array:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.special import fdtrc
 
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.candidates import Candidate
-from lrm_ident.diagnosis.linearised_fit import Explanation, LinearisedFit, ProjectedColumns, projected_rank
+from lrm_ident.diagnosis.column_sets import ColumnSets
+from lrm_ident.diagnosis.linearised_fit import AT_ONCE, LinearEstimate, LinearisedFit, orthonormal_basis, projected_rank
 from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.residual.significance import f_test_p_value
+from lrm_ident.residual.thresholds import MIN_DETECTABLE, Z_THRESHOLD
+from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 
-Z_THRESHOLD = 2.0  # standard errors by which one prediction must beat another to be distinguished from it
-MIN_DETECTABLE = 3.0  # times the noise that a typical size must move all TCPs together to be testable
+Trials = list[tuple[LinearEstimate, tuple[float, ...], ColumnSets, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +33,8 @@ class ScoredCandidate:
 
     candidate: Candidate
     shape: tuple[float, ...]
-    projected: ProjectedColumns
-    alone: Explanation
+    projected: ColumnSets
+    alone: LinearEstimate
     p_value: float
     implausible: str
 
@@ -45,6 +48,11 @@ class ScoredCandidate:
         """Number of parameters."""
         return len(self.candidate.rows)
 
+    @cached_property
+    def orthonormal(self) -> Array:
+        """(R N, rank), orthonormal basis of its projected columns."""
+        return orthonormal_basis(self.projected.columns)
+
 
 def score_candidates(
     found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights, progress: OnProgress
@@ -55,50 +63,37 @@ def score_candidates(
         weigh: relative weights of the rows.
     """
     scored, undetectable = [], []
-    every = [weigh(columns) for candidate in found for columns in candidate.columns]
-    ready = zip(linear.project_each(every), every, strict=True)
-    for number, candidate in enumerate(found):
-        tried = []
-        for shape, (projected, weighted) in zip(candidate.shapes, ready):  # noqa: B905 - the rest is the next one's
-            tried.append((linear.explain(projected), shape, projected, weighted))
+    for number, (candidate, tried) in enumerate(_tried(found, linear, weigh)):
         alone, shape, projected, columns = min(tried, key=lambda one: one[0].in_sample)
-        rank = projected_rank(projected.all_rows, columns)
-        moved = float(np.linalg.norm(projected.all_rows))
+        rank, projected = projected_rank(projected.columns, columns), projected.copy()
+        moved = float(np.linalg.norm(projected.columns))
         if rank == 0 or moved < MIN_DETECTABLE * linear.sigma:
             each = moved / np.sqrt(len(linear.residual) / linear.rows)
             size = f"a typical size moves the TCP by only {each * 1e3:.2g} mm"
             undetectable.append((candidate.effect, f"{size} beyond what the fitted parameters already explain"))
         else:
-            p_value = f_test_p_value(linear.explain().in_sample, alone.in_sample, rank, linear.degrees_of_freedom)
+            p_value = f_test_p_value(linear.now.in_sample, alone.in_sample, rank, linear.degrees_of_freedom)
             p_value, implausible = min(1.0, p_value * len(tried)), _implausible(candidate, alone)
             scored.append(ScoredCandidate(candidate, shape, projected, alone, p_value, implausible))
         progress(number + 1, 2 * len(found))
     return scored, undetectable
 
 
-def f_test_p_value(before: float, after: float, rank: int, degrees_of_freedom: int) -> float:
-    """p value of the F test of `rank` further parameters, from residual sums of squares before and after."""
-    rest = max(degrees_of_freedom - rank, 1)
-    return float(fdtrc(rank, rest, (before - after) / rank / (after / rest))) if after > 0 else 0.0
+def _tried(found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights) -> Iterator[tuple[Candidate, Trials]]:
+    """What every candidate explains alone at each of its shapes; `AT_ONCE` columns or more are projected together."""
+    ends = np.cumsum([len(one.rows) * len(one.shapes) for one in found])
+    for number in np.unique(ends // AT_ONCE):
+        together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
+        every = [weigh(one.columns(shape)) for one in together for shape in one.shapes]
+        sets = linear.project_each(every, [C.shape[1] for C in every])
+        ready = zip(linear.explain_each(sets), sets, every, strict=True)
+        for one in together:
+            yield one, [(alone, shape, own, C) for shape, (alone, own, C) in zip(one.shapes, ready)]  # noqa: B905
 
 
-def _implausible(candidate: Candidate, alone: Explanation) -> str:
+def _implausible(candidate: Candidate, alone: LinearEstimate) -> str:
     for parameter, theta, error in zip(candidate.parameters, alone.theta, alone.error, strict=True):
         margin = Z_THRESHOLD * error
         if theta + margin < parameter.lower or theta - margin > parameter.upper:
             return f"{parameter.name} would have to be {theta * parameter.typical / parameter.si:.3g}, against physics"
     return ""
-
-
-def yekutieli_factor(m: int) -> float:
-    """m · Σ 1/k: what the smallest of m p values is multiplied by."""
-    return m * sum(1.0 / k for k in range(1, m + 1))
-
-
-def benjamini_yekutieli(p_values: dict[str, float]) -> dict[str, float]:
-    """p values adjusted for the number of candidates under any dependence (Benjamini & Yekutieli 2001)."""
-    adjusted, smallest = {}, 1.0
-    for rank, name in reversed(list(enumerate(sorted(p_values, key=lambda name: p_values[name]), start=1))):
-        smallest = min(smallest, p_values[name] * yekutieli_factor(len(p_values)) / rank)
-        adjusted[name] = smallest
-    return adjusted

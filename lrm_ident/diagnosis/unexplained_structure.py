@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from lrm_ident.data.weights.row_weights import RowWeights
-from lrm_ident.diagnosis.forward_selection import improves_prediction
-from lrm_ident.diagnosis.linearised_fit import LinearisedFit, ProjectedColumns, paired_z
-from lrm_ident.diagnosis.score_test import Z_THRESHOLD, ScoredCandidate
+from lrm_ident.diagnosis.column_sets import ColumnSets
+from lrm_ident.diagnosis.forward_selection import Selection, improves_prediction
+from lrm_ident.diagnosis.linearised_fit import LinearEstimate, LinearisedFit
+from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.free_functions import FreeFunction
-
-MIN_FREE_GAIN = 0.10  # part of the held-out RMS that a free function must save to be unexplained structure
-MAX_FREE_FUNCTIONS = 3
-Projected = tuple[FreeFunction, ProjectedColumns]
+from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,40 +30,56 @@ class UnexplainedStructure:
 
 
 def unexplained_structure(
-    selected: Sequence[ScoredCandidate], linear: LinearisedFit, functions: Sequence[FreeFunction], weigh: RowWeights
+    selection: Selection, functions: Sequence[FreeFunction], weigh: RowWeights
 ) -> UnexplainedStructure:
     """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows."""
-    taken = [one.projected for one in selected]
-    ready = list(zip(functions, linear.project_each([weigh(one.columns) for one in functions]), strict=True))
-    tried = [(function, linear.explain(*taken, columns).rms) for function, columns in ready]
-    ranking = tuple(sorted(tried, key=lambda one: one[1])[:5])
-    free = _select_free(taken, [one for one in ready if not one[0].in_catalogue], linear)
+    linear, fit = selection.steps[0].fit, selection.steps[-1].fit
+    tried: dict[FreeFunction, LinearEstimate] = {}
+    for joint in {one.joint: None for one in functions}:  # one after the other: all columns together need much memory
+        own = [one for one in functions if one.joint == joint]
+        tried |= dict(zip(own, fit.explain_each(_projected(own, fit, weigh)), strict=True))
+    ranking = sorted(((one, tried[one].rms) for one in functions), key=lambda one: one[1])
+    free = _select_free(functions, tried, fit, weigh)
     spurious: dict[str, str] = {}
     if free:
-        names = {name for function, _ in free for name in function.covariates}
-        joint = free[0][0].joint
-        beside = [p for f, p in ready if len(f.covariates) == 1 and f.joint == joint and f.covariates[0] in names]
-        among = [*(columns for _, columns in free), *beside]
-        for one in selected:
-            others = [other.projected for other in selected if other is not one]
-            without, with_it = linear.explain(*others, *among), linear.explain(*others, one.projected, *among)
-            if not improves_prediction(with_it, without, linear.explain()):
-                spurious[one.name] = free[0][0].name
-    return UnexplainedStructure(tuple(function for function, _ in free), spurious, ranking)
+        names = {name for function in free for name in function.covariates}
+        own = [
+            one
+            for one in functions
+            if len(one.covariates) == 1 and one.joint == free[0].joint and one.covariates[0] in names
+        ]
+        among = _projected([*free, *own], linear, weigh)
+        for scored in selection.effects:
+            others = [other.projected for other in selection.effects if other is not scored]
+            without = linear.beside(*others, *among)
+            if not improves_prediction(without.explain(scored.projected), without.now, linear.now):
+                spurious[scored.name] = free[0].name
+    return UnexplainedStructure(tuple(free), spurious, tuple(ranking[:5]))
+
+
+def _projected(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> ColumnSets:
+    return fit.project_each((weigh(one.columns) for one in functions), [one.size for one in functions])
 
 
 def _select_free(
-    taken: Sequence[ProjectedColumns], candidates: Sequence[Projected], linear: LinearisedFit
-) -> list[Projected]:
-    """Forward selection of free functions while one saves enough, all at the joint of the first."""
-    chosen: list[Projected] = []
-    now = linear.explain(*taken)
-    while len(chosen) < MAX_FREE_FUNCTIONS:
-        left = [one for one in candidates if not chosen or one[0].joint == chosen[0][0].joint]
-        tried = [(linear.explain(*taken, *(p for _, p in chosen), one[1]), one) for one in left if one not in chosen]
-        then, best = min(tried, key=lambda pair: pair[0].rms)
-        if then.rms > (1.0 - MIN_FREE_GAIN) * now.rms or paired_z(then.held_out, now.held_out) < Z_THRESHOLD:
+    functions: Sequence[FreeFunction],
+    tried: Mapping[FreeFunction, LinearEstimate],
+    fit: LinearisedFit,
+    weigh: RowWeights,
+) -> list[FreeFunction]:
+    """Forward selection of free functions outside the catalogue while one saves enough, all at the joint of the first.
+
+    Args:
+        tried: what each explains beside the fit.
+    """
+    chosen: list[FreeFunction] = []
+    left = [one for one in functions if not one.in_catalogue]
+    while left and len(chosen) < MAX_FREE_FUNCTIONS:
+        best = min(left, key=lambda one: tried[one].rms)
+        if not predicts_better(tried[best].held_out, fit.now.held_out, MIN_FREE_GAIN):
             break
         chosen.append(best)
-        now = then
+        left = [one for one in left if one is not best and one.joint == best.joint]
+        fit = fit.beside(_projected([best], fit, weigh))
+        tried = dict(zip(left, fit.explain_each(_projected(left, fit, weigh)), strict=True)) if left else {}
     return chosen

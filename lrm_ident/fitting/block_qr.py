@@ -7,10 +7,11 @@ condition number is not squared.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.weights.whitening import Whitening
 from lrm_math.arrays import Array
@@ -41,11 +42,41 @@ def compress(
         weight: (N, 1) or (1, 1), factor of the rows of each pose.
         residual: (N, R), whitened, not weighted yet.
     """
-    typical = np.array([rest.model.parameters[rest.model.position(key)].typical for key in keys])
     factor: Array = np.empty((0, len(keys) + 1))
     for rows in np.split(np.arange(len(rest.poses)), range(BLOCK, len(rest.poses), BLOCK)):
-        scale = weight if len(weight) == 1 else weight[rows]
-        J = whitening.take(rows).jacobian(rest.take(rows), keys) * typical
-        block = np.concatenate([J, residual[rows][:, :, None]], axis=2) * scale[:, :, None]
+        block = _weighted(rest, keys, whitening, weight, residual, rows)
         factor = np.asarray(np.linalg.qr(np.concatenate([factor, block.reshape(-1, len(keys) + 1)]), mode="r"))
     return CompressedRows(factor[:, :-1], factor[:, -1])
+
+
+def compress_each(
+    rest: Equilibrium,
+    keys: Sequence[str],
+    whitening: Whitening,
+    weight: Array,
+    residual: Array,
+    parts: Sequence[NDArray[np.int64]],
+) -> Iterator[CompressedRows]:
+    """`compress` of each of some parts (rows), their Jacobians computed together, `BLOCK` poses at once or one part."""
+    ends = np.cumsum([len(part) for part in parts])
+    for number in np.unique(ends // BLOCK):
+        together = [part for part, end in zip(parts, ends, strict=True) if end // BLOCK == number]
+        block = _weighted(rest, keys, whitening, weight, residual, np.concatenate(together))
+        for rows in np.split(block, np.cumsum([len(part) for part in together])[:-1]):
+            factor = np.asarray(np.linalg.qr(rows.reshape(-1, len(keys) + 1), mode="r"))
+            yield CompressedRows(factor[:, :-1], factor[:, -1])
+
+
+def _weighted(
+    rest: Equilibrium,
+    keys: Sequence[str],
+    whitening: Whitening,
+    weight: Array,
+    residual: Array,
+    rows: NDArray[np.int64],
+) -> Array:
+    """(n, R, P + 1), scaled Jacobian and residual of some poses, whitened and weighted."""
+    typical = np.array([rest.model.parameters[rest.model.position(key)].typical for key in keys])
+    scale = weight if len(weight) == 1 else weight[rows]
+    J = whitening.take(rows).jacobian(rest.take(rows), keys) * typical
+    return np.asarray(np.concatenate([J, residual[rows][:, :, None]], axis=2) * scale[:, :, None])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import repeat
 
 import numpy as np
@@ -12,7 +13,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.fold_steps import models_without
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.levenberg_marquardt import fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
@@ -76,7 +77,7 @@ def held_out_blocks(
     model: Model,
     data: Measurements,
     bounds: Bounds | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     progress: OnProgress = silent,
     count: int = FOLDS,
     prior: Prior | None = None,
@@ -93,15 +94,21 @@ def held_out_blocks(
     models = refitted(model, data, left_out, bounds, loss, prior) if model.free else repeat(model)
     for number, (test, fitted) in enumerate(zip(left_out, models, strict=False)):
         train = np.flatnonzero(fold != number)
-        seen, unseen = (equilibrium(fitted, data.poses.take(rows)) for rows in (train, test))
         part, whitening = data.take(test), data.whitening
+        unseen = equilibrium(fitted, part.poses)
         weighted = None
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
-        left = data.take(train).position_error(seen), part.position_error(unseen)
-        blocks.append(HeldOutBlock(train, test, *left, weighted, part.turn_error(unseen)))
+        in_fit = partial(_left, fitted, data, train)
+        blocks.append(HeldOutBlock(train, test, in_fit, part.position_error(unseen), weighted, part.turn_error(unseen)))
         progress(number + 1, count)
     return tuple(blocks)
+
+
+def _left(model: Model, data: Measurements, rows: NDArray[np.int64]) -> Array:
+    """(M, 3), what a model leaves of some rows (m)."""
+    part = data.take(rows)
+    return part.position_error(equilibrium(model, part.poses))
 
 
 def _refitted(
@@ -109,7 +116,7 @@ def _refitted(
     data: Measurements,
     left_out: Sequence[NDArray[np.int64]],
     bounds: Bounds | None,
-    loss: Loss | None,
+    loss: Loss,
     prior: Prior | None,
 ) -> Iterator[Model]:
     """Models, for each block fitted to the other blocks."""
@@ -121,7 +128,7 @@ def held_out_residual(
     model: Model,
     data: Measurements,
     bounds: Bounds | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     progress: OnProgress = silent,
     count: int = FOLDS,
     prior: Prior | None = None,

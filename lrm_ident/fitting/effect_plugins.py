@@ -10,8 +10,13 @@ from collections.abc import Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from lrm_math.effects import CATALOGUE, Effect
-from lrm_math.errors import FileError
+import numpy as np
+
+from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.effects import CATALOGUE, Description, Effect, LinearEffect
+from lrm_math.errors import FileError, LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.model import model_of
 
 ENTRY_POINTS = "lrm_arm.effects"
 USER_MODULE = "effects_of_"
@@ -69,8 +74,35 @@ def sha256_of(file: Path) -> str:
 
 
 def _check(file: Path, kind: type[Effect]) -> None:
-    missing = [name for name in ("id", "cause", "formula", "source") if not isinstance(getattr(kind, name, None), str)]
+    texts = (("id", str), ("about", Description))
+    missing = [name for name, expected in texts if not isinstance(getattr(kind, name, None), expected)]
     missing += sorted(kind.__abstractmethods__)
     if missing:
-        right = "it needs id, cause, formula, source, places, parameters, and moves with motion (or another hook)"
-        raise FileError(file, f"class {kind.__name__}", f"has no {missing[0]}", right)
+        right = "it needs id, about, places, parameters, targets and amounts (or basis of a LinearEffect)"
+        raise FileError(file, f"class {kind.__name__}", f"has no {missing[0]}", f"{right}; see docs/effects.md")
+    arms = (load_arm(name) for name in shipped_arms())
+    effect = next((kind(arm, kind.places(arm)[0]) for arm in arms if kind.places(arm)), None)
+    if effect is not None:
+        _try(file, effect)
+
+
+def _try(file: Path, effect: Effect) -> None:
+    """Evaluates an effect at two poses of a shipped arm. Raises `FileError`: it fails, or gives the wrong shapes."""
+    where = f"class {type(effect).__name__}"
+    poses, parameters = poses_of(np.full((2, effect.arm.dof), 0.3)), effect.parameters
+    tau, p = (np.ones(2),) * len(effect.load_slots), [parameter.typical for parameter in parameters]
+    right = f"one number or (N,) for each of its {len(effect.targets)} targets, in a tuple"
+    if isinstance(effect, LinearEffect):
+        right = f"for each of its {len(parameters)} parameters a tuple: {right}"
+    try:
+        linear, size = isinstance(effect, LinearEffect), len(effect.targets)
+        rows = effect.basis(poses, tau) if isinstance(effect, LinearEffect) else (effect.amounts(poses, tau, p),)
+        if linear and len(rows) != len(parameters):
+            raise FileError(file, where, f"basis gives {len(rows)} rows", right)
+        if not all(isinstance(row, tuple) and len(row) == size for row in rows):
+            raise FileError(file, where, "gives amounts of another shape", right)
+        model_of(effect.arm, [effect]).binding  # noqa: B018 - raises for slots that the arm has not
+    except (FileError, LrmError) as error:
+        raise error if isinstance(error, FileError) else FileError(file, where, str(error)) from None
+    except Exception as error:
+        raise FileError(file, where, f"fails at two poses of {effect.arm.name}: {error!r}", right) from None

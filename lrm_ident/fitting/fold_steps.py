@@ -26,18 +26,18 @@ def models_without(
     data: Measurements,
     blocks: Sequence[NDArray[np.int64]],
     bounds: Bounds | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     prior: Prior | None = None,
 ) -> Iterator[Model]:
     """Models for each block (rows of `data`), as a fit to the other blocks leaves it. Raises as `fit`."""
     fitted = fit(model, data, bounds, loss, prior)
     limits = bounds or bounds_of(model, model.free)
-    objective = Objective(fitted.model, data, loss or SQUARED, prior)
+    objective = Objective(fitted.model, data, loss, prior)
     typical = objective.typical
     iterate = objective.at(fitted.model.values[objective.columns] / typical, fitted.rest)
     free = np.array([key not in fitted.at_bound for key in model.free])
     noise = objective.noise_scale(iterate, None, free)
-    parts = [objective.linearise(iterate, noise, rows) for rows in blocks]
+    parts = objective.linearise_each(iterate, noise, blocks)
     for left_out in range(len(blocks)):
         others = [part for number, part in enumerate(parts) if number != left_out]
         rows = CompressedRows(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,21 +14,27 @@ from lrm_math.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class HeldOutBlock:
-    """One block of a cross-validation: rows `train` and `test`, and what the fit to `train` leaves of either (m).
+    """One block of a cross-validation: rows `train` and `test`, and what the fit to `train` leaves of `test` (m).
 
     `test_turn`: (n, 3), that of orientations as rotation vectors (rad), NaN where not measured.
-    `weighted`: (n, R), the same of `test` by its noise, of all that was measured, where correlations are stated.
+    `in_fit`: tells what it leaves of `train`. `weighted`: (n, R), what it leaves of `test` by its noise, of all that
+    was measured, where correlations are stated.
     """
 
     train: NDArray[np.int64]
     test: NDArray[np.int64]
-    train_residual: Array
+    in_fit: Callable[[], Array]
     test_residual: Array
     weighted: Array | None = None
     test_turn: Array | None = None
 
+    @cached_property
+    def train_residual(self) -> Array:
+        """(M, 3), what the fit leaves of `train` (m)."""
+        return self.in_fit()
 
-def decisive_rows(blocks: Sequence[HeldOutBlock]) -> Array:
+
+def compared_residuals(blocks: Sequence[HeldOutBlock]) -> Array:
     """(N, R), what is compared between models: held-out residuals, weighted by their noise where that is stated."""
     if any(block.weighted is None for block in blocks):
         return held_out_rows(blocks)
@@ -54,3 +61,8 @@ def held_out_rows(blocks: Sequence[HeldOutBlock]) -> Array:
     for block in blocks:
         residual[block.test] = block.test_residual
     return residual
+
+
+def squared(blocks: Sequence[HeldOutBlock]) -> Array:
+    """(N,), squared norms of `compared_residuals`."""
+    return np.asarray((compared_residuals(blocks) ** 2).sum(axis=1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.fitting.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, check_enough, fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import chain_geometry
@@ -53,12 +54,37 @@ class UnidentifiableParameter:
     standard_error: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class IdentifiableSet:
-    """The parameters to fit, and those to hold at zero."""
+    """The parameters to fit, and those to hold at zero.
 
-    kept: tuple[str, ...]
-    held: tuple[UnidentifiableParameter, ...]
+    Attributes:
+        columns: (M, P), compressed, of the candidates in the `order` of selection.
+        chosen: columns that are kept. dropped: the others with the norm of their independent part. noise: m per axis.
+    """
+
+    model: Model
+    order: tuple[str, ...]
+    columns: Array
+    chosen: tuple[int, ...]
+    dropped: tuple[tuple[int, float], ...]
+    noise: float
+
+    @cached_property
+    def kept(self) -> tuple[str, ...]:
+        """Keys to fit, in the model's order."""
+        chosen = {self.order[j] for j in self.chosen}
+        return tuple(key for key in self.model.keys if key in chosen)
+
+    @cached_property
+    def held(self) -> tuple[UnidentifiableParameter, ...]:
+        """The parameters to hold at zero, and what they look like."""
+        model, order, noise = self.model, self.order, self.noise
+        typical = np.array([model.parameters[model.position(key)].typical for key in order])
+        return tuple(
+            explain_dependence(self.columns, typical, order, model, self.chosen, j, independent, noise)
+            for j, independent in self.dropped
+        )
 
 
 def selection_order(model: Model, keys: Sequence[str]) -> list[str]:
@@ -102,16 +128,10 @@ def select_identifiable(
         noise: expected residual of the fit, m per axis.
         whitening: weights of what was, or will be, measured.
     """
-    model = rest.model
-    order = selection_order(model, keys)
-    typical = np.array([model.parameters[model.position(key)].typical for key in order])
+    order = selection_order(rest.model, keys)
     columns = _columns(rest, order, whitening)
     kept, dropped = _gram_schmidt(columns, noise)
-    held = [
-        explain_dependence(columns, typical, order, model, kept, j, independent, noise) for j, independent in dropped
-    ]
-    chosen = {order[j] for j in kept}
-    return IdentifiableSet(tuple(key for key in model.keys if key in chosen), tuple(held))
+    return IdentifiableSet(rest.model, tuple(order), columns, tuple(kept), tuple(dropped), noise)
 
 
 def identifiable_beside(
@@ -183,26 +203,33 @@ def explain_dependence(
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedFit:
-    """A fit of the identifiable parameters to `data`, as they were weighed, and those held at zero."""
+    """A fit of the identifiable parameters to `data`, as they were weighed; `selected`: from which they were chosen.
+
+    `selected` is None if all were stated.
+    """
 
     fit: Fit
-    held: tuple[UnidentifiableParameter, ...]
     data: Measurements
+    selected: IdentifiableSet | None = None
+
+    @property
+    def held(self) -> tuple[UnidentifiableParameter, ...]:
+        """Parameters held at zero."""
+        return () if self.selected is None else self.selected.held
 
 
-def lost_to_outliers(result: IdentifiedFit) -> tuple[str, ...]:
+def lost_to_outliers(found: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> tuple[str, ...]:
     """Parameters held at zero that the data could tell without the outliers of the fit, if those are few."""
-    found, data, held = result.fit, result.data, [parameter.key for parameter in result.held]
     rows = np.setdiff1d(np.arange(len(data)), found.outliers)
     if not held or not 0 < len(found.outliers) < FEW * len(data):
         return ()
-    part, rest = data.take(rows), found.rest.take(rows)
-    noise = expected_noise(rest, [*found.model.free, *held], part)
-    return identifiable_beside(rest, found.model.free, held, noise, part.whitening)
+    part, rest, keys = data.take(rows), found.rest.take(rows), [parameter.key for parameter in held]
+    noise = expected_noise(rest, [*found.model.free, *keys], part)
+    return identifiable_beside(rest, found.model.free, keys, noise, part.whitening)
 
 
 def fit_identifiable(
-    model: Model, data: Measurements, keys: Sequence[str], loss: Loss | None = None, signed: Bounds | None = None
+    model: Model, data: Measurements, keys: Sequence[str], loss: Loss = SQUARED, signed: Bounds | None = None
 ) -> IdentifiedFit:
     """Fits the identifiable parameters among `keys`; the others are zero in the result.
 
@@ -235,7 +262,7 @@ def fit_identifiable(
             break
         seen.append(selected.kept)
         rest, noise = result.rest, result.sigma
-    return IdentifiedFit(result, selected.held, data)
+    return IdentifiedFit(result, data, selected)
 
 
 def some_rows(count: int) -> NDArray[np.int64]:

@@ -104,14 +104,13 @@ def fit(
     model: Model,
     data: Measurements,
     bounds: Bounds | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     prior: Prior | None = None,
 ) -> Fit:
     """Fits the model's free parameters, starting from their current values.
 
     Args:
         bounds: of the free parameters; None: those that the effects state.
-        loss: None: least squares.
         prior: of every free parameter; with one, a third of the poses suffices. None: none, unless the fit does not
             converge without one; then weak ones (`Fit.damped`).
 
@@ -122,7 +121,7 @@ def fit(
     """
     check_enough(len(data), len(model.free), prior)
     limits = bounds or bounds_of(model, model.free)
-    objective = Objective(model, data, SQUARED if loss is None else loss, prior)
+    objective = Objective(model, data, loss, prior)
     idle = MAX_STEPS_WITH_PRIOR if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
     plain = _LevenbergMarquardt(objective, limits.lower / objective.typical, limits.upper / objective.typical, idle)
     try:

@@ -72,7 +72,7 @@ def _fit_named(
             key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None or key in prior.keys
         )
     free = replace(model, free=keys)
-    return IdentifiedFit(fit(free, data, fit_bounds(free, unbounded), loss, prior), (), data)
+    return IdentifiedFit(fit(free, data, fit_bounds(free, unbounded), loss, prior), data)
 
 
 def fit_bounds(model: Model, unbounded: bool) -> Bounds:

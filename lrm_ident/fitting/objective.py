@@ -6,6 +6,7 @@ Parameters are scaled by their typical sizes, residuals by the stated noise of t
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting.block_qr import CompressedRows, compress
+from lrm_ident.fitting.block_qr import CompressedRows, compress, compress_each
 from lrm_ident.fitting.loss import Loss, robust_scale
 from lrm_ident.fitting.priors import Prior
 from lrm_math.arrays import Array
@@ -142,14 +143,21 @@ class Objective:
         prior = 0.5 * noise.prior_weight * float(deviation @ deviation)
         return float(self.loss.rho(iterate.distance / noise.scale).sum()) + prior
 
-    def linearise(self, iterate: Iterate, noise: NoiseScale, poses: NDArray[np.int64] | None = None) -> CompressedRows:
-        """Scaled Jacobian and residual of all or some poses, weighted by the loss (iteratively reweighted)."""
-        weight = np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None]
-        whitening, keys = self.data.whitening, self.model.free
-        if poses is None:
-            return compress(iterate.rest, keys, whitening, weight, iterate.residual)
-        rest = iterate.rest.take(poses)
-        return compress(rest, keys, whitening.take(poses), weight[poses], iterate.residual[poses])
+    def linearise(self, iterate: Iterate, noise: NoiseScale) -> CompressedRows:
+        """Scaled Jacobian and residual, weighted by the loss (iteratively reweighted)."""
+        weight = self._root_weight(iterate, noise)
+        return compress(iterate.rest, self.model.free, self.data.whitening, weight, iterate.residual)
+
+    def linearise_each(
+        self, iterate: Iterate, noise: NoiseScale, parts: Sequence[NDArray[np.int64]]
+    ) -> list[CompressedRows]:
+        """`linearise` of each of some parts of the poses (rows)."""
+        weight = self._root_weight(iterate, noise)
+        return list(compress_each(iterate.rest, self.model.free, self.data.whitening, weight, iterate.residual, parts))
+
+    def _root_weight(self, iterate: Iterate, noise: NoiseScale) -> Array:
+        """(N, 1), square root of the weight of each pose in the loss."""
+        return np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None]
 
     def negative_gradient(self, iterate: Iterate, rows: CompressedRows, noise: NoiseScale) -> Array:
         """(P,), times scale²."""

@@ -13,8 +13,8 @@ from pydantic import Field
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, FORMS, Effect, Parameter
-from lrm_math.effects.anchor import Anchor
+from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter
+from lrm_math.effects.session_errors import Anchor
 from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
 from lrm_math.model.covariance import CovarianceTable, correlation_matrix
 from lrm_math.model.model import Model
@@ -150,7 +150,7 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
     Patterns mean all parameters but shapes; a shape parameter has a prior where the file has its whole key. Where the
     fixed end of measured distances stands has none: it is no property of the arm.
     """
-    known = set(model.keys) | _possible_keys(model.arm, (*catalogue, *FORMS))
+    known = set(model.keys) | _possible_keys(model.arm, (*catalogue, *FREE_FORMS))
     for pattern in file.parameters:
         if not any(fnmatchcase(key, pattern) for key in known):
             raise FileError(
@@ -217,9 +217,4 @@ def _correlations(path: Path, file: PriorFile, keys: Sequence[str]) -> Array:
 def _possible_keys(arm: Arm, catalogue: Iterable[type[Effect]]) -> set[str]:
     """Keys of all parameters of all effects on such an arm, also of dimensions that its links lack."""
     arm = replace(arm, joints=tuple(replace(joint, extra_z=joint.extra_z or 0.0) for joint in arm.joints))
-    return {
-        f"{kind.id}.{place}.{parameter.name}"
-        for kind in catalogue
-        for place in kind.places(arm)
-        for parameter in kind(arm, place).parameters
-    }
+    return {key for kind in catalogue for place in kind.places(arm) for key in kind(arm, place).keys}

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtr
 
-from lrm_ident.diagnosis.forward_selection import SIGNIFICANCE
-from lrm_ident.diagnosis.score_test import benjamini_yekutieli
 from lrm_ident.fleet.effect_rates import EffectRate
 from lrm_ident.fleet.fleet_prior import ArmEstimates
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
+from lrm_ident.residual.significance import benjamini_yekutieli
+from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
+from lrm_math.effects import split_key
 
 MIN_OTHER_ARMS, FEWEST_OF_A_LEVEL = 4, 2
 MOST_LEVELS = 8
@@ -55,7 +56,7 @@ class FleetOutlier:
     @property
     def sentence(self) -> str:
         """In words, with what to look at."""
-        what, place, name = self.key.split(".")
+        what, place, name = split_key(self.key)
         ratio = self.value / self.sisters if self.sisters else 0.0
         how = f"{ratio:.2g} times that of its sisters" if ratio >= 1.5 else "unlike its sisters"
         look = "check its screws and its servo" if what == "compliance" else "check how it is screwed together"

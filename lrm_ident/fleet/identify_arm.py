@@ -1,4 +1,4 @@
-"""One arm of a fleet brought to its end: read, fitted, and `auto` with its judge, as the commands do it.
+"""One arm of a fleet brought to its end: read, fitted, and `auto` with confirmation, as the commands do it.
 
 Beside the model, a maximum a posteriori fit of all its parameters with the weak prior `vague` is kept: its mean and
 covariance are what this arm contributes to the fleet, also in directions that its poses hardly determine.

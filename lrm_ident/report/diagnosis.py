@@ -16,12 +16,13 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidat
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import error_blocks, parameter_table
-from lrm_ident.report.left_to_find import left_blocks, left_values, noise_words
+from lrm_ident.report.predictable_residual import left_blocks, left_values, noise_words
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.step import StudyStep
 from lrm_math.arm.arm_file import load_arm, shipped_arms
-from lrm_math.effects import Effect, Parameter
+from lrm_math.effects import Effect, Parameter, compensable, split_name
+from lrm_math.effects.targets import Kind, kind_of, slot_of
 
 SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED = 8, 4, 4, 30
 VERDICTS = {
@@ -111,7 +112,7 @@ def _floor_mm(report: DiagnosisReport) -> float | None:
 
 
 def _refusal(effect: Effect, reason: str) -> dict[str, str]:
-    needs = effect.needs or "poses where it moves the TCP more"
+    needs = effect.about.needs or "poses where it moves the TCP more"
     return {"effect": effect.id, "place": effect.place, "reason": reason, "would_need": needs}
 
 
@@ -166,7 +167,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "p_value": min(1.0, report.diagnosis.adjusted_p_values[advice.scored.name]),
         "parameters": {name: {"value": value, "se": error} for name, value, error in advice.estimates},
         "indistinguishable_from": advice.equivalent,
-        "online": effect.online,
+        "online": compensable(effect),
         "why": advice.why,
     }
 
@@ -176,7 +177,7 @@ def _untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
     by_reason: dict[tuple[str, str], list[str]] = defaultdict(list)
     for effect, reason in refused:
         general = re.sub(rf"\b{re.escape(effect.place)}\b", "the joint", reason)
-        general += f" (needs {effect.needs})" if effect.needs else ""
+        general += f" (needs {effect.about.needs})" if effect.about.needs else ""
         if "typical size" in reason:
             general = "its typical size would hardly show in what is left now"
         by_reason[effect.id, general].append(effect.place)
@@ -261,16 +262,17 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
 
 def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
     """Explanation of one effect; in full, with source, places and parameters."""
-    yield Text.assemble((kind.id, "bold"), f": {kind.cause}")
-    yield f"    {kind.formula}"
-    if kind.refines:
-        yield f"    another form of {' and '.join(kind.refines)}, fitted beside it"
+    yield Text.assemble((kind.id, "bold"), f": {kind.about.cause}")
+    yield f"    {kind.about.formula}"
+    if kind.variant_of:
+        plain = dict.fromkeys(split_name(name)[0] for name in kind.variant_of)
+        yield f"    another form of {' and '.join(plain)}, fitted beside it"
     if in_full:
         arm = load_arm(next(iter(shipped_arms())))
         effect = kind(arm, kind.places(arm)[0])
-        yield f"    source: {kind.source}"
-        yield f"    needs: {kind.needs or 'nothing special'}"
-        yield "    " + ("the rover can compensate it" if kind.online else OFFLINE)
+        yield f"    source: {kind.about.source}"
+        yield f"    needs: {kind.about.needs or 'nothing special'}"
+        yield "    " + ("the rover can compensate it" if compensable(kind) else OFFLINE)
         yield f"    places on {arm.name}: {', '.join(kind.places(arm))}"
         yield f"    acts on: {_acts_on(effect)}"
         yield f"    parameters, for instance at {effect.place}:"
@@ -279,11 +281,15 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
 
 def _acts_on(effect: Effect) -> str:
     """The motions it causes, or the other hook that it uses, at one place."""
-    moves = [f"turns or shifts {', '.join(effect.moves)}"] if effect.moves else []
-    feels = [f"feels the load on {', '.join(effect.feels)}"] if effect.feels else []
-    pushes = [f"loads {', '.join(effect.pushes)}"] if effect.pushes else []
-    weighs = ["changes the weight of a body"] if effect.weighs else []
-    return "; ".join([*moves, *feels, *pushes, *weighs]) or "what the tracker sees"
+    on = ", ".join(map(slot_of, effect.targets))
+    acts = {
+        Kind.MOTION: f"turns or shifts {on}",
+        Kind.LOAD: f"loads {on}",
+        Kind.WEIGHT: "changes the weight of a body",
+        Kind.FRAME: "what the tracker sees",
+        Kind.ANCHOR: "where distances are measured from",
+    }[kind_of(effect)]
+    return f"{acts}; depends on the load on {', '.join(effect.load_slots)}" if effect.load_slots else acts
 
 
 def _parameter(parameter: Parameter) -> str:

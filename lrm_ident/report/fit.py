@@ -10,7 +10,7 @@ from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals
-from lrm_ident.fitting.identifiability import IdentifiedFit, UnidentifiableParameter, lost_to_outliers
+from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_outliers
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
@@ -49,9 +49,11 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     return [table] if errors.held_out.error else [table, f"held out: none, because {errors.held_out.reason}"]
 
 
-def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements) -> Document:
+def fit_document(
+    fit: Fit, held: Sequence[UnidentifiableParameter], errors: ErrorSummary, data: Measurements
+) -> Document:
     """Result of `lrm-ident fit`, schema `lrm/fit/1`."""
-    fit, model = result.fit, result.fit.model
+    model = fit.model
     mean, before, held_out = errors.fitted.mean, errors.nominal.mean, errors.held_out.error
     outliers = [(data.pose[row], np.linalg.norm(fit.residual[row]) * 1e3) for row in fit.outliers]
     how = fit_words(fit.loss.name, data.left_out)
@@ -60,11 +62,11 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
         parameter_table(fit),
         *section(
             "Held at zero, because these poses cannot tell them:",
-            (f"{p.key}: {_why(fit.rest, p)}" for p in result.held),
+            (f"{p.key}: {_why(fit.rest, p)}" for p in held),
         ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
         *section(OUTLIERS, (f"pose {pose}: {wording.in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
-        *_lost(result, [int(pose) for pose, _ in outliers]),
+        *_lost(fit, held, data),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         f"The mean error fell from {wording.in_mm(before)} to {wording.in_mm(mean)} mm "
         f"({100 * (1 - mean / before):.0f} % less)"
@@ -81,18 +83,18 @@ def fit_document(result: IdentifiedFit, errors: ErrorSummary, data: Measurements
         "steps": fit.steps,
         "estimates": estimates(fit, se_at_bound=None),
         "correlation": {"keys": model.free, "matrix": np.round(fit.correlation, 6)},
-        "held_at_zero": [_held(model, held) for held in result.held],
+        "held_at_zero": [_held(model, one) for one in held],
         "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
     }
     return Document(blocks, "lrm/fit/1", values)
 
 
-def _lost(result: IdentifiedFit, poses: Sequence[int]) -> list[Block]:
+def _lost(fit: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> list[Block]:
     """What a fit cannot tell because of a few poses, and how to leave them out."""
-    lost = lost_to_outliers(result)
+    lost = lost_to_outliers(fit, held, data)
     if not lost:
         return []
-    without = f"--leave-out {','.join(map(str, poses))}"
+    without = f"--leave-out {','.join(str(data.pose[row]) for row in fit.outliers)}"
     return [f"Without these poses {len(lost)} more parameters could be told, {lost[0]} among them: {without}"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lrm_ident.data.wording import in_mm
-from lrm_ident.diagnosis.laws.proposal import LawProposal
+from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 
 SHOWN = 8

@@ -14,7 +14,7 @@ from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.history import history_table, history_values, provenance_table
 from lrm_ident.report.plots.interactive.candidate_view import CandidateView, candidate_view
-from lrm_ident.residual.drivers import Driver, drivers
+from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
@@ -31,7 +31,7 @@ class ModelReport:
 
     Attributes:
         file: the model with its history. poses: the drawn poses of the measurements; `field` says of how many.
-        field: the error field of every step. drivers: what errors may follow, at the drawn poses.
+        field: the error field of every step. covariates: what errors may follow, at the drawn poses.
         comparison, diagnosis: what the commands of these names print; None as long as they are not done.
         candidates: the best ones beside the data, in the order of the ranking.
         marked: numbers of the poses to look at, by why: worst, outliers, far poses, regimes of larger error.
@@ -40,7 +40,7 @@ class ModelReport:
     file: ModelFile
     poses: Measurements
     field: ErrorField
-    drivers: tuple[Driver, ...]
+    covariates: tuple[Covariate, ...]
     parameters: ResultTable
     comparison: Document | None = None
     diagnosis: Document | None = None
@@ -82,13 +82,13 @@ def quick_report(study: Study) -> ModelReport:
     file, model, data = study.file, study.model, study.data
     models = [(name, to_model(data.path, one, model.arm, study.catalogue)) for name, one in models_of_history(file)]
     field = error_field(data, models)
-    known = drivers(data, equilibrium(model, data.poses).joint_torque)
+    known = covariates(data, equilibrium(model, data.poses).joint_torque)
     errors = {key: sd * models[-1][1].parameters[models[-1][1].position(key)].si for key, sd in file.sigma.items()}
     return ModelReport(
         file=file,
         poses=data.take(field.rows),
         field=field,
-        drivers=tuple(replace(driver, values=driver.values[field.rows]) for driver in known),
+        covariates=tuple(one.take(field.rows) for one in known),
         parameters=estimate_table(models[-1][1], errors),
     )
 
@@ -103,10 +103,10 @@ def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelRepor
 def with_diagnosis(found: ModelReport, report: DiagnosisReport) -> ModelReport:
     """Adds the result of `diagnose`."""
     diagnosis = report.diagnosis
-    fitted, data = diagnosis.seen
+    fitted, data = diagnosis.screened_subset
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}
     rows = np.array([row_of.get(number, -1) for number in found.poses.pose.tolist()])
-    known = drivers(data, fitted.rest.joint_torque)
+    known = covariates(data, fitted.rest.joint_torque)
     views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
     numbers = diagnosis.data.pose
     regimes = {f"regime {one.where}": tuple(numbers[one.rows].tolist()) for one in report.left.regimes}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from lrm_math.effects import split_key
+
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 
 
@@ -11,7 +13,7 @@ def symbol(key: str) -> str:
     The further translation of link i stands in the thesis at the joint that it leads to: `offsets.joint2.extra_z_mm` →
     δdd3. Parameters that the thesis does not have keep their key.
     """
-    effect, place, name = key.split(".")
+    effect, place, name = split_key(key)
     bare = name.rsplit("_", 1)[0] if effect == "offsets" else name
     joint = int(place.removeprefix("joint")) if place.startswith("joint") and place[5:].isdigit() else None
     if effect == "compliance":

@@ -14,10 +14,11 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, held_out_turns
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.covariates import levels
 from lrm_ident.residual.predictability import PredictableError, predictable_error
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -98,7 +99,7 @@ def compare(
     data: Measurements,
     progress: OnProgress = silent,
     prior: Prior | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
 ) -> ModelComparison:
     """Compares a model, as it is, with measurements; held out, its free parameters are refitted in every fold.
 
@@ -126,7 +127,7 @@ def try_held_out(
     model: Model,
     data: Measurements,
     bounds: Bounds | None = None,
-    loss: Loss | None = None,
+    loss: Loss = SQUARED,
     progress: OnProgress = silent,
     prior: Prior | None = None,
 ) -> HeldOutResidual:
@@ -184,9 +185,9 @@ def _equivalent_rotation(residual: Array, column: Array) -> float:
 
 def _by_value(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
     """Groups by level if there are few levels, else by bins of equal width."""
-    levels, group = np.unique(np.round(values, 3), return_inverse=True)
-    if len(levels) <= MAX_LEVELS:
-        return group.reshape(-1), [f"{level:g}{unit}" for level in levels]
+    distinct, group = levels(values, 3)
+    if len(distinct) <= MAX_LEVELS:
+        return group, [f"{level:g}{unit}" for level in distinct]
     return _cut(values, np.linspace(values.min(), values.max(), BINS + 1), unit)
 
 

@@ -15,6 +15,7 @@ from itertools import combinations, product
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.residual.covariates import CONSTANT, covariates, levels, scaled
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.equilibrium import Equilibrium
@@ -23,32 +24,6 @@ SINGLE_DEGREE, PRODUCT_DEGREE, TYPICAL_SIZE = 6, 5, 0.02  # degrees of the Legen
 TYPICAL_SHIFT = 1e-3  # m
 RADIAL_SCALES = (0.03, 0.15, 0.7)  # of the largest weight across an axis
 MEMORY = 12  # poses
-CONSTANT = 1e-9  # rad or N·m: a quantity that varies less is round-off
-
-
-@dataclass(frozen=True, eq=False)
-class Covariate:
-    """A quantity that an error may depend on: `name`, values (N,) scaled to −1 … 1, number of distinct levels."""
-
-    name: str
-    values: Array
-    levels: int
-
-    def legendre_basis(self, degree: int) -> Array:
-        """(N, ≤ degree), Legendre polynomials 1 … degree, no more than the levels can determine."""
-        top = min(degree, self.levels - 1)
-        return np.asarray(np.polynomial.legendre.legvander(self.values, max(top, 0))[:, 1:], dtype=np.float64)
-
-
-def _covariate(name: str, values: Array) -> Covariate:
-    scaled = _scaled(values)
-    return Covariate(name, scaled, len(np.unique(np.round(scaled, 3))))
-
-
-def _scaled(values: Array) -> Array:
-    """(N, …), each column scaled to −1 … 1; zero where it does not vary."""
-    least, span = values.min(axis=0), np.ptp(values, axis=0)
-    return np.where(span < CONSTANT, 0.0, 2.0 * (values - least) / np.where(span < CONSTANT, 1.0, span) - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +36,27 @@ class RadialShift:
 
 @dataclass(frozen=True, eq=False)
 class FreeFunction:
-    """A motion of joint `joint` (from 0) as a function of one or two covariates; `columns`: (3 N, m), in m.
+    """A motion of joint `joint` (from 0) as a function of one or two covariates.
 
-    A rotation about its axis, or a `shift` across it.
+    Attributes:
+        terms: motions of the TCP (R, N) for a unit of it, m or m/rad, each with the basis (N, m) of a function.
+        shift: across the joint's axis; None: a rotation about it.
     """
 
     joint: int
     covariates: tuple[str, ...]
-    columns: Array
+    terms: tuple[tuple[Array, Array], ...]
     shift: RadialShift | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of its columns."""
+        return sum(basis.shape[1] for _, basis in self.terms)
+
+    @property
+    def columns(self) -> Array:
+        """(R N, size), motion of the TCP for coefficients of a typical size, m."""
+        return np.concatenate([_columns(motion, basis) for motion, basis in self.terms], axis=1)
 
     @property
     def in_catalogue(self) -> bool:
@@ -94,27 +81,24 @@ def free_functions(
 
     Args:
         joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad). rest: the equilibrium.
-        torque_before: (N, `MEMORY`, n), scaled, at the poses measured before (`poses_before`).
+        torque_before: (N, `MEMORY`, n), scaled, at the poses measured before (`lagged`).
     """
-    torque = rest.joint_torque
-    q, order = data.poses.q, np.arange(len(data), dtype=np.float64)
-    shared = [*(_covariate(f"q{i + 1}", q[:, i]) for i in range(q.shape[1])), _covariate("order", order)]
-    shared = [covariate for covariate in shared if covariate.levels > 1]
+    known = [one for one in covariates(data, rest.joint_torque) if len(levels(scaled(one.values), 3)[0]) > 1]
+    shared = [one for one in known if one.kind in ("angle", "order")]
     univariate, bivariate = _radial(joint_jacobian, rest), []
     for joint, motion in enumerate(joint_jacobian):
-        own = _covariate(f"tau{joint + 1}", torque[:, joint])
-        candidates = [*shared, *([own] if own.levels > 1 else [])]
-        if own.levels > 1:
-            earlier = _columns(motion, torque_before[:, :, joint])
-            univariate.append(FreeFunction(joint, (f"{own.name} before",), earlier))
+        own = [one for one in known if one.kind == "torque" and one.joint == joint]
+        candidates = [*shared, *own]
+        for one in own:
+            univariate.append(FreeFunction(joint, (f"{one.symbol} before",), ((motion, torque_before[:, :, joint]),)))
         for one in candidates:
-            univariate.append(FreeFunction(joint, (one.name,), _columns(motion, one.legendre_basis(SINGLE_DEGREE))))
+            univariate.append(FreeFunction(joint, (one.symbol,), ((motion, one.legendre_basis(SINGLE_DEGREE)),)))
         for a, b in combinations(candidates, 2):
             left, right = a.legendre_basis(PRODUCT_DEGREE), b.legendre_basis(PRODUCT_DEGREE)
             degrees = product(range(left.shape[1]), range(right.shape[1]))
             products = [left[:, i] * right[:, j] for i, j in degrees if i + j < PRODUCT_DEGREE]
             if products:
-                bivariate.append(FreeFunction(joint, (a.name, b.name), _columns(motion, np.stack(products, axis=1))))
+                bivariate.append(FreeFunction(joint, (a.symbol, b.symbol), ((motion, np.stack(products, axis=1)),)))
     return univariate + bivariate
 
 
@@ -131,22 +115,22 @@ def _radial(joint_jacobian: Array, rest: Equilibrium) -> list[FreeFunction]:
         if not scales.any():
             continue
         taken = force[:, :, None] / np.sqrt(square[:, :, None] + scales**2)
-        columns = []
+        terms = []
         for axis, basis in zip(axes[:, joint].transpose(2, 1, 0), taken.transpose(1, 0, 2), strict=True):
             motion = np.zeros_like(joint_jacobian[joint])
             motion[:3] = axis * (TYPICAL_SHIFT / TYPICAL_SIZE)
-            columns.append(_columns(motion, basis))
+            terms.append((motion, basis))
         world = np.einsum("nck,nk->cn", axes[:, joint], force)
         size = np.linalg.norm(world, axis=0)
         shift = RadialShift(size, world / np.maximum(size, CONSTANT))
-        found.append(FreeFunction(joint, ("the force across its axis",), np.concatenate(columns, axis=1), shift))
+        found.append(FreeFunction(joint, ("the force across its axis",), tuple(terms), shift))
     return found
 
 
-def poses_before(values: Array) -> Array:
+def lagged(values: Array) -> Array:
     """(N, `MEMORY`, n), the values (N, n), scaled to −1 … 1, at each of the poses before; first those of the first."""
-    scaled = _scaled(values)
-    ahead = np.concatenate([np.repeat(scaled[:1], MEMORY, axis=0), scaled])
+    every = scaled(values)
+    ahead = np.concatenate([np.repeat(every[:1], MEMORY, axis=0), every])
     return np.stack([ahead[MEMORY - lag : len(ahead) - lag] for lag in range(1, MEMORY + 1)], axis=1)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
+from lrm_math.effects import split_key
 from lrm_math.effects.base import Excitation
 from lrm_math.model.derivatives import parameter_jacobian
 
@@ -55,7 +56,7 @@ def _turned_frame(fitted: Fit) -> Iterator[str]:
 def _few_levels(fitted: Fit) -> Iterator[str]:
     """Joints whose errors over their own angle rest on few angles."""
     excitation = Excitation(fitted.rest.poses, fitted.rest.joint_torque)
-    free = {tuple(key.split(".")[:2]) for key in fitted.model.free}
+    free = {split_key(key)[:2] for key in fitted.model.free}
     for joint, name in enumerate(fitted.model.arm.joint_names):
         levels = excitation.levels(joint)
         own = [kind for kind in OF_THE_ANGLE if (kind, name) in free]

@@ -18,32 +18,26 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.better_prediction import saves, vuong_z
+from lrm_ident.residual.covariates import covariates
 from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel
+from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
 SEARCH_ROWS, MOST_ROWS = 250, 1000  # evenly spaced training rows: for the search of a kernel, and to learn from
 REDUNDANT = 0.999  # correlation above which time says nothing beside the order of measurement
 RELEVANT = 0.1  # of the most relevant input
-MIN_GAIN, MIN_Z = 0.05, 2.0  # part of the held-out RMS, and standard errors, that make a difference worth stating
 
 
-@dataclass(frozen=True, eq=False)
-class PoseCovariates:
-    """What an error may follow: `names` and `values` (N, D), standardised; angles, order, load and time that vary."""
-
-    names: tuple[str, ...]
-    values: Array
-
-
-def pose_covariates(data: Measurements) -> PoseCovariates:
-    """Joint angles, order, load, and time unless it runs along with the order; constant ones are left out."""
-    poses, order = data.poses, np.arange(len(data), dtype=np.float64)
-    found: dict[str, Array] = {f"q{i + 1}": column for i, column in enumerate(poses.q.T)}
-    found |= {"order": order, "load": poses.payload}
-    if poses.t is not None and np.ptp(poses.t) > 0 and np.corrcoef(order, poses.t)[0, 1] < REDUNDANT:
-        found["time"] = poses.t
-    found = {name: values for name, values in found.items() if np.ptp(values) > 0}
-    return PoseCovariates(tuple(found), np.stack([(v - v.mean()) / v.std() for v in found.values()], axis=1))
+def pose_covariates(data: Measurements) -> dict[str, Array]:
+    """(N,) each, standardised, by symbol: angles, order, load, and time unless it runs along with the order."""
+    known = {one.symbol: one.values for one in covariates(data, np.empty((len(data), 0)))}
+    order = np.arange(len(data))
+    if "time" in known and np.corrcoef(order, known["time"])[0, 1] >= REDUNDANT:
+        del known["time"]
+    angles = [symbol for symbol in known if symbol.startswith("q")]
+    used = [symbol for symbol in (*angles, "order", "load", "time") if symbol in known]
+    return {symbol: (known[symbol] - known[symbol].mean()) / known[symbol].std() for symbol in used}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,14 +63,13 @@ class PredictableError:
     @property
     def z(self) -> float:
         """z score of the paired difference of squared errors (Vuong 1989); positive where the process is better."""
-        difference = (self.named**2).sum(axis=1) - (self.left**2).sum(axis=1)
-        spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
-        return float(difference.mean()) / spread if spread > 0 else 0.0
+        return vuong_z((self.named**2).sum(axis=1) - (self.left**2).sum(axis=1))
 
     @property
     def more_to_find(self) -> bool:
         """Whether the process predicts significantly and worthwhile better than the named model."""
-        return self.z > MIN_Z and self.error.rms < (1.0 - MIN_GAIN) * error_stats(self.named).rms
+        left, named = ((residual**2).sum(axis=1) for residual in (self.left, self.named))
+        return self.z > Z_THRESHOLD and saves(left, named, MIN_NAMELESS_GAIN)
 
     @property
     def noise_bound(self) -> float:
@@ -113,11 +106,12 @@ def predictable_error(
     Each kernel is searched on at most `SEARCH_ROWS` of the training poses, from the last block's, and the process
     conditioned on at most `MOST_ROWS`; both spread evenly over the order of measurement.
     """
-    covariates = pose_covariates(data)
+    known = pose_covariates(data)
+    names, x = tuple(known), np.stack(list(known.values()), axis=1)
     named, left = held_out_rows(blocks), np.empty_like(data.tcp)
-    relevance, kernels, most = np.zeros(len(covariates.names)), [Kernel.start(len(covariates.names))] * 3, 0
+    relevance, kernels, most = np.zeros(len(names)), [Kernel.start(len(names))] * 3, 0
     for number, block in enumerate(blocks):
-        x, chosen = covariates.values, _spread(len(block.train), MOST_ROWS)
+        chosen = _spread(len(block.train), MOST_ROWS)
         search = _spread(len(block.train), SEARCH_ROWS)
         most = max(most, len(chosen))
         for axis in range(3):
@@ -128,7 +122,7 @@ def predictable_error(
             relevance += (unit * kernel.signal / kernel.lengths) ** 2
             kernels[axis] = kernel
         progress(number + 1, len(blocks))
-    ranked = sorted(zip(relevance.tolist(), covariates.names, strict=True), reverse=True)
+    ranked = sorted(zip(relevance.tolist(), names, strict=True), reverse=True)
     follows = tuple(name for value, name in ranked if value > RELEVANT * ranked[0][0])
     return PredictableError(named, left, follows, most)
 

@@ -8,20 +8,22 @@ Meinshausen, Meier & Bühlmann 2009), and those of all quantities adjusted for f
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.residual.covariates import Covariate, covariates, levels
+from lrm_ident.residual.significance import benjamini_yekutieli
+from lrm_ident.residual.thresholds import MIN_REGIME_RATIO, SIGNIFICANCE
 from lrm_math.arrays import Array
 
 HALVINGS, SEED, PARTS = 25, 0, 10
 LARGEST_SHARE, FEWEST = 0.5, 8  # of the poses that an interval may hold; poses of it in either half
-SIGNIFICANCE, MIN_RATIO = 0.01, 1.5  # false discovery rate; RMS inside over RMS outside that is worth saying
+UNITS = {"angle": "°", "load": " g", "order": ""}
+"""Of the quantities by which poses are parted, as printed."""
 HINTS = {
     ("angle", "end"): "a stop, a cable that tightens, parts that touch?",
     ("angle", "middle"): "a gear tooth, a cable that catches?",
@@ -30,16 +32,6 @@ HINTS = {
     ("order", "end"): "warming up at the start, something that came loose or moved at the end?",
     ("order", "middle"): "something that moved or was touched meanwhile?",
 }
-
-
-@dataclass(frozen=True, eq=False)
-class RegimeQuantity:
-    """A quantity by which poses are parted: `name`, values (N,) in the `unit` that is printed."""
-
-    kind: Literal["angle", "load", "order"]
-    name: str
-    values: Array
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -52,7 +44,7 @@ class Regime:
         inside, outside: RMS of the residual in it and elsewhere (m). p_value: adjusted.
     """
 
-    quantity: RegimeQuantity
+    quantity: Covariate
     low: float | None
     high: float | None
     poses: int
@@ -62,9 +54,14 @@ class Regime:
     p_value: float
 
     @property
+    def name(self) -> str:
+        """Of its quantity, for instance `q2`."""
+        return "number in order" if self.quantity.kind == "order" else self.quantity.symbol
+
+    @property
     def where(self) -> str:
         """For instance `q2 < -40°`."""
-        name, unit = self.quantity.name, self.quantity.unit
+        name, unit = self.name, UNITS[self.quantity.kind]
         if self.low is None:
             return f"{name} < {self.high:.4g}{unit}"
         if self.high is None:
@@ -74,7 +71,7 @@ class Regime:
     @property
     def rows(self) -> NDArray[np.bool_]:
         """(N,), which poses it holds."""
-        values = self.quantity.values
+        values = self.quantity.shown
         above = np.ones(len(values), dtype=np.bool_) if self.low is None else values > self.low
         return np.asarray(above if self.high is None else above & (values < self.high))
 
@@ -90,8 +87,8 @@ class Regime:
     def as_json(self) -> dict[str, object]:
         """One entry of the table `regimes`."""
         return {
-            "quantity": self.quantity.name,
-            "unit": self.quantity.unit.strip(),
+            "quantity": self.name,
+            "unit": UNITS[self.quantity.kind].strip(),
             "low": self.low,
             "high": self.high,
             "poses": self.poses,
@@ -103,16 +100,6 @@ class Regime:
         }
 
 
-def regime_quantities(data: Measurements) -> Iterator[RegimeQuantity]:
-    """Joint angles, load, order and time that vary."""
-    poses = data.poses
-    angles = np.degrees(poses.q).T
-    found = [RegimeQuantity("angle", f"q{i + 1}", values, "°") for i, values in enumerate(angles)]
-    found.append(RegimeQuantity("load", "load", poses.payload * 1e3, " g"))
-    found.append(RegimeQuantity("order", "number in order", np.arange(1.0, len(data) + 1.0), ""))
-    yield from (quantity for quantity in found if np.ptp(quantity.values) > 0)
-
-
 def studentised_squares(residual: Array, columns: Array) -> Array:
     """(N,), squares of a residual (N, 3) over the share of pure noise that a fit of columns (3 N, P) leaves there."""
     basis, singular, _ = np.linalg.svd(columns, full_matrices=False)
@@ -122,20 +109,18 @@ def studentised_squares(residual: Array, columns: Array) -> Array:
 
 def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
     """The regimes in which squared residuals (N,) in m² are significantly larger than elsewhere, the clearest first."""
-    from scipy.stats import false_discovery_control  # here, since every command would wait half a second for it
-
-    quantities = list(regime_quantities(data))
+    quantities = [one for one in covariates(data, np.empty((len(data), 0))) if one.kind in UNITS]
+    quantities.sort(key=lambda one: list(UNITS).index(one.kind))
     halves = _halves(data.repeat_of)
     if not quantities or min(int(half.sum()) for half in halves) < 2 * FEWEST:
         return ()
-    p_values = [_aggregated_p_value(quantity, squares, halves) for quantity in quantities]
-    adjusted = false_discovery_control(np.array(p_values), method="by")
+    adjusted = benjamini_yekutieli({one.symbol: _aggregated_p_value(one, squares, halves) for one in quantities})
     found = [
         _regime(quantity, _best_interval(quantity, squares), squares, p_value)
-        for quantity, p_value in sorted(zip(quantities, adjusted.tolist(), strict=True), key=lambda pair: pair[1])
-        if p_value < SIGNIFICANCE
+        for quantity in sorted(quantities, key=lambda one: adjusted[one.symbol])
+        if (p_value := adjusted[quantity.symbol]) < SIGNIFICANCE
     ]
-    return tuple(one for one in found if one.inside > MIN_RATIO * one.outside)
+    return tuple(one for one in found if one.inside > MIN_REGIME_RATIO * one.outside)
 
 
 def _halves(repeat_of: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
@@ -145,7 +130,7 @@ def _halves(repeat_of: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
     return [np.isin(group, rng.permutation(count)[: count // 2]) for _ in range(HALVINGS)]
 
 
-def _aggregated_p_value(quantity: RegimeQuantity, squares: Array, halves: list[NDArray[np.bool_]]) -> float:
+def _aggregated_p_value(quantity: Covariate, squares: Array, halves: list[NDArray[np.bool_]]) -> float:
     parts, p_values = _parts(quantity), []
     for half in halves:
         z, allowed = _interval_scores(parts, squares, half)
@@ -155,13 +140,13 @@ def _aggregated_p_value(quantity: RegimeQuantity, squares: Array, halves: list[N
     return min(1.0, 2.0 * float(np.median(p_values)))
 
 
-def _parts(quantity: RegimeQuantity) -> NDArray[np.int64]:
+def _parts(quantity: Covariate) -> NDArray[np.int64]:
     """(N,), the part of each pose: a level if there are few, else a tenth of the poses; equal values share a part."""
-    levels, level = np.unique(np.round(quantity.values, 6), return_inverse=True)
-    if len(levels) <= PARTS:
-        return level.reshape(-1)
-    edges = np.unique(np.quantile(quantity.values, np.linspace(0.0, 1.0, PARTS + 1)[1:-1]))
-    return np.searchsorted(edges, quantity.values, side="right")
+    distinct, level = levels(quantity.shown, 6)
+    if len(distinct) <= PARTS:
+        return level
+    edges = np.unique(np.quantile(quantity.shown, np.linspace(0.0, 1.0, PARTS + 1)[1:-1]))
+    return np.searchsorted(edges, quantity.shown, side="right")
 
 
 def _interval_scores(
@@ -180,7 +165,7 @@ def _interval_scores(
     return (total[None, :] - total[:, None] - inside * (n + 1) / 2) / spread, allowed
 
 
-def _best_interval(quantity: RegimeQuantity, squares: Array) -> NDArray[np.bool_]:
+def _best_interval(quantity: Covariate, squares: Array) -> NDArray[np.bool_]:
     """(N,), whether a pose lies in the interval whose residuals stand highest in rank among all."""
     parts = _parts(quantity)
     z, allowed = _interval_scores(parts, squares, np.ones(len(squares), dtype=np.bool_))
@@ -188,8 +173,8 @@ def _best_interval(quantity: RegimeQuantity, squares: Array) -> NDArray[np.bool_
     return np.asarray((parts >= low) & (parts < high))
 
 
-def _regime(quantity: RegimeQuantity, inside: NDArray[np.bool_], squares: Array, p_value: float) -> Regime:
-    values, total = quantity.values, float(squares.sum())
+def _regime(quantity: Covariate, inside: NDArray[np.bool_], squares: Array, p_value: float) -> Regime:
+    values, total = quantity.shown, float(squares.sum())
     below, above = values[~inside & (values < values[inside].min())], values[~inside & (values > values[inside].max())]
     return Regime(
         quantity=quantity,

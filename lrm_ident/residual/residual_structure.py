@@ -13,6 +13,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 
 NEIGHBOURS, DRAWS, SEED = 6, 400, 0
+PAIRS_AT_ONCE = 200
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ def _neighbours(q: Array) -> NDArray[np.int64]:
 def _morans_i(residuals: Array, pairs: NDArray[np.int64], rows: int) -> Array:
     """Mean product of paired residual vectors over their mean square, for each column of (R N, D), R `rows` a pose."""
     vectors = residuals.reshape(-1, rows, residuals.shape[1])
-    products = np.einsum("pcd,pcd->d", vectors[pairs[:, 0]], vectors[pairs[:, 1]]) / len(pairs)
+    some = np.array_split(pairs, -(-len(pairs) // PAIRS_AT_ONCE))
+    products = sum(np.einsum("pcd,pcd->d", vectors[i], vectors[j]) for i, j in (part.T for part in some)) / len(pairs)
     return np.asarray(products / np.einsum("ncd,ncd->d", vectors, vectors) * len(vectors))
 
 

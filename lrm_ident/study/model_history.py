@@ -119,7 +119,7 @@ def effect_names(effects: Sequence[Effect]) -> list[str]:
     names: list[str] = []
     for effect in effects:
         everywhere = {e.place for e in effects if e.id == effect.id} == set(type(effect).places(effect.arm))
-        name = effect.id if everywhere else f"{effect.id}@{effect.place}"
+        name = effect.id if everywhere else effect.name
         if name not in names:
             names.append(name)
     return names

@@ -17,8 +17,8 @@ from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep, run_auto
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
-from lrm_ident.diagnosis.laws.proposal import LawProposal, propose_law
 from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
+from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal, propose_law
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss

@@ -12,6 +12,7 @@ from lrm_ident.data.output_files import check_outputs
 from lrm_ident.workbench.taken_steps import TakenSteps, with_law, with_step, without_last
 from lrm_ident.workbench.work.commands import DoneCommand
 from lrm_ident.workbench.work.followed_file import FollowedFile, follow_file
+from lrm_ident.workbench.work.messages import WorkDone, WorkFailure, WorkMessage, WorkNotice, WorkProgress, WorkResult
 from lrm_ident.workbench.work.tasks import (
     AddTask,
     AutoTask,
@@ -25,15 +26,7 @@ from lrm_ident.workbench.work.tasks import (
     WorkTask,
     kept_name,
 )
-from lrm_ident.workbench.work.worker import (
-    WorkDone,
-    WorkFailure,
-    WorkMessage,
-    WorkNotice,
-    WorkProcess,
-    WorkProgress,
-    WorkResult,
-)
+from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import LrmError
 
 if TYPE_CHECKING:

@@ -115,7 +115,7 @@ def outwards(bodies: Iterable[Body]) -> tuple[Body, ...]:
 
 
 def contradictions(joints: Sequence[Joint | None], bodies: Sequence[Body]) -> Iterator[str]:
-    """What bodies say against the joints, or against each other; a joint that is not known is None."""
+    """Contradictions of bodies with the joints, or against each other; a joint that is not known is None."""
     n = len(joints)
     for number, link in enumerate(joints, start=1):
         if link is not None and link.beta and (number == n or not link.leads_parallel):

@@ -166,7 +166,7 @@ def read_arm(path: Path) -> Arm:
 
 
 def _contradictions(tables: dict[str, Any]) -> Iterator[str]:
-    """What valid tables of an arm file say against each other, whatever is wrong with the others."""
+    """Contradictions between valid tables of an arm file, whatever is wrong with the others."""
     dof = len(_listed(tables, "joint"))
     faults: list[str] = []
     joints = [_built(t, JointTable, partial(_joint, number), faults) for number, t in _listed(tables, "joint")]
@@ -183,7 +183,7 @@ def _listed(tables: dict[str, Any], name: str) -> list[tuple[int, Any]]:
 
 
 def _built(raw: Any, schema: type[S], build: Callable[[S], Built], faults: list[str]) -> Built | None:
-    """What a table describes; None if it is not valid, or, with a line in `faults`, contradicts itself."""
+    """Object that a table describes; None if it is not valid, or, with a line in `faults`, contradicts itself."""
     try:
         return build(schema.model_validate(raw))
     except ValidationError:

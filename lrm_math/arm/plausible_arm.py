@@ -20,7 +20,8 @@ LENGTHS = {"metres": 1e3, "centimetres": 10.0, "inches": 25.4, "millimetres": 1.
 """Millimetres of each unit."""
 HEAVIER_LIGHTER = {"millimetres": ("kilograms", "milligrams"), "metres": ("tonnes", "grams")}
 """Units that masses seem to have which are too small, and too large, beside lengths in these units."""
-NEAREST_COM = 1e-3  # of the reach: if no centre of mass is farther from its frame, they are in metres
+NEAREST_COM, FARTHEST_COM = 1e-4, 10.0
+"""Shares of the reach between which the farthest centre of mass is from its frame."""
 RIGHT_ANGLE, CLOSE = math.pi / 2.0, 2e-3
 NO_TURN = 7.0  # deg: of limits that are all smaller, the unit is rad
 GRAVITY = Quantity("gravity", "m/s2", 1.3, 30.0, times(**{"mm/s2": 1e-3, "cm/s2": 1e-2, "g": 9.81}))
@@ -78,7 +79,7 @@ def _centres_of_mass(arm: Arm, length: float) -> Iterator[tuple[str, str]]:
     if not far:
         return
     name, most = max(far.items(), key=lambda item: item[1])
-    if not NEAREST_COM * length <= most <= length:
+    if not NEAREST_COM * length <= most <= FARTHEST_COM * length:
         size = f"an arm of {_length(length)}; is its unit right?"
         yield f"the centre of mass of body '{name}' is {_length(most)} from its frame, farther than any other", size
 

@@ -64,7 +64,7 @@ class ServoCounts:
         return cls(tuple(tables), clock, JointLimits.of(arm))
 
     def neighbours(self, q: Sequence[float]) -> list[list[tuple[int, float]]]:
-        """For each joint the counts below and above its command and their angles (rad), the nearer count first.
+        """Counts of each joint below and above its command and their angles (rad), the nearer count first.
 
         Those beyond a limit are left out, unless there are no others.
         """

@@ -54,6 +54,24 @@ def segment_to_box(a: Array, b: Array, half: Array) -> Array:
     return np.asarray(np.sqrt(sum(_outside(x + nearest * d, h) ** 2 for x, d, h in ends)))
 
 
+def depth_in_box(a: Array, b: Array, half: Array) -> Array:
+    """Penetration depth of the segment a-b in an axis-aligned box about the origin; 0 if they do not intersect.
+
+    a, b (..., 3); half (..., 3), half the edges; -> (...), m: how far some point of the segment is from the box's
+    surface, at most. The depth of a point is the least over the six faces, linear along the segment in each, so the
+    largest depth lies at an end or where two faces are equally far (a linear programme in one variable).
+    """
+    along = np.concatenate([a - b, b - a], axis=-1)
+    at_start = np.concatenate([half - a, half + a], axis=-1)
+    first, second = np.triu_indices(6, 1)
+    slope = along[..., first] - along[..., second]
+    crossing = (at_start[..., second] - at_start[..., first]) / np.where(slope == 0.0, np.inf, slope)
+    ends = np.broadcast_to([0.0, 1.0], (*crossing.shape[:-1], 2))
+    t = np.clip(np.concatenate([crossing, ends], axis=-1), 0.0, 1.0)[..., None]
+    depth = (at_start[..., None, :] + t * along[..., None, :]).min(axis=-1).max(axis=-1)
+    return np.asarray(np.maximum(depth, 0.0))
+
+
 def _outside(x: Array, h: Array) -> Array:
     """x minus the nearest point of the interval [-h, h]."""
     return np.asarray(x - np.minimum(np.maximum(x, -h), h))

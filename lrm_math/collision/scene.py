@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.collision_shapes import Box, Capsule
 from lrm_math.arrays import Array
-from lrm_math.collision.distance import segment_to_box, segment_to_segment
+from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import Chain, chain_of
 from lrm_math.kinematics.forward import frames
@@ -182,15 +182,28 @@ class Scene:
         return np.asarray(np.linalg.inv(self.home[:-1]) @ self.home[1:])
 
     def distances(self, arm_frames: Array) -> Array:
-        """(N, K + M), distance of every pair (m) for frames (N, n + 2, 4, 4)."""
+        """(N, K + M), distance of every pair (m) for frames (N, n + 2, 4, 4); not below minus the radii of a pair."""
+        return self._distances(arm_frames)[0]
+
+    def separations(self, arm_frames: Array) -> Array:
+        """(N, K + M), `distances`, less the depth of an axis that lies in a box: they fall as it goes in deeper."""
+        separation, (a, b, half) = self._distances(arm_frames)
+        boxes = separation[:, len(self.capsule_pairs) :]
+        inside = boxes <= -self.radii[len(self.capsule_pairs) :]
+        if inside.any():
+            boxes[inside] -= depth_in_box(a[inside], b[inside], np.broadcast_to(half, a.shape)[inside])
+        return separation
+
+    def _distances(self, arm_frames: Array) -> tuple[Array, tuple[Array, Array, Array]]:
+        """The distances, and of every pair with a box the axis and half the edges in the frame of the box."""
         place = arm_frames[:, self.frame]
         ends = np.einsum("ncij,cej->ncei", place[..., :3, :3], self.ends) + place[:, :, None, :3, 3]
         (i, j), (c, k) = self.capsule_pairs.T, self.box_pairs.T
         one, other = ends[:, i], ends[:, j]
         in_box = np.einsum("nmej,mji->nmei", ends[:, c] - self.box_centre[k, None], self.box_rotation[k])
+        boxes = in_box[:, :, 0], in_box[:, :, 1], self.box_half[k]
         to_capsules = segment_to_segment(one[:, :, 0], one[:, :, 1], other[:, :, 0], other[:, :, 1])
-        to_boxes = segment_to_box(in_box[:, :, 0], in_box[:, :, 1], self.box_half[k])
-        return np.concatenate([to_capsules, to_boxes], axis=1) - self.radii
+        return np.concatenate([to_capsules, segment_to_box(*boxes)], axis=1) - self.radii, boxes
 
     def closest(self, q: ArrayLike) -> ClosestPair:
         """The closest two bodies of one pose, angles q (n,) in rad. Raises `LrmError`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,10 @@ RESOLUTION = 5e-4
 """m: bisection ends here; a move that keeps the margin by less than this may still be refused."""
 FIRST_INTERVAL = 0.2
 """m: a move is first cut into intervals on which no two bodies move against each other by more."""
+LEAST_AXIS_DISTANCE = 1e-3
+"""m: axes nearer than this count as so far apart in the bound of curvature, which has a pole where they meet."""
+ROUND_OFF = 1e-9
+"""m."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +47,31 @@ class MotionClearance:
         return f"free: {closest}" if self.free else f"refused: {closest}; {self.margin * 1e3:.1f} mm must be kept"
 
 
+@dataclass(frozen=True, eq=False)
+class ArmBodies:
+    """The bodies of one arm, rigid or elastic, along a motion of its joints.
+
+    `separations`: (N, pairs) of poses (N, n), m. `rate`: bound on how fast these change, as a multiple of the rigid
+    arm's. `step`: largest joint step between the first samples (rad).
+    """
+
+    scene: Scene
+    separations: Callable[[Array], Array]
+    rate: float = 1.0
+    step: float = np.inf
+
+    def separation(self, q: ArrayLike) -> float:
+        """The smallest separation (m) of one pose (n,) in rad."""
+        return float(self.separations(np.atleast_2d(q)).min())
+
+
+def rigid_bodies(scene: Scene) -> ArmBodies:
+    """The bodies of the nominal rigid arm."""
+    return ArmBodies(scene, lambda q: scene.separations(scene.frames(q)))
+
+
 def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None = None) -> MotionClearance:
     """Whether the nominal rigid arm keeps a margin on the straight move from q0 to q1, each (n,) in rad.
-
-    `scene.motion_bound` bounds the rate of change of every distance, so the distances at both ends of an interval bound
-    those inside from below. An interval where that bound is not above the margin is bisected (Schwarzer, Saha & Latombe
-    2005). So a free move is free everywhere, not only at the poses sampled.
 
     The proof holds for the rigid arm; the margin has to cover elastic deflection. All joints have to move in
     proportion: a ramp gets the move as `rrt_connect.interpolate_path` cuts it.
@@ -58,23 +82,32 @@ def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None 
     Raises:
         LrmError: angles of the wrong shape or not finite, a margin below zero.
     """
-    keep = scene.margin_or_default(margin)
-    start = scene.pose(q0)
-    travel = scene.pose(q1) - start
-    speed = scene.motion_bound @ np.abs(travel)
-    fastest = float(speed.max())
+    bodies = ArmBodies(scene, lambda q: scene.distances(scene.frames(q)))
+    return check_bodies(bodies, scene.pose(q0), scene.pose(q1), scene.margin_or_default(margin))
+
+
+def check_bodies(bodies: ArmBodies, start: Array, end: Array, keep: float) -> MotionClearance:
+    """Whether all pairs of bodies keep a separation (m, below zero for an overlap) from start to end (n,) in rad.
+
+    The separations at both ends of an interval bound those inside from below (`_Motion.lower_bound`). An interval where
+    that bound is below `keep` is bisected. So a free move is free everywhere, not only at the poses sampled, as far as
+    `bodies.rate` is right: for the rigid arm it is.
+    """
+    travel = end - start
+    motion = _Motion.of(bodies, travel)
 
     def sample(at: Array) -> _Samples:
-        return _Samples(at, scene.distances(scene.frames(start + at[:, None] * travel)))
+        return _Samples(at, bodies.separations(start + at[:, None] * travel))
 
-    samples = sample(np.linspace(0.0, 1.0, 2 + int(fastest / FIRST_INTERVAL)))
+    pieces = max(motion.fastest / FIRST_INTERVAL, float(np.abs(travel).max()) / bodies.step)
+    samples = sample(np.linspace(0.0, 1.0, 2 + int(pieces)))
     lo, hi = samples.take(slice(None, -1)), samples.take(slice(1, None))
     violated = samples.first_within(keep)
     while True:
         width = hi.at - lo.at
-        proven = (lo.near + hi.near - speed * width[:, None] >= 2 * keep).all(axis=1)
+        proven = (motion.lower_bound(lo.near, hi.near, width[:, None]) >= keep - ROUND_OFF).all(axis=1)
         rest = ~proven & (lo.at <= violated)
-        lo, hi, short = lo.take(rest), hi.take(rest), (width * fastest <= 2 * RESOLUTION)[rest]
+        lo, hi, short = lo.take(rest), hi.take(rest), (width * motion.fastest <= 2 * RESOLUTION)[rest]
         if short.all():
             break
         middle = sample(0.5 * (lo.at + hi.at)[~short])
@@ -82,14 +115,49 @@ def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None 
         violated = min(violated, middle.first_within(keep), lo.take(short).at.min(initial=np.inf))
         lo, hi = lo.take(short).joined(lo.take(~short), middle), hi.take(short).joined(middle, hi.take(~short))
     if not len(lo.at):
-        return _result(scene, samples, 1.0, keep)
+        return _result(bodies.scene, samples, 1.0, keep)
     k = int(lo.at.argmin())
-    return _result(scene, lo.take([k]).joined(hi.take([k])), float(lo.at[k]), keep)
+    return _result(bodies.scene, lo.take([k]).joined(hi.take([k])), float(lo.at[k]), keep)
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Bounds on a straight move, per pair of bodies: `speed` (m per move) and `acceleration` (m per move²) of any two
+    points against each other; `radii`, by which the distance of the axes exceeds the separation."""
+
+    speed: Array
+    acceleration: Array
+    radii: Array
+
+    @classmethod
+    def of(cls, bodies: ArmBodies, travel: Array) -> _Motion:
+        turned = np.abs(travel)
+        speed = bodies.rate * (bodies.scene.motion_bound @ turned)
+        return cls(speed, 2.0 * bodies.rate * float(turned.sum()) * speed, bodies.scene.radii)
+
+    @property
+    def fastest(self) -> float:
+        return float(self.speed.max())
+
+    def lower_bound(self, lo: Array, hi: Array, width: Array) -> Array:
+        """A lower bound of separations on intervals of `width` (N, 1) with `lo` and `hi` (N, pairs) at their ends.
+
+        The better one of two. No separation changes faster than `speed`. And the distance of two points has a second
+        derivative of at most speed² / distance + acceleration =: c; so has the least over all points of two axes. Where
+        it is at most c, f lies above its chord by no more than c t (width − t) / 2 below it: a move that leaves an
+        obstacle is above its start at once.
+        """
+        mean, rise = 0.5 * (lo + hi), np.abs(hi - lo)
+        slack = 0.5 * self.speed * width
+        axes = np.maximum(np.minimum(lo, hi) + self.radii - slack, LEAST_AXIS_DISTANCE)
+        sag = 0.5 * (self.speed**2 / axes + self.acceleration) * width**2
+        inner = mean - 0.25 * sag - 0.25 * rise**2 / np.where(sag > 0.0, sag, 1.0)
+        return np.asarray(np.maximum(mean - slack, np.where(rise >= sag, np.minimum(lo, hi), inner)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Sampled poses: fraction of the move (N,), and the distance (N, pairs) of every pair there (m)."""
+    """Sampled poses: fraction of the move (N,), and the separation (N, pairs) of every pair there (m)."""
 
     at: Array
     near: Array
@@ -103,7 +171,7 @@ class _Samples:
 
     def first_within(self, margin: float) -> float:
         """Fraction of the first pose that comes within the margin; infinity if none does."""
-        return float(self.at[self.near.min(axis=1) < margin].min(initial=np.inf))
+        return float(self.at[self.near.min(axis=1) < margin - ROUND_OFF].min(initial=np.inf))
 
 
 def _result(scene: Scene, samples: _Samples, proven: float, margin: float) -> MotionClearance:

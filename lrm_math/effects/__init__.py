@@ -1,57 +1,70 @@
-"""The catalogue of effects: one class for each physical error source."""
+"""The catalogue of effects: one class for each physical error source. To add one: its file, and its line here."""
 
 from __future__ import annotations
 
+import re
+from importlib import import_module
+
 from lrm_math.arm.arm import Arm
-from lrm_math.effects.anchor import Anchor
-from lrm_math.effects.backlash import AxialPlay, Backlash, Hysteresis
-from lrm_math.effects.base import AngleDependentEffect, Effect, JointEffect, LoadedJointEffect, Parameter
-from lrm_math.effects.compliance import BaseCompliance, BendingEnds, Compliance, LateralCompliance, NonlinearStiffness
-from lrm_math.effects.curves import AngleCurve, CableCurve, CouplingCurve
-from lrm_math.effects.drift_curve import DriftCurve
-from lrm_math.effects.forces import CableSpring, Mass, Payload
-from lrm_math.effects.friction import FrictionCurve
-from lrm_math.effects.moment_curves import BaseCurve, BearingCurve, TorqueCurve
-from lrm_math.effects.offsets import Offsets
-from lrm_math.effects.servo_droop import ServoDroop
-from lrm_math.effects.servo_errors import Coupling, Eccentricity, Quantisation, ServoGain
-from lrm_math.effects.session_errors import Drift, MeasurementFrame, Session
+from lrm_math.effects.base import (
+    AngleDependentEffect,
+    Description,
+    Effect,
+    JointEffect,
+    LinearEffect,
+    LoadedJointEffect,
+    Parameter,
+    separately,
+)
+from lrm_math.effects.targets import Kind, kind_of
 from lrm_math.errors import UnknownName
 
-CATALOGUE: tuple[type[Effect], ...] = (
-    Offsets,
-    Compliance,
-    BaseCompliance,
-    LateralCompliance,
-    NonlinearStiffness,
-    Backlash,
-    AxialPlay,
-    Hysteresis,
-    ServoGain,
-    Eccentricity,
-    Quantisation,
-    CableSpring,
-    Coupling,
-    Payload,
-    Mass,
-    Drift,
-    Session,
-    MeasurementFrame,
-    Anchor,
-    ServoDroop,
+
+def _effect_class(path: str) -> type[Effect]:
+    module, name = path.split(".")
+    found: type[Effect] = getattr(import_module(f"lrm_math.effects.{module}"), name)
+    return found
+
+
+ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
+    _effect_class(path)
+    for path in (
+        "offsets.Offsets",
+        "compliance.Compliance",
+        "compliance.BaseCompliance",
+        "compliance.LateralCompliance",
+        "compliance.NonlinearStiffness",
+        "backlash.Backlash",
+        "backlash.AxialPlay",
+        "backlash.Hysteresis",
+        "servo_errors.ServoGain",
+        "servo_errors.Eccentricity",
+        "servo_errors.Quantisation",
+        "forces.CableSpring",
+        "servo_errors.Coupling",
+        "forces.Payload",
+        "forces.Mass",
+        "session_errors.Drift",
+        "session_errors.Session",
+        "session_errors.MeasurementFrame",
+        "session_errors.Anchor",
+        "compliance.ServoDroop",
+        # other forms, from plain to rich
+        "compliance.BendingEnds",
+        "moment_curves.BearingCurve",
+        "moment_curves.TorqueCurve",
+        "moment_curves.BaseCurve",
+        "friction.FrictionCurve",
+        "curves.AngleCurve",
+        "curves.CouplingCurve",
+        "curves.CableCurve",
+        "drift_curve.DriftCurve",
+    )
 )
-FORMS: tuple[type[Effect], ...] = (
-    BendingEnds,
-    BearingCurve,
-    TorqueCurve,
-    BaseCurve,
-    FrictionCurve,
-    AngleCurve,
-    CouplingCurve,
-    CableCurve,
-    DriftCurve,
-)
-"""Other forms of effects of the catalogue, fitted beside them, from plain to rich."""
+CATALOGUE = tuple(kind for kind in ALL_EFFECTS if not kind.variant_of)
+FREE_FORMS = tuple(kind for kind in ALL_EFFECTS if kind.variant_of)
+"""Other forms of effects of the catalogue, fitted beside them."""
+NOT_OF_THE_ROVER = frozenset({"time", "session", "instrument"})
 
 
 def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> tuple[Effect, ...]:
@@ -60,8 +73,8 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
     Raises:
         UnknownName: no such effect, or it cannot act at that place; the message lists what there is.
     """
-    effect_id, _, place = name.partition("@")
-    by_id = {effect.id: effect for effect in (*catalogue, *FORMS)}
+    effect_id, place = split_name(name)
+    by_id = {effect.id: effect for effect in (*catalogue, *FREE_FORMS)}
     if effect_id not in by_id:
         raise UnknownName("effect", effect_id, by_id)
     places = by_id[effect_id].places(arm)
@@ -70,13 +83,57 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
     return tuple(by_id[effect_id](arm, at) for at in ([place] if place else places))
 
 
+def split_name(name: str) -> tuple[str, str]:
+    """Id and place of an `Effect.name`; no place where only the id is given."""
+    effect_id, _, place = name.partition("@")
+    return effect_id, place
+
+
+def split_key(key: str) -> tuple[str, str, str]:
+    """Id, place and parameter's name of one of `Effect.keys`."""
+    effect_id, place, parameter = key.split(".", 2)
+    return effect_id, place, parameter
+
+
+def name_of_key(key: str) -> str:
+    """The `Effect.name` of the effect that a parameter belongs to."""
+    effect_id, place, _ = split_key(key)
+    return f"{effect_id}@{place}"
+
+
+def variants(effect: Effect) -> tuple[str, ...]:
+    """Names of the effects of which this is another form."""
+    joints = re.findall(r"joint\d+", effect.place)
+    return tuple(name.format(*joints) if "@" in name else f"{name}@{effect.place}" for name in effect.variant_of)
+
+
+def compensable(effect: Effect | type[Effect]) -> bool:
+    """Whether it is an error of the rover, which depends on angles, load and direction only."""
+    return NOT_OF_THE_ROVER.isdisjoint(effect.depends_on)
+
+
+def constant(effect: Effect) -> bool:
+    """Whether it moves slots by the same amounts whatever the pose, load and direction."""
+    return not effect.depends_on and not effect.load_slots and kind_of(effect) is Kind.MOTION
+
+
 __all__ = [
+    "ALL_EFFECTS",
     "CATALOGUE",
-    "FORMS",
+    "FREE_FORMS",
     "AngleDependentEffect",
+    "Description",
     "Effect",
     "JointEffect",
+    "LinearEffect",
     "LoadedJointEffect",
     "Parameter",
+    "compensable",
+    "constant",
     "effects_at",
+    "name_of_key",
+    "separately",
+    "split_key",
+    "split_name",
+    "variants",
 ]

@@ -4,43 +4,41 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lrm_math.effects.base import FEW_REVERSALS, Amounts, Excitation, JointEffect, Parameter
+from lrm_math.effects.base import (
+    FEW_REVERSALS,
+    Amounts,
+    Description,
+    Excitation,
+    JointEffect,
+    LinearEffect,
+    LoadedJointEffect,
+    Parameter,
+)
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import tanh
 
 
-class _Play(JointEffect):
+class _Play(LoadedJointEffect):
     """Clearance that the load takes up: δ = ½ b tanh(load/l0), for parameters b and l0."""
 
-    follows_angles = False
+    depends_on = ()
 
-    @property
-    def feels(self) -> tuple[str, ...]:
-        """The load along what it moves."""
-        return self.moves
-
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """½ b tanh(load/l0)."""
         return (0.5 * p[0] * tanh(tau[0] / p[1]),)
-
-    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """½ tanh(load/l0) and −½ b load/l0² sech²(load/l0)."""
-        taken = tanh(tau[0] / p[1])
-        return ((0.5 * taken,), (-0.5 * p[0] * tau[0] / p[1] ** 2 * (1.0 - taken**2),))
-
-    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """½ b/l0 sech²(load/l0)."""
-        return ((0.5 * p[0] / p[1] * (1.0 - tanh(tau[0] / p[1]) ** 2),),)
 
 
 class Backlash(_Play):
     """Backlash of one joint, taken up on the side that gravity pulls to."""
 
     id = "backlash"
-    cause = "Gears have play; gravity pushes the joint to one end of it or, when the torque changes sign, the other."
-    formula = "δq = ½ b tanh(τ/τ0)"
-    source = "form after Slamani, Nubiola & Bonev 2012, smoothed at the change of sign"
-    needs = "torque of both signs at the joint"
+    about = Description(
+        cause="Gears have play; gravity pushes the joint to one end of it or, when the torque changes sign, the other.",
+        formula="δq = ½ b tanh(τ/τ0)",
+        source="form after Slamani, Nubiola & Bonev 2012, smoothed at the change of sign",
+        claim="{place} has {b_rad} of play",
+        needs="torque of both signs at the joint",
+    )
     parameters = (
         Parameter("b_rad", "play of the joint, from end to end", 0.02, lower=0.0),
         Parameter(
@@ -52,12 +50,6 @@ class Backlash(_Play):
             scan=(0.003, 0.01, 0.02, 0.04, 0.08, 0.2),
         ),
     )
-    claim = "{place} has {b_rad} of play"
-
-    @property
-    def driver(self) -> str:
-        """The joint's torque."""
-        return f"tau{self.joint + 1}"
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Backlash is identifiable only where the torque changes sign."""
@@ -70,39 +62,41 @@ class AxialPlay(_Play):
     """Axial play (end float) of a joint's bearing: the joint slides along its axis to the side that weight pulls to."""
 
     id = "axial_play"
-    cause = "A shaft without a thrust bearing slides along its axis as far as collars and horn let it."
-    formula = "δd = ½ b tanh(F/F0), F the weight along the axis"
-    source = "axial internal clearance, ISO 5593; smoothed as backlash"
-    needs = "poses that tip the axis over: weight along it in both directions"
+    about = Description(
+        cause="A shaft without a thrust bearing slides along its axis as far as collars and horn let it.",
+        formula="δd = ½ b tanh(F/F0), F the weight along the axis",
+        source="axial internal clearance, ISO 5593; smoothed as backlash",
+        claim="{place} slides {b_mm} along its axis",
+        needs="poses that tip the axis over: weight along it in both directions",
+    )
     parameters = (
         Parameter("b_mm", "axial play, from end to end", 0.001, lower=0.0),
         Parameter(
             "F0_N", "force that takes up 76 % of the play", 0.5, 1e-3, fixed=0.5, scan=(0.05, 0.2, 0.5, 1.0, 3.0, 12.0)
         ),
     )
-    claim = "{place} slides {b_mm} along its axis"
 
     @property
-    def moves(self) -> tuple[str, ...]:
+    def targets(self) -> tuple[str, ...]:
         """The offset along the joint's axis."""
         return (f"{self.place}.d",)
 
 
-class Hysteresis(JointEffect):
+class Hysteresis(JointEffect, LinearEffect):
     """Hysteresis of one joint: the angle it stops at depends on the direction of approach."""
 
     id = "hysteresis"
-    cause = "Friction and the servo's dead band let a joint stop a little early, so it depends on where it came from."
-    formula = "δq = ½ h · direction of the joint's last move"
-    source = "Slamani, Nubiola & Bonev 2012"
-    needs = "measured order, and each joint approached from both sides"
+    about = Description(
+        cause=(
+            "Friction and the servo's dead band let a joint stop a little early, so it depends on where it came from."
+        ),
+        formula="δq = ½ h · direction of the joint's last move",
+        source="Slamani, Nubiola & Bonev 2012",
+        claim="{place} stops {h_rad} apart when it comes from one side or the other",
+        needs="measured order, and each joint approached from both sides",
+    )
+    depends_on = ("direction",)
     parameters = (Parameter("h_rad", "difference between the two approaches, of either sign", 0.02),)
-    claim = "{place} stops {h_rad} apart when it comes from one side or the other"
-    follows_angles = False
-
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """½ h · direction; zero where the direction is unknown."""
-        return (0.5 * p[0] * poses.approach(self.joint),)
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Hysteresis is identifiable only if the joint was approached from both sides."""
@@ -112,3 +106,7 @@ class Hysteresis(JointEffect):
             never = f"{self.place} (nearly) never reverses"
             return f"{never}: the side that it comes from cannot be told from its angle or time"
         return None
+
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """½ direction; zero where the direction is unknown."""
+        return ((0.5 * poses.approach(self.joint),),)

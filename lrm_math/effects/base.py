@@ -1,9 +1,8 @@
-"""The interface of an effect: a physical cause that, from parameters, adds small motions to slots of the chain.
+"""The contract of an effect: a physical cause that, from parameters, adds small amounts to slots of the chain.
 
-An effect acts at one place of one arm. It names the slots of the chain that it moves, the slots whose load it feels,
-and its parameters; `motion` is its physics. Prediction, derivatives through the equilibrium and the fit follow from
-these. Derivatives are central differences of `motion` unless the effect gives them; their error is about 1e-9 of the
-amount, and `motion` is a local formula that costs little.
+An effect acts at one place of one arm. It names its targets (mostly slots of the chain), the slots whose load enters
+its formula, and its parameters; one function is its physics. Prediction, derivatives through the equilibrium and the
+fit follow from these.
 """
 
 from __future__ import annotations
@@ -12,15 +11,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.kinematics.chain import Number
+from lrm_math.kinematics.chain import Number, is_zero
 from lrm_math.kinematics.poses import Poses
-from lrm_math.kinematics.statics import WeightChange
 
 UNIT_IN_SI = {
     "rad": 1.0,
@@ -39,9 +37,7 @@ UNIT_IN_SI = {
     "mm_per_m": 1e-3,
 }
 Amounts = tuple[Number, ...]
-N = TypeVar("N", float, Number)
 FEW_REVERSALS = 4
-STEP = 6e-6  # cube root of the machine epsilon: the best step of a central difference
 
 
 @dataclass(frozen=True)
@@ -107,6 +103,23 @@ class Excitation:
 
 
 @dataclass(frozen=True)
+class Description:
+    """What reports say of an effect.
+
+    Attributes:
+        cause: the physics, a sentence. formula: as in a textbook. source: where it is from.
+        claim: a sentence that reports it, with the parameters' names in braces: `{place} has {b_rad} of play`.
+        needs: the measurements that can show it.
+    """
+
+    cause: str
+    formula: str
+    source: str
+    claim: str = ""
+    needs: str = ""
+
+
+@dataclass(frozen=True)
 class Effect(ABC):
     """A physical cause at one `place` of one `arm`."""
 
@@ -114,28 +127,15 @@ class Effect(ABC):
     place: str
 
     id: ClassVar[str]
-    cause: ClassVar[str]
-    formula: ClassVar[str]
-    source: ClassVar[str]
-    needs: ClassVar[str] = ""
-    refines: ClassVar[tuple[str, ...]] = ()
-    """Ids of the effects of which this is another form, fitted beside them; empty for an effect of its own."""
-    claim: ClassVar[str] = ""
-    """A sentence that reports it, with the parameters' names in braces: `{place} has {b_rad} of play`."""
-    online: ClassVar[bool] = True
-    """Whether the rover can compensate it: it depends on angles, load and direction only."""
-    instrument: ClassVar[bool] = False
-    """Whether it only says where a measuring instrument stands: the arm moves as without it."""
-    constant: ClassVar[bool] = False
-    """Whether `motion` is the same whatever the pose, load and direction."""
-    linear: ClassVar[bool] = False
-    """Whether `motion` is proportional to the loads that it feels, and depends on nothing else."""
-    geared: ClassVar[bool] = False
-    """Whether `motion` is proportional to commanded angles, and depends on nothing else."""
-    before_encoder: ClassVar[bool] = False
-    """Whether the joint's encoder reads what it moves, where there is joint feedback."""
-    follows_angles: ClassVar[bool] = True
-    """Whether `motion` depends on the commanded angles themselves, not only on loads."""
+    """Name in snake case, as in model files."""
+    about: ClassVar[Description]
+    depends_on: ClassVar[tuple[str, ...]] = ("angle", "direction")
+    """Quantities that its amounts vary with, beside loads: commanded `angle`, `direction` of the last move, `time` (and
+    temperature), `session`, the measuring `instrument`, `counts` of the servo board. Without any, and without loads, it
+    is a constant."""
+    variant_of: ClassVar[tuple[str, ...]] = ()
+    """Ids of the effects of which this is another form, fitted beside them (`variants` gives their names); empty for an
+    effect of its own."""
 
     @classmethod
     @abstractmethod
@@ -145,96 +145,58 @@ class Effect(ABC):
     @property
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """What may be fitted, in the order of `p`; a class attribute where it is the same at all places."""
+        """Parameters that may be fitted, in the order of `p`; a class attribute where all places have the same."""
 
     @property
-    def moves(self) -> tuple[str, ...]:
-        """The slots that it moves, `place.name`."""
+    @abstractmethod
+    def targets(self) -> tuple[str, ...]:
+        """What its amounts are added to, mostly slots, `place.name`; all of one kind (`lrm_math.effects.targets`)."""
+
+    @property
+    def load_slots(self) -> tuple[str, ...]:
+        """The slots whose load enters its amounts, in the order of `tau`."""
         return ()
 
-    @property
-    def refined(self) -> tuple[str, ...]:
-        """The effects, `effect@place`, of which this is another form."""
-        return tuple(f"{kind}@{self.place}" for kind in self.refines)
-
-    @property
-    def driver(self) -> str:
-        """The one quantity that `motion` is a function of: `qN`, `tauN` or `t`; empty if there are several, or none."""
-        return ""
-
-    @property
-    def bends_at_ends(self) -> tuple[str, ...]:
-        """Links (`linkN`) of which it turns an end, `linkN.near_x` for instance, beside their middle."""
-        return ()
-
-    @property
-    def feels(self) -> tuple[str, ...]:
-        """The slots whose load enters `motion`, in the order of `tau`."""
-        return ()
-
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """The amount added to each slot of `moves`: rad or m, each a float or (N,).
+    @abstractmethod
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """The amount added to each target: rad or m of a slot, each a float or (N,).
 
         Args:
             poses: N commanded poses.
-            tau: gravity's load on each slot of `feels`, N·m (N along a translation), each (N,).
+            tau: gravity's load on each of `load_slots`, N·m (N along a translation), each (N,).
             p: the parameters' values in SI.
         """
-        return ()
-
-    @property
-    def pushes(self) -> tuple[str, ...]:
-        """The rotating slots on which it puts a load of its own, beside gravity's."""
-        return ()
-
-    def push(self, poses: Poses, p: Sequence[float]) -> Amounts:
-        """The load added on each slot of `pushes`, N·m, each a float or (N,). Linear in p."""
-        return ()
-
-    @property
-    def weighs(self) -> tuple[int, ...]:
-        """Indices into `arm.bodies_outwards` of the bodies whose weight it changes."""
-        return ()
-
-    def weight(self, carried: Number, p: Sequence[float]) -> tuple[WeightChange, ...]:
-        """What is added to each body of `weighs`, with a load of so many kg, float or (N,). Linear in p."""
-        return ()
-
-    def seen(self, tcp: Array, p: Sequence[float]) -> Array | None:
-        """(N, 3): measurement error at the TCP positions (N, 3), m; None if there is none. Linear in both."""
-        return None
-
-    def anchor_shift(self, p: Sequence[float]) -> Array | None:
-        """(3,): what it adds to the fixed point of measured distances, m; None if nothing. Linear in p."""
-        return None
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Why the effect is not identifiable from these poses, or None if it may be."""
         return None
 
-    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """∂amount/∂p: for each parameter, one number or (N,) for each slot of `moves`."""
-        steps = [STEP * parameter.typical for parameter in self.parameters]
-        return tuple(
-            _difference(self.motion(poses, tau, _changed(p, j, h)), self.motion(poses, tau, _changed(p, j, -h)), h)
-            for j, h in enumerate(steps)
-        )
+    @property
+    def name(self) -> str:
+        """`id@place`."""
+        return f"{self.id}@{self.place}"
 
-    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """∂amount/∂tau: for each slot of `feels`, one number or (N,) for each slot of `moves`."""
-        return tuple(
-            _difference(
-                self.motion(poses, _changed(tau, j, STEP), p), self.motion(poses, _changed(tau, j, -STEP), p), STEP
-            )
-            for j in range(len(tau))
-        )
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of its parameters in model files: `id.place.parameter`."""
+        return tuple(f"{self.id}.{self.place}.{parameter.name}" for parameter in self.parameters)
 
-    def d_q(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """∂amount/∂q at fixed loads: for each joint, one number or (N,) for each slot of `moves`."""
-        if not self.follows_angles:
-            return ((0.0,) * len(self.moves),) * self.arm.dof
-        sides = [(poses.perturbed(i, STEP), poses.perturbed(i, -STEP)) for i in range(self.arm.dof)]
-        return tuple(_difference(self.motion(plus, tau, p), self.motion(minus, tau, p), STEP) for plus, minus in sides)
+
+class LinearEffect(Effect):
+    """An effect that is linear in its parameters: it gives the basis instead of the amounts."""
+
+    @abstractmethod
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """For each parameter the amount per unit of it, a float or (N,), at each target; arguments as of `amounts`."""
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """Σ p_i f_i for each target."""
+        out: list[Number] = [0.0] * len(self.targets)
+        for value, functions in zip(p, self.basis(poses, tau), strict=True):
+            for k, function in enumerate(functions):
+                if not is_zero(function):
+                    out[k] = value * function if is_zero(out[k]) else out[k] + value * function
+        return tuple(out)
 
 
 class JointEffect(Effect):
@@ -251,7 +213,7 @@ class JointEffect(Effect):
         return joint_number(self.place)
 
     @property
-    def moves(self) -> tuple[str, ...]:
+    def targets(self) -> tuple[str, ...]:
         """The joint's angle."""
         return (f"{self.place}.theta",)
 
@@ -259,10 +221,7 @@ class JointEffect(Effect):
 class AngleDependentEffect(JointEffect):
     """An effect on one joint that depends on the joint's commanded angle; three angles at least identify it."""
 
-    @property
-    def driver(self) -> str:
-        """The joint's angle."""
-        return f"q{self.joint + 1}"
+    depends_on = ("angle",)
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The joint must be measured at three or more angles."""
@@ -274,25 +233,18 @@ class LoadedJointEffect(JointEffect):
     """An effect on one joint's angle that depends on the torque on it."""
 
     @property
-    def driver(self) -> str:
+    def load_slots(self) -> tuple[str, ...]:
         """The joint's torque."""
-        return f"tau{self.joint + 1}"
-
-    @property
-    def feels(self) -> tuple[str, ...]:
-        """The joint's torque."""
-        return self.moves
-
-
-def _changed(values: Sequence[N], j: int, step: float) -> tuple[N, ...]:
-    return tuple(value + step if i == j else value for i, value in enumerate(values))
-
-
-def _difference(plus: Amounts, minus: Amounts, h: float) -> Amounts:
-    return tuple((b - a) / (2.0 * h) for a, b in zip(minus, plus, strict=True))
+        return self.targets
 
 
 @lru_cache(maxsize=256)
 def joint_number(place: str) -> int:
     """Number from 0 of `jointN`."""
     return int(place.removeprefix("joint")) - 1
+
+
+def separately(functions: Sequence[Amounts]) -> tuple[Amounts, ...]:
+    """The basis of targets with coefficients of their own: the functions of each target, in the order of targets."""
+    targets = range(len(functions))
+    return tuple(tuple(f if i == k else 0.0 for i in targets) for k in targets for f in functions[k])

@@ -7,8 +7,8 @@ from math import log1p
 import numpy as np
 
 from lrm_math.arm.arm import BASE, Arm
-from lrm_math.effects.base import Amounts, Excitation, Parameter
-from lrm_math.effects.curves import Curve, cubic_b_splines, spline_count
+from lrm_math.effects.base import Amounts, Description, Excitation, LinearEffect, Parameter, separately
+from lrm_math.effects.curves import cubic_b_splines, spline_count
 from lrm_math.effects.session_errors import Drift
 from lrm_math.kinematics.poses import Poses
 
@@ -17,18 +17,19 @@ FAST_S, SPACING, LONGEST_S = 600.0, 0.35, 108000.0
 COURSES = {"on": "since the session began", "all": "since the start"}
 
 
-class DriftCurve(Curve):
+class DriftCurve(LinearEffect):
     """Smooth function of the time since the session began and of the time since the start."""
 
     id = "drift_curve"
-    refines = ("drift",)
-    cause = "Servo, gears and structure warm up at different paces, again after a break, and follow the room."
-    formula = "δ = f(time in session) + g(time), cubic splines of ln(1 + t / 600 s)"
-    source = "cubic B-splines, de Boor 1978, with knots that lie closer where warming is fast"
-    needs = Drift.needs
-    claim = "{place} drifts by a curve of its own"
-    online = False
-    follows_angles = False
+    variant_of = ("drift",)
+    depends_on = ("time",)
+    about = Description(
+        cause="Servo, gears and structure warm up at different paces, again after a break, and follow the room.",
+        formula="δ = f(time in session) + g(time), cubic splines of ln(1 + t / 600 s)",
+        source="cubic B-splines, de Boor 1978, with knots that lie closer where warming is fast",
+        claim="{place} drifts by a curve of its own",
+        needs=Drift.about.needs,
+    )
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -36,12 +37,7 @@ class DriftCurve(Curve):
         return Drift.places(arm)
 
     @property
-    def driver(self) -> str:
-        """The time."""
-        return "t"
-
-    @property
-    def moves(self) -> tuple[str, ...]:
+    def targets(self) -> tuple[str, ...]:
         """The joint's angle, or the base's tilts."""
         return ("base.alpha", "base.beta") if self.place == BASE else (f"{self.place}.theta",)
 
@@ -56,7 +52,7 @@ class DriftCurve(Curve):
             for i in range(1, count + 1)
         )
 
-    def basis(self, poses: Poses, tau: Amounts, slot: int = 0) -> Amounts:
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """The B-splines of both times; those of a time that is not known, or the same as the other, are zero."""
         still, last = np.zeros(len(poses)), log1p(LONGEST_S / FAST_S)
         found: list[np.ndarray] = []
@@ -65,7 +61,7 @@ class DriftCurve(Curve):
             course = still if time is None else np.log1p(np.maximum(time, 0.0) / FAST_S)
             functions = cubic_b_splines(course, 0.0, last, SPACING)
             found += [np.asarray(f) if known else still for f in functions]
-        return tuple(found)
+        return separately([tuple(found)] * len(self.targets))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Times must be known."""

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects.backlash import Hysteresis
-from lrm_math.effects.base import Amounts, Excitation, LoadedJointEffect, Parameter
-from lrm_math.effects.curves import TYPICAL, Curve
+from lrm_math.effects.base import (
+    Amounts,
+    Description,
+    Excitation,
+    LinearEffect,
+    LoadedJointEffect,
+    Parameter,
+    separately,
+)
+from lrm_math.effects.curves import TYPICAL
 from lrm_math.kinematics.poses import Poses
-from lrm_math.kinematics.scalar_or_array import magnitude, select_by_sign
+from lrm_math.kinematics.scalar_or_array import magnitude
 
 TRAVELS_DEG = (2, 8, 30)
 """Moves after which each element of friction has turned over by 63 %."""
@@ -37,34 +43,28 @@ def friction_states(q: Array, moves: Array, start: Array | None) -> Array:
     return states
 
 
-class FrictionCurve(Curve, LoadedJointEffect):
+class FrictionCurve(LoadedJointEffect, LinearEffect):
     """Friction that turns over along the way (several Dahl elements), and that grows with the load."""
 
     id = "friction_curve"
-    refines = (Hysteresis.id,)
-    cause = "Friction gives way over a few degrees, not at once, and a loaded joint has more of it."
-    formula = "δq = Σ c_i s_i + d · direction · |τ|, ds_i/dq = (direction − s_i)/travel_i, travel = 2, 8, 30°"
-    source = "Dahl 1968; several elements as in the model of Prandtl and Ishlinskii"
-    needs = "measured order, and short moves as well as long ones"
-    claim = "{place} has friction with a memory, or that grows with the load"
-    follows_angles = False
+    variant_of = (Hysteresis.id,)
+    depends_on = ("direction",)
+    about = Description(
+        cause="Friction gives way over a few degrees, not at once, and a loaded joint has more of it.",
+        formula="δq = Σ c_i s_i + d · direction · |τ|, ds_i/dq = (direction − s_i)/travel_i, travel = 2, 8, 30°",
+        source="Dahl 1968; several elements as in the model of Prandtl and Ishlinskii",
+        claim="{place} has friction with a memory, or that grows with the load",
+        needs="measured order, and short moves as well as long ones",
+    )
     parameters = (
         *(Parameter(f"c_{travel}deg_rad", f"friction that turns over in {travel}°", TYPICAL) for travel in TRAVELS_DEG),
         Parameter("d_rad_per_Nm", "friction that grows with the torque", 0.02),
     )
 
-    @property
-    def driver(self) -> str:
-        """Several: the moves so far, and the torque."""
-        return ""
-
-    def basis(self, poses: Poses, tau: Amounts, slot: int = 0) -> Amounts:
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """The states, and direction · |τ|."""
-        return (*poses.friction_states(self.joint, len(TRAVELS_DEG)), poses.approach(self.joint) * magnitude(tau[0]))
-
-    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """d · direction · sign τ."""
-        return ((p[-1] * poses.approach(self.joint) * select_by_sign(tau[0], 1.0, -1.0),),)
+        states = poses.friction_states(self.joint, len(TRAVELS_DEG))
+        return separately([(*states, poses.approach(self.joint) * magnitude(tau[0]))])
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """As hysteresis."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lrm_math.arm.arm import BASE, Arm
-from lrm_math.effects.base import Amounts, LoadedJointEffect, Parameter
+from lrm_math.effects.base import Amounts, Description, LinearEffect, LoadedJointEffect, Parameter, separately
 from lrm_math.effects.compliance import BendingEnds
-from lrm_math.effects.curves import TYPICAL, Curve
+from lrm_math.effects.curves import TYPICAL
+from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import tanh
 
@@ -18,46 +19,47 @@ BASE_SCALES = (0.05, 0.15, 0.45, 1.35)
 """N·m: likewise."""
 
 
-class TorqueCurve(Curve, LoadedJointEffect):
+class TorqueCurve(LoadedJointEffect, LinearEffect):
     """Free smooth function of a joint's torque: sums of saturations, the two sides of zero for themselves."""
 
     id = "torque_curve"
-    refines = ("backlash", "nonlinear_stiffness")
-    cause = "Play with unequal sides, or gears that yield in several stages, follow the torque by a curve of their own."
-    formula = "δq = Σ u_i tanh(τ/s_i) + v_i tanh²(τ/s_i), s = 0.02, 0.06, 0.2 N·m"
-    source = "stop operators of Prandtl and Ishlinskii, smoothed and without memory"
-    needs = "torques of several sizes"
-    claim = "{place} follows its torque by a curve of its own"
-    follows_angles = False
+    variant_of = ("backlash", "nonlinear_stiffness")
+    depends_on = ()
+    about = Description(
+        cause=(
+            "Play with unequal sides, or gears that yield in several stages, follow the torque by a curve of their own."
+        ),
+        formula="δq = Σ u_i tanh(τ/s_i) + v_i tanh²(τ/s_i), s = 0.02, 0.06, 0.2 N·m",
+        source="stop operators of Prandtl and Ishlinskii, smoothed and without memory",
+        claim="{place} follows its torque by a curve of its own",
+        needs="torques of several sizes",
+    )
     parameters = tuple(
         Parameter(f"{name}{i}_rad", f"{part} of the curve that {scale:g} N·m take up", TYPICAL)
         for i, scale in enumerate(TORQUE_SCALES, start=1)
         for name, part in (("u", "part alike on both sides"), ("v", "difference between the sides"))
     )
 
-    def basis(self, poses: Poses, tau: Amounts, slot: int = 0) -> Amounts:
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """tanh and tanh² of the torque at each scale."""
-        taken = [tanh(tau[0] / scale) for scale in TORQUE_SCALES]
-        return tuple(f for t in taken for f in (t, t * t))
-
-    def d_tau(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """Σ (u_i + 2 v_i tanh) sech² / s_i."""
-        taken = [tanh(tau[0] / scale) for scale in TORQUE_SCALES]
-        parts = zip(p[::2], p[1::2], taken, TORQUE_SCALES, strict=True)
-        return ((sum(((u + 2.0 * v * t) * (1.0 - t * t) / s for u, v, t, s in parts), 0.0),),)
+        return separately([_saturations(tau[0], TORQUE_SCALES)])
 
 
-class BearingCurve(Curve):
+class BearingCurve(LinearEffect):
     """A bearing with clearance at the far end of a link: it tilts along the moment across its axis, and saturates."""
 
     id = "bearing_curve"
-    refines = ("lateral_compliance",)
-    cause = "The bearing of the next joint has clearance: it tilts at once under a small moment, and hardly more later."
-    formula = "rotation about x and y of the far end: Σ c_i M / √(|M|² + s_i²), s = 0.03, 0.1, 0.3 N·m"
-    source = "bearing clearance, smoothed; sum of several widths"
-    needs = "moments of several sizes in the link"
-    claim = "the bearing at the end of {place} has clearance"
-    follows_angles = False
+    variant_of = ("lateral_compliance",)
+    depends_on = ()
+    about = Description(
+        cause=(
+            "The bearing of the next joint has clearance: it tilts at once under a small moment, and hardly more later."
+        ),
+        formula="rotation about x and y of the far end: Σ c_i M / √(|M|² + s_i²), s = 0.03, 0.1, 0.3 N·m",
+        source="bearing clearance, smoothed; sum of several widths",
+        claim="the bearing at the end of {place} has clearance",
+        needs="moments of several sizes in the link",
+    )
     parameters = tuple(
         Parameter(f"c{i}_{axis}_rad", f"tilt about {axis} that {scale:g} N·m take up", TYPICAL)
         for axis in "xy"
@@ -70,39 +72,37 @@ class BearingCurve(Curve):
         return BendingEnds.places(arm)
 
     @property
-    def bends_at_ends(self) -> tuple[str, ...]:
-        """The link."""
-        return (self.place,)
-
-    @property
-    def moves(self) -> tuple[str, ...]:
+    def targets(self) -> tuple[str, ...]:
         """The bending angles of the far end."""
         return tuple(f"{self.place}.far_{axis}" for axis in "xy")
 
     @property
-    def feels(self) -> tuple[str, ...]:
+    def load_slots(self) -> tuple[str, ...]:
         """The moments about the axes that it turns."""
-        return self.moves
+        return self.targets
 
-    def basis(self, poses: Poses, tau: Amounts, slot: int = 0) -> Amounts:
-        """M/√(|M|² + s²) about one axis."""
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """M/√(|M|² + s²) about each axis."""
         square = tau[0] * tau[0] + tau[1] * tau[1]
-        return tuple(tau[slot] / (square + scale * scale) ** 0.5 for scale in BEARING_SCALES)
+        return separately([tuple(M / (square + scale * scale) ** 0.5 for scale in BEARING_SCALES) for M in tau])
 
 
-class BaseCurve(Curve):
+class BaseCurve(LinearEffect):
     """A base that gives way by a curve: it lifts off on one side, or rocks in a play."""
 
     id = "base_curve"
-    refines = ("base_compliance", "compliance")
-    cause = "A plate that is screwed on at one side, or stands on its feet, gives way to one side more than the other."
-    formula = "rotation about each base axis: Σ u_i tanh(M/s_i) + v_i tanh²(M/s_i), s = 0.05, 0.15, 0.45, 1.35 N·m"
-    source = "as the torque curve of a joint"
-    needs = "moments of several sizes on the base"
-    claim = "the base gives way by a curve"
-    follows_angles = False
-    moves = ("base.alpha", "base.beta", "base.gamma")
-    feels = moves
+    variant_of = ("base_compliance", "compliance")
+    depends_on = ()
+    about = Description(
+        cause=(
+            "A plate that is screwed on at one side, or stands on its feet, gives way to one side more than the other."
+        ),
+        formula="rotation about each base axis: Σ u_i tanh(M/s_i) + v_i tanh²(M/s_i), s = 0.05, 0.15, 0.45, 1.35 N·m",
+        source="as the torque curve of a joint",
+        claim="the base gives way by a curve",
+        needs="moments of several sizes on the base",
+    )
+    targets = load_slots = ("base.alpha", "base.beta", "base.gamma")
     parameters = tuple(
         Parameter(f"{name}{i}_{angle}_rad", f"{part} about {angle} that {scale:g} N·m take up", TYPICAL)
         for angle in ("alpha", "beta", "gamma")
@@ -115,7 +115,12 @@ class BaseCurve(Curve):
         """The base."""
         return (BASE,)
 
-    def basis(self, poses: Poses, tau: Amounts, slot: int = 0) -> Amounts:
-        """tanh and tanh² of the moment at each scale."""
-        taken = [tanh(tau[slot] / scale) for scale in BASE_SCALES]
-        return tuple(f for t in taken for f in (t, t * t))
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """tanh and tanh² of the moments at each scale."""
+        return separately([_saturations(moment, BASE_SCALES) for moment in tau])
+
+
+def _saturations(load: Number, scales: Sequence[float]) -> Amounts:
+    """tanh and tanh² of a load at each scale."""
+    taken = [tanh(load / scale) for scale in scales]
+    return tuple(f for t in taken for f in (t, t * t))

@@ -5,27 +5,28 @@ A link whose two axes are (nearly) parallel has Hayati's angle beta too: a turn 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 
 from lrm_math.arm.arm import BASE, TOOL, Arm
-from lrm_math.effects.base import Amounts, Effect, Parameter
+from lrm_math.effects.base import Amounts, Description, LinearEffect, Parameter, separately
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.poses import Poses
 
 ANGLE, LENGTH = 0.05, 0.005  # rad and m: sizes of assembly errors of a printed arm
 
 
-class Offsets(Effect):
+class Offsets(LinearEffect):
     """Constant errors added to the nominal dimensions of one link, the base or the tool."""
 
     id = "offsets"
-    cause = "Parts are printed and screwed together a little longer, shorter or more twisted than drawn."
-    formula = "each nominal dimension + its own constant"
-    source = "Conenna 2024, Table 4.3; Hayati & Mirmirani 1985 (beta of parallel axes)"
-    claim = "{place} is not as drawn"
-    constant = True
-    follows_angles = False
+    about = Description(
+        cause="Parts are printed and screwed together a little longer, shorter or more twisted than drawn.",
+        formula="each nominal dimension + its own constant",
+        source="Conenna 2024, Table 4.3; Hayati & Mirmirani 1985 (beta of parallel axes)",
+        claim="{place} is not as drawn",
+    )
+
+    depends_on = ()
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -44,14 +45,10 @@ class Offsets(Effect):
         )
 
     @cached_property
-    def moves(self) -> tuple[str, ...]:
+    def targets(self) -> tuple[str, ...]:
         """Every slot at this place."""
         return tuple(slot.key for slot in chain_of(self.arm).slots if slot.place == self.place)
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """The offsets themselves."""
-        return tuple(p)
-
-    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """One for the parameter's own slot, zero for the others."""
-        return tuple(tuple(float(i == j) for i in range(len(p))) for j in range(len(p)))
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """One for the parameter's own slot."""
+        return separately([(1.0,)] * len(self.targets))

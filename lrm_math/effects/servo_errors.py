@@ -6,77 +6,85 @@ from collections.abc import Sequence
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.servo_table import PwmClock, rounding
-from lrm_math.effects.base import Amounts, AngleDependentEffect, Effect, Excitation, Parameter, joint_number
+from lrm_math.effects.base import (
+    Amounts,
+    AngleDependentEffect,
+    Description,
+    Effect,
+    Excitation,
+    LinearEffect,
+    Parameter,
+    joint_number,
+)
 from lrm_math.kinematics.poses import Poses
-from lrm_math.kinematics.scalar_or_array import cos, negative_part, positive_part, select_by_sign, sin
+from lrm_math.kinematics.scalar_or_array import cos, negative_part, positive_part, sin
 
 
-class ServoGain(AngleDependentEffect):
+class ServoGain(AngleDependentEffect, LinearEffect):
     """Gain error of a servo, one for each sign of the angle."""
 
     id = "servo_gain"
-    cause = "The potentiometer in a servo is not exactly linear, and the servo's table was read from a protractor."
-    formula = "δq = g+ q for q > 0, g− q for q < 0"
-    source = "piecewise linear table of Conenna 2024, section 3.4"
-    claim = "{place} turns {g_plus_rad_per_rad} too far above zero and {g_minus_rad_per_rad} below"
-    needs = "five or more levels of the joint, to tell it from eccentricity"
+    about = Description(
+        cause="The potentiometer in a servo is not exactly linear, and the servo's table was read from a protractor.",
+        formula="δq = g+ q for q > 0, g− q for q < 0",
+        source="piecewise linear table of Conenna 2024, section 3.4",
+        claim="{place} turns {g_plus_rad_per_rad} too far above zero and {g_minus_rad_per_rad} below",
+        needs="five or more levels of the joint, to tell it from eccentricity",
+    )
     parameters = (
         Parameter("g_plus_rad_per_rad", "gain error for q > 0", 0.02),
         Parameter("g_minus_rad_per_rad", "gain error for q < 0", 0.02),
     )
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """g± q."""
-        q = poses.angle(self.joint)
-        return (select_by_sign(q, p[0], p[1]) * q,)
-
-    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """q on the parameter's own side."""
         q = poses.angle(self.joint)
-        return ((positive_part(q),), (negative_part(q),))
+        return (positive_part(q),), (negative_part(q),)
 
 
-class Eccentricity(AngleDependentEffect):
+class Eccentricity(AngleDependentEffect, LinearEffect):
     """Eccentricity of gears or potentiometer: a periodic error with one and two periods a turn."""
 
     id = "eccentricity"
-    cause = "A gear or potentiometer whose axis is off centre turns now too far, now too little, once or twice a turn."
-    formula = "δq = Σ a_n sin nq + b_n (cos nq − 1), n = 1, 2"
-    source = "Fourier series of a periodic error of the joint"
-    claim = "{place} turns unevenly: {a1_rad} and {b1_rad} once a turn, {a2_rad} and {b2_rad} twice"
-    needs = "five or more levels of the joint, to tell it from gain"
+    about = Description(
+        cause=(
+            "A gear or potentiometer whose axis is off centre turns now too far, now too little, once or twice a turn."
+        ),
+        formula="δq = Σ a_n sin nq + b_n (cos nq − 1), n = 1, 2",
+        source="Fourier series of a periodic error of the joint",
+        claim="{place} turns unevenly: {a1_rad} and {b1_rad} once a turn, {a2_rad} and {b2_rad} twice",
+        needs="five or more levels of the joint, to tell it from gain",
+    )
     parameters = tuple(
         Parameter(f"{letter}{n}_rad", f"amplitude of {wave} {n}q", 0.02)
         for n in (1, 2)
         for letter, wave in (("a", "sin"), ("b", "cos"))
     )
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """Σ a_n sin nq + b_n (cos nq − 1)."""
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """sin nq and cos nq − 1; of 2q by those of q, which is exact near zero too."""
         q = poses.angle(self.joint)
         s, c = sin(q), cos(q)
-        return (p[0] * s + p[1] * (c - 1.0) + 2.0 * s * (p[2] * c - p[3] * s),)
-
-    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """sin nq and cos nq − 1."""
-        q = poses.angle(self.joint)
-        return tuple((wave,) for n in (1, 2) for wave in (sin(n * q), cos(n * q) - 1.0))
+        return (s,), (c - 1.0,), (2.0 * s * c,), (-2.0 * s * s,)
 
 
-class Coupling(Effect):
+class Coupling(LinearEffect):
     """Linear coupling of one joint's angle to another one's command."""
 
     id = "coupling"
-    cause = "A cable or a shared mount lets the command of one joint turn another one a little."
-    formula = "δq_N = c q_M"
-    source = "first order of any dependence between two joints"
-    claim = "{place} couple by {c_rad_per_rad}"
-    geared = True
+    about = Description(
+        cause="A cable or a shared mount lets the command of one joint turn another one a little.",
+        formula="δq_N = c q_M",
+        source="first order of any dependence between two joints",
+        claim="{place} couple by {c_rad_per_rad}",
+    )
+
+    depends_on = ("angle",)
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """Every ordered pair of joints: `jointN<-jointM`."""
-        return tuple(f"{to}<-{by}" for to in arm.joint_names for by in arm.joint_names if to != by)
+        return ordered_pairs(arm)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -84,33 +92,31 @@ class Coupling(Effect):
         return (Parameter("c_rad_per_rad", f"turn of {self.place.replace('<-', ' for each rad of ')}", 0.02),)
 
     @property
-    def moves(self) -> tuple[str, ...]:
+    def targets(self) -> tuple[str, ...]:
         """The angle of the joint that is turned."""
         return (f"{self.place.split('<-')[0]}.theta",)
 
-    @property
-    def driver(self) -> str:
-        """The other joint's angle."""
-        return f"q{joint_number(self.place.split('<-')[1]) + 1}"
-
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """c q_M."""
-        return (p[0] * poses.angle(joint_number(self.place.split("<-")[1])),)
-
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The other joint must move."""
-        other = self.place.split("<-")[1]
-        return None if excitation.levels(joint_number(other)) >= 2 else f"{other} never moves"
+        _, other = coupled_joints(self.place)
+        return None if excitation.levels(other) >= 2 else f"joint{other + 1} never moves"
+
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """q_M."""
+        return ((poses.angle(coupled_joints(self.place)[1]),),)
 
 
 class Quantisation(Effect):
     """Quantisation of the servo pulses to whole counts of the chip. Known, not fitted."""
 
     id = "quantisation"
-    cause = "The servo board can only make pulses of whole counts, about half a degree each at 50 Hz."
-    formula = "δq = angle of the rounded pulse − q"
-    source = "PCA9685 data sheet, section 7.3.5; lrm_math.arm.servo_table"
-    needs = "the PWM frequency"
+    about = Description(
+        cause="The servo board can only make pulses of whole counts, about half a degree each at 50 Hz.",
+        formula="δq = angle of the rounded pulse − q",
+        source="PCA9685 data sheet, section 7.3.5; lrm_math.arm.servo_table",
+        needs="the PWM frequency",
+    )
+    depends_on = ("counts",)
     parameters = (
         Parameter("pwm_Hz", "PWM frequency", 50.0, lower=24.0, fixed=50.0),
         Parameter("oscillator_Hz", "oscillator of the board", 25e6, lower=20e6, fixed=25e6),
@@ -122,11 +128,11 @@ class Quantisation(Effect):
         return ("arm",) if all(joint.servo for joint in arm.joints) else ()
 
     @property
-    def moves(self) -> tuple[str, ...]:
+    def targets(self) -> tuple[str, ...]:
         """All joint angles."""
         return tuple(f"{joint}.theta" for joint in self.arm.joint_names)
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """The rounding error of every joint."""
         clock = PwmClock(p[0], p[1])
         return tuple(
@@ -134,10 +140,13 @@ class Quantisation(Effect):
             for i, joint in enumerate(self.arm.joints)
         )
 
-    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """Zero: the error is a staircase function, and not fitted."""
-        return ((0.0,) * self.arm.dof,) * 2
 
-    def d_q(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """Zero on average: steps of the staircase are left out."""
-        return ((0.0,) * self.arm.dof,) * self.arm.dof
+def ordered_pairs(arm: Arm) -> tuple[str, ...]:
+    """Every ordered pair of joints: `jointN<-jointM`."""
+    return tuple(f"{to}<-{by}" for to in arm.joint_names for by in arm.joint_names if to != by)
+
+
+def coupled_joints(place: str) -> tuple[int, int]:
+    """Numbers from 0 of the joint that is turned and of the one that turns it, of `jointN<-jointM`."""
+    to, by = place.split("<-")
+    return joint_number(to), joint_number(by)

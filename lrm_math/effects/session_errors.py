@@ -1,24 +1,26 @@
-"""Errors that belong to one measurement session: thermal drift, power cycles, the tracker's frame."""
+"""Errors that belong to one measurement session: thermal drift, power cycles, the instruments that measure."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
 from lrm_math.arm.arm import BASE, Arm
 from lrm_math.arrays import Array
-from lrm_math.effects.base import Amounts, Effect, Excitation, Parameter
+from lrm_math.effects.base import Amounts, Description, Effect, Excitation, LinearEffect, Parameter, separately
+from lrm_math.effects.targets import FRAME_ENTRIES
 from lrm_math.kinematics.poses import Poses
 
 MOST_SESSIONS = 6
+ANCHOR_TYPICAL = 0.1  # m: how well a point beside an arm is known without measuring it
 
 
 class _SessionError(Effect):
     """An error of one joint's angle, or of the base's two tilts, in one measurement session."""
 
-    online = False
-    follows_angles = False
+    depends_on: ClassVar[tuple[str, ...]] = ("session",)
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -26,7 +28,7 @@ class _SessionError(Effect):
         return (*arm.joint_names, BASE)
 
     @property
-    def moves(self) -> tuple[str, ...]:
+    def targets(self) -> tuple[str, ...]:
         """The joint's angle, or the base's tilts."""
         return ("base.alpha", "base.beta") if self.place == BASE else (f"{self.place}.theta",)
 
@@ -40,16 +42,14 @@ class Drift(_SessionError):
     """Thermal drift of a servo, or of the base: first-order warm-up."""
 
     id = "drift"
-    cause = "Servos and plastic warm up while measuring; angles creep, fast at first, then settle."
-    formula = "A (1 − exp(−t/T)), and c (temperature − first temperature) where measured"
-    source = "first-order warm-up; 15 °C in ten minutes seen on RC servos"
-    claim = "{place} drifts as it warms up"
-    needs = "times (t_s); a pose order that does not run with one joint"
-
-    @property
-    def driver(self) -> str:
-        """The time."""
-        return "t"
+    depends_on = ("time",)
+    about = Description(
+        cause="Servos and plastic warm up while measuring; angles creep, fast at first, then settle.",
+        formula="A (1 − exp(−t/T)), and c (temperature − first temperature) where measured",
+        source="first-order warm-up; 15 °C in ten minutes seen on RC servos",
+        claim="{place} drifts as it warms up",
+        needs="times (t_s); a pose order that does not run with one joint",
+    )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -61,17 +61,11 @@ class Drift(_SessionError):
             Parameter("T_s", "time constant", 1800.0, 30.0, fixed=1800.0, scan=(300.0, 900.0, 1800.0, 3600.0, 9000.0)),
         )
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """A (1 − exp(−t/T)) + c (temperature − first temperature)."""
         warm, heat = self._courses(poses, p[-1])
-        n = len(self.moves)
+        n = len(self.targets)
         return tuple(p[i] * warm + p[n + i] * heat for i in range(n))
-
-    def d_parameters(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> tuple[Amounts, ...]:
-        """1 − exp(−t/T) and the change of temperature; T by difference."""
-        courses, n = self._courses(poses, p[-1]), len(self.moves)
-        rows = [tuple(course if i == j else 0.0 for i in range(n)) for course in courses for j in range(n)]
-        return (*rows, super().d_parameters(poses, tau, p)[-1])
 
     def _courses(self, poses: Poses, time_constant: float) -> tuple[Array, Array]:
         """(N,) each: 1 − exp(−t/T), and temperature − first temperature (K); zero where not measured."""
@@ -87,15 +81,17 @@ class Drift(_SessionError):
         return None
 
 
-class Session(_SessionError):
+class Session(_SessionError, LinearEffect):
     """Offset of a joint, or of the base, that changes with each power cycle."""
 
     id = "session"
-    cause = "After each power cycle servos find their zero, and clamps their place, a little differently."
-    formula = "a constant for each session after the first"
-    source = "one offset per session"
-    claim = "{place} stands differently in each session"
-    needs = "two or more sessions"
+    about = Description(
+        cause="After each power cycle servos find their zero, and clamps their place, a little differently.",
+        formula="a constant for each session after the first",
+        source="one offset per session",
+        claim="{place} stands differently in each session",
+        needs="two or more sessions",
+    )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -106,31 +102,31 @@ class Session(_SessionError):
             for session in range(2, MOST_SESSIONS + 1)
         )
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """The step of each pose's session, counted from the first in the data."""
-        number = poses.power_cycle
-        if number is None:
-            return (0.0,) * len(self.moves)
-        steps = np.reshape(p, (len(self.moves), MOST_SESSIONS - 1))
-        table = np.concatenate([np.zeros((len(steps), 1)), steps], axis=1)
-        return tuple(row[np.minimum(number, MOST_SESSIONS - 1)] for row in table)
-
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """There must be two or more sessions."""
         sessions = excitation.poses.session
         return None if sessions is not None and len(np.unique(sessions)) > 1 else "all poses are of one session"
 
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """One in the poses of the parameter's session, counted from the first in the data; the last holds the rest."""
+        number, later = poses.power_cycle, range(1, MOST_SESSIONS)
+        still = np.zeros(len(poses))
+        now = [still if number is None else (np.minimum(number, MOST_SESSIONS - 1) == k).astype(float) for k in later]
+        return separately([tuple(now)] * len(self.targets))
 
-class MeasurementFrame(Effect):
+
+class MeasurementFrame(LinearEffect):
     """Scale, shear and rotation of the tracker's frame against the base."""
 
     id = "measurement_frame"
-    cause = "The tracker's calibration stretches or shears space, or its frame is turned against the base target."
-    formula = "x_seen = x + (symmetric matrix of scale and shear + small rotation) x"
-    source = "linear map of the tracker's frame"
-    claim = "the tracker stretches x, y, z by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m}"
-    online = False
-    follows_angles = False
+    depends_on = ("session",)
+    targets = tuple(f"frame.{entry}" for entry in FRAME_ENTRIES)
+    about = Description(
+        cause="The tracker's calibration stretches or shears space, or its frame is turned against the base target.",
+        formula="x_seen = x + (symmetric matrix of scale and shear + small rotation) x",
+        source="linear map of the tracker's frame",
+        claim="the tracker stretches x, y, z by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m}",
+    )
     parameters = (
         *(Parameter(f"scale_{axis}_mm_per_m", f"stretch along {axis}", 0.005) for axis in "xyz"),
         *(Parameter(f"shear_{axes}_mm_per_m", f"shear between {axes}", 0.005) for axes in ("xy", "xz", "yz")),
@@ -142,8 +138,39 @@ class MeasurementFrame(Effect):
         """The frame of measurement."""
         return ("frame",)
 
-    def seen(self, tcp: Array, p: Sequence[float]) -> Array | None:
-        """(scale and shear + rotation) x."""
-        sx, sy, sz, xy, xz, yz, a, b, c = p
-        matrix = np.array([[sx, xy - c, xz + b], [xy + c, sy, yz - a], [xz - b, yz + a, sz]])
-        return np.asarray(tcp @ matrix.T)
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """The matrix of each parameter: scale and shear are symmetric, a rotation is skew."""
+        entries = ("xx", "yy", "zz", "xy yx", "xz zx", "yz zy", "zy -yz", "xz -zx", "yx -xy")
+        words = [entry.split() for entry in entries]
+        return tuple(tuple(float(e in row) - float(f"-{e}" in row) for e in FRAME_ENTRIES) for row in words)
+
+
+class Anchor(LinearEffect):
+    """Position of the point from which distances of the TCP are measured; it moves nothing of the arm."""
+
+    id = "anchor"
+    about = Description(
+        cause="The fixed end of the string or ball bar is not where it was said to be, or was never measured.",
+        formula="distance = |TCP - (stated point + x, y, z)|; without a stated point, x, y, z are its coordinates",
+        source="telescoping ball bar: Goswami, Quaid & Peshkin 1993; single wire draw: Driels & Swayze 1994",
+        claim="the distances start {x_mm}, {y_mm}, {z_mm} from the stated point",
+        needs="distances from a fixed point (distance_mm)",
+    )
+    depends_on = ("instrument",)
+    targets = ("anchor.x", "anchor.y", "anchor.z")
+    parameters = tuple(
+        Parameter(f"{axis}_mm", f"{axis} of the fixed end of the distances", ANCHOR_TYPICAL) for axis in "xyz"
+    )
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """The measured distance."""
+        return ("distance",)
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """Distances must have been measured."""
+        return None if excitation.distance else "no distances (distance_mm) were measured"
+
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """The three directions."""
+        return separately([(1.0,)] * 3)

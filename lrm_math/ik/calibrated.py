@@ -17,25 +17,24 @@ from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import Branch, IkVerdict
-from lrm_math.ik.cube import Cube
+from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
+from lrm_math.ik.methods import DEFAULT
 from lrm_math.ik.nearest import nearest
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved
 from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
-from lrm_math.ik.solver_context import Method, SolverContext
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import clock_of, deployed_part
 from lrm_math.model.derivatives import joint_jacobian
-from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.uncertainty import PositionUncertainty, position_uncertainty
 
 SAME = 1e-6
 """rad: commands no further apart are one branch."""
-CUBE = Cube()
 CommandFilter: TypeAlias = Callable[[Poses, Array], NDArray[np.bool_]]
-"""Which of K commands may be answered, (K,); given their poses and amounts of the moving slots (K, V) at rest there."""
+"""Which of K commands may be answered, (K,); given their poses and the moving slots' amounts (K, V) in equilibrium."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +57,7 @@ class CalibratedSolver:
         servos: the board that commands are rounded by.
     """
 
-    context: SolverContext
+    arm: CalibratedArm
     left_out: tuple[str, ...] = ()
     covariance: Covariance | None = None
     joint_sd: tuple[float, ...] | None = None
@@ -90,7 +89,7 @@ class CalibratedSolver:
             raise LrmError(f"joint_sd = {list(joint_sd)}; should be {model.arm.dof} standard deviations in rad")
         clock = clock or clock_of(model)
         return cls(
-            SolverContext(smooth),
+            CalibratedArm(smooth),
             tuple(left_out),
             None if covariance is None else covariance.marginal(model, smooth),
             None if joint_sd is None else tuple(float(sd) for sd in joint_sd),
@@ -99,14 +98,14 @@ class CalibratedSolver:
 
     def warm_up(self) -> None:
         """Fills the caches, so that the first goals need not wait."""
-        _ = self.context.nominal_solver, self.context.arm(0.0)
+        _ = self.arm.nominal_solver, self.arm.kernel(0.0)
 
     def solve(
         self,
         goal: Goal,
         payload: float = 0.0,
         near: Sequence[float] | None = None,
-        method: Method = CUBE,
+        method: Method = DEFAULT,
         rounding: Rounding = Rounding.EACH,
         allowed: CommandFilter | None = None,
     ) -> CalibratedReply:
@@ -116,7 +115,7 @@ class CalibratedSolver:
             payload: kg.
             near: (n,), present joint angles (rad): branches nearest to them come first, and joints whose error depends
                 on the side of arrival are taken to come from there.
-            method: `Cube()`, `Direct()` or `Iterative()`.
+            method: see `methods`.
             rounding: to counts, where the board's clock is known.
             allowed: which commands may be answered, for instance collision-free ones; None: all.
 
@@ -124,17 +123,17 @@ class CalibratedSolver:
         """
         started = time.perf_counter()
         query = IkQuery(goal, _checked_load(payload), self._angles("near", near))
-        found = method.find(self.context, query)
+        found = method.find(self.arm, query)
         if isinstance(found, Stalled):
             elapsed = time.perf_counter() - started
             return NotConverged(goal, found.q, found.errors, method.name, self.left_out, elapsed)
         if found is not None:
             order = in_limits = self._ordered(query, found)
             if allowed is not None and in_limits:
-                q = np.array([self.context.limits.clipped(command.q) for command in order])
+                q = np.array([self.arm.limits.clipped(command.q) for command in order])
                 sides = np.array([command.direction for command in order], dtype=np.float64)
                 slots = np.array([command.slots for command in order])
-                free = allowed(self.context.poses(query, q, sides), slots)
+                free = allowed(self.arm.poses(query, q, sides), slots)
                 order = [command for command, may in zip(order, free, strict=True) if may]
                 if not order:
                     branches, elapsed = self._branches(in_limits), time.perf_counter() - started
@@ -155,15 +154,15 @@ class CalibratedSolver:
         query = IkQuery(Goal((0.0, 0.0, 0.0)), _checked_load(payload), here)
         angles = np.array([command])
         side = None if here is None else np.sign(angles - here)
-        rest = solve_equilibrium(self.context.model, self.context.poses(query, angles, side))
-        slots = np.array([[float(rest.slots[k]) for k in self.context.joint_laws.linkage.slots]])
-        rotation = rotation_rows(self.context.arm(query.payload).forward(slots)[0][0, :3, :3])
-        x, y, z = rest.true_tcp[0].tolist()
-        uncertainty = position_uncertainty(rest, self.covariance, self.joint_sd)
-        return ForwardResult((x, y, z), rotation, tuple(rest.joint_torque[0].tolist()), uncertainty)
+        settled = equilibrium(self.arm.model, self.arm.poses(query, angles, side))
+        slots = np.array([[float(settled.slots[k]) for k in self.arm.errors.moving.slots]])
+        rotation = rotation_rows(self.arm.kernel(query.payload).forward(slots)[0][0, :3, :3])
+        x, y, z = settled.true_tcp[0].tolist()
+        uncertainty = position_uncertainty(settled, self.covariance, self.joint_sd)
+        return ForwardResult((x, y, z), rotation, tuple(settled.joint_torque[0].tolist()), uncertainty)
 
     def _angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
-        return None if q is None else checked_angles(name, q, self.context.model.arm.dof)
+        return None if q is None else checked_angles(name, q, self.arm.model.arm.dof)
 
     def _ordered(self, query: IkQuery, found: IkSolutions) -> list[IkSolution]:
         """Commands within the limits, best first, each branch once."""
@@ -184,7 +183,7 @@ class CalibratedSolver:
     ) -> Solved | None:  # fmt: skip
         """The reply, the first branch checked by its equilibrium; None if the arm does not settle there."""
         first, branches = order[0], self._branches(order)
-        tool = self.context.tool_at(query, branches[0].q, first.direction, first.slots)
+        tool = self.arm.tool_at(query, branches[0].q, first.direction, first.slots)
         if tool is None:
             return None
         ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z = tool
@@ -210,22 +209,22 @@ class CalibratedSolver:
 
     def _branches(self, commands: Sequence[IkSolution]) -> tuple[Branch, ...]:
         """Without the round-off that leads beyond a limit."""
-        limits = self.context.limits
+        limits = self.arm.limits
         return tuple([Branch(limits.clipped(command.q), -1, limits, command.free) for command in commands])
 
     def _unsolved(self, query: IkQuery, found: IkSolutions | None, method: str, started: float) -> Unsolved:
-        limits = self.context.limits
+        limits = self.arm.limits
         beyond = [] if found is None else found.beyond
         branches = tuple(Branch(command.q, -1, limits, command.free) for command in beyond)
         violation = limits.violation(branches[0].q) if branches else None
         verdict = IkVerdict.OUTSIDE_LIMITS if branches else IkVerdict.OUT_OF_REACH
-        closest = nearest(self.context, query, tuple(command.q for command in beyond))
+        closest = nearest(self.arm, query, tuple(command.q for command in beyond))
         elapsed = time.perf_counter() - started
         return Unsolved(query.goal, verdict, closest, branches, violation, method, self.left_out, elapsed)
 
     def _equilibrium(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> Equilibrium:
-        poses = self.context.poses(query, np.array([q]), np.array([command.direction], dtype=np.float64))
-        return solve_equilibrium(self.context.model, poses, self.context.chain_amounts(np.array([command.slots])))
+        poses = self.arm.poses(query, np.array([q]), np.array([command.direction], dtype=np.float64))
+        return equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([command.slots])))
 
     def _uncertainty_of(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
@@ -237,11 +236,10 @@ class CalibratedSolver:
     ) -> RoundedCommand | None:
         if self.servos is None:
             return None
-        context = self.context
 
         def position_error(angles: tuple[float, ...]) -> float:
-            """m, distance of the tool at rest from the goal. Raises `NoEquilibrium`."""
-            tool = context.tool_at(query, angles, command.direction, command.slots)
+            """m, distance of the tool in equilibrium from the goal. Raises `NoEquilibrium`."""
+            tool = self.arm.tool_at(query, angles, command.direction, command.slots)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
             return math.dist(tool[9:], query.goal.position)

@@ -11,10 +11,10 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.direct import Direct
-from lrm_math.ik.kernel.flat_arm import frames_as_numbers, matrices
+from lrm_math.ik.calibrated_arm import CalibratedArm
+from lrm_math.ik.kernel.kernel_model import frames_as_numbers, matrices
+from lrm_math.ik.search import commands, initial_guesses
 from lrm_math.ik.solutions import IkQuery, IkSolutions
-from lrm_math.ik.solver_context import SolverContext
 
 REGION = 0.05
 """rad: rounding of known commands, so that the search starts beside them."""
@@ -22,8 +22,6 @@ COARSE = 1e-3
 """m: equilibria in the cube are settled to this step; the remaining error is a tenth of it. The best settles fully."""
 SHRINK = 0.6
 """Ratio of the sides of successive cubes."""
-RETRACTIONS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
-"""Shares of the distance to the second joint by which goals beyond the nominal arm's reach are retracted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +41,8 @@ class Cube:
     off than the grid is wide, the correction is repeated from there with a smaller cube, at most `moves` times.
     Newton's method then takes the best to the goal.
 
-    Where the first nominal solution leads nowhere, the next start is the neighbourhood of a command known from the
-    direct method; only its neighbourhood, so that the error of the best still shows what a cube can do.
+    Where the first nominal solution leads nowhere, the next start is the neighbourhood of a command known to
+    reach the goal; only its neighbourhood, so that the error of the best still shows what a cube can do.
 
     `side`: m. `points`: goals along each edge. `guesses`: maximum number of starts, each with its cubes.
     """
@@ -62,27 +60,25 @@ class Cube:
                 "should be a side above 0, 2 or more points, 0 or more moves and 1 or more guesses"
             )
 
-    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | None:
-        """The best of the cube refined by Newton, and all other branches of the direct method."""
-        others = Direct().find(context, query)
-        result = self.search(context, query, [] if others is None else [command.q for command in others.within])
+    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | None:
+        """The best of the cube refined by Newton, and all other branches."""
+        others = commands(arm, query)
+        result = self.search(arm, query, [] if others is None else [command.q for command in others.within])
         if result is None:
             return others
-        polished = tuple(context.at_goal(query, result.slots))
+        polished = tuple(arm.at_goal(query, result.slots))
         if others is None:
             return IkSolutions(polished, 0, result.error) if polished else None
         return replace(others, commands=(*polished, *others.commands), error=result.error)
 
-    def search(
-        self, context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]] = ()
-    ) -> CubeResult | None:
+    def search(self, arm: CalibratedArm, query: IkQuery, known: Sequence[tuple[float, ...]] = ()) -> CubeResult | None:
         """The best of the cubes; None where the arm does not settle or the nominal inverse has no solution.
 
-        `commands`: rad, known to reach the goal; see the class.
+        `known`: commands (rad) known to reach the goal; see the class.
         """
         best: CubeResult | None = None
-        for start in itertools.islice(_starts(context, query, commands), self.guesses):
-            result = self._search_from(context, query, start)
+        for start in itertools.islice(_starts(arm, query, known), self.guesses):
+            result = self._search_from(arm, query, start)
             best = result if best is None or (result is not None and result.error < best.error) else best
             if best is not None and best.error <= self.width:
                 break
@@ -93,22 +89,22 @@ class Cube:
         """Spacing of the grid (m)."""
         return self.side / (self.points - 1)
 
-    def _search_from(self, context: SolverContext, query: IkQuery, q: Array) -> CubeResult | None:
+    def _search_from(self, arm: CalibratedArm, query: IkQuery, q: Array) -> CubeResult | None:
         best: CubeResult | None = None
-        arm, goal = context.arm(query.payload), np.array(query.goal.position)
-        here = context.at_rest(query, q[None])
+        kernel, goal = arm.kernel(query.payload), np.array(query.goal.position)
+        here = arm.equilibria(query, q[None])
         for move in range(self.moves + 1):
             if not len(here.rows):
                 break
-            centre = frames_as_numbers(*_corrected(query, context.nominal_tool(q), matrices(here.tcp)[0]))
-            _, known, _ = arm.settle(q[None], np.zeros((1, arm.joints)), here.slots, COARSE)
+            centre = frames_as_numbers(*_corrected(query, arm.nominal_tool(q), matrices(here.tcp)[0]))
+            _, known, _ = kernel.settle(q[None], np.zeros((1, kernel.joints)), here.slots, COARSE)
             target = goal + known[0, 9:] - here.tcp[0, 9:]
             side = self.side * SHRINK**move
-            found = arm.cube(context.nominal_solver.packed, centre, side, self.points, target, COARSE, q, here.slots[0])
+            found = kernel.cube(arm.nominal_solver.packed, centre, side, self.points, target, COARSE, q, here.slots[0])
             if found is None:
                 break
             q, slots = found
-            here = context.at_rest(query, q[None], start=slots[None])
+            here = arm.equilibria(query, q[None], start=slots[None])
             error = math.dist(here.tcp[0, 9:], goal) if len(here.rows) else math.inf
             if not math.isfinite(error) or (best is not None and error >= best.error):
                 break
@@ -118,31 +114,11 @@ class Cube:
         return best
 
 
-def initial_guesses(context: SolverContext, query: IkQuery) -> Iterator[Array]:
-    """Nominal solutions (n,), nearest to `near` first, or else furthest from the limits; a little beyond them too.
-
-    Goals beyond the nominal arm's reach are retracted. What the goal leaves free of the orientation is as the guess has
-    it. At last the closest poses of the library.
-    """
-    inwards = np.array(context.nominal_solver.second_axis) - query.goal.position
-    for share in RETRACTIONS:
-        position = np.array(query.goal.position) + share * inwards
-        goal = replace(query.goal, position=tuple(position.tolist()))
-        branches = context.nominal_solver.branches(goal, query.near)
-        for branch in branches:
-            yield np.array(branch.q)
-        if branches:
-            break
-    found = context.library.tcp[:, :3, 3] - query.goal.position
-    for row in np.argsort(np.linalg.norm(found, axis=1))[:16]:
-        yield context.library.q[row]
-
-
-def _starts(context: SolverContext, query: IkQuery, commands: Sequence[tuple[float, ...]]) -> Iterator[Array]:
+def _starts(arm: CalibratedArm, query: IkQuery, known: Sequence[tuple[float, ...]]) -> Iterator[Array]:
     """The first guess; then neighbourhoods of commands known to reach the goal; then the other guesses."""
-    guesses = initial_guesses(context, query)
+    guesses = initial_guesses(arm, query)
     yield from itertools.islice(guesses, 1)
-    for q in commands:
+    for q in known:
         yield np.round(np.array(q) / REGION) * REGION
     yield from guesses
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.ik.cube import initial_guesses
+from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.goal import pose
+from lrm_math.ik.search import initial_guesses
 from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
-from lrm_math.ik.solver_context import SolverContext
 
 STILL = 1e-6
 """m: the error has settled when it changes by less."""
@@ -30,26 +30,26 @@ class Iterative:
     most: int = 100
     name: str = "iterative"
 
-    def find(self, context: SolverContext, query: IkQuery) -> IkSolutions | Stalled | None:
+    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | Stalled | None:
         """Where it ended; None if the arm does not settle at the start."""
-        q, errors = next(initial_guesses(context, query)), list[float]()
-        drawn, goal = context.nominal_tool(q), np.array(query.goal.position)
-        start = context.stiff(q[None])
+        q, errors = next(initial_guesses(arm, query)), list[float]()
+        drawn, goal = arm.nominal_tool(q), np.array(query.goal.position)
+        start = arm.unloaded_slots(q[None])
         for step in range(1, self.most + 1):
-            rest = context.at_rest(query, q[None], start=start, tolerance=0.1 * STILL)
-            if not len(rest.rows):
+            settled = arm.equilibria(query, q[None], start=start, tolerance=0.1 * STILL)
+            if not len(settled.rows):
                 break
-            error = rest.tcp[0, 9:] - goal
+            error = settled.tcp[0, 9:] - goal
             errors.append(float(np.linalg.norm(error)))
-            settled = step > 2 and max(abs(errors[-1] - before) for before in errors[-3:-1]) < STILL
+            still = step > 2 and max(abs(errors[-1] - before) for before in errors[-3:-1]) < STILL
             if errors[-1] <= self.enough:
                 angles, unknown = tuple(q.tolist()), (0,) * len(q)
-                margin = min(context.limits.margins(angles))
-                return IkSolutions((IkSolution(angles, unknown, (), tuple(rest.slots[0].tolist()), margin),), step)
-            branches = context.nominal_solver.branches(pose(drawn[:3, 3] - error, drawn[:3, :3]), q.tolist())
-            if settled or not branches:
+                margin = min(arm.limits.margins(angles))
+                return IkSolutions((IkSolution(angles, unknown, (), tuple(settled.slots[0].tolist()), margin),), step)
+            branches = arm.nominal_solver.branches(pose(drawn[:3, 3] - error, drawn[:3, :3]), q.tolist())
+            if still or not branches:
                 break
             answer = np.array(branches[0].q)
-            start = rest.slots + context.stiff(answer[None]) - context.stiff(q[None])
+            start = settled.slots + arm.unloaded_slots(answer[None]) - arm.unloaded_slots(q[None])
             q = answer
         return Stalled(tuple(q.tolist()), tuple(errors)) if errors else None

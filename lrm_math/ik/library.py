@@ -8,8 +8,8 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.joint_laws import JointLaws
-from lrm_math.ik.kernel.flat_arm import FlatArm
+from lrm_math.ik.joint_errors import JointErrorModel
+from lrm_math.ik.kernel.kernel_model import KernelModel
 from lrm_math.kinematics.poses import poses_of, roberts_sequence
 from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.reach_ball import ReachBall, reach_ball
@@ -38,32 +38,32 @@ class PoseLibrary:
     reach_ball: ReachBall
 
     @classmethod
-    def of(cls, laws: JointLaws, arm: FlatArm) -> PoseLibrary:
+    def of(cls, errors: JointErrorModel, arm: KernelModel) -> PoseLibrary:
         """Poses evenly spread over the limits; those that do not settle are left out. Raises `LrmError`: none does."""
-        joints = laws.model.arm.joints
+        joints = errors.model.arm.joints
         lower, upper = np.array([joint.lower for joint in joints]), np.array([joint.upper for joint in joints])
-        q, slots = _settled(laws, arm, lower + roberts_sequence(SIZE, len(joints)) * (upper - lower))
+        q, slots = _settled(errors, arm, lower + roberts_sequence(SIZE, len(joints)) * (upper - lower))
         if not len(q):
             raise LrmError(
                 "the arm comes to rest in none of many poses without load; its compliances must be too large"
             )
         tcp, tau = arm.forward(slots)
-        return cls(q, slots, tau, tcp, reach_ball(laws.model))
+        return cls(q, slots, tau, tcp, reach_ball(errors.model))
 
-    def nonlinear_bound(self, laws: JointLaws) -> float:
+    def nonlinear_bound(self, errors: JointErrorModel) -> float:
         """rad, bound on the share of nonlinear effects in a command: twice the largest of the library."""
-        joints = laws.linkage.joints
-        linear = self.slots[:, joints] - laws.constants[joints] - self.tau @ laws.compliances[joints].T
+        joints = errors.moving.joints
+        linear = self.slots[:, joints] - errors.constants[joints] - self.tau @ errors.compliances[joints].T
         return 2.0 * float(np.abs(linear - self.q).max())
 
 
-def _settled(laws: JointLaws, arm: FlatArm, q: Array) -> tuple[Array, Array]:
-    """Those of commands (K, n) that come to rest, and slot amounts there."""
-    if laws.complete:
-        start = np.tile(laws.constants, (len(q), 1))
-        start[:, laws.linkage.joints] += q
+def _settled(errors: JointErrorModel, arm: KernelModel, q: Array) -> tuple[Array, Array]:
+    """Those of commands (K, n) that settle, and slot amounts there."""
+    if errors.complete:
+        start = np.tile(errors.constants, (len(q), 1))
+        start[:, errors.moving.joints] += q
         slots, _, iterations = arm.settle(q, np.zeros_like(q), start, COARSE)
         return q[iterations > 0], slots[iterations > 0]
-    rest, _ = batch_equilibrium(laws.model, poses_of(q), tolerance=COARSE)
-    count = len(rest.poses)
-    return rest.poses.q, np.stack([np.broadcast_to(rest.slots[k], count) for k in laws.linkage.slots], axis=1)
+    settled, _ = batch_equilibrium(errors.model, poses_of(q), tolerance=COARSE)
+    count = len(settled.poses)
+    return settled.poses.q, np.stack([np.broadcast_to(settled.slots[k], count) for k in errors.moving.slots], axis=1)

@@ -9,14 +9,14 @@ import numpy as np
 
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Nearest
-from lrm_math.ik.kernel.flat_arm import matrices
+from lrm_math.ik.calibrated_arm import CalibratedArm
+from lrm_math.ik.kernel.kernel_model import matrices
 from lrm_math.ik.library import CHAR_LENGTH
 from lrm_math.ik.solutions import IkQuery
-from lrm_math.ik.solver_context import SolverContext
 
 
 @lru_cache(maxsize=4)
-def nearest(context: SolverContext, query: IkQuery, starts: tuple[tuple[float, ...], ...] = ()) -> Nearest:
+def nearest(arm: CalibratedArm, query: IkQuery, starts: tuple[tuple[float, ...], ...] = ()) -> Nearest:
     """Least squares of distance (m) and scaled rotation over the commands within the limits.
 
     `starts`: commands (rad) to start from, beside the closest poses of the library. Of effects that the kernel does not
@@ -24,11 +24,11 @@ def nearest(context: SolverContext, query: IkQuery, starts: tuple[tuple[float, .
 
     Raises `LrmError`: the arm does not settle anywhere near.
     """
-    found = context.arm(query.payload).nearest(query.goal, starts)
+    found = arm.kernel(query.payload).nearest(query.goal, starts)
     if found is not None:
-        rest = context.at_rest(query, np.array([found[0]]))
-        if len(rest.rows):
-            return Nearest.at(found[0], query.goal, matrices(rest.tcp)[0])
+        settled = arm.equilibria(query, np.array([found[0]]))
+        if len(settled.rows):
+            return Nearest.at(found[0], query.goal, matrices(settled.tcp)[0])
     raise LrmError("the arm comes to rest in no pose near this goal; its compliances may be wrong")
 
 

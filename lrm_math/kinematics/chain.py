@@ -100,7 +100,7 @@ class Chain:
 
     @cached_property
     def hinges(self) -> dict[str, tuple[tuple[int, float], ...]]:
-        """For each link the slots that translate to its hinge and back, and their amounts (m)."""
+        """Slots of each link that translate to its hinge and back, and their amounts (m)."""
         out: dict[str, tuple[tuple[int, float], ...]] = {}
         for k, slot in enumerate(self.slots):
             if slot.to_hinge:

@@ -88,10 +88,7 @@ class Poses:
 
     def one(self, row: int) -> Poses:
         """One pose alone."""
-        columns = (self.direction, self.t, self.session, self.temperature, self.number, self.friction, self.running)
-        given = (*columns, self.warmed, self.power_cycle)
-        rest = (None if column is None else column[row : row + 1] for column in given)
-        return Poses(self.q[row : row + 1], self.payload[row : row + 1], *rest)  # type: ignore[arg-type]
+        return self.take([row])
 
     def perturbed(self, joint: int, step: float) -> Poses:
         """The same poses with one joint angle changed by `step` (rad)."""
@@ -101,7 +98,9 @@ class Poses:
 
 
 def _number(column: Array) -> Number:
-    return float(column[0]) if len(column) == 1 else np.ascontiguousarray(column)
+    if isinstance(column, np.ndarray):
+        return float(column[0]) if len(column) == 1 else np.ascontiguousarray(column)
+    return column  # a dual number (`lrm_math.kinematics.dual`)
 
 
 def poses_of(q: ArrayLike, payload: ArrayLike = 0.0) -> Poses:

@@ -34,7 +34,7 @@ class Covariance(NamedTuple):
     matrix: Array
 
     def marginal(self, model: Model, part: Model) -> Covariance:
-        """Of the parameters of a part of the model, the others marginalised. Raises `UnknownName` for foreign keys."""
+        """Covariance of the parameters of a part of the model, the others marginalised. Raises `UnknownName`."""
         for key in self.keys:
             model.position(key)
         rows = [i for i, key in enumerate(self.keys) if key in part.keys]

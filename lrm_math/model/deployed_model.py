@@ -1,4 +1,4 @@
-"""What of a model a rover can compensate."""
+"""Part of a model that a rover can compensate."""
 
 from __future__ import annotations
 
@@ -8,8 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_math.arm.servo_table import PwmClock
+from lrm_math.effects import Effect
+from lrm_math.effects.servo_errors import Quantisation
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
+
+COMPENSATED = {"angle", "direction"}
+
+
+def of_a_session(effect: Effect) -> bool:
+    """Whether it explains one measurement session: drift, power cycles, the tracker's frame."""
+    return not {"time", "session"}.isdisjoint(effect.depends_on)
 
 
 def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
@@ -22,11 +31,11 @@ def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
     for name in left_out:
         if name not in names:
             raise LrmError(f"left out: '{name}' is no effect of this model; it has {', '.join(sorted(names))}")
-    kept = [e.online and e.id not in (*left_out, "quantisation") for e in model.effects]
+    kept = [set(e.depends_on) <= COMPENSATED and e.id not in left_out for e in model.effects]
     for effect in model.effects:
-        if not (effect.online or effect.instrument or effect.id in left_out):
+        if of_a_session(effect) and effect.id not in left_out:
             raise LrmError(
-                f"effect {effect.id}@{effect.place} explains a measurement session and cannot be compensated on the "
+                f"effect {effect.name} explains a measurement session and cannot be compensated on the "
                 f"rover; name it as left out (left_out = ['{effect.id}']) to deploy the others"
             )
     effects = tuple(e for e, keep in zip(model.effects, kept, strict=True) if keep)
@@ -38,4 +47,4 @@ def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
 
 def clock_of(model: Model) -> PwmClock | None:
     """The clock of the servo board whose rounding is an effect of a model; None without that effect."""
-    return next((PwmClock(p[0], p[1]) for effect, p in model.parts() if effect.id == "quantisation"), None)
+    return next((PwmClock(p[0], p[1]) for effect, p in model.parts() if isinstance(effect, Quantisation)), None)

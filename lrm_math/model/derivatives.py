@@ -1,7 +1,7 @@
 """Total derivatives of the TCP through the elastic equilibrium.
 
-At rest s = s0 + E(tau(s)), with s the slots' amounts, E the effects and tau the loads. A small motion δ added to the
-slots therefore ends as ds = δ + D H ds with D = ∂E/∂tau and H = ∂tau/∂s, and moves the TCP by (implicit function)
+At equilibrium s = s0 + E(tau(s)), with s the slots' amounts, E the effects and tau the loads. A small motion δ added to
+the slots therefore ends as ds = δ + D H ds with D = ∂E/∂tau and H = ∂tau/∂s, and moves the TCP by (implicit function)
 
     dx = (J + Λ H) δ,   Λ = J_E D (I − H D)⁻¹,
 
@@ -17,10 +17,13 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
-from lrm_math.effects.base import STEP
+from lrm_math.effects.base import Amounts
+from lrm_math.effects.derivatives import by_angles, by_loads, by_parameters
+from lrm_math.effects.targets import Kind
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
+from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, frame_matrix
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
 
@@ -39,95 +42,88 @@ class Response:
     """Sensitivity of what is measured to small changes, through the equilibrium: R rows of each pose.
 
     Attributes:
-        rest: the equilibrium at which it is linearised.
+        equilibrium: where it is linearised.
         geometry: screw axes and bodies there.
         slots: (S, R, N), ∂TCP/∂(motion added at each slot) (m/rad or 1), and of what else is `sensed`.
         loads: (K, R, N), ∂TCP/∂(load added on each slot of `model.load_slots`) (m/N·m), and of what else is sensed.
     """
 
-    rest: Equilibrium
+    equilibrium: Equilibrium
     geometry: ChainGeometry
     slots: Array
     loads: Array
     sensed: Sensed = TCP_ONLY
 
 
-def respond(rest: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
+def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     """The response at an equilibrium."""
-    model, chain = rest.model, rest.model.chain
-    geometry = chain_geometry(chain, rest.slots, len(rest.poses), [weight.com for weight in rest.weights])
+    model, chain = settled.model, settled.model.chain
+    geometry = chain_geometry(chain, settled.slots, len(settled.poses), [weight.com for weight in settled.weights])
     rigid = slot_jacobian(chain, geometry)
     if sensed != TCP_ONLY:
-        rigid = _with_sensed(rigid, rest, geometry, sensed)
+        rigid = _with_sensed(rigid, settled, geometry, sensed)
     if not model.load_slots:
-        return _as_measured(Response(rest, geometry, rigid, np.empty((0, *rigid.shape[1:])), sensed))
-    H = statics.load_derivatives(chain, geometry, rest.weights, model.load_slots)
+        return _as_measured(Response(settled, geometry, rigid, np.empty((0, *rigid.shape[1:])), sensed))
+    H = statics.load_derivatives(chain, geometry, settled.weights, model.load_slots)
     moving = list(model.binding.moving)
-    D = _elastic_compliance(rest)
+    D = _elastic_compliance(settled)
     system = np.eye(len(model.load_slots)) - np.einsum("ksn,sjn->nkj", H[:, moving], D)
     deflected = np.einsum("scn,sjn->njc", rigid[moving], D)
     if sensed.feedback:
-        _add_before_encoder(deflected, rest, sensed)
+        _add_before_encoder(deflected, settled, sensed)
     by_load = np.ascontiguousarray(np.linalg.solve(system.transpose(0, 2, 1), deflected).transpose(1, 2, 0))
     total = rigid + np.einsum("kcn,ksn->scn", by_load, H)
-    return _as_measured(Response(rest, geometry, total, by_load, sensed))
+    return _as_measured(Response(settled, geometry, total, by_load, sensed))
 
 
-def _with_sensed(rigid: Array, rest: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:
+def _with_sensed(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:
     """(S, R, N), the Jacobian of the TCP (S, 3, N) with the rows of its attitude, empty ones of the encoders, and that
     of its distance from a point: the TCP's motion along the line.
 
     An attitude error is a rotation vector in world axes. A motion that is added before an encoder adds to its row.
     """
-    chain, parts = rest.model.chain, [rigid]
+    chain, parts = settled.model.chain, [rigid]
     if sensed.attitude:
         rotates = np.array([slot.rotates for slot in chain.slots])
         parts.append(np.where(rotates[:, None, None], geometry.axis, 0.0))
     if sensed.feedback:
         parts.append(np.zeros((len(rigid), chain.dof, rigid.shape[2])))
     if sensed.distance_from is not None:
-        parts.append(np.einsum("nc,scn->sn", along_distance(rest, sensed.distance_from), rigid)[:, None])
+        parts.append(np.einsum("nc,scn->sn", along_distance(settled, sensed.distance_from), rigid)[:, None])
     return np.concatenate(parts, axis=1)
 
 
-def _add_before_encoder(deflected: Array, rest: Equilibrium, sensed: Sensed) -> None:
+def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed) -> None:
     """Adds to deflected (N, K, R) what loads do to the encoders' angles."""
-    for bound in rest.model.binding.elastic:
-        if bound.effect.before_encoder:
-            rows = bound.effect.d_tau(rest.poses, tuple(rest.tau[i] for i in bound.feels), bound.p)
-            for i, amounts in zip(bound.feels, rows, strict=True):
-                for k, amount in zip(bound.moves, amounts, strict=True):
-                    deflected[:, i, sensed.first_feedback + _joint(rest, k)] += amount
-
-
-def _joint(rest: Equilibrium, slot: int) -> int:
-    """Number of the joint whose angle a slot is."""
-    joint = rest.model.chain.slots[slot].joint
-    assert joint is not None, "what is before an encoder turns a joint"
-    return joint
+    for bound in settled.model.binding.elastic:
+        if any(encoder is not None for encoder in bound.encoders):
+            rows = by_loads(bound.effect, settled.poses, bound.felt(settled.tau), bound.p)
+            for i, amounts in zip(bound.loads, rows, strict=True):
+                for encoder, amount in zip(bound.encoders, amounts, strict=True):
+                    if encoder is not None:
+                        deflected[:, i, sensed.first_feedback + encoder] += amount
 
 
 def _as_measured(response: Response) -> Response:
     """The response in the tracker's distorted frame."""
-    for bound in response.rest.model.binding.distorting:
-        errors = [bound.effect.seen(axis[None, :], bound.p) for axis in np.eye(3)]
-        if errors[0] is not None:
-            distort = np.eye(3) + np.stack([error[0] for error in errors], axis=1)  # type: ignore[index]
-            slots, loads = response.slots.copy(), response.loads.copy()
-            for moves in (slots, loads):
-                moves[:, :3] = np.einsum("dc,scn->sdn", distort, moves[:, :3])
-            response = replace(response, slots=slots, loads=loads)
+    settled = response.equilibrium
+    for bound in settled.model.binding.distorting:
+        distort = np.eye(3) + frame_matrix(bound.effect, bound.effect.amounts(settled.poses, (), bound.p))
+        slots, loads = response.slots.copy(), response.loads.copy()
+        for motions in (slots, loads):
+            motions[:, :3] = np.einsum("dc,scn->sdn", distort, motions[:, :3])
+        response = replace(response, slots=slots, loads=loads)
     return response
 
 
-def parameter_jacobian(rest: Equilibrium, keys: Sequence[str] | None = None, sensed: Sensed = TCP_ONLY) -> Array:
+def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, sensed: Sensed = TCP_ONLY) -> Array:
     """∂TCP/∂parameters through the equilibrium: (N, 3, P), SI, for `keys` (every parameter if None).
 
     (N, R, P) with what else is `sensed`.
     """
-    model, response = rest.model, respond(rest, sensed)
+    model, response = settled.model, respond(settled, sensed)
     position = {key: column for column, key in enumerate(model.keys if keys is None else keys)}
-    out = np.zeros((len(position), response.slots.shape[1], len(rest.poses)))
+    out = np.zeros((len(position), response.slots.shape[1], len(settled.poses)))
     for effect, span in zip(model.effects, model.spans, strict=True):
         columns = [position.get(key) for key in model.keys[span]]
         if any(column is not None for column in columns):
@@ -139,73 +135,70 @@ def parameter_jacobian(rest: Equilibrium, keys: Sequence[str] | None = None, sen
 
 
 def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Array:
-    """∂TCP/∂p of one effect at parameter values p: (P, R, N), SI. The model's `load_slots` must hold what it feels."""
-    rest, index = response.rest, response.rest.model.chain.index
-    out = np.zeros((len(p), response.slots.shape[1], len(rest.poses)))
-    if effect.moves:
-        for j, amounts in enumerate(effect.d_parameters(rest.poses, _loads_felt(effect, rest), p)):
-            _add_motion(out[j], effect, amounts, index, response.slots)
-            if effect.before_encoder and response.sensed.feedback:
-                for key, amount in zip(effect.moves, amounts, strict=True):
-                    out[j][response.sensed.first_feedback + _joint(rest, index[key])] += amount
-    units = np.eye(len(p)).tolist()
-    load_row = {k: row for row, k in enumerate(rest.model.load_slots)}
-    for key, *loads in zip(effect.pushes, *(effect.push(rest.poses, unit) for unit in units), strict=True):
-        if index[key] in load_row:
-            for j, load in enumerate(loads):
-                out[j] += response.loads[load_row[index[key]]] * load
-    for body, *added in zip(effect.weighs, *(effect.weight(rest.poses.carried, unit) for unit in units), strict=True):
-        if load_row:
-            args = (rest.model.chain, response.geometry, rest.weights, rest.model.load_slots, body)
-            by_mass, by_com = statics.weight_derivatives(*args)
-            for j, ballast in enumerate(added):
-                load = by_mass * ballast.mass + sum(by_com[:, axis] * ballast.shift[axis] for axis in range(3))
-                out[j] += np.einsum("kcn,kn->cn", response.loads, load)
-    for j, unit in enumerate(units):
-        shift = effect.seen(rest.true_tcp, unit)
-        if shift is not None:
-            out[j][:3] += shift.T
-        anchor, start = effect.anchor_shift(unit), response.sensed.distance_from
-        if anchor is not None and start is not None:
-            out[j][-1] -= along_distance(rest, start) @ anchor
+    """∂TCP/∂p of one effect at parameter values p: (P, R, N), SI. The model's `load_slots` must hold the effect's."""
+    settled, model = response.equilibrium, response.equilibrium.model
+    bound = bind_effect(model.chain, effect, p, model.load_slots)
+    rows = by_parameters(effect, settled.poses, bound.felt(settled.tau), p)
+    out = np.zeros((len(p), response.slots.shape[1], len(settled.poses)))
+    for moved, amounts in zip(out, rows, strict=True):
+        _add_response(moved, bound, amounts, response)
     return out
 
 
-def joint_jacobian(rest: Equilibrium) -> Array:
+def joint_jacobian(settled: Equilibrium) -> Array:
     """∂TCP/∂q of the commanded joint angles through the equilibrium: (N, 3, n), m/rad."""
-    model, response = rest.model, respond(rest)
-    index, load_row = model.chain.index, {k: row for row, k in enumerate(model.load_slots)}
+    model, response = settled.model, respond(settled)
     out = response.slots[list(model.chain.joint_slots)]
-    for effect, p in model.parts():
-        if effect.follows_angles and effect.moves:
-            for joint, amounts in enumerate(effect.d_q(rest.poses, _loads_felt(effect, rest), p)):
-                _add_motion(out[joint], effect, amounts, index, response.slots)
-        for i, key in enumerate(effect.pushes):
-            for joint in range(model.arm.dof if index[key] in load_row else 0):
-                plus, minus = (effect.push(rest.poses.perturbed(joint, h), p)[i] for h in (STEP, -STEP))
-                out[joint] += response.loads[load_row[index[key]]] * ((plus - minus) / (2.0 * STEP))
+    for bound in (*model.binding.rigid, *model.binding.elastic, *model.binding.loading):
+        rows = by_angles(bound.effect, settled.poses, bound.felt(settled.tau), bound.p)
+        for moved, amounts in zip(out, rows, strict=True):
+            _add_response(moved, bound, amounts, response)
     return out.transpose(2, 1, 0)
 
 
-def _add_motion(out: Array, effect: Effect, amounts: Sequence[Number], index: dict[str, int], slots: Array) -> None:
-    """Adds to out (3, N) the TCP's motion for these amounts at the slots that the effect moves."""
-    for key, amount in zip(effect.moves, amounts, strict=True):
-        if not is_zero(amount):
-            out += slots[index[key]] * amount
+def _add_response(out: Array, bound: BoundEffect, amounts: Amounts, response: Response) -> None:
+    """Adds to out (R, N) how what is measured follows amounts at the effect's targets."""
+    if bound.kind in (Kind.MOTION, Kind.LOAD):
+        for k, encoder, amount in zip(bound.slots, bound.encoders, amounts, strict=True):
+            if not is_zero(amount):
+                _add_slot(out, bound.kind, k, encoder, amount, response)
+    elif bound.kind is Kind.WEIGHT:
+        for body, change in changes_of(bound.effect, amounts):
+            _add_weight(out, body, change, response)
+    elif bound.kind is Kind.FRAME:
+        out[:3] += frame_matrix(bound.effect, amounts) @ response.equilibrium.true_tcp.T
+    elif response.sensed.distance_from is not None:
+        line = along_distance(response.equilibrium, response.sensed.distance_from)
+        out[-1] -= line @ anchor_shift(bound.effect, amounts)
 
 
-def _loads_felt(effect: Effect, rest: Equilibrium) -> tuple[Number, ...]:
-    load = dict(zip(rest.model.load_slots, rest.tau, strict=True))
-    return tuple(load[rest.model.chain.index[key]] for key in effect.feels)
+def _add_slot(out: Array, kind: Kind, k: int, encoder: int | None, amount: Number, response: Response) -> None:
+    """Adds the response to a motion of slot k, or to a load on it."""
+    if kind is Kind.MOTION:
+        out += response.slots[k] * amount
+        if encoder is not None and response.sensed.feedback:
+            out[response.sensed.first_feedback + encoder] += amount
+    elif k in (load_slots := response.equilibrium.model.load_slots):
+        out += response.loads[load_slots.index(k)] * amount
 
 
-def _elastic_compliance(rest: Equilibrium) -> Array:
+def _add_weight(out: Array, body: int, change: statics.WeightChange, response: Response) -> None:
+    """Adds the response to a change of one body's weight."""
+    settled, model = response.equilibrium, response.equilibrium.model
+    if model.load_slots:
+        args = (model.chain, response.geometry, settled.weights, model.load_slots, body)
+        by_mass, by_com = statics.weight_derivatives(*args)
+        load = by_mass * change.mass + sum(by_com[:, axis] * change.shift[axis] for axis in range(3))
+        out += np.einsum("kcn,kn->cn", response.loads, load)
+
+
+def _elastic_compliance(settled: Equilibrium) -> Array:
     """D = ∂E/∂tau: (M, K, N) for the M slots `binding.moving` and the K slots `load_slots` (rad/N·m or m/N·m)."""
-    model, moving = rest.model, rest.model.binding.moving
-    D = np.zeros((len(moving), len(model.load_slots), len(rest.poses)))
+    model, moving = settled.model, settled.model.binding.moving
+    D = np.zeros((len(moving), len(model.load_slots), len(settled.poses)))
     for bound in model.binding.elastic:
-        rows = bound.effect.d_tau(rest.poses, tuple(rest.tau[i] for i in bound.feels), bound.p)
-        for i, amounts in zip(bound.feels, rows, strict=True):
-            for k, amount in zip(bound.moves, amounts, strict=True):
+        rows = by_loads(bound.effect, settled.poses, bound.felt(settled.tau), bound.p)
+        for i, amounts in zip(bound.loads, rows, strict=True):
+            for k, amount in zip(bound.slots, amounts, strict=True):
                 D[moving.index(k), i] += amount
     return D

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
-from lrm_math.effects.base import Effect
+from lrm_math.arrays import Array
+from lrm_math.effects import constant
+from lrm_math.effects.base import Amounts, Effect
+from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME_ENTRIES, SERVO, Kind, kind_of, slot_of
+from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.kinematics.statics import WeightChange
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,46 +23,53 @@ class BoundEffect:
 
     Attributes:
         p: its parameters' values (SI).
-        moves, pushes: numbers of the chain's slots.
-        feels: index into `Model.load_slots` of each load that it feels.
-        weighs: numbers of the bodies whose weight it changes.
+        kind: what its targets are.
+        slots: numbers of the chain's slots that it moves or loads, in the order of its targets.
+        encoders: numbers from 0 of the joints whose encoder reads what it moves, for each of them; else None.
+        loads: index into `Model.load_slots` of each load that enters its amounts.
     """
 
     effect: Effect
     p: tuple[float, ...]
-    moves: tuple[int, ...]
-    feels: tuple[int, ...]
-    pushes: tuple[int, ...]
-    weighs: tuple[int, ...]
+    kind: Kind
+    slots: tuple[int, ...]
+    encoders: tuple[int | None, ...]
+    loads: tuple[int, ...]
 
-    def motion(self, poses: Poses, tau: list[Number]) -> Iterable[tuple[int, Number]]:
-        """Slots that it moves, and the amounts, where `tau` are the loads on `Model.load_slots` (N·m)."""
-        loads = tuple([tau[i] for i in self.feels]) if self.feels else ()
-        return zip(self.moves, self.effect.motion(poses, loads, self.p), strict=True)
+    def amounts(self, poses: Poses, tau: Sequence[Number]) -> Iterable[tuple[int, Number]]:
+        """Slots that it moves or loads, and the amounts, where `tau` are the loads on `Model.load_slots` (N·m)."""
+        return zip(self.slots, self.effect.amounts(poses, self.felt(tau), self.p), strict=True)
+
+    def felt(self, tau: Sequence[Number]) -> Amounts:
+        """The loads that enter its amounts, from those on `Model.load_slots`."""
+        return tuple([tau[i] for i in self.loads]) if self.loads else ()
+
+    def weight_changes(self, poses: Poses) -> Iterator[tuple[int, WeightChange]]:
+        """Numbers of the bodies whose weight it changes, and the changes."""
+        return changes_of(self.effect, self.effect.amounts(poses, (), self.p))
 
 
 @dataclass(frozen=True, eq=False)
 class EffectBinding:
-    """A model's effects by what their motion depends on.
+    """A model's effects by what their amounts depend on and act on.
 
     Attributes:
         constants: amount of every slot with all joints at zero: the nominal arm and the effects that are constant.
-        rigid: effects that depend on the command but on no load, other than `gears`.
-        gears: motions proportional to a joint angle: number of the slot moved, of the joint (from 0), ratio.
-        elastic: effects that feel loads.
-        pushing, weighing: effects that put loads on slots, or change weights.
-        distorting: effects that distort the tracker's measurement.
+        rigid: effects that move slots with the command but with no load.
+        elastic: effects that move slots by loads.
+        loading, weighing: effects that put loads on slots, or change weights.
+        distorting, anchoring: effects that distort the tracker's measurement, or shift the anchor of distances.
         moving: slots that the elastic effects move, ascending.
         reach: m; the most that a rotation by 1 rad can move the TCP (the stretched nominal arm, with a margin).
     """
 
     constants: tuple[float, ...]
     rigid: tuple[BoundEffect, ...]
-    gears: tuple[tuple[int, int, float], ...]
     elastic: tuple[BoundEffect, ...]
-    pushing: tuple[BoundEffect, ...]
+    loading: tuple[BoundEffect, ...]
     weighing: tuple[BoundEffect, ...]
     distorting: tuple[BoundEffect, ...]
+    anchoring: tuple[BoundEffect, ...]
     moving: tuple[int, ...]
     reach: float
 
@@ -66,51 +77,64 @@ class EffectBinding:
 def bind_effects(
     chain: Chain, parts: Iterable[tuple[Effect, list[float]]], load_slots: tuple[int, ...]
 ) -> EffectBinding:
-    """Binds effects and their parameters (SI) to a chain; `load_slots`: slots whose load some effect feels."""
-    bound = [_bound(chain, effect, p, load_slots) for effect, p in parts]
+    """Binds effects and their parameters (SI) to a chain; `load_slots`: slots whose load some effect depends on."""
+    bound = [bind_effect(chain, effect, p, load_slots) for effect, p in parts]
+    of_kind = {kind: tuple(b for b in bound if b.kind is kind) for kind in Kind}
+    motions = of_kind[Kind.MOTION]
     return EffectBinding(
-        constants=_constants(chain, bound),
-        rigid=tuple(w for w in bound if w.moves and not (w.feels or w.effect.constant or w.effect.geared)),
-        gears=tuple(gear for w in bound if w.effect.geared for gear in _gears(chain, w)),
-        elastic=tuple(w for w in bound if w.feels),
-        pushing=tuple(w for w in bound if w.pushes),
-        weighing=tuple(w for w in bound if w.weighs),
-        distorting=tuple(w for w in bound if type(w.effect).seen is not Effect.seen),
-        moving=tuple(sorted({k for w in bound if w.feels for k in w.moves})),
+        constants=_constants(chain, motions),
+        rigid=tuple(b for b in motions if not (b.loads or constant(b.effect))),
+        elastic=tuple(b for b in motions if b.loads),
+        loading=of_kind[Kind.LOAD],
+        weighing=of_kind[Kind.WEIGHT],
+        distorting=of_kind[Kind.FRAME],
+        anchoring=of_kind[Kind.ANCHOR],
+        moving=tuple(sorted({k for b in motions if b.loads for k in b.slots})),
         reach=1.2 * chain.length,
     )
 
 
-def _bound(chain: Chain, effect: Effect, p: list[float], load_slots: tuple[int, ...]) -> BoundEffect:
-    moves, feels, pushes = (
-        tuple(chain.index[key] for key in keys) for keys in (effect.moves, effect.feels, effect.pushes)
-    )
-    return BoundEffect(effect, tuple(p), moves, tuple(load_slots.index(k) for k in feels), pushes, effect.weighs)
+def bind_effect(chain: Chain, effect: Effect, p: Sequence[float], load_slots: Sequence[int]) -> BoundEffect:
+    """One effect, bound."""
+    kind, targets = kind_of(effect), effect.targets
+    keys = [slot_of(target) for target in targets] if kind in (Kind.MOTION, Kind.LOAD) else []
+    for key in (*keys, *effect.load_slots):
+        if key not in chain.index:
+            raise UnknownName(f"slot of effect {effect.name}", key, chain.index)
+    slots = tuple(chain.index[key] for key in keys)
+    encoders = tuple(chain.slots[k].joint if t.endswith(SERVO) else None for k, t in zip(slots, targets, strict=False))
+    loads = tuple(load_slots.index(chain.index[key]) for key in effect.load_slots)
+    return BoundEffect(effect, tuple(p), kind, slots, encoders, loads)
 
 
-def _gears(chain: Chain, effect: BoundEffect) -> Iterable[tuple[int, int, float]]:
-    """Slot, joint and ratio of every joint angle that the effect transmits."""
-    for joint, one in enumerate(_unit_poses(chain.dof)):
-        for k, amount in effect.motion(one, []):
-            ratio = float(np.asarray(amount).item())
-            if ratio:
-                yield k, joint, ratio
+def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightChange]]:
+    """Numbers of bodies, and their changes by an effect's amounts."""
+    size = len(BODY_AMOUNTS)
+    for first in range(0, len(amounts), size):
+        mass, x, y, z = amounts[first : first + size]
+        yield int(effect.targets[first].partition(".")[0].removeprefix(BODY)), WeightChange(mass, (x, y, z))
 
 
-@cache
-def _unit_poses(dof: int) -> tuple[Poses, ...]:
-    """One pose for each joint, with that joint alone at 1 rad."""
-    return tuple(poses_of(row) for row in np.eye(dof))
+def frame_matrix(effect: Effect, amounts: Amounts) -> Array:
+    """(3, 3), what a position is multiplied by and moved, as it is measured."""
+    known = dict(zip((target.partition(".")[2] for target in effect.targets), amounts, strict=True))
+    return np.array([float(known.get(entry, 0.0)) for entry in FRAME_ENTRIES]).reshape(3, 3)
 
 
-def _constants(chain: Chain, bound: list[BoundEffect]) -> tuple[float, ...]:
+def anchor_shift(effect: Effect, amounts: Amounts) -> Array:
+    """(3,), shift of the fixed point of measured distances (m)."""
+    known = dict(zip((target.partition(".")[2] for target in effect.targets), amounts, strict=True))
+    return np.array([float(known.get(axis, 0.0)) for axis in "xyz"])
+
+
+def _constants(chain: Chain, motions: Iterable[BoundEffect]) -> tuple[float, ...]:
     at_zero = poses_of([0.0] * chain.dof)
-    amounts = [float(value) for value in chain.values([0.0] * chain.dof)]
-    for place in {chain.slots[k].place for w in bound for k in w.moves}:
+    out = [float(value) for value in chain.values([0.0] * chain.dof)]
+    for place in {chain.slots[k].place for bound in motions for k in bound.slots}:
         for k, length in chain.hinges.get(place, ()):
-            amounts[k] = length
-    for w in bound:
-        if w.effect.constant:
-            for k, amount in w.motion(at_zero, []):
-                amounts[k] += float(amount)
-    return tuple(amounts)
+            out[k] = length
+    for bound in motions:
+        if constant(bound.effect):
+            for k, amount in bound.amounts(at_zero, []):
+                out[k] += float(amount)
+    return tuple(out)

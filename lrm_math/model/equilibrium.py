@@ -16,6 +16,7 @@ from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Number, pull_back, trig
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude, maximum
+from lrm_math.model.effect_binding import frame_matrix
 from lrm_math.model.fixed_point import EquilibriumSearch, SlotIterate, amount_at, amounts_at
 from lrm_math.model.model import Model
 
@@ -48,13 +49,11 @@ class Equilibrium:
     iterations: int
 
     def one(self, row: int) -> Equilibrium:
-        """One pose alone, all numbers floats."""
-        slots, tau = (tuple(amount_at(a, row) for a in amounts) for amounts in (self.slots, self.tau))
-        tcp, true = self.tcp[[row]], self.true_tcp[[row]]
-        return Equilibrium(self.model, self.poses.one(row), slots, tau, tcp, true, self.iterations)
+        """One pose alone."""
+        return self.take(np.array([row]))
 
     def take(self, rows: NDArray[np.int64]) -> Equilibrium:
-        """The poses of these rows."""
+        """The poses of these rows; of one alone all numbers are floats."""
         slots, tau = (tuple(amounts_at(a, rows) for a in amounts) for amounts in (self.slots, self.tau))
         tcp, true = self.tcp[rows], self.true_tcp[rows]
         return Equilibrium(self.model, self.poses.take(rows), slots, tau, tcp, true, self.iterations)
@@ -87,7 +86,7 @@ class Equilibrium:
 
 
 def equilibrium(
-    model: Model, poses: Poses, start: Equilibrium | None = None, tolerance: float = TOLERANCE
+    model: Model, poses: Poses, start: Equilibrium | Sequence[Number] | None = None, tolerance: float = TOLERANCE
 ) -> Equilibrium:
     """The elastic equilibrium by fixed-point iteration (thesis Figure 4.4), accelerated (Anderson 1965, depth one).
 
@@ -95,29 +94,24 @@ def equilibrium(
     alone is computed with Python's floats, many with numpy's arrays: each is many times faster so.
 
     Args:
-        start: an equilibrium of the same poses for nearby parameters, to start from.
+        start: an equilibrium of the same poses for nearby parameters to start from, or amounts of all slots (rad, m;
+            each a float or (N,)).
         tolerance: m, see `TOLERANCE`.
 
     Raises:
         NoEquilibrium: poses that do not converge, or where a slot deflects by more than `LARGEST_MOTION`, or
             `LARGEST_SLIDE`.
     """
-    return solve_equilibrium(model, poses, None if start is None else start.slots, tolerance)
-
-
-def solve_equilibrium(
-    model: Model, poses: Poses, start: Sequence[Number] | None = None, tolerance: float = TOLERANCE
-) -> Equilibrium:
-    """`equilibrium`, started from amounts of all slots (rad, m; each a float or (N,))."""
     rigid = rigid_amounts(model, poses)
     first = list(rigid)
-    for k in model.binding.moving if start is not None else ():
-        first[k] = start[k]  # type: ignore[index]
+    near = start.slots if isinstance(start, Equilibrium) else start or rigid
+    for k in model.binding.moving:
+        first[k] = near[k]
     search = EquilibriumSearch(model, poses, rigid, effect_loads(model, poses), tolerance)
     found = search.settled(SlotIterate(first, trig(model.chain, first), [], 0))
     _check_small(model, poses, found.slots, rigid)
     true = _columns(pull_back(model.chain, found.slots, found.angles), len(poses))
-    measured = _measured(model, true)
+    measured = _measured(model, poses, true)
     return Equilibrium(model, poses, tuple(found.slots), tuple(found.tau), measured, true, found.number)
 
 
@@ -140,15 +134,13 @@ def _check_small(model: Model, poses: Poses, slots: list[Number], rigid: list[Nu
 
 
 def rigid_amounts(model: Model, poses: Poses) -> list[Number]:
-    """Amount of every slot (rad, m) of the rigid arm: nominal dimensions, the command, effects that feel no load."""
+    """Amount of every slot (rad, m) of the rigid arm: nominal dimensions, the command, effects without loads."""
     slots: list[Number] = list(model.binding.constants)
     angles = [poses.angle(joint) for joint in range(model.arm.dof)]
     for k, angle in zip(model.chain.joint_slots, angles, strict=True):
         slots[k] = slots[k] + angle
-    for k, joint, ratio in model.binding.gears:
-        slots[k] = slots[k] + ratio * angles[joint]
     for effect in model.binding.rigid:
-        for k, amount in effect.motion(poses, []):
+        for k, amount in effect.amounts(poses, []):
             slots[k] = slots[k] + amount
     return slots
 
@@ -156,16 +148,15 @@ def rigid_amounts(model: Model, poses: Poses) -> list[Number]:
 def effect_loads(model: Model, poses: Poses) -> dict[int, Number]:
     """Loads that effects put on slots (N·m), by number of the slot."""
     out: dict[int, Number] = {}
-    for bound in model.binding.pushing:
-        for k, load in zip(bound.pushes, bound.effect.push(poses, bound.p), strict=True):
+    for bound in model.binding.loading:
+        for k, load in bound.amounts(poses, []):
             out[k] = out.get(k, 0.0) + load
     return out
 
 
-def _measured(model: Model, tcp: Array) -> Array:
+def _measured(model: Model, poses: Poses, tcp: Array) -> Array:
     measured = tcp
     for bound in model.binding.distorting:
-        error = bound.effect.seen(tcp, bound.p)
-        if error is not None:
-            measured = measured + error
+        matrix = frame_matrix(bound.effect, bound.effect.amounts(poses, (), bound.p))
+        measured = measured + tcp @ matrix.T
     return measured

@@ -38,8 +38,8 @@ class SlotIterate:
 class EquilibriumSearch:
     """Search for the equilibrium of N poses, from amounts of the rigid arm's slots and loads that effects put on slots.
 
-    Accelerated at first; then plain, which may creep but leaves a rest that is none, between the two ends of a play;
-    then under-relaxed, against oscillations. A few slow poses of many go on alone, where an iteration costs little.
+    Accelerated at first; then plain, which may creep but leaves an equilibrium that is none, between the two ends of a
+    play; then under-relaxed, against oscillations. A few slow poses of many go on alone, where an iteration is cheap.
     """
 
     model: Model
@@ -49,7 +49,7 @@ class EquilibriumSearch:
     tolerance: float
 
     def settled(self, now: SlotIterate) -> SlotIterate:
-        """The iterate at which every pose is at rest. Raises `NoEquilibrium`."""
+        """The iterate at which every pose has settled. Raises `NoEquilibrium`."""
         model, poses = self.model, self.poses
         chain, binding, weights = model.chain, model.binding, model.weights(poses.carried)
         slots, angles = list(now.slots), list(now.angles)
@@ -69,18 +69,18 @@ class EquilibriumSearch:
             worst = maximum(change)
             if not math.isfinite(worst):
                 break
-            rest = worst <= self.tolerance
-            if number <= ACCELERATED_ITERATIONS and not rest:
+            settled = worst <= self.tolerance
+            if number <= ACCELERATED_ITERATIONS and not settled:
                 here = _FixedPointStep([slots[k] for k in binding.moving], steps)
                 steps, before = here.accelerated(before), here
-            elif number > PLAIN_ITERATIONS and not rest:
+            elif number > PLAIN_ITERATIONS and not settled:
                 relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, len(poses)) for step in steps]))
                 steps = relaxed.steps
             for k, step in zip(binding.moving, steps, strict=True):
                 slots[k] = slots[k] + step
                 if chain.slots[k].rotates:
                     angles[k] = trig_of(slots[k])
-            if rest:
+            if settled:
                 return SlotIterate(slots, angles, tau, number)
             if number >= ACCELERATED_ITERATIONS and len(poses) > 1:
                 slow = np.flatnonzero(np.broadcast_to(change, len(poses)) > self.tolerance)
@@ -91,20 +91,20 @@ class EquilibriumSearch:
         raise NoEquilibrium(poses.names(diverging), left)
 
     def _bent(self, tau: list[Number]) -> dict[int, Number]:
-        """Where the moving slots are under these loads."""
+        """Amounts of the moving slots under these loads."""
         binding = self.model.binding
         bent = {k: self.rigid[k] for k in binding.moving}
         for effect in binding.elastic:
-            for k, amount in effect.motion(self.poses, tau):
+            for k, amount in effect.amounts(self.poses, tau):
                 bent[k] = bent[k] + amount
         return bent
 
     def _with_slow(self, now: SlotIterate, slow: NDArray[np.int64]) -> SlotIterate:
-        """The poses at rest, and the slow ones settled alone."""
+        """The settled poses, and the slow ones settled alone."""
         poses = replace(self.poses, number=np.array(self.poses.names(np.arange(len(self.poses))))).take(slow)
 
         def part(amounts: Iterable[Number]) -> list[Number]:
-            return [amount_at(a, int(slow[0])) if len(slow) == 1 else amounts_at(a, slow) for a in amounts]
+            return [amounts_at(a, slow) for a in amounts]
 
         def merged(amount: Number, other: Number) -> Number:
             whole = np.array(np.broadcast_to(amount, len(self.poses)))
@@ -127,7 +127,9 @@ def amount_at(amount: Number, row: int) -> float:
 
 
 def amounts_at(amount: Number, rows: NDArray[np.int64]) -> Number:
-    """An amount, a float or (N,), at some poses."""
+    """An amount, a float or (N,), at some poses; a float for one."""
+    if len(rows) == 1:
+        return amount_at(amount, int(rows[0]))
     return amount[rows] if isinstance(amount, np.ndarray) and len(amount) > 1 else amount
 
 

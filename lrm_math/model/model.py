@@ -13,9 +13,11 @@ from numpy.typing import ArrayLike
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, Parameter
+from lrm_math.effects.targets import links_bent_at_ends
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, chain_of
+from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.statics import Weight
 from lrm_math.model.effect_binding import EffectBinding, bind_effects
 
@@ -39,12 +41,12 @@ class Model:
     @cached_property
     def chain(self) -> Chain:
         """The arm's kinematic chain."""
-        return chain_of(self.arm, frozenset(link for effect in self.effects for link in effect.bends_at_ends))
+        return chain_of(self.arm, frozenset().union(*map(links_bent_at_ends, self.effects)))
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """`effect.place.name_unit` of every parameter."""
-        return tuple(f"{e.id}.{e.place}.{p.name}" for e in self.effects for p in e.parameters)
+        return tuple(key for effect in self.effects for key in effect.keys)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -59,8 +61,10 @@ class Model:
 
     @cached_property
     def load_slots(self) -> tuple[int, ...]:
-        """Slots whose load some effect feels, ascending."""
-        return tuple(sorted({self.chain.index[key] for e in self.effects for key in e.feels}))
+        """Slots whose load some effect depends on, ascending."""
+        return tuple(
+            sorted({self.chain.index[key] for e in self.effects for key in e.load_slots if key in self.chain.index})
+        )
 
     @cached_property
     def binding(self) -> EffectBinding:
@@ -81,11 +85,8 @@ class Model:
         return lru_cache(maxsize=CACHED_PAYLOADS)(self._weights)
 
     def _weights(self, carried: Number) -> tuple[Weight, ...]:
-        added = (
-            (body, change)
-            for bound in self.binding.weighing
-            for body, change in zip(bound.weighs, bound.effect.weight(carried, bound.p), strict=True)
-        )
+        poses = poses_of(np.zeros((np.size(carried), self.arm.dof)), carried)
+        added = (change for bound in self.binding.weighing for change in bound.weight_changes(poses))
         return statics.weights(self.chain, carried, added)
 
     def with_values(self, values: ArrayLike) -> Model:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -17,6 +18,8 @@ from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
 from lrm_math.toml_file import StrictSchema, read_toml
+
+MOST_EFFECTS = 1000
 
 
 class ProvenanceTable(StrictSchema):
@@ -56,7 +59,7 @@ class ModelFile(StrictSchema):
 
     schema_: Literal["lrm/model/1"] = Field(alias="schema")
     arm: str
-    effects: list[str]
+    effects: Annotated[list[str], Field(max_length=MOST_EFFECTS)]
     parameters: dict[str, float] = {}
     sigma: dict[str, float] = {}
     covariance: CovarianceTable | None = None
@@ -82,7 +85,11 @@ def load_covariance(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE)
         FileError: as `load_model`, or a `[covariance]` that contradicts itself.
     """
     tables = read_toml(path, ModelFile)
-    model = to_model(path, tables, arm_of(path, tables.arm), catalogue)
+    return covariance_of(path, tables, to_model(path, tables, arm_of(path, tables.arm), catalogue))
+
+
+def covariance_of(path: Path, tables: ModelFile, model: Model) -> Covariance | None:
+    """Covariance of the parameters of parsed tables' model (SI), None without one. Raises `FileError`."""
     if tables.covariance is None:
         return None
     try:
@@ -105,6 +112,8 @@ def arm_of(path: Path, arm: str) -> Arm:
 def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:
     """The model of parsed tables, in SI. Raises `FileError`."""
     where = "effects"
+    if twice := next((name for name, times in Counter(tables.effects).items() if times > 1), None):
+        raise FileError(path, where, f"{twice} is named twice", "name each effect once")
     try:
         effects = [effect for name in tables.effects for effect in effects_at(arm, name, catalogue)]
         where = "parameters"
@@ -121,7 +130,7 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
 
 
 def _own_effects(tables: ModelFile) -> str:
-    """Where a model's own effects are, if it has any."""
+    """Place of a model's own effects, if it has any."""
     known = tables.provenance
     if known is None or known.effects_file is None:
         return ""

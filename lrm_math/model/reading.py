@@ -63,7 +63,7 @@ class Reading(StrictSchema):
     frame: Literal["arm", "unknown"] | FrameTable | None = None
 
     def over(self, other: Reading | None) -> Self:
-        """What this says, and what `other` says where this says nothing."""
+        """This reading, completed by what `other` says where it says nothing."""
         return self if other is None else self.model_copy(update={**other.said(), **self.said()})
 
     def said(self) -> dict[str, Any]:
@@ -72,4 +72,4 @@ class Reading(StrictSchema):
 
 
 AS_NAMED = Reading()
-"""As the columns' names say."""
+"""The reading that the columns' names say."""

@@ -1,4 +1,4 @@
-"""What is measured of a pose beside the TCP's position: rows of its derivative, and what encoders read."""
+"""Measured quantities of a pose beside the TCP's position: rows of its derivative, and what encoders read."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
+from lrm_math.model.effect_binding import anchor_shift
 from lrm_math.model.equilibrium import Equilibrium
 
 
@@ -36,40 +37,35 @@ class Sensed:
 TCP_ONLY = Sensed()
 
 
-def encoder_angles(rest: Equilibrium) -> Array:
+def encoder_angles(settled: Equilibrium) -> Array:
     """(N, n), what joint encoders read (rad): the command, and what effects before the encoder add to it.
 
     What gives way behind an encoder, between it and the link, it does not see.
     """
-    model = rest.model
-    load = dict(zip(model.load_slots, rest.tau, strict=True))
-    out = rest.poses.q.copy()
-    for effect, p in model.parts():
-        if effect.before_encoder:
-            felt = tuple(load[model.chain.index[key]] for key in effect.feels)
-            for key, amount in zip(effect.moves, effect.motion(rest.poses, felt, p), strict=True):
-                joint = model.chain.slots[model.chain.index[key]].joint
-                if joint is not None:
-                    out[:, joint] += amount
+    model = settled.model
+    out = settled.poses.q.copy()
+    for bound in (*model.binding.rigid, *model.binding.elastic):
+        if any(encoder is not None for encoder in bound.encoders):
+            for encoder, (_, amount) in zip(bound.encoders, bound.amounts(settled.poses, settled.tau), strict=True):
+                if encoder is not None:
+                    out[:, encoder] += amount
     return out
 
 
-def tool_rotation(rest: Equilibrium) -> Array:
-    """(N, 3, 3), rotation of the tool's frame at rest."""
-    return frames(rest.model.chain, rest.slots, len(rest.poses))[:, -1, :3, :3]
+def tool_rotation(settled: Equilibrium) -> Array:
+    """(N, 3, 3), rotation of the tool's frame."""
+    return frames(settled.model.chain, settled.slots, len(settled.poses))[:, -1, :3, :3]
 
 
-def from_anchor(rest: Equilibrium, stated: ArrayLike) -> Array:
+def from_anchor(settled: Equilibrium, stated: ArrayLike) -> Array:
     """(N, 3), TCP less the fixed point of measured distances (m): the stated one, and what effects add to it."""
     point = np.asarray(stated, dtype=np.float64)
-    for effect, p in rest.model.parts():
-        shift = effect.anchor_shift(p)
-        if shift is not None:
-            point = point + shift
-    return np.asarray(rest.true_tcp - point)
+    for bound in settled.model.binding.anchoring:
+        point = point + anchor_shift(bound.effect, bound.effect.amounts(settled.poses, (), bound.p))
+    return np.asarray(settled.true_tcp - point)
 
 
-def along_distance(rest: Equilibrium, stated: ArrayLike) -> Array:
+def along_distance(settled: Equilibrium, stated: ArrayLike) -> Array:
     """(N, 3), unit vectors from that point to the TCP."""
-    line = from_anchor(rest, stated)
+    line = from_anchor(settled, stated)
     return np.asarray(line / np.linalg.norm(line, axis=1, keepdims=True))

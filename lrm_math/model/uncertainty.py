@@ -26,15 +26,15 @@ class PositionUncertainty:
 
 
 def position_uncertainty(
-    rest: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
+    settled: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
 ) -> PositionUncertainty | None:
-    """Of the first pose; see `position_covariance`."""
-    every = position_covariance(rest, covariance, joint_sd)
+    """Standard deviation at the first pose; see `position_covariance`."""
+    every = position_covariance(settled, covariance, joint_sd)
     return None if every is None else PositionUncertainty(every[0], math.sqrt(float(np.trace(every[0]))))
 
 
 def position_covariance(
-    rest: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
+    settled: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
 ) -> Array | None:
     """(N, 3, 3), m²: J C Jᵀ with the total derivatives through the equilibrium; None if neither cause is known.
 
@@ -42,9 +42,9 @@ def position_covariance(
     """
     parts = []
     if covariance is not None:
-        J = parameter_jacobian(rest, covariance.keys)
+        J = parameter_jacobian(settled, covariance.keys)
         parts.append(J @ covariance.matrix @ J.transpose(0, 2, 1))
     if joint_sd is not None:
-        J = joint_jacobian(rest) * np.asarray(joint_sd, dtype=np.float64)
+        J = joint_jacobian(settled) * np.asarray(joint_sd, dtype=np.float64)
         parts.append(J @ J.transpose(0, 2, 1))
     return np.asarray(sum(parts)) if parts else None

@@ -1,41 +1,31 @@
-"""Loading, reloading and deploying of the model: checked in the api process, then adopted by the ik process."""
+"""Loading, reloading and deploying of the model: tried in a process of its own, then adopted by api and ik process."""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from lrm_math.errors import FileError, LrmError
+from lrmd.api.model_trial import check_in_trial, load_checked
 from lrmd.config import Config
 from lrmd.errors import RequestError
-from lrmd.ik.deployed_model import DeployedModel, deploy_file
-from lrmd.ik.service import solver_of
+from lrmd.ik.deployed_model import DeployedModel
 from lrmd.persistence.deployed_models import (
     DeployedStack,
     active_model,
     load_stack,
     model_in_use,
+    prune,
     save_stack,
     write_version,
 )
 from lrmd.ramp.shared_memory import SharedRecords
-from lrmd.safety.collision_guard import Guard, guard_of
-from lrmd.safety.model_check import check_comes_to_rest
+from lrmd.safety.collision_guard import Guard
 
 IK_TIMEOUT, POLL_INTERVAL = 5.0, 0.005
 """s: time of the ik process for its present query and the new model, and how often its digest is read."""
-
-
-def load_checked(config: Config, path: Path | None) -> tuple[DeployedModel, Guard | None]:
-    """The model of a file (None: the nominal arm), and the guard with its sag. Raises `LrmError`: not to be used."""
-    deployed = deploy_file(config, path)
-    solver_of(config, deployed)
-    try:
-        check_comes_to_rest(config.arm, deployed.model)
-    except LrmError as error:
-        raise FileError(deployed.path, "", str(error)) from None
-    return deployed, guard_of(config.arm, deployed.model if deployed.sha256 else None)
 
 
 class ActiveModel:
@@ -46,38 +36,54 @@ class ActiveModel:
         self._config, self._shared = config, shared
         self._lock = threading.Lock()
         self.guard: Guard | None = None
-        self.deployed = self.load()
+        self.deployed = self._take(*load_checked(config, active_model(config)))
 
     def load(self) -> DeployedModel:
         """Reads the file; raises `LrmError` and keeps the present model if it cannot be used.
 
         The ik process sees the new digest after its present query, and loads the file itself.
         """
-        with self._lock:
-            return self._take(*load_checked(self._config, active_model(self._config)))
+        with self._one_at_a_time():
+            return self._take(*self._tried(active_model(self._config)))
 
     def deploy(self, text: str) -> DeployedModel:
         """Keeps a model file's text as a new version and uses it. Raises `LrmError`; then nothing has changed."""
-        with self._lock:
+        with self._one_at_a_time():
             stack, path = load_stack(self._config.state), write_version(self._config.state, text)
             try:
-                checked = load_checked(self._config, path)
-                save_stack(self._config.state, DeployedStack(versions=(*stack.versions, path.name)))
-            except LrmError:
+                checked = self._tried(path)
+                save_stack(self._config.state, stack.with_version(path.name))
+            except BaseException:
                 path.unlink(missing_ok=True)
                 raise
+            prune(self._config.state)
             return self._take(*checked)
 
     def undo(self) -> DeployedModel:
         """Goes back to the version before. Raises `LrmError`: nothing was deployed, or that one cannot be used."""
-        with self._lock:
+        with self._one_at_a_time():
             stack = load_stack(self._config.state)
             if not stack.versions:
                 raise RequestError("nothing_to_undo", "no deployed model is in use; the one of the configuration is")
             before = DeployedStack(versions=stack.versions[:-1])
-            checked = load_checked(self._config, model_in_use(self._config, before))
+            checked = self._tried(model_in_use(self._config, before))
             save_stack(self._config.state, before)
             return self._take(*checked)
+
+    @contextmanager
+    def _one_at_a_time(self) -> Iterator[None]:
+        """Raises `RequestError` while another model is being loaded."""
+        if not self._lock.acquire(blocking=False):
+            raise RequestError("busy", "another model is being checked; ask again", retryable=True)
+        try:
+            yield
+        finally:
+            self._lock.release()
+
+    def _tried(self, path: Path | None) -> tuple[DeployedModel, Guard | None]:
+        """The model of a file that passed its trial. Raises `LrmError`."""
+        check_in_trial(self._config, path)
+        return load_checked(self._config, path)
 
     def _take(self, deployed: DeployedModel, guard: Guard | None) -> DeployedModel:
         self.guard, self.deployed = guard, deployed

@@ -7,7 +7,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -31,7 +30,7 @@ from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
-from lrmd.messages.control import DeployRequest, ReloadRequest, UndeployRequest
+from lrmd.messages.control import DeployRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.background_writer import BackgroundWriter
 from lrmd.persistence.restored_state import restored_state
@@ -43,6 +42,8 @@ PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
 RAMP_TIMEOUT = SECOND // 2
 """ns without a tick after which the ramp process is restarted: half of the board's own timeout."""
 START_TIMEOUT = 20 * SECOND
+SETTLING_TIME = SECOND // 10
+"""ns, 15 ticks of the ramp: for the last order to be read before the next motion."""
 IK_TIMEOUT, ROUTER_TIMEOUT = 5 * SECOND, 2 * SECOND
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
@@ -51,7 +52,7 @@ class ApiProcess:
     """The daemon's main process."""
 
     def __init__(self, config: Config, children: ChildProcesses) -> None:
-        self._config, self._children = config, children
+        self._config, self._children, self.boot_id = config, children, children.boot_id
         self._shared, self._ramp, self._ik, self._router = children.shared, children.ramp, children.ik, children.router
         self._log = structlog.get_logger().bind(robot=config.robot)
         self._lock = threading.RLock()
@@ -64,7 +65,7 @@ class ApiProcess:
             self._emit("no_shapes", "warning", f"{config.arm.name} has no collision shapes; no move is checked")
         guard, stored = self._model.guard or (lambda *_: None), restored_state(config, self._emit)
         self._controller = Controller(config, gravity_torques(config.arm), stored, guard, now, time.time_ns())
-        self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik)
+        self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
         self._publisher.model = self._model.deployed.path
         self._writer = BackgroundWriter(config.state, self._on_write)
         self._stopping = self._reloading = False
@@ -83,11 +84,11 @@ class ApiProcess:
         self._shared.write_order(self._controller.order)
         self._ramp.start(now)
         try:
-            self._wait_for_router()
+            self._children.wait_for_router(self._config.zenoh.listen, START_TIMEOUT)
             with zenoh.open(own_client(self._config.zenoh)) as session:
-                self._wait_for_ramp()
+                self._children.wait_for_ramp(START_TIMEOUT)
                 self._server = ZenohServer(session, self._config.robot, self, tuple(self._publisher.states))
-                self._presence = Presence(session, self._config.robot, self._publisher.boot_id)
+                self._presence = Presence(session, self._config.robot, self.boot_id)
                 self._loop(IkProbe(session, self._config.robot))
                 notify("STOPPING=1")
                 self._server = None
@@ -106,20 +107,6 @@ class ApiProcess:
         self._log.info("stopped")
         return 0
 
-    def _wait_for_router(self) -> None:
-        deadline = time.monotonic() + START_TIMEOUT / SECOND
-        while not self._shared.router[0]:
-            if (ended := self._router.ended()) or time.monotonic() > deadline:
-                listen = ", ".join(self._config.zenoh.listen)
-                how = f"ended ({ended}); another program may use the address" if ended else "does not answer"
-                raise RestartLimitExceeded(f"no zenoh router on {listen}: its process {how}")
-            time.sleep(0.002)
-
-    def _wait_for_ramp(self) -> None:
-        deadline = time.monotonic() + START_TIMEOUT / SECOND
-        while self._shared.read_report() is None and time.monotonic() < deadline and not self._ramp.ended():
-            time.sleep(0.002)
-
     def _loop(self, probe: IkProbe) -> None:
         notify_every = int((watchdog_s() or 2.0) / 4 * SECOND)
         due, notified_at, ready = time.monotonic_ns(), 0, False
@@ -127,14 +114,13 @@ class ApiProcess:
             now = time.monotonic_ns()
             if self._reloading:
                 self._reloading = False
-                with suppress(RequestError):
-                    self.reload()
+                threading.Thread(target=self._reload_on_signal, daemon=True).start()
             with self._lock:
                 self._cycle(now)
             if not ready and self._ready(probe, now):
                 ready = True
                 notify(f"READY=1\nSTATUS={self._controller.mode}")
-                self._log.info("ready", boot_id=self._publisher.boot_id, port=self._config.link.port)
+                self._log.info("ready", boot_id=self.boot_id, port=self._config.link.port)
             if ready and now - notified_at >= notify_every and now - self._ticked_at < RAMP_TIMEOUT:
                 notified_at = now
                 notify(f"WATCHDOG=1\nSTATUS={self._controller.mode}")
@@ -152,11 +138,15 @@ class ApiProcess:
         ik = probe.answered and self._shared.ik[0] > 0 and self._shared.ik_model == self._shared.model
         return ik and self._shared.read_report() is not None
 
-    def reload(self) -> DeployedModel:
-        """Reads the model file again. Raises `RequestError` if it cannot be used: the model in use stays."""
-        return self._adopt(self._model.load)
+    def _reload_on_signal(self) -> None:
+        """Reads the model file again; in the next cycle if another model is being loaded."""
+        try:
+            self._adopt(self._model.load)
+        except RequestError as error:
+            self._reloading = self._reloading or error.code == "busy"
 
     def _adopt(self, load: Callable[[], DeployedModel]) -> DeployedModel:
+        """Uses a model. Raises `RequestError` if it cannot be used: the model in use stays."""
         try:
             deployed = load()
         except RequestError:
@@ -168,7 +158,8 @@ class ApiProcess:
                 self._flush()
             raise RequestError("model", text) from None
         with self._lock:
-            self._controller.motion_check.guard = self._model.guard or self._controller.motion_check.guard
+            if self._model.guard is not None:
+                self._controller.adopt_guard(self._model.guard, time.monotonic_ns())
             self._publisher.model = deployed.path
             self._emit("model_loaded", "info", f"model {deployed.path}", model_sha256=deployed.sha256)
             self._flush()
@@ -242,6 +233,8 @@ class ApiProcess:
             deployed = self._changed_model(request)
             self._model.wait_for_ik(deployed)
             return self._publisher.reloaded(tail, deployed)
+        if isinstance(request, MoveRequest | JogRequest):
+            self._children.wait_for_order(self._controller.order.number, SETTLING_TIME)
         with self._lock:
             now = time.monotonic_ns()
             self._observe(now)
@@ -251,16 +244,13 @@ class ApiProcess:
             return self._publisher.reply(tail, result)
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
-        match request:
-            case DeployRequest():
-                return self._adopt(partial(self._model.deploy, request.text))
-            case UndeployRequest():
-                return self._adopt(self._model.undo)
-        return self.reload()
+        if isinstance(request, DeployRequest):
+            return self._adopt(partial(self._model.deploy, request.text))
+        return self._adopt(self._model.undo if isinstance(request, UndeployRequest) else self._model.load)
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
         """Emits an event for a refused command, which has no reply."""
-        reply = error_reply(error)
+        reply = error_reply(error, self.boot_id)
         with self._lock:
             self._emit("refused", "warning", f"{tail}: {reply.msg}", why=reply.code)
             self._flush()

@@ -32,16 +32,16 @@ from lrmd.ramp.shared_memory import BUCKET_NS, NO_MODEL, NOMINAL, SharedRecords
 
 
 class StatePublisher:
-    """`states`: builders of the state messages, by key; `boot_id`: identifier of this start; `model`: path in use."""
+    """`states`: builders of the state messages, by key; `boot_id`: of this start; `model`: path in use."""
 
     def __init__(
-        self, config: Config, controller: Controller, shared: SharedRecords, ramp: ChildProcess, ik: ChildProcess
-    ) -> None:
+        self, config: Config, controller: Controller, shared: SharedRecords, ramp: ChildProcess, ik: ChildProcess,
+        boot_id: str,
+    ) -> None:  # fmt: skip
         self._config, self._controller, self._shared = config, controller, shared
         self._ramp, self._ik = ramp, ik
         self.model = "nominal" if config.model is None else str(config.model)
-        headers = HeaderSource()
-        self.boot_id, self._header = headers.boot_id, headers.next
+        self.boot_id, self._header = boot_id, HeaderSource(boot_id).next
         self._published_at = 0
         self._published: tuple[Any, ...] = ()
         self.states: dict[str, Callable[[], Header]] = {

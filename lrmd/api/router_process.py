@@ -13,12 +13,16 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from typing import Any
 
 import msgpack
 import zenoh
+from zenoh.handlers import Callback
 
+from lrm_math.errors import LrmError
+from lrmd.messages.inbox import Inbox
 from lrmd.ramp.parent import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
 from lrmd.ramp.shared_memory import SharedRecords
@@ -28,7 +32,13 @@ HEARTBEAT_KEY = "@lrmd/heartbeat"
 """Of a put that no `**` receives: it passes zenoh's routing tables, and raises after a thread panicked in them."""
 CONFIRM_S, POLL_S = 0.1, 0.001
 """s: how long the ramp may take to confirm, 15 of its ticks, and how often that is looked for."""
-LONGEST_REASON = 64
+READERS = "(rx: (worker_threads: 16))"
+"""zenoh's setting of its runtime: threads that read from clients. One reads from a client for as long as there is
+something, so two flooding clients would keep its usual two from all others."""
+NICENESS = -10
+"""Before everything without a real-time priority, where the system allows it (`LimitNICE` of the unit)."""
+LONGEST_REASON, LONGEST_COMMAND = 64, 1313
+"""Characters of a reason that are kept, and bytes of an `EstopCommand`; what is longer is not read."""
 UNREADABLE = "a message that cannot be read"
 
 
@@ -44,20 +54,25 @@ class EstopReplies:
 @dataclass(frozen=True)
 class RouterSetup:
     """Start arguments. `zenoh`: the router's configuration as JSON; `keys`: on which a put is an emergency stop;
-    `query`: the key of the query."""
+    `query`: the key of the query; `gone`: the prefix of the keys on which ended sessions of clients are told."""
 
     zenoh: str
     keys: tuple[str, ...]
     query: str
+    gone: str
     replies: EstopReplies
     memory: SharedFd
     estop: SharedFd
 
 
-def reason_of(data: bytes) -> str:
-    """The `why` of an `EstopCommand`; also a message that cannot be read stops the arm."""
+def reason_of(payload: zenoh.ZBytes | None) -> str:
+    """The `why` of an `EstopCommand`; also a message that cannot be read, or is too long to be one, stops the arm."""
+    if payload is None or not len(payload):
+        return ""
+    if len(payload) > LONGEST_COMMAND:
+        return UNREADABLE
     try:
-        content = msgpack.unpackb(data) if data else {}
+        content = msgpack.unpackb(payload.to_bytes())
     except (ValueError, msgpack.UnpackException):
         return UNREADABLE
     reason = content.get("why", "") if isinstance(content, dict) else UNREADABLE
@@ -67,26 +82,38 @@ def reason_of(data: bytes) -> str:
 
 
 class EstopServer:
-    """The keys of the emergency stop on a session. `stop`: stops for a reason; whether the ramp confirmed it."""
+    """The keys of the emergency stop on a session: `signal` stops for a reason, `confirmed` waits for the ramp.
+
+    The signal is sent in zenoh's own thread, so that nothing piles up before it; only replies wait, in an inbox.
+    """
 
     def __init__(
         self, session: zenoh.Session, keys: tuple[str, ...], query: str, replies: EstopReplies,
-        stop: Callable[[str], bool],
+        signal: Callable[[str], None], confirmed: Callable[[], bool], inbox: Inbox,
     ) -> None:  # fmt: skip
-        self._keys, self._query, self._replies, self._stop = keys, query, replies, stop
-        self._seq = count(1)
-        session.declare_subscriber(keys[0], self._command)
-        session.declare_queryable(query, self._request)
+        self._keys, self._query, self._replies, self._signal = keys, query, replies, signal
+        self._confirmed, self._inbox, self._seq = confirmed, inbox, count(1)
+        session.declare_subscriber(keys[0], Callback(self._command, indirect=False))
+        session.declare_queryable(query, Callback(self._request, indirect=False))
 
     def _command(self, sample: zenoh.Sample) -> None:
         if str(sample.key_expr) in self._keys:
-            self._stop(reason_of(sample.payload.to_bytes()))
+            self._signal(reason_of(sample.payload))
 
     def _request(self, query: zenoh.Query) -> None:
-        with query:
-            if str(query.key_expr) != self._query:
+        if str(query.key_expr) != self._query:
+            with query:
                 query.reply_err(msgpack.packb(self._replies.wildcard))
-            elif self._stop(reason_of(query.payload.to_bytes() if query.payload else b"")):
+            return
+        self._signal(reason_of(query.payload))
+        try:
+            self._inbox.put(0, lambda: partial(self._reply, query, self._confirmed()))
+        except LrmError:
+            self._reply(query, False)
+
+    def _reply(self, query: zenoh.Query, confirmed: bool) -> None:
+        with query:
+            if confirmed:
                 now = {"seq": next(self._seq), "t_mono_ns": time.monotonic_ns(), "t_wall_ns": time.time_ns()}
                 query.reply(self._query, msgpack.packb(self._replies.stopped | now))
             else:
@@ -99,11 +126,14 @@ class RampSignal:
     def __init__(self, shared: SharedRecords, estop: int) -> None:
         self._shared, self._estop = shared, estop
 
-    def stop(self, reason: str) -> bool:
-        """Signals the ramp, then the api process; whether the ramp has read the signal, which it does in every tick."""
+    def send(self, reason: str) -> None:
+        """Signals the ramp, then the api process."""
         os.eventfd_write(self._estop, 1)
         self._shared.estop_reason = reason
         self._shared.router[1] += 1
+
+    def confirmed(self) -> bool:
+        """Waits until the ramp has read the signal, which it does in every tick; whether it has."""
         before, deadline = self._tick(), time.monotonic() + CONFIRM_S
         while self._tick() < before + 2:
             if time.monotonic() > deadline:
@@ -116,6 +146,12 @@ class RampSignal:
         return 0 if report is None else report.tick
 
 
+def tell_gone(session: zenoh.Session, gone: str, event: zenoh.TransportEvent) -> None:
+    """Tells the daemon's other processes which client's session has been closed, or was broken off."""
+    if event.kind == zenoh.SampleKind.DELETE:
+        session.put(f"{gone}/{event.transport.zid}", b"")
+
+
 def run(setup: RouterSetup) -> None:
     """Entry point of the process: routes until SIGTERM or until its parent ends."""
     die_with_parent()
@@ -124,9 +160,12 @@ def run(setup: RouterSetup) -> None:
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     shared = SharedRecords(setup.memory.number)
+    _go_first()
     try:
         with zenoh.open(zenoh.Config.from_json5(setup.zenoh)) as session:
-            EstopServer(session, setup.keys, setup.query, setup.replies, RampSignal(shared, setup.estop.number).stop)
+            session.info.declare_transport_events_listener(partial(tell_gone, session, setup.gone))
+            ramp = RampSignal(shared, setup.estop.number)
+            EstopServer(session, setup.keys, setup.query, setup.replies, ramp.send, ramp.confirmed, Inbox())
             while not ending:
                 session.put(HEARTBEAT_KEY, b"")
                 shared.router[0] = time.monotonic_ns()
@@ -135,3 +174,13 @@ def run(setup: RouterSetup) -> None:
         text = str(error).split(" at /")[0]
         print(json.dumps({"level": "error", "event": "router_failed", "text": text}), file=sys.stderr, flush=True)
         sys.exit(1)
+
+
+def _go_first() -> None:
+    """Threads of zenoh that start after this wait neither for each other nor for ordinary processes."""
+    os.environ.setdefault("ZENOH_RUNTIME", READERS)
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    except PermissionError:
+        text = f"the system refuses niceness {NICENESS} to the router: beside other work an emergency stop takes longer"
+        print(json.dumps({"level": "info", "event": "router_priority", "text": text}), file=sys.stderr, flush=True)

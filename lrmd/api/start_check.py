@@ -7,7 +7,7 @@ import re
 import zenoh
 
 from lrm_math.errors import LrmError
-from lrmd.api.model_reload import load_checked
+from lrmd.api.model_trial import load_checked
 from lrmd.config import Config
 from lrmd.messages.zenoh_session import client, own_endpoints, router
 from lrmd.persistence.deployed_models import active_model

@@ -41,7 +41,7 @@ class ChildProcess:
         self.starts += 1
 
     def ended(self) -> str | None:
-        """How it ended, as text, or None while it runs."""
+        """Its end, as text, or None while it runs."""
         code = None if self._process is None else self._process.exitcode
         if code is None:
             return None
@@ -62,5 +62,5 @@ class ChildProcess:
 
 
 def silence(heartbeat: int, timeout: int, now: int) -> str | None:
-    """What is wrong with a process whose last heartbeat (monotonic ns, 0: none yet) is older than `timeout` (ns)."""
+    """Fault of a process whose last heartbeat (monotonic ns, 0: none yet) is older than `timeout` (ns)."""
     return f"no sign of life for {timeout // SECOND} s" if 0 < heartbeat < now - timeout else None

@@ -11,7 +11,7 @@ import zenoh
 
 from lrm_math.errors import LrmError
 from lrmd.errors import RequestError
-from lrmd.messages.codec import Message, pack, unpack
+from lrmd.messages.codec import Message, pack
 from lrmd.messages.control import (
     ArmRequest,
     DeployRequest,
@@ -25,7 +25,8 @@ from lrmd.messages.control import (
     ResetRequest,
     UndeployRequest,
 )
-from lrmd.messages.zenoh_session import addresses, key, reply_error, serve
+from lrmd.messages.inbox import PLACES, Inbox
+from lrmd.messages.zenoh_session import addresses, key, reply_error, serve, subscribe
 
 REQUESTS: dict[str, type[Message]] = {
     "rpc/lease": LeaseRequest,
@@ -39,11 +40,15 @@ REQUESTS: dict[str, type[Message]] = {
     "rpc/deploy": DeployRequest,
     "rpc/undeploy": UndeployRequest,
 }
+MODELS = ("rpc/reload", "rpc/deploy", "rpc/undeploy")
+"""Requests that take long: one at a time, of all of them."""
 COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest}
 
 
 class RequestHandler(Protocol):
-    """Handler of the messages that arrive; called from zenoh's threads."""
+    """Handler of the messages that arrive; called from zenoh's threads. `boot_id`: of this start of the daemon."""
+
+    boot_id: str
 
     def handle(self, tail: str, request: Message) -> Message:
         """Carries a request out: the reply. Raises what `error_reply` makes a reply of."""
@@ -61,18 +66,24 @@ class RequestHandler(Protocol):
 class ZenohServer:
     """Publishers, queryables and subscribers of one robot on a session; `states`: keys of its state messages."""
 
-    def __init__(self, session: zenoh.Session, robot: str, handler: RequestHandler, states: tuple[str, ...]) -> None:
+    def __init__(
+        self, session: zenoh.Session, robot: str, handler: RequestHandler, states: tuple[str, ...],
+        inbox: Callable[[int], Inbox] = Inbox,
+    ) -> None:  # fmt: skip
+        """`inbox`: makes an inbox with so many places."""
         self._session, self._robot, self._handler = session, robot, handler
         self._log = structlog.get_logger().bind(robot=robot)
         drop: dict[str, Any] = {"congestion_control": zenoh.CongestionControl.DROP}
         self._publishers = {t: session.declare_publisher(key(robot, t), express=True, **drop) for t in states}
         for tail in states:
-            self._serve(tail, partial(self._state, tail), wildcards=True)
-        for tail in REQUESTS:
-            self._serve(tail, partial(self._request, tail))
-        self._serve("rpc/events", lambda _: handler.events())
-        for tail in COMMANDS:
-            session.declare_subscriber(key(robot, tail), partial(self._command, tail))
+            self._serve(tail, None, partial(self._state, tail), inbox(PLACES), wildcards=True)
+        models = inbox(1)
+        for tail, kind in REQUESTS.items():
+            self._serve(tail, kind, partial(self._request, tail), models if tail in MODELS else inbox(PLACES))
+        self._serve("rpc/events", None, lambda _: handler.events(), inbox(PLACES))
+        for tail, kind in COMMANDS.items():
+            take, fail = partial(self._command, tail), partial(self._command_failed, tail)
+            subscribe(session, key(robot, tail), kind, take, fail, inbox(PLACES))
         self._alive = session.liveliness().declare_token(key(robot, "alive/lrmd"))
 
     def has_subscriber(self, tail: str) -> bool:
@@ -90,30 +101,26 @@ class ZenohServer:
             key(self._robot, f"event/{code}"), data, congestion_control=zenoh.CongestionControl.DROP, express=True
         )
 
-    def _serve(self, tail: str, answer: Callable[[bytes], list[bytes]], wildcards: bool = False) -> None:
-        own = key(self._robot, tail)
+    def _serve(
+        self, tail: str, kind: type[Message] | None, answer: Callable[[Any], list[bytes]], inbox: Inbox,
+        wildcards: bool = False,
+    ) -> None:  # fmt: skip
+        fail = partial(reply_error, log=self._log, boot_id=self._handler.boot_id)
+        serve(self._session, key(self._robot, tail), kind, lambda _, request: answer(request), fail, inbox, wildcards)
 
-        def handle(query: zenoh.Query, data: bytes) -> None:
-            """Computes the replies before the query is answered, so that an error can still be the answer."""
-            replies = answer(data)
-            with query:
-                for reply in replies:
-                    query.reply(own, reply)
-
-        serve(self._session, own, handle, partial(reply_error, log=self._log), wildcards)
-
-    def _state(self, tail: str, _: bytes) -> list[bytes]:
+    def _state(self, tail: str, _: Message) -> list[bytes]:
         return [pack(self._handler.state(tail))]
 
-    def _request(self, tail: str, data: bytes) -> list[bytes]:
-        return [pack(self._handler.handle(tail, unpack(REQUESTS[tail], data)))]
+    def _request(self, tail: str, request: Message) -> list[bytes]:
+        return [pack(self._handler.handle(tail, request))]
 
-    def _command(self, tail: str, sample: zenoh.Sample) -> None:
-        try:
-            if not addresses(sample.key_expr, self._robot, tail):
-                raise RequestError("wildcard", f"put on {str(sample.key_expr)[:64]}, which is not a key of commands")
-            self._handler.handle(tail, unpack(COMMANDS[tail], sample.payload.to_bytes()))
-        except LrmError as error:
+    def _command(self, tail: str, sample: zenoh.Sample, command: Message) -> None:
+        if not addresses(sample.key_expr, self._robot, tail):
+            raise RequestError("wildcard", f"put on {str(sample.key_expr)[:64]}, which is not a key of commands")
+        self._handler.handle(tail, command)
+
+    def _command_failed(self, tail: str, error: Exception) -> None:
+        if isinstance(error, LrmError):
             self._handler.report_refusal(tail, error)
-        except Exception:
-            self._log.exception("internal_error", key=tail)
+        else:
+            self._log.error("internal_error", key=tail, exc_info=error)

@@ -7,9 +7,7 @@ that it shows. Two or more angles; the table is interpolated linearly.
 from __future__ import annotations
 
 import math
-import os
 import re
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -20,6 +18,7 @@ from lrm_math.errors import FileError, LrmError
 from lrm_math.toml_file import schema_of
 from lrmd.cli.parsing import parse_angle
 from lrmd.messages.control import InfoState, JointsState
+from lrmd.persistence.atomic_file import write_atomically
 
 HELP = """\
   +5, -2.5         change the pulse by so many us
@@ -145,18 +144,7 @@ def _table_lines(lines: Sequence[str], servo: str) -> tuple[int, int]:
 
 def write_arm_file(path: Path, text: str) -> None:
     """Writes and validates an arm file atomically. Raises `FileError`."""
-    temporary = ""
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".arm.", suffix=".toml")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        read_arm(Path(temporary))
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+        write_atomically(path, text.encode(), check=read_arm)
     except OSError as error:
         raise FileError(path, "", f"cannot be written ({error.strerror})") from None
-    finally:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)

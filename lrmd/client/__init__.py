@@ -8,6 +8,7 @@ with Rover("rover") as rover, rover.control("my program"):
     print(rover.joints().q_rad)
 """
 
+from lrmd.client.identity import DaemonRestarted, SeveralDaemons
 from lrmd.client.rover import MotionInterrupted, Rover
 from lrmd.client.session import NoReply, RequestRefused, RoverSession
 from lrmd.messages.control import LEASE_LOST, InfoState
@@ -15,6 +16,7 @@ from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, 
 
 __all__ = [
     "LEASE_LOST",
+    "DaemonRestarted",
     "FkRequest",
     "GoalEntry",
     "IkAnswer",
@@ -26,4 +28,5 @@ __all__ = [
     "RequestRefused",
     "Rover",
     "RoverSession",
+    "SeveralDaemons",
 ]

@@ -48,7 +48,8 @@ class MotionInterrupted(LrmError):
 class Rover(RoverSession):
     """A client of one daemon: commands, kinematics and state; opened as `RoverSession` says.
 
-    Methods raise `NoReply` without a reply and `RequestRefused` on an error reply.
+    Methods raise `NoReply` without a reply of the daemon, `RequestRefused` on its error reply, `SeveralDaemons` if more
+    than one program answers, and, if they command, `DaemonRestarted` when the daemon is not that of the lease any more.
     """
 
     # ---- commands
@@ -192,6 +193,7 @@ class Rover(RoverSession):
     def _wait(self, wanted: Sequence[str], meanwhile: Sequence[str], limit: float) -> None:
         end = time.monotonic() + limit
         while (state := self.mode()).mode not in wanted:
+            self._check_restart()
             if state.mode not in meanwhile:
                 raise MotionInterrupted(state.mode, state.why)
             if time.monotonic() > end:

@@ -1,8 +1,15 @@
-"""First pulses of servos that are switched on. RC servos jump to their first pulse: it must match their position."""
+"""First pulses of servos that are switched on. RC servos jump to their first pulse: it must match their position.
+
+Theory of operation: where the position comes from depends on the request and on the pulses that the board puts out. A
+board that was left pulsing, by a daemon that ended, knows best: it is taken over or nothing is switched on. Otherwise
+the client says where the arm stands, or the pose is that which was stored when the arm last stood still.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
 
 from lrmd.config import Config
 from lrmd.control.pulses import within_limits
@@ -12,6 +19,31 @@ from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.shared_memory import RampReport
 
 
+class BoardPulses(StrEnum):
+    """Output of the board: nothing, only pulses of this daemon, or pulses that somebody else left."""
+
+    NONE = "none"
+    OWN = "own"
+    LEFT = "left"
+
+
+@dataclass(frozen=True)
+class ArmingSituation:
+    """Sources of the pose of an arming request."""
+
+    request: ArmRequest
+    config: Config
+    report: RampReport
+    stored: StoredState | None
+
+    @property
+    def board(self) -> BoardPulses:
+        """The board's pulses."""
+        if self.report.board_outputs & ~self.report.outputs:
+            return BoardPulses.LEFT
+        return BoardPulses.OWN if self.report.board_outputs else BoardPulses.NONE
+
+
 def arming_pulses(
     request: ArmRequest, config: Config, report: RampReport, stored: StoredState | None
 ) -> dict[int, int]:
@@ -19,16 +51,8 @@ def arming_pulses(
 
     Raises `RequestError` if the position is unknown, `UnknownName`.
     """
-    if request.where == "board":
-        pose = _from_board(config, report, stored)
-    elif report.board_outputs & ~report.outputs:
-        raise RequestError("still_pulsing", "the board is still pulsing; take its pose over with where = 'board'")
-    elif request.where == "given":
-        if not request.q_rad:
-            raise RequestError("pose_needed", "where = 'given' needs q_rad: the present angles of the servos")
-        pose = {config.index(n): config.servos[config.index(n)].pulse_ns(q) for n, q in request.q_rad.items()}
-    else:
-        pose = _from_store(config, stored, request.servos)
+    situation = ArmingSituation(request, config, report, stored)
+    pose = TABLE[request.where, situation.board](situation)
     off = {i: pulse for i, pulse in pose.items() if not report.outputs >> i & 1}
     return {i: within_limits(config.servos[i], pulse) for i, pulse in off.items()}
 
@@ -39,26 +63,54 @@ def stored_angles(config: Config, stored: StoredState | None) -> dict[str, float
     return {s.name: s.angle(pulses[s.name]) for s in config.servos if s.name in pulses}
 
 
-def _from_board(config: Config, report: RampReport, stored: StoredState | None) -> dict[int, int]:
-    if not report.board_outputs:
-        raise RequestError(
-            "pose_needed",
-            "the board has no pulses to take over. Say where the arm stands: where = 'given' with q_rad, or 'stored' "
-            "if it has not been touched since the daemon left it",
-            stored_rad=stored_angles(config, stored), stored_still=bool(stored and stored.still),
-        )  # fmt: skip
-    return {i: report.register[i] for i in range(len(config.servos)) if report.board_outputs >> i & 1}
+def _registers(a: ArmingSituation) -> dict[int, int]:
+    return {i: a.report.register[i] for i in range(len(a.config.servos)) if a.report.board_outputs >> i & 1}
 
 
-def _from_store(config: Config, stored: StoredState | None, names: Sequence[str] | None) -> dict[int, int]:
+def _nothing_to_take_over(a: ArmingSituation) -> dict[int, int]:
+    raise RequestError(
+        "pose_needed",
+        "the board has no pulses to take over. Say where the arm stands: where = 'given' with q_rad, or 'stored' "
+        "if it has not been touched since the daemon left it",
+        stored_rad=stored_angles(a.config, a.stored), stored_still=bool(a.stored and a.stored.still),
+    )  # fmt: skip
+
+
+def _still_pulsing(_: ArmingSituation) -> dict[int, int]:
+    raise RequestError("still_pulsing", "the board is still pulsing; take its pose over with where = 'board'")
+
+
+def _given(a: ArmingSituation) -> dict[int, int]:
+    if not a.request.q_rad:
+        raise RequestError("pose_needed", "where = 'given' needs q_rad: the present angles of the servos")
+    indices = {a.config.index(name): q for name, q in a.request.q_rad.items()}
+    return {i: a.config.servos[i].pulse_ns(q) for i, q in indices.items()}
+
+
+def _from_store(a: ArmingSituation) -> dict[int, int]:
+    stored, names = a.stored, a.request.servos
     if stored is None or not stored.pulse_ns:
         raise RequestError("pose_needed", "no pose was stored yet; send it with where = 'given' and q_rad")
     if not stored.still:
         text = "the arm was moving when its pose was last stored; send it with where = 'given' and q_rad"
         raise RequestError("pose_needed", text)
-    names = [name for name in stored.pulse_ns if name in config.names] if names is None else names
+    names = [name for name in stored.pulse_ns if name in a.config.names] if names is None else names
     for name in names:
-        config.index(name)
+        a.config.index(name)
         if name not in stored.pulse_ns:
             raise RequestError("pose_needed", f"no pose of {name} was stored; send it with where = 'given' and q_rad")
-    return {config.index(name): stored.pulse_ns[name] for name in names}
+    return {a.config.index(name): stored.pulse_ns[name] for name in names}
+
+
+TABLE: dict[tuple[str, BoardPulses], Callable[[ArmingSituation], dict[int, int]]] = {
+    ("board", BoardPulses.NONE): _nothing_to_take_over,
+    ("board", BoardPulses.OWN): _registers,
+    ("board", BoardPulses.LEFT): _registers,
+    ("given", BoardPulses.NONE): _given,
+    ("given", BoardPulses.OWN): _given,
+    ("given", BoardPulses.LEFT): _still_pulsing,
+    ("stored", BoardPulses.NONE): _from_store,
+    ("stored", BoardPulses.OWN): _from_store,
+    ("stored", BoardPulses.LEFT): _still_pulsing,
+}
+"""Where the pose comes from, by the request's `where` and the board's pulses."""

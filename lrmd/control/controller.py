@@ -16,3 +16,4 @@ class Controller(ControllerState):
     observe = updates.observe
     tick = updates.tick
     others_seen = updates.others_seen
+    adopt_guard = updates.adopt_guard

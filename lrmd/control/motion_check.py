@@ -1,4 +1,4 @@
-"""Check of a commanded motion: no collision on the path, and no more load on a hot servo at its waypoints."""
+"""Check of a commanded motion: allowed by the collision guard all along, and no more load on a hot servo."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from lrmd.config import Config
 from lrmd.control.pulses import Pulses, angles, corners, overlaid
+from lrmd.control.ramp_orders import Leg
 from lrmd.errors import RequestError
-from lrmd.ramp.stepping import Pace, move
 from lrmd.safety.collision_guard import ClearanceViolation, Guard
 from lrmd.safety.thermal_model import Torques
 from lrmd.safety.thermal_monitor import ThermalMonitor
@@ -20,43 +20,36 @@ class MotionCheck:
         self._config, self._thermal = config, thermal
         self.torques, self.guard = torques, guard
 
-    def check(
-        self, here: Pulses, targets: Pulses, waypoints: Sequence[Pulses], stride: int, pace: Pace, payload: float
-    ) -> None:
-        """Raises `RequestError` for a path that collides, or a waypoint that loads a hot servo more than now.
+    def check(self, start: Pulses, legs: Sequence[Leg], payload: float) -> None:
+        """Raises `RequestError` for legs from pulses (ns) that collide, or end with more load on a hot servo than now.
 
-        `here`: pulses (ns) now; `targets`: pulses (ns) of the motion under way, which a waypoint overrides.
+        Passes on any other `LrmError` of the guard.
         """
-        torques_now, goal = self.servo_torques(here, payload), targets
-        for number, waypoint in enumerate(waypoints, start=1):
-            goal = overlaid(goal, waypoint)
-            try:
-                here = self.check_path(here, goal, stride, pace, payload)
-            except ClearanceViolation as error:
-                raise _collision(error, number) from None
-            self._thermal.check_load(torques_now, self.servo_torques(goal, payload))
+        self.check_clearance(start, legs, payload)
+        torques_now, here = self.servo_torques(start, payload), start
+        for leg in legs:
+            here = overlaid(here, leg.target)
+            self._thermal.check_load(torques_now, self.servo_torques(here, payload))
 
-    def check_path(self, here: Pulses, goal: Pulses, stride: int, pace: Pace, payload: float) -> Pulses:
-        """Passes the ramp's path to a goal (ns) to the guard; returns its last pulses. Raises the guard's `LrmError`.
+    def check_clearance(self, start: Pulses, legs: Sequence[Leg], payload: float) -> None:
+        """Passes the ramp's path along legs from pulses (ns) to the guard. Raises as `check`.
 
         Each segment between two corners is straight in joint space, as the guard requires.
         """
-        ramp = move(here, goal, (stride,) * len(here), pace)
-        for corner in (ramp.at(k) for k in corners(self._config, ramp)):
-            self._check_straight(here, corner, payload)
-            here = corner
-        return here
-
-    def check_jog(self, here: Pulses, ahead: Pulses, payload: float) -> None:
-        """Raises `RequestError` if the straight segment between pulses (ns) collides, or the guard's `LrmError`."""
+        path, numbers, here = [self._joints(start)], [], start
+        for number, leg in enumerate(legs, start=1):
+            ramp = leg.move(here)
+            for there in (self._joints(ramp.at(k)) for k in corners(self._config, ramp)):
+                if there != path[-1]:
+                    path.append(there)
+                    numbers.append(number)
+            here = ramp.at(ramp.length)
+        if not numbers:
+            return
         try:
-            self._check_straight(here, ahead, payload)
+            self.guard(path, payload)
         except ClearanceViolation as error:
-            raise _collision(error, 1) from None
-
-    def _check_straight(self, here: Pulses, there: Pulses, payload: float) -> None:
-        if self._joints(here) != self._joints(there):
-            self.guard(self._joints(here), self._joints(there), payload)
+            raise _collision(error, numbers[error.move]) from None
 
     def servo_torques(self, pulses: Pulses, payload: float) -> tuple[float, ...]:
         """Gravity torque (N m) on every servo for pulses (ns) and a payload (kg); 0 for servos that are no joint."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from lrmd.config import SECOND, Config, ServoConfig
+from lrmd.config import Config, ServoConfig
 from lrmd.errors import RequestError
 from lrmd.ramp.shared_memory import HOLD_PULSE
 from lrmd.ramp.stepping import Move
@@ -59,16 +59,6 @@ def overlaid(under: Sequence[int], over: Sequence[int]) -> Pulses:
     return tuple(old if new == HOLD_PULSE else new for old, new in zip(under, over, strict=True))
 
 
-def duration(config: Config, start: Sequence[int], waypoints: Sequence[Pulses], stride: int) -> float:
-    """Seconds through the waypoints (ns) at `stride` ns per tick."""
-    ticks, here = 0, tuple(start)
-    for waypoint in waypoints:
-        there = overlaid(here, waypoint)
-        ticks += max(-(-abs(b - a) // stride) for a, b in zip(here, there, strict=True))
-        here = there
-    return ticks * config.tick / SECOND
-
-
 def corners(config: Config, ramp: Move) -> list[int]:
     """Ticks at which the path through joint space bends: a joint stops, or passes a point of its level-1 table.
 
@@ -80,20 +70,5 @@ def corners(config: Config, ramp: Move) -> list[int]:
     ):
         if distance:
             passed = [(round(p * 1e9) - start) * ticks / distance for p in servo.table.pulse]
-            found |= {ticks, *(math.ceil(k) for k in passed if 0 < k < ticks)}
+            found |= {ticks, *(round_k(k) for k in passed if 0 < k < ticks for round_k in (math.floor, math.ceil))}
     return sorted(found)
-
-
-def jog_order(config: Config, i: int, here: int, rate: float) -> tuple[int, int]:
-    """Target (ns) and stride (ns per tick) of servo `i` at pulse `here` (ns) for a `rate` (rad/s, not 0).
-
-    The target is its limit on that side. Raises `RequestError` for a rate above the ramp's.
-    """
-    servo, ahead = config.servos[i], math.copysign(0.01, rate)
-    change = servo.pulse_ns(servo.angle(here) + ahead) - here
-    stride = abs(change / ahead * rate) * config.tick / SECOND
-    if stride > config.step:
-        fastest = math.degrees(abs(rate) * config.step / stride)
-        text = f"{servo.name}: {math.degrees(abs(rate)):.1f} deg/s; at most {fastest:.1f} deg/s"
-        raise RequestError("too_fast", text)
-    return (servo.highest if change > 0 else servo.lowest), max(1, round(stride))

@@ -1,46 +1,81 @@
-"""Orders for the ramp: the newest one, and the queue of waypoints and servos behind it."""
+"""Orders for the ramp: the newest one, and the queue of legs and servos behind it."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from lrmd.config import Config
 from lrmd.control.pulses import Pulses, overlaid
-from lrmd.ramp.shared_memory import HOLD_PULSE, RampOrder
-from lrmd.ramp.stepping import Pace
+from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, RampOrder
+from lrmd.ramp.stepping import Move, Pace, Way, move
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A part of a motion: `target` (ns, or `HOLD_PULSE`) and `stride` (ns per tick) of every servo."""
+
+    target: Pulses
+    stride: Pulses
+    pace: Pace
+
+    def move(self, start: Pulses) -> Move:
+        """The ramp's staircase along this leg from pulses (ns)."""
+        return move(start, overlaid(start, self.target), self.stride, self.pace)
+
+
+@dataclass(frozen=True)
+class Departure:
+    """Beginning of a motion: at pulses `start` (ns), where `remaining` ticks of the present way are left."""
+
+    start: Pulses
+    remaining: int = 0
+    way: Way = field(default_factory=Way)
+
+
+@dataclass(frozen=True)
+class Jog:
+    """A jog under way: rates (rad/s) by servo; it ends at `until` (monotonic ns) unless it is renewed."""
+
+    rates: Mapping[str, float]
+    until: int
 
 
 class OrderScheduler:
-    """`newest`: the order that the ramp reads. Queued behind it: `waypoints` (ns) of a move, servos (numbers) of
-    `arming`. A jog that is not renewed ends at `jog_until` (monotonic ns).
+    """`newest`: the order that the ramp reads. Queued behind it: `legs` of a motion, servos (numbers) of `arming`.
 
-    `goal`: target pulse (ns) of each servo, `HOLD_PULSE` for one that stays.
+    `goal`: target pulse (ns) of each servo, `HOLD_PULSE` for one that stays. `way`: what the ramp makes of the newest
+    order, tick by tick. `jog`: the one under way.
     """
 
     def __init__(self, config: Config, now: int) -> None:
         self._config = config
         self._no_goal: Pulses = (HOLD_PULSE,) * len(config.servos)
         self.newest = RampOrder(stride=(config.step,) * len(config.servos), target=(HOLD_PULSE,) * 16)
-        self.goal = self._no_goal
-        self.waypoints: deque[Pulses] = deque()
+        self.goal, self.way = self._no_goal, Way()
+        self.legs: deque[Leg] = deque()
         self.arming: deque[int] = deque()
-        self.jog_until: int | None = None
+        self.jog: Jog | None = None
         self._next_on = now
+
+    @property
+    def destination(self) -> Pulses:
+        """Target pulses (ns) of the last leg."""
+        return self.legs[-1].target if self.legs else self.goal
 
     def clear(self) -> None:
         """Empties the queue; the next order stops the servos where they are."""
-        self.waypoints.clear()
+        self.legs.clear()
         self.arming.clear()
-        self.jog_until = None
-        self.goal = self._no_goal
+        self.jog = None
+        self.goal, self.way = self._no_goal, Way()
 
-    def issue(self, now: int, outputs: int | None = None) -> None:
+    def issue(self, now: int, outputs: int | None = None, branch_at: int = AT_ONCE) -> None:
         """Orders the goal, with pulses for `outputs` (bits; None: as before)."""
         self.newest = replace(
             self.newest, number=(self.newest.number + 1) & 0xFFFFFFFF, heartbeat=now, target=self.goal,
-            outputs=self.newest.outputs if outputs is None else outputs,
+            outputs=self.newest.outputs if outputs is None else outputs, after=self.newest.number, branch_at=branch_at,
         )  # fmt: skip
 
     def stop(self, now: int, outputs: int | None = None) -> None:
@@ -61,26 +96,28 @@ class OrderScheduler:
             self._next_on = now + self._config.stagger
             self.issue(now, self.newest.outputs | 1 << self.arming.popleft())
 
-    def start_move(self, waypoints: Sequence[Pulses], stride: int, pace: Pace, now: int) -> None:
-        """Moves the servos through waypoints (ns) with at most `stride` ns per tick."""
-        self.jog_until = None
-        self.waypoints = deque(waypoints)
-        self.newest = replace(self.newest, stride=(stride,) * len(self.goal), pace=pace)
-        self.next_waypoint(now)
+    def departure(self, remaining: int, lead: int, position: Pulses) -> Departure:
+        """Beginning of the next motion: `lead` ticks ahead on the present one, or at its end.
 
-    def next_waypoint(self, now: int) -> None:
-        """Moves the servos to the next waypoint."""
-        self.goal = overlaid(self.goal, self.waypoints.popleft())
-        self.issue(now)
+        `remaining`: ticks of it that were left in the ramp's last report; `position`: pulses (ns) of servos that stand.
+        """
+        if not remaining:
+            return Departure(position)
+        left, way = max(0, remaining - lead), self.way.advanced_to(remaining)
+        return Departure(way.at(left), left, way)
 
-    def jog(self, target: Pulses, stride: Pulses, now: int) -> None:
-        """Moves each servo to its target (ns) at its own stride (ns per tick) while the jog is renewed."""
-        self.waypoints.clear()
-        self.jog_until = now + self._config.command
-        if target != self.goal or stride != self.newest.stride:
-            self.goal = target
-            self.newest = replace(self.newest, stride=stride, pace=Pace.EACH)
-            self.issue(now)
+    def start(self, legs: Sequence[Leg], departure: Departure, now: int) -> None:
+        """Moves the servos along legs from a departure."""
+        self.legs, self.jog = deque(legs), None
+        self.next_leg(departure, now)
+
+    def next_leg(self, departure: Departure, now: int) -> None:
+        """Moves the servos along the next leg."""
+        leg = self.legs.popleft()
+        self.goal = leg.target
+        self.way = departure.way.branch(departure.remaining, leg.move(departure.start))
+        self.newest = replace(self.newest, stride=leg.stride, pace=leg.pace)
+        self.issue(now, branch_at=departure.remaining)
 
     def set_heartbeat(self, now: int) -> None:
         """Renews the heartbeat."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from lrmd.config import SECOND
-from lrmd.control import lease as leases
-from lrmd.control import thermal_protection
+from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
 from lrmd.control.events import RequestResult
-from lrmd.control.pulses import armed_index, duration, jog_order, pulses_of
+from lrmd.control.jogging import request_jog
+from lrmd.control.pulses import overlaid, pulses_of
+from lrmd.control.ramp_orders import Departure, Leg
 from lrmd.control.state import ControllerState
 from lrmd.control.state_machine import LIVE, InvalidTransition, Mode, Trigger, next_mode
 from lrmd.errors import RequestError
@@ -24,7 +25,7 @@ from lrmd.messages.control import (
     RelaxRequest,
     ResetRequest,
 )
-from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState
+from lrmd.ramp.shared_memory import LinkState
 from lrmd.ramp.stepping import Pace
 
 RequestWithLease = ArmRequest | MoveRequest | JogRequest | RelaxRequest | DisarmRequest | ResetRequest
@@ -34,10 +35,9 @@ def _lease(s: ControllerState, request: LeaseRequest, now: int) -> RequestResult
     if request.action == "acquire":
         return _acquire(s, request, now)
     if request.action == "renew":
-        s.lease = leases.renew(s.lease, request.lease, now, s.config.lease)
-        return RequestResult(lease=s.lease)
-    leases.checked(s.lease, request.lease, now)
-    s.lease = None
+        s.leasehold = s.leasehold.renewed(request.lease, now, s.config.lease)
+        return RequestResult(lease=s.leasehold)
+    s.leasehold = s.leasehold.released(request.lease)
     s.stop_motion(now, "lease released")
     return RequestResult()
 
@@ -45,15 +45,12 @@ def _lease(s: ControllerState, request: LeaseRequest, now: int) -> RequestResult
 def _acquire(s: ControllerState, request: LeaseRequest, now: int) -> RequestResult:
     if not request.holder:
         raise RequestError("no_holder", "holder is missing: name the client, for others to read")
-    previous = s.lease
-    if request.lease is not None and (s.expired_lease is None or s.expired_lease.token != request.lease):
-        raise leases.LeaseError("this lease has not expired, or another client had one since: acquire without it")
-    s.lease = leases.acquire(previous, request.holder, now, s.config.lease, request.take)
-    s.expired_lease = None
-    if previous is not None and now < previous.until:
+    previous = s.leasehold
+    s.leasehold = previous.acquired(request.holder, now, s.config.lease, request.take, request.lease)
+    if previous.held:
         s.emit("lease_taken", "warning", f"{request.holder} took the lease from {previous.holder}")
         s.stop_motion(now, f"{request.holder} took the lease")
-    return RequestResult(lease=s.lease)
+    return RequestResult(lease=s.leasehold)
 
 
 def _hold(s: ControllerState, _: HoldRequest, now: int) -> RequestResult:
@@ -81,27 +78,31 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     next_mode(s.mode, Trigger.MOVE, s.why)
     thermal_protection.check_motion(s)
     payload = s.payload if request.payload_kg is None else request.payload_kg
-    waypoints = [pulses_of(s.config, w, s.report.outputs) for w in request.waypoints]
-    stride = max(1, int(s.config.step * request.speed))
-    pace = Pace[request.pace.upper()]
-    s.motion_check.check(s.position, s.targets, waypoints, stride, pace, payload)
+    legs, departure = _legs(s, request), s.departure()
+    s.motion_check.check(departure.start, legs, payload)
     s.transition(Trigger.MOVE, "move", now)
     s.payload, s.rest_goal = payload, None
-    s.orders.start_move(waypoints, stride, pace, now)
-    return RequestResult(seconds=duration(s.config, s.position, waypoints, stride))
+    s.orders.start(legs, departure, now)
+    return RequestResult(seconds=_seconds(s, legs, departure))
 
 
-def _jog(s: ControllerState, request: JogRequest, now: int) -> RequestResult:
-    next_mode(s.mode, Trigger.MOVE, s.why)
-    thermal_protection.check_motion(s)
-    stride, target = list(s.order.stride), [HOLD_PULSE] * len(s.config.servos)
-    for name, rate in request.rate_rad_per_s.items():
-        i = armed_index(s.config, name, s.report.outputs)
-        if rate:
-            target[i], stride[i] = jog_order(s.config, i, s.position[i], rate)
-    s.transition(Trigger.MOVE, "jog", now)
-    s.orders.jog(tuple(target), tuple(stride), now)
-    return RequestResult()
+def _legs(s: ControllerState, request: MoveRequest) -> list[Leg]:
+    """One leg per waypoint; servos that none names go on to where they were going. Raises `LrmError`."""
+    stride, goal = max(1, int(s.config.step * request.speed)), s.orders.goal
+    legs = []
+    for waypoint in request.waypoints:
+        goal = overlaid(goal, pulses_of(s.config, waypoint, s.report.outputs))
+        legs.append(Leg(goal, (stride,) * len(goal), Pace[request.pace.upper()]))
+    return legs
+
+
+def _seconds(s: ControllerState, legs: Sequence[Leg], departure: Departure) -> float:
+    """Time until the end of the last leg (s)."""
+    ticks, here = departure.way.remaining - departure.remaining, departure.start
+    for leg in legs:
+        ramp = leg.move(here)
+        ticks, here = ticks + ramp.length, ramp.at(ramp.length)
+    return ticks * s.config.tick / SECOND
 
 
 def _relax(s: ControllerState, request: RelaxRequest, now: int) -> RequestResult:
@@ -132,17 +133,18 @@ def _reset(s: ControllerState, _: ResetRequest, now: int) -> RequestResult:
 
 
 HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
-    LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: _jog,
+    LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: request_jog,
     RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset,
 }  # fmt: skip
 
 
 def handle(s: ControllerState, request: Message, now: int) -> RequestResult:
-    """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed."""
+    """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed but an expired lease."""
+    updates.expire_lease(s, now)
     if type(request) not in HANDLERS:
         raise RequestError("unknown_request", f"no such request: {type(request).__name__}")
     if isinstance(request, ArmRequest) and s.other_daemons:  # before the lease: the other one gives its own
         raise RequestError("name_taken", s.name_trouble, retryable=True)
     if isinstance(request, RequestWithLease):
-        leases.checked(s.lease, request.lease, now)
+        s.leasehold.check(request.lease)
     return HANDLERS[type(request)](s, request, now)

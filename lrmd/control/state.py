@@ -13,8 +13,9 @@ from lrmd.control.events import ControllerEvent, LatchedFault, Level
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
 from lrmd.control.pulses import Pulses, angles, overlaid
-from lrmd.control.ramp_orders import OrderScheduler
+from lrmd.control.ramp_orders import Departure, OrderScheduler
 from lrmd.control.state_machine import Mode, Trigger, next_mode
+from lrmd.errors import RequestError
 from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.persistence.arm_identity import arm_identity
 from lrmd.persistence.state_file import HOTTEST, StoredState
@@ -23,15 +24,17 @@ from lrmd.safety.collision_guard import Guard
 from lrmd.safety.thermal_model import Torques
 from lrmd.safety.thermal_monitor import ThermalMonitor
 
+LEAD = 12
+"""Ticks, 78 ms: how far ahead on the present motion another one begins; in the meantime it is checked and read."""
+
 
 class ControllerState:
     """Everything that the controller knows.
 
-    Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, `lease`, the `expired_lease` that nobody had
-    after it, `orders` for the ramp, `report` of the ramp, `thermal` monitor, `motion_check`, `payload` (kg),
-    unpublished `events`, and the state file as `stored`. Of the thermal protection: `held_at`, `rest_tried_at`
-    (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last motion to rest, and
-    `rest_blocked` while its path is not free.
+    Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
+    ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), unpublished `events`, and the state file as
+    `stored`. Of the thermal protection: `held_at`, `rest_tried_at` (monotonic ns) of the last hold and attempt to go to
+    rest, `rest_goal` (pulses, ns) of the last motion to rest, and `rest_blocked` while its path is not free.
     """
 
     def __init__(
@@ -41,8 +44,7 @@ class ControllerState:
         self.mode, self.why, self.since = Mode.DISARMED, "started", now
         self.faults: dict[str, LatchedFault] = {}
         self.events: list[ControllerEvent] = []
-        self.lease: Lease | None = None
-        self.expired_lease: Lease | None = None
+        self.leasehold = Lease()
         self.report = RampReport()
         self.other_daemons: frozenset[str] = frozenset()
         self.payload = stored.payload_kg if stored else 0.0
@@ -53,7 +55,6 @@ class ControllerState:
         self.thermal = ThermalMonitor(config, stored, now, wall)
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
         self.orders = OrderScheduler(config, now)
-        self.last_look_ahead = now
         self.held_at: int | None = None
         self.rest_goal: Pulses | None = None
         self.rest_tried_at, self.rest_blocked = now, False
@@ -61,6 +62,11 @@ class ControllerState:
     def angles(self, pulses: Sequence[int]) -> list[float]:
         """Angle (rad) of every servo for these pulses (ns); 0 where none was ever sent."""
         return angles(self.config, pulses)
+
+    @property
+    def lease(self) -> Lease | None:
+        """The lease that somebody holds."""
+        return self.leasehold if self.leasehold.held else None
 
     @property
     def order(self) -> RampOrder:
@@ -78,20 +84,32 @@ class ControllerState:
         return overlaid(self.position, self.orders.goal)
 
     @property
+    def settled(self) -> bool:
+        """Whether the ramp has read the newest order, so that it is known where the servos are, or will be."""
+        return self.report.order == self.order.number
+
+    def departure(self) -> Departure:
+        """Departure of the next motion. Raises `RequestError` while the ramp has not read the newest order."""
+        if not self.settled:
+            raise RequestError("busy", "the ramp has not read the last order yet; ask again", retryable=True)
+        remaining = self.report.remaining if self.orders.way.parts else 0
+        return self.orders.departure(remaining, LEAD, self.position)
+
+    @property
     def going_to_rest(self) -> bool:
         """Whether the motion under way is that of the thermal protection."""
-        return self.mode is Mode.MOVING and self.orders.goal == self.rest_goal
+        return self.mode is Mode.MOVING and self.orders.destination == self.rest_goal
 
     @property
     def port_trouble(self) -> str:
-        """Why the port cannot be opened; empty if it is open."""
+        """Reason why the port cannot be opened; empty if it is open."""
         number = self.report.port_error
         why = "another program has it open" if number == errno.EAGAIN else os.strerror(number).lower()
         return f"{self.config.link.port}: {why}" if number else ""
 
     @property
     def board_trouble(self) -> str:
-        """What is wrong with the board's firmware; empty if nothing is."""
+        """Fault of the board's firmware; empty if nothing is."""
         if not self.report.other_version:
             return ""
         return (
@@ -101,7 +119,7 @@ class ControllerState:
 
     @property
     def name_trouble(self) -> str:
-        """What is wrong with the robot's name on the network; empty if this daemon has it alone."""
+        """Fault of the robot's name on the network; empty if this daemon has it alone."""
         if not self.other_daemons:
             return ""
         others = ", ".join(sorted(self.other_daemons)[:3])
@@ -109,7 +127,7 @@ class ControllerState:
 
     @property
     def troubles(self) -> list[str]:
-        """What keeps the arm from being armed, besides its mode."""
+        """Obstacles to arming, besides the mode."""
         return [trouble for trouble in (self.port_trouble, self.board_trouble, self.name_trouble) if trouble]
 
     def saved(self, wall: int) -> StoredState:

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from lrm_math.errors import LrmError
 from lrmd.config import SECOND
 from lrmd.control.pulses import Pulses, overlaid
+from lrmd.control.ramp_orders import Leg
 from lrmd.control.state import ControllerState
 from lrmd.control.state_machine import STATIONARY, Mode, Trigger
 from lrmd.errors import RequestError
@@ -81,12 +82,12 @@ def _go_to_rest(s: ControllerState, now: int) -> None:
     rest = _rest_pulses(s)
     if rest is None or held or waits or s.going_to_rest or s.mode not in (*STATIONARY, Mode.MOVING):
         return
-    goal = overlaid(s.position, rest)
-    if s.position == goal and s.mode is not Mode.MOVING:
+    if not s.settled or (s.position == overlaid(s.position, rest) and s.mode is not Mode.MOVING):
         return
-    s.rest_tried_at = now
+    s.rest_tried_at, departure = now, s.departure()
+    leg = Leg(rest, (s.config.step,) * len(rest), Pace.TOGETHER)
     try:
-        s.motion_check.check_path(s.position, goal, s.config.step, Pace.TOGETHER, s.payload)
+        s.motion_check.check_clearance(departure.start, [leg], s.payload)
     except LrmError as error:
         if not s.rest_blocked:
             s.emit("rest_blocked", "error", f"the straight way to rest is not free: {error}; it is not taken")
@@ -94,8 +95,7 @@ def _go_to_rest(s: ControllerState, now: int) -> None:
         return
     s.rest_blocked, s.rest_goal = False, rest
     s.transition(Trigger.MOVE, "a hot servo goes to rest", now)
-    s.orders.clear()
-    s.orders.start_move([rest], s.config.step, Pace.TOGETHER, now)
+    s.orders.start([leg], departure, now)
 
 
 def _rest_pulses(s: ControllerState) -> Pulses | None:

@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from lrm_math.errors import LrmError
-from lrmd.config import SECOND
-from lrmd.control import thermal_protection
+from lrmd.control import jogging, thermal_protection
 from lrmd.control.events import Level
+from lrmd.control.ramp_orders import Leg
 from lrmd.control.state import ControllerState
 from lrmd.control.state_machine import LIVE, Mode, Trigger
-from lrmd.errors import RequestError
 from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.messages.control import LEASE_LOST
 from lrmd.ramp.shared_memory import LinkState, RampFault, RampReport
-
-LOOK_AHEAD = SECOND // 4
-"""ns: horizon of the collision check of a jog."""
+from lrmd.safety.collision_guard import Guard
 
 
 @dataclass(frozen=True)
@@ -114,10 +111,10 @@ def _order_read(s: ControllerState, report: RampReport, now: int) -> None:
         _order_dropped(s, report, now)
     elif s.mode is Mode.ARMING and not s.orders.arming:
         s.transition(Trigger.ALL_ON, "all servos are on", now)
-    elif s.mode is Mode.MOVING and not report.moving and s.orders.jog_until is None:
-        if s.orders.waypoints:
-            s.orders.next_waypoint(now)
-        else:
+    elif s.mode is Mode.MOVING and not report.moving:
+        if s.orders.legs:
+            s.orders.next_leg(s.departure(), now)
+        elif s.orders.jog is None:
             s.transition(Trigger.ARRIVED, "arrived", now)
 
 
@@ -125,14 +122,14 @@ def _order_dropped(s: ControllerState, report: RampReport, now: int) -> None:
     """The ramp could not take the newest order."""
     s.orders.clear()
     s.orders.keep_outputs(report.outputs)
-    s.emit("order_dropped", "warning", "the ramp could not take the order: the link was not up")
+    s.emit("order_dropped", "warning", "the ramp could not take the order: it came too late, or the link was not up")
     s.transition(Trigger.STOPPED if report.outputs else Trigger.OUTPUTS_LOST, "order dropped", now)
 
 
 def tick(s: ControllerState, now: int) -> None:
     """Checks the timeouts, continues arming, protects from heat, renews the heartbeat in the order."""
-    _check_lease(s, now)
-    _check_jog(s, now)
+    expire_lease(s, now)
+    jogging.continue_jog(s, now)
     if s.report.order == s.order.number:
         s.orders.switch_on_next(now)
     if s.thermal.due(now):
@@ -141,30 +138,23 @@ def tick(s: ControllerState, now: int) -> None:
     s.orders.set_heartbeat(now)
 
 
-def _check_lease(s: ControllerState, now: int) -> None:
-    if s.lease is not None and now >= s.lease.until:
-        s.emit("lease_lost", "warning", f"{s.lease.holder} gave no sign of life; its lease is over")
-        s.lease, s.expired_lease = None, s.lease
+def expire_lease(s: ControllerState, now: int) -> None:
+    """Ends a lease that its holder did not renew, and the motion under it: before every request, in every cycle."""
+    lease = s.leasehold
+    s.leasehold = lease.at(now)
+    if lease.held and not s.leasehold.held:
+        s.emit("lease_lost", "warning", f"{lease.holder} gave no sign of life; its lease is over")
         s.stop_motion(now, LEASE_LOST)
 
 
-def _check_jog(s: ControllerState, now: int) -> None:
-    until = s.orders.jog_until
-    if until is not None and now >= until:
-        s.emit("command_watchdog", "warning", "the jog was not renewed; holding")
-        s.stop_motion(now, "jog not renewed")
-    elif until is not None and now >= s.last_look_ahead + LOOK_AHEAD // 3:
-        s.last_look_ahead = now
-        _look_ahead(s, now)
-
-
-def _look_ahead(s: ControllerState, now: int) -> None:
-    """Stops a jog before a collision."""
-    reach = [LOOK_AHEAD // s.config.tick * stride for stride in s.order.stride]
-    ahead = tuple(min(max(g, p - r), p + r) for g, p, r in zip(s.targets, s.position, reach, strict=False))
+def adopt_guard(s: ControllerState, guard: Guard, now: int) -> None:
+    """Uses another guard, that of a new model; a motion of which it does not allow the rest is stopped."""
+    s.motion_check.guard = guard
+    if s.mode is not Mode.MOVING:
+        return
+    under_way = Leg(s.orders.goal, s.order.stride[: len(s.position)], s.order.pace)
     try:
-        s.motion_check.check_jog(s.position, ahead, s.payload)
+        s.motion_check.check_clearance(s.position, [under_way, *s.orders.legs], s.payload)
     except LrmError as error:
-        detail = error.detail if isinstance(error, RequestError) else {}
-        s.emit("jog_stopped", "warning", str(error), **detail)
-        s.stop_motion(now, "a collision ahead")
+        s.emit("motion_stopped", "warning", f"by the new model the rest of the motion is not allowed: {error}")
+        s.hold(now, "the new model does not allow the rest of the motion")

@@ -6,12 +6,16 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.effects import compensable
 from lrm_math.errors import FileError
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.model_file import load_covariance, load_model
+from lrm_math.model.model_file import ModelFile, arm_of, covariance_of, to_model
+from lrm_math.toml_file import LARGEST, read_toml
 from lrmd.config import Config
-from lrmd.persistence.deployed_models import active_model
+from lrmd.persistence.deployed_models import active_model, was_deployed
 from lrmd.ramp.shared_memory import NOMINAL
 
 
@@ -44,13 +48,29 @@ def deploy_file(config: Config, path: Path | None) -> DeployedModel:
     if path is None:
         return DeployedModel(model_of(config.arm, ()), None, "nominal", "", ())
     content = _content(path)
-    model, covariance = load_model(path), load_covariance(path)
+    tables = read_toml(path, ModelFile)
+    if was_deployed(config, path):
+        tables, arm = tables.model_copy(update={"provenance": None}), _named_arm(config, path, tables.arm)
+    else:
+        arm = arm_of(path, tables.arm)
+    model = to_model(path, tables, arm)
+    covariance = covariance_of(path, tables, model)
     if _content(path) != content:
         raise FileError(path, "model", "changed while it was read", "write it whole, then load it again")
     if model.arm.name != config.arm.name:
         raise FileError(path, "arm", f"a model of {model.arm.name}", f"this daemon drives {config.arm.name}")
-    left_out = tuple(sorted({e.id for e in model.effects if not e.online and e.id != "quantisation"}))
+    left_out = tuple(sorted({e.id for e in model.effects if not compensable(e)}))
     return DeployedModel(model, covariance, str(path), hashlib.sha256(content).hexdigest(), left_out)
+
+
+def _named_arm(config: Config, path: Path, name: str) -> Arm:
+    """The arm of a text that came over zenoh: a path would tell its sender which files exist. Raises `FileError`."""
+    if name == config.arm.name:
+        return config.arm
+    shipped = shipped_arms()
+    if name not in shipped:
+        raise FileError(path, "arm", f"{name[:64]!r} is no arm of this daemon's", f"valid: {', '.join(shipped)}")
+    return load_arm(name)
 
 
 def digest_of(config: Config) -> bytes:
@@ -61,6 +81,7 @@ def digest_of(config: Config) -> bytes:
 
 def _content(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(LARGEST)
     except OSError as error:
         raise FileError(path, "model", error.strerror or "cannot be read") from None

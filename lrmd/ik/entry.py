@@ -6,8 +6,8 @@ from lrmd.config import Config
 from lrmd.ramp.shared_fd import SharedFd
 
 
-def run(config: Config, memory: SharedFd) -> None:
+def run(config: Config, memory: SharedFd, boot_id: str) -> None:
     """Answers queries until SIGTERM or until its parent ends."""
     from lrmd.ik import process
 
-    process.run(config, memory)
+    process.run(config, memory, boot_id)

@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.collision.rrt_connect import Check, NoPath, plan
-from lrm_math.collision.scene import Scene, clearance_of
-from lrm_math.collision.straight_move import RESOLUTION, MotionClearance, check_move
-from lrm_math.errors import NoEquilibrium
-from lrm_math.kinematics.forward import frames
-from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.batch_equilibrium import batch_equilibrium
-from lrm_math.model.model import Model
+from lrm_math.collision.scene import Scene
+from lrm_math.collision.straight_move import RESOLUTION, MotionClearance
 from lrmd.config import Config
-from lrmd.safety.collision_guard import ClearanceViolation, CollisionGuard, sample_move
+from lrmd.safety.collision_guard import CollisionGuard
 
 SAMPLES = 40
 """Random poses of one attempt: most paths take fewer; a new attempt begins with new trees."""
 MARGIN_STEP, MAX_REJECTED = 0.002, 12
 """m: increase of the margin after a path that violates it between the samples; number of such paths to give up."""
-WAYS_OUT, FARTHEST_OUT = 200, np.radians(15.0)
-"""Random poses tried around an arm that stands within the margin, and how far a joint may turn to them (rad)."""
+ROUNDS_OUT, POSES_OUT, CHECKS_OUT = 40, 150, 20
+"""Of the search for a way out of the margin: rounds, random poses in each, moves checked to those not clear."""
 MERGE = 1e-6
 """Fraction of a move: corners closer together are merged."""
 
@@ -53,12 +46,16 @@ class _GoalSearch:
 
 @dataclass(frozen=True, eq=False)
 class Planner:
-    """Plans paths of an arm with a payload (kg) in a collision scene; `model` predicts its sag."""
+    """Plans paths of an arm with a payload (kg) that its collision guard allows, piece by piece."""
 
     config: Config
-    scene: Scene
-    model: Model
+    guard: CollisionGuard
     payload: float
+
+    @property
+    def scene(self) -> Scene:
+        """The collision scene of the guard."""
+        return self.guard.scene
 
     def find(
         self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: Callable[[], None]
@@ -66,8 +63,8 @@ class Planner:
         """A path from a pose (rad) to one of the goal poses, or the reason why the first goal was given up.
 
         Tries all goals in turn, repeatedly, until `check_cancelled` raises, which is called before every move that is
-        checked. Deterministic for one seed. An arm that stands within the margin, as a new model may say of it, leaves
-        it first, by a short move that the guard allows.
+        checked. Deterministic for one seed. An arm that stands within the margin, or in overlap, leaves it first, by
+        moves that the guard allows.
         """
         found = self._find_from(start, goals, seed, check_cancelled)
         if isinstance(found, JointPath):
@@ -75,32 +72,62 @@ class Planner:
         clear = self._clear(np.array([start, *goals]))
         if clear[0] or not clear[1:].any():
             return found
-        check_cancelled()
-        outside = self._way_out(np.array(start), np.random.default_rng([seed, len(goals)]))
-        if outside is None:
+        direct = (q for q in goals if self._allows(np.array(start), np.array(q)))
+        if (goal := next(direct, None)) is not None:
+            return JointPath(_with_corners(self.config, np.array([start, goal])), 0)
+        way = self.way_out(np.array(start), np.random.default_rng([seed, len(goals)]), check_cancelled)
+        if way is None:
             return found
-        onward = self._find_from(outside.tolist(), goals, seed, check_cancelled)
+        onward = self._find_from(way[-1].tolist(), goals, seed, check_cancelled)
         if isinstance(onward, str):
             return onward
-        first = _with_corners(self.config, np.array([start, outside]))
+        first = _with_corners(self.config, np.array(way))
         return JointPath((*first[:-1], *onward.waypoints), onward.samples)
 
-    def _way_out(self, start: Array, rng: np.random.Generator) -> Array | None:
-        """The nearest of some random poses (n,) that is clear and that the guard lets the arm go to."""
-        guard = CollisionGuard(self.scene, self.model)
-        turns = rng.uniform(-1.0, 1.0, (WAYS_OUT, len(start))) * np.linspace(0.0, FARTHEST_OUT, WAYS_OUT + 1)[1:, None]
-        low, high = self.scene.limits
-        poses = np.clip(start + turns, low, high)
-        for pose in poses[self._clear(poses)]:
-            with suppress(ClearanceViolation, NoEquilibrium):
-                guard(start.tolist(), pose.tolist(), self.payload)
-                return np.asarray(pose)
+    def way_out(
+        self, start: Array, rng: np.random.Generator, check_cancelled: Callable[[], None]
+    ) -> list[Array] | None:
+        """Poses (n,) from the start to one that is clear, by moves that the guard allows; None if none was found.
+
+        A tree of poses, each of which the guard lets the arm reach from the one before: of random poses around one of
+        the tree the nearest clear one ends the search, else the one with the largest separation joins the tree.
+        """
+        tree, parents = [start], [0]
+        for _ in range(ROUNDS_OUT):
+            here = int(rng.integers(len(tree)))
+            found, clear = self._outward(tree[here], rng, check_cancelled)
+            if found is None:
+                continue
+            if not clear:
+                tree.append(found)
+                parents.append(here)
+                continue
+            way = [found, tree[here]]
+            while here:
+                here = parents[here]
+                way.append(tree[here])
+            return way[::-1]
         return None
+
+    def _outward(
+        self, here: Array, rng: np.random.Generator, check_cancelled: Callable[[], None]
+    ) -> tuple[Array | None, bool]:
+        """A pose (n,) that the guard lets the arm reach from here, where it has more room; whether it is clear."""
+        low, high = self.scene.limits
+        turns = rng.uniform(-1.0, 1.0, (POSES_OUT, len(here))) * (rng.random((POSES_OUT, len(here))) < 0.7)
+        poses = np.clip(here + turns * np.linspace(0.0, 1.0, POSES_OUT + 1)[1:, None] ** 2 * (high - low), low, high)
+        apart = self.guard.separation(np.array([here, *poses]), self.payload)
+        clear, gain = apart[1:] >= self.scene.margin + RESOLUTION, apart[1:] - apart[0]
+        by_gain = [int(k) for k in np.argsort(-gain)[:CHECKS_OUT] if gain[k] > RESOLUTION and not clear[k]]
+        for k in [*np.flatnonzero(clear), *by_gain]:
+            check_cancelled()
+            if self._allows(here, poses[k]):
+                return poses[k], bool(clear[k])
+        return None, False
 
     def _clear(self, q: Array) -> NDArray[np.bool_]:
         """(N,), whether the rigid and the loaded arm keep the margin in poses (N, n), and a little more."""
-        rigid = clearance_of(self.scene, self.scene.frames(q)).distance
-        return (rigid >= self.scene.margin + RESOLUTION) & (self._loaded(q)[0] >= self.scene.margin + RESOLUTION)
+        return np.asarray(self.guard.separation(q, self.payload) >= self.scene.margin + RESOLUTION)
 
     def _find_from(
         self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: Callable[[], None]
@@ -108,7 +135,7 @@ class Planner:
 
         def check(before: Array, after: Array, margin: float) -> MotionClearance:
             check_cancelled()
-            return self._check_move(before, after, margin)
+            return self.guard.check(np.array([before, after]), self.payload, margin)[0]
 
         searches = [_GoalSearch(np.random.default_rng([seed, number]), goal) for number, goal in enumerate(goals)]
         reasons: list[str] = []
@@ -141,8 +168,8 @@ class Planner:
             return None
         if found.why != "not found":
             return str(found)
-        for what, q in (("start", start), ("goal", search.goal)):
-            move = self._check_poses(np.array([q, q]), np.zeros(2), self.scene.margin)
+        for what, q in (("start", np.array(start)), ("goal", np.array(search.goal))):
+            move, _ = self.guard.check(np.array([q, q]), self.payload, self.scene.margin)
             if not move.free:
                 return (
                     f"no path: {what} in collision as the arm sags: {move.first} and {move.second} are "
@@ -150,42 +177,13 @@ class Planner:
                 )
         return None
 
-    def _check_move(self, before: Array, after: Array, margin: float) -> MotionClearance:
-        """Proof for the straight move of the rigid arm; if it is free, samples of the sagging arm on it."""
-        rigid = check_move(self.scene, before, after, margin)
-        if not rigid.free:
-            return rigid
-        return self._check_poses(*sample_move(before, after), margin)
-
-    def _check_poses(self, q: Array, at: Array, margin: float) -> MotionClearance:
-        """Clearance of the loaded arm in poses q (N, n) in rad at fractions `at` (N,) of a move."""
-        distance, first, second = self._loaded(q)
-        blocked = np.flatnonzero(distance < margin)
-        k = int(blocked[0]) if len(blocked) else int(distance.argmin())
-        free, closest = not len(blocked), (float(distance[k]), str(first[k]), str(second[k]))
-        return MotionClearance(free, *closest, float(at[k]), 1.0 if free else float(at[max(k - 1, 0)]), margin)
-
-    def _loaded(self, q: Array) -> tuple[Array, NDArray[Any], NDArray[Any]]:
-        """Smallest distance (N,) of bodies of the loaded arm in poses (N, n), m, and these bodies' names."""
-        rest, rows = batch_equilibrium(self.model, poses_of(q, self.payload))
-        distance, first, second = np.full(len(q), -np.inf), *np.full((2, len(q)), "an arm not in equilibrium", object)
-        if len(rows):
-            near = clearance_of(self.scene, frames(self.model.chain, rest.slots, len(rows)))
-            distance[rows], first[rows], second[rows] = near.distance, near.first, near.second
-        return distance, first, second
-
     def _violation(self, waypoints: Sequence[tuple[float, ...]]) -> str:
-        """First violation found by the daemon's guard or for the loaded arm; empty if the path is free."""
-        guard = CollisionGuard(self.scene, self.model)
-        try:
-            for before, after in pairwise(waypoints):
-                guard(before, after, self.payload)
-                move = self._check_move(np.array(before), np.array(after), self.scene.margin)
-                if not move.free:
-                    return str(move)
-        except (ClearanceViolation, NoEquilibrium) as error:
-            return str(error)
-        return ""
+        """The first piece that the guard refuses, as text; empty if the path is free."""
+        move, _ = self.guard.check(np.array(waypoints), self.payload, self.scene.margin)
+        return "" if move.free else str(move)
+
+    def _allows(self, start: Array, end: Array) -> bool:
+        return self.guard.check(np.array([start, end]), self.payload)[0].free
 
 
 def _with_corners(config: Config, path: Array) -> tuple[tuple[float, ...], ...]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import structlog
 import zenoh
+from zenoh.handlers import Callback
 
 from lrm_math.errors import FileError, LrmError
 from lrmd import log
@@ -22,7 +23,8 @@ from lrmd.ik.deployed_model import deploy, digest_of
 from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
-from lrmd.messages.codec import Header, HeaderSource, Message, pack, unpack
+from lrmd.messages.codec import Header, HeaderSource, Message, pack
+from lrmd.messages.inbox import Inbox, Send
 from lrmd.messages.kinematics import (
     CancelRequest,
     FkReply,
@@ -33,15 +35,16 @@ from lrmd.messages.kinematics import (
     PlanRequest,
     with_payload,
 )
-from lrmd.messages.zenoh_session import key, own_client, reply_error, serve
+from lrmd.messages.zenoh_session import GONE_KEY, key, own_client, reply_error, serve
 from lrmd.ramp.parent import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
 from lrmd.ramp.shared_memory import NO_MODEL, SharedRecords
 
-QUEUE = 128
-"""Capacity of the queue; a query beyond it is refused as `busy`."""
-SHARE = QUEUE // 2
-"""Queries of one client in the queue. Clients that do not name themselves (zenoh's source info) have one share."""
+QUEUE = 16_000
+"""Capacity of the queue in goals; what has no room is refused as `busy`. Clients that do not name themselves (zenoh's
+source info) are one client."""
+LEAST_LOAD = QUEUE // 128
+"""Goals that a query counts as at least: so there are no more than 128."""
 TURN = 25 * MS
 """ns: a query whose turn it is computes goals until so much time has passed, one at least."""
 SWITCH_INTERVAL = 0.5e-3
@@ -66,6 +69,14 @@ class QueuedQuery:
     steps: Steps | None = None
 
     @property
+    def load(self) -> int:
+        """Goals or poses, which take memory until they are answered."""
+        match self.request:
+            case IkRequest(goals=items) | FkRequest(q_rad=items):
+                return max(len(items), LEAST_LOAD)
+        return LEAST_LOAD
+
+    @property
     def plans(self) -> bool:
         """Whether it is a plan: one at a time, whose pauses are the turns of the others."""
         return isinstance(self.request, PlanRequest)
@@ -81,13 +92,13 @@ class QueuedQuery:
 class IkProcess:
     """The queue between zenoh's threads and the thread that solves."""
 
-    def __init__(self, config: Config, memory: SharedFd) -> None:
+    def __init__(self, config: Config, memory: SharedFd, boot_id: str) -> None:
         self._config = config
         self._shared = SharedRecords(memory.number)
         self._log = structlog.get_logger().bind(robot=config.robot, process="ik")
-        self._queue: FairQueue[QueuedQuery] = FairQueue(QUEUE, SHARE)
+        self._queue: FairQueue[QueuedQuery] = FairQueue(QUEUE, lambda queued: queued.load)
         self._ending = False
-        self._headers = HeaderSource()
+        self._headers = HeaderSource(boot_id)
         self._service: IkService | None = None
         self._checked: tuple[bytes, bytes] | None = None
         self._shared.ik_model = NO_MODEL
@@ -100,26 +111,38 @@ class IkProcess:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         sys.setswitchinterval(SWITCH_INTERVAL)
         with zenoh.open(own_client(self._config.zenoh)) as session:
+            inbox = Inbox()
             for tail, kind in REQUESTS.items():
-                serve(session, key(self._config.robot, tail), partial(self._enqueue, kind), self._refuse)
-            serve(session, key(self._config.robot, "rpc/cancel"), self._cancel, self._refuse)
+                serve(session, key(self._config.robot, tail), kind, self._enqueue, self._refuse, inbox)
+            serve(session, key(self._config.robot, "rpc/cancel"), CancelRequest, self._cancel, self._refuse, Inbox())
+            gone: Callback[zenoh.Sample] = Callback(
+                lambda sample: inbox.after(partial(self._gone, str(sample.key_expr))), indirect=False
+            )
+            session.declare_subscriber(f"{GONE_KEY}/*", gone)
             while not self._ending:
                 self._work()
 
-    def _enqueue(self, kind: type[KinematicsRequest], query: zenoh.Query, data: bytes) -> None:
-        arrived = time.monotonic_ns()
-        request = with_payload(unpack(kind, data), self._shared.payload)
-        source = query.source_info
+    def _enqueue(self, query: zenoh.Query, request: KinematicsRequest) -> None:
+        asked, source = with_payload(request, self._shared.payload), query.source_info
         asker = "" if source is None else str(source.source_id.zid)
-        self._queue.add(asker, QueuedQuery(query, asker, request, arrived + int(request.deadline_ms * MS)))
+        until = time.monotonic_ns() + int(asked.deadline_ms * MS)
+        gave_way = RequestError("busy", "it gave way to another client's; ask again", retryable=True)
+        for pushed_out in self._queue.add(asker, QueuedQuery(query, asker, asked, until)):
+            pushed_out.cancelled.set()
+            self._refuse(pushed_out.query, gave_way)
 
-    def _cancel(self, query: zenoh.Query, data: bytes) -> None:
-        request = unpack(CancelRequest, data)
+    def _cancel(self, _: zenoh.Query, request: CancelRequest) -> list[bytes]:
         for queued in self._queue:
             if queued.request.id == request.id:
                 queued.cancelled.set()
-        with query:
-            query.reply(query.key_expr, pack(Message()))
+        return [pack(Header(**self._headers.next("cancel")))]
+
+    def _gone(self, told_on: str) -> Send:
+        """Cancels the queries of a session that the router has seen closing, or breaking off."""
+        for queued in self._queue:
+            if queued.client == told_on.removeprefix(f"{GONE_KEY}/"):
+                queued.cancelled.set()
+        return lambda: None
 
     def _work(self) -> None:
         """One turn of the next query, and of a plan."""
@@ -129,7 +152,7 @@ class IkProcess:
             self._turn(queued)
 
     def _look_up(self) -> None:
-        """What has to be done between two goals: sign of life, the daemon's model, queries that are over."""
+        """Duties between two goals: sign of life, the daemon's model, queries that are over."""
         self._shared.ik[0] = time.monotonic_ns()
         self._update_model()
         for queued in self._queue:
@@ -209,10 +232,10 @@ class IkProcess:
         except RequestError as error:
             self._end(queued, error)
             return
-        self._shared.ik[1] += 1
-        self._queue.remove(queued.client, queued)
-        with queued.query as query:
-            query.reply(query.key_expr, data)
+        if self._queue.remove(queued.client, queued):
+            self._shared.ik[1] += 1
+            with queued.query as query:
+                query.reply(query.key_expr, data)
 
     def _end(self, queued: QueuedQuery, error: Exception) -> None:
         """Refuses a query, once."""
@@ -221,7 +244,7 @@ class IkProcess:
 
     def _refuse(self, query: zenoh.Query, error: Exception) -> None:
         self._shared.ik[2] += 1
-        reply_error(query, error, self._log)
+        reply_error(query, error, self._log, self._headers.boot_id)
 
 
 def _plan_content(path: JointPath | str) -> dict[str, Any]:
@@ -231,8 +254,8 @@ def _plan_content(path: JointPath | str) -> dict[str, Any]:
     return {"found": True, "text": moves, "waypoints_rad": [list(q) for q in path.waypoints]}
 
 
-def run(config: Config, memory: SharedFd) -> None:
+def run(config: Config, memory: SharedFd, boot_id: str) -> None:
     """Entry point of the process: answers queries until SIGTERM or until its parent ends."""
     die_with_parent()
     log.set_up()
-    IkProcess(config, memory).run()
+    IkProcess(config, memory, boot_id).run()

@@ -15,14 +15,12 @@ from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
-from lrm_math.ik.calibrated import CUBE, CalibratedSolver
-from lrm_math.ik.cube import Cube
-from lrm_math.ik.direct import Direct
+from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, point, point_along, pose_rpy
-from lrm_math.ik.iterative import Iterative
+from lrm_math.ik.methods import method_named
 from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, Solved, Unsolved
 from lrm_math.ik.solutions import IkQuery
-from lrm_math.ik.solver_context import Method, SolverContext
 from lrm_math.kinematics.poses import Poses
 from lrmd.config import Config
 from lrmd.errors import RequestError
@@ -30,6 +28,7 @@ from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.planner import JointPath, Planner
 from lrmd.messages.codec import MessageError
 from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
+from lrmd.safety.collision_guard import CollisionGuard
 
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
@@ -68,10 +67,8 @@ def goal_pose(position: Sequence[float], quaternion: Sequence[float]) -> Goal:
 
 def method_of(request: IkRequest) -> Method:
     """The solver's method for a request."""
-    if request.method != "cube":
-        return Direct() if request.method == "direct" else Iterative()
-    same = (request.cube_side_m, request.cube_points) == (CUBE.side, CUBE.points)
-    return CUBE if same else Cube(request.cube_side_m, request.cube_points)
+    settings = {"side": request.cube_side_m, "points": request.cube_points} if request.method == "cube" else {}
+    return method_named(request.method, **settings)
 
 
 def solver_of(config: Config, deployed: DeployedModel) -> CalibratedSolver:
@@ -86,7 +83,7 @@ class FeasibilityCheck:
     """Feasibility of commands: one elastic equilibrium; rigid and sagging bodies keep the margin of `scene`."""
 
     scene: Scene | None
-    context: SolverContext
+    arm: CalibratedArm
 
     def feasible(self, poses: Poses, slots: Array) -> NDArray[np.bool_]:
         """(K,), for commands that a solver proposes; `slots` (K, V): amounts in the equilibria that it found.
@@ -96,12 +93,12 @@ class FeasibilityCheck:
         """
         feasible = np.zeros(len(poses), dtype=bool)
         query = IkQuery(Goal((0.0, 0.0, 0.0)), float(poses.payload[0]))
-        rest = self.context.at_rest(query, poses.q, poses.direction)
-        same = (np.abs(rest.slots - slots[rest.rows]) < UNIQUE_TOLERANCE).all(axis=1)
-        rows = rest.rows[same]
+        settled = self.arm.equilibria(query, poses.q, poses.direction)
+        same = (np.abs(settled.slots - slots[settled.rows]) < UNIQUE_TOLERANCE).all(axis=1)
+        rows = settled.rows[same]
         feasible[rows] = True
         if len(rows) and self.scene is not None:
-            near = self._clearance(self.scene, query.payload, poses.q[rows], rest.slots[same])
+            near = self._clearance(self.scene, query.payload, poses.q[rows], settled.slots[same])
             feasible[rows] = near.distance.reshape(2, -1).min(axis=0) >= self.scene.margin
         return feasible
 
@@ -109,17 +106,17 @@ class FeasibilityCheck:
         """Whether the equilibrium at the rounded counts has the error that the reply states."""
         if reply.rounded is None:
             return True
-        tool = self.context.tool_at(IkQuery(reply.goal, payload), reply.rounded.q, reply.direction)
+        tool = self.arm.tool_at(IkQuery(reply.goal, payload), reply.rounded.q, reply.direction)
         if tool is None:
             return False
         return abs(math.dist(tool[9:], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
 
     def reason(self, q: tuple[float, ...], payload: float) -> tuple[str, ClosestPair | None]:
-        """Why a command (rad) is infeasible, as text, and the two bodies of a collision."""
+        """Reason why a command (rad) is infeasible, as text, and the two bodies of a collision."""
         command = np.array([q])
-        rest = self.context.at_rest(IkQuery(Goal((0.0, 0.0, 0.0)), payload), command)
-        if self.scene is not None and len(rest.rows):
-            near = self._clearance(self.scene, payload, command, rest.slots)
+        settled = self.arm.equilibria(IkQuery(Goal((0.0, 0.0, 0.0)), payload), command)
+        if self.scene is not None and len(settled.rows):
+            near = self._clearance(self.scene, payload, command, settled.slots)
             k = int(near.distance.argmin())
             closest = ClosestPair(float(near.distance[k]), str(near.first[k]), str(near.second[k]))
             if closest.distance < self.scene.margin:
@@ -131,8 +128,8 @@ class FeasibilityCheck:
         return NO_EQUILIBRIUM, None
 
     def _clearance(self, scene: Scene, payload: float, q: Array, slots: Array) -> Clearance:
-        """Of twice as many arms: at rest, with slot amounts (K, V), then the rigid ones at the commands (K, n)."""
-        bent, rigid = self.context.arm(payload).frames(slots), self.context.nominal_solver.frames(q)
+        """Clearance of twice as many arms: settled, with slot amounts (K, V), then the rigid ones at the commands (K, n)."""
+        bent, rigid = self.arm.kernel(payload).frames(slots), self.arm.nominal_solver.frames(q)
         return clearance_of(scene, np.concatenate([bent, rigid]))
 
 
@@ -144,7 +141,7 @@ class IkService:
         self._solver = solver_of(config, deployed)
         self._config = config
         self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
-        self._feasibility = FeasibilityCheck(self._scene, self._solver.context)
+        self._feasibility = FeasibilityCheck(self._scene, self._solver.arm)
         self._solver.warm_up()
 
     def inverse(self, request: IkRequest) -> Iterator[IkAnswer]:
@@ -192,7 +189,8 @@ class IkService:
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
         goals = [request.to_rad] if request.to_rad is not None else self._commands(request)
-        planner = Planner(self._config, self._scene, self.deployed.model, request.payload_kg or 0.0)
+        guard = CollisionGuard(self._scene, self.deployed.model if self.deployed.sha256 else None)
+        planner = Planner(self._config, guard, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
 
     def _commands(self, request: PlanRequest) -> list[list[float]]:

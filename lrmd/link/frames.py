@@ -42,7 +42,7 @@ _TYPES: Final = {int(kind): kind for kind in FrameType}
 
 
 class BadFrameReason(StrEnum):
-    """Why bytes could not be decoded."""
+    """Reason why bytes could not be decoded."""
 
     COBS = "cobs"
     LENGTH = "length"

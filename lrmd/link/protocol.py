@@ -25,7 +25,7 @@ SILENCE_MS_MIN, SILENCE_MS_MAX, SILENCE_MS_DEFAULT = 50, 10_000, 1_000
 
 
 class ErrorCode(IntEnum):
-    """Why a board refused a frame; the lowest code that applies."""
+    """Reason why a board refused a frame; the lowest code that applies."""
 
     SHAPE = 1
     CRC = 2

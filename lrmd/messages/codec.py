@@ -10,16 +10,18 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgpack
-from pydantic import BaseModel, ConfigDict, JsonValue, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, ValidationError
 
 from lrm_math.errors import LrmError, UnknownName
 from lrmd.errors import RequestError
+from lrmd.messages.bounds import bounds_of
+from lrmd.messages.msgpack_scan import excess
 
-LONGEST = 2_097_152
-"""Bytes; a longer message is refused unparsed. The longest that the limits below allow is shorter."""
+LONGEST_TEXT = 1000
+"""Characters of the text of an error."""
 
 
 class MessageError(RequestError):
@@ -35,10 +37,16 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
 
 
+def _no_bool(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError(f"input should be 1, not {str(value).lower()}")
+    return value
+
+
 class Message(Part):
     """A message of version 1."""
 
-    v: Literal[1] = 1
+    v: Annotated[Literal[1], BeforeValidator(_no_bool)] = 1
 
 
 class Header(Message):
@@ -57,13 +65,19 @@ class ErrorReply(Message):
     msg: str
     retryable: bool = False
     detail: dict[str, JsonValue] = {}
+    boot_id: str = ""
+
+
+def new_boot_id() -> str:
+    """A random identifier of one start of the daemon, which all of its processes have in common."""
+    return secrets.token_hex(8)
 
 
 class HeaderSource:
-    """Values of the `Header` fields of one process: a random `boot_id`, a sequence number per key, both clocks."""
+    """Values of the `Header` fields of one process: the daemon's `boot_id`, a sequence number per key, both clocks."""
 
-    def __init__(self) -> None:
-        self.boot_id = secrets.token_hex(8)
+    def __init__(self, boot_id: str) -> None:
+        self.boot_id = boot_id
         self._seq: Counter[str] = Counter()
 
     def next(self, key: str) -> dict[str, Any]:
@@ -82,11 +96,15 @@ def pack(message: Message) -> bytes:
 
 
 def unpack(kind: type[M], data: bytes) -> M:
-    """A message from msgpack. Raises `MessageError` that says which field is wrong, and how."""
-    if len(data) > LONGEST:
-        raise MessageError(f"message of {len(data)} bytes; at most {LONGEST} are read")
+    """A message from msgpack. Raises `MessageError` that says which field is wrong, and how.
+
+    What is larger than any valid message of the kind is refused before it is read, or before it is validated.
+    """
+    check_size(kind, len(data))
+    if (much := excess(data, bounds_of(kind))) is not None:
+        raise MessageError(much)
     try:
-        content = msgpack.unpackb(data, strict_map_key=True, use_list=True) if data else {}
+        content = msgpack.unpackb(data, strict_map_key=True, use_list=True, object_pairs_hook=_fields) if data else {}
     except (ValueError, msgpack.UnpackException) as error:
         raise MessageError(f"not msgpack ({error or type(error).__name__})") from None
     if not isinstance(content, dict):
@@ -95,17 +113,40 @@ def unpack(kind: type[M], data: bytes) -> M:
         return kind.model_validate(content)
 
 
-def error_reply(error: Exception) -> ErrorReply:
+def check_size(kind: type[Message], size: int) -> None:
+    """Raises `MessageError` if no message of a kind has so many bytes."""
+    most = bounds_of(kind).size
+    if size > most:
+        raise MessageError(f"{size} bytes; a {kind.__name__} has at most {most}")
+
+
+def _fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A map of which every key is there once. Raises `MessageError`."""
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
+        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise MessageError(f"{_shown(twice)}: given twice in one map; should be there once")
+    return fields
+
+
+def shortened(text: str) -> str:
+    """A text for a reply, cut where it would be longer than clients read."""
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."
+
+
+def error_reply(error: Exception, boot_id: str) -> ErrorReply:
     """The reply to a request that raised: with the code of a `RequestError`, else `error` or `internal`."""
+    text = shortened(str(error))
     match error:
-        case RequestError():
-            return ErrorReply(code=error.code, msg=str(error), retryable=error.retryable, detail=error.detail)
+        case RequestError(code=code, retryable=again, detail=detail):
+            return ErrorReply(code=code, msg=text, retryable=again, detail=detail, boot_id=boot_id)
         case UnknownName():
-            return ErrorReply(code="unknown_servo", msg=str(error), detail={"valid": list(error.valid)})
+            valid: list[JsonValue] = list(error.valid)
+            return ErrorReply(code="unknown_servo", msg=text, detail={"valid": valid}, boot_id=boot_id)
         case LrmError():
-            return ErrorReply(code="error", msg=str(error))
+            return ErrorReply(code="error", msg=text, boot_id=boot_id)
         case _:
-            return ErrorReply(code="internal", msg=f"{type(error).__name__}: {error}")
+            return ErrorReply(code="internal", msg=shortened(f"{type(error).__name__}: {error}"), boot_id=boot_id)
 
 
 @contextmanager

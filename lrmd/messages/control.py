@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, JsonValue, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, FailFast, Field, JsonValue, ValidationInfo, field_validator, model_validator
 
 from lrmd.messages.codec import Header, Message, Part
 
@@ -71,7 +71,7 @@ class MoveRequest(Message):
     """
 
     lease: Token
-    waypoints: Annotated[list[Angles], Field(min_length=1, max_length=1000)]
+    waypoints: Annotated[list[Angles], FailFast(), Field(min_length=1, max_length=1000)]
     pace: Literal["together", "each"] = "together"
     speed: Annotated[float, Field(gt=0, le=1)] = 1.0
     payload_kg: Annotated[float, Field(ge=0, le=2)] | None = None

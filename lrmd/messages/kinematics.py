@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import FailFast, Field, model_validator
 
 from lrmd.messages.codec import Header, Message, Part
 from lrmd.messages.control import Label
@@ -43,7 +43,7 @@ class IkRequest(Message):
     """
 
     id: Label = ""
-    goals: Annotated[list[GoalEntry], Field(min_length=1, max_length=1000)]
+    goals: Annotated[list[GoalEntry], FailFast(), Field(min_length=1, max_length=1000)]
     payload_kg: Payload | None = None
     near_rad: JointAngles | None = None
     method: Literal["cube", "direct", "iterative"] = "cube"
@@ -57,7 +57,7 @@ class FkRequest(Message):
     """`rpc/fk`: forward kinematics of the sagging arm for commanded angles, coming from `near_rad`."""
 
     id: Label = ""
-    q_rad: Annotated[list[JointAngles], Field(min_length=1, max_length=1000)]
+    q_rad: Annotated[list[JointAngles], FailFast(), Field(min_length=1, max_length=1000)]
     payload_kg: Payload | None = None
     near_rad: JointAngles | None = None
     deadline_ms: Deadline = 10_000.0
@@ -135,7 +135,7 @@ class IkReply(Header):
     model: str
     model_sha256: str
     left_out: list[str]
-    answers: list[IkAnswer]
+    answers: Annotated[list[IkAnswer], Field(max_length=1000)]
     elapsed_ms: float
 
 
@@ -148,7 +148,7 @@ class PlanReply(Header):
 
     found: bool
     text: str
-    waypoints_rad: list[list[float]] = []
+    waypoints_rad: Annotated[list[list[float]], Field(max_length=4000)] = []
     model: str
     model_sha256: str
     elapsed_ms: float
@@ -169,5 +169,5 @@ class FkReply(Header):
     model: str
     model_sha256: str
     left_out: list[str]
-    places: list[FkAnswer]
+    places: Annotated[list[FkAnswer], Field(max_length=1000)]
     elapsed_ms: float

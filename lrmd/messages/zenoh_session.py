@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import zenoh
+from zenoh.handlers import Callback
 
 from lrm_math.errors import FileError, LrmError
 from lrmd.config import ZenohTable
 from lrmd.errors import RequestError
-from lrmd.messages.codec import error_reply, pack
+from lrmd.messages.codec import M, Message, check_size, error_reply, pack, unpack
+from lrmd.messages.inbox import Inbox, Send
 
 NO_SCOUTING = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False, "scouting/delay": 0}
 NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
 """Each client that used it would leave 17 MB in /dev/shm; messages of 500 bytes do not gain by it."""
+LARGEST_MESSAGE = 4_400_000
+"""Bytes; zenoh takes no longer one from anybody. The longest valid ones are shorter: a way of a thousand waypoints."""
+SHORT_MESSAGES = {"transport/link/rx/max_message_size": LARGEST_MESSAGE}
+GONE_KEY = "@lrmd/gone"
+"""Prefix of the keys `<GONE_KEY>/<zenoh id>` of puts that tell of a client whose session ended."""
 OWN_TIMEOUT_MS = 5000
 """For the daemon's own processes to reach its router."""
 
@@ -60,25 +68,71 @@ def own_endpoints(table: ZenohTable) -> list[str]:
 
 
 def serve(
-    session: zenoh.Session, own: str, handler: Callable[[zenoh.Query, bytes], None],
-    fail: Callable[[zenoh.Query, Exception], None], wildcards: bool = False,
+    session: zenoh.Session, own: str, kind: type[M] | None,
+    answer: Callable[[zenoh.Query, Any], Sequence[bytes] | None],
+    fail: Callable[[zenoh.Query, Exception], None], inbox: Inbox, wildcards: bool = False,
 ) -> None:  # fmt: skip
-    """Declares a queryable on the key `own`. What `handler(query, payload)` raises goes to `fail(query, error)`.
+    """Declares a queryable on the key `own`: `answer(query, request)` returns the replies, None if they come later.
 
-    An exception that left zenoh's callback would look to the client as if there were no daemon. `wildcards`: whether
-    queries to several keys at once are answered.
+    `kind`: of the request; None: what it says is ignored, and `answer` gets an empty message.
+
+    What it raises goes to `fail(query, error)`: an exception that left zenoh's callback would look to the client as if
+    there were no daemon. Too long a query is refused in zenoh's own thread, without a copy, and so is one without a
+    place in `inbox`. `wildcards`: whether queries to several keys at once are answered.
     """
 
+    def work(query: zenoh.Query) -> Send:
+        try:
+            content = query.payload.to_bytes() if query.payload and kind else b""
+            replies = answer(query, unpack(kind or Message, content))
+        except Exception as error:
+            return partial(fail, query, error)
+        return partial(_reply, query, own, replies)
+
     def received(query: zenoh.Query) -> None:
-        """Handles one query; nothing leaves zenoh's callback."""
+        """Takes one query; nothing leaves zenoh's callback."""
         try:
             if not wildcards and str(query.key_expr) != own:
                 raise wildcard_error(own)
-            handler(query, query.payload.to_bytes() if query.payload else b"")
+            size = len(query.payload) if query.payload else 0
+            check_size(kind or Message, size)
+            inbox.put(size, partial(work, query))
         except Exception as error:
             fail(query, error)
 
-    session.declare_queryable(own, received)
+    session.declare_queryable(own, Callback(received, indirect=False))
+
+
+def subscribe(
+    session: zenoh.Session, own: str, kind: type[M], take: Callable[[zenoh.Sample, M], None],
+    fail: Callable[[Exception], None], inbox: Inbox,
+) -> None:  # fmt: skip
+    """Declares a subscriber on the key `own`: as `serve`, for commands, which have no reply."""
+
+    def work(sample: zenoh.Sample) -> Send:
+        try:
+            take(sample, unpack(kind, sample.payload.to_bytes()))
+        except Exception as error:
+            return partial(fail, error)
+        return lambda: None
+
+    def received(sample: zenoh.Sample) -> None:
+        """Takes one command; nothing leaves zenoh's callback."""
+        try:
+            size = len(sample.payload)
+            check_size(kind, size)
+            inbox.put(size, partial(work, sample))
+        except Exception as error:
+            fail(error)
+
+    session.declare_subscriber(own, Callback(received, indirect=False))
+
+
+def _reply(query: zenoh.Query, own: str, replies: Sequence[bytes] | None) -> None:
+    if replies is not None:
+        with query:
+            for reply in replies:
+                query.reply(own, reply)
 
 
 def wildcard_error(own: str) -> RequestError:
@@ -86,12 +140,12 @@ def wildcard_error(own: str) -> RequestError:
     return RequestError("wildcard", f"ask {own} itself; requests to several at once are not carried out")
 
 
-def reply_error(query: zenoh.Query, error: Exception, log: Any) -> None:
-    """Closes a query with an `ErrorReply`; logs software faults."""
+def reply_error(query: zenoh.Query, error: Exception, log: Any, boot_id: str) -> None:
+    """Closes a query with an `ErrorReply` of this start of the daemon; logs software faults."""
     if not isinstance(error, LrmError):
         log.exception("internal_error", key=str(query.key_expr), exc_info=error)
     with query:
-        query.reply_err(pack(error_reply(error)))
+        query.reply_err(pack(error_reply(error, boot_id)))
 
 
 def _from_file(path: str | None) -> zenoh.Config:
@@ -107,6 +161,6 @@ def _from_file(path: str | None) -> zenoh.Config:
 
 def _configured(path: str | None, values: dict[str, Any]) -> zenoh.Config:
     config = _from_file(path)
-    for place, value in (values | NO_SCOUTING | NO_SHARED_MEMORY).items():
+    for place, value in (values | NO_SCOUTING | NO_SHARED_MEMORY | SHORT_MESSAGES).items():
         config.insert_json5(place, json.dumps(value))
     return config

@@ -17,7 +17,7 @@ def arm_identity(config: Config) -> str:
 
 
 def of_this_arm(stored: StoredState, config: Config) -> tuple[StoredState, str]:
-    """What of a stored state is true of the configured arm, and why the rest is not used; empty if all is used.
+    """Part of a stored state that is true of the configured arm, and why the rest is not used; empty if all is used.
 
     The temperatures of an arm of the same name stay: it may be hot although its servo tables were changed.
     """

@@ -1,14 +1,14 @@
 """Versions of the model that were deployed over zenoh: files in `models/` of the state directory, and which are on top.
 
 `deployed.json` is a stack: a deployment puts a version on it, an undo takes the last one off. The model in use is the
-one on top, or that of the configuration while the stack is empty. Files of versions stay, for the record.
+one on top, or that of the configuration while the stack is empty. The last `KEPT` files of versions stay, for the
+record; those in the stack are among them, so the stack forgets its oldest ones.
 """
 
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,9 +17,13 @@ from pydantic import Field, ValidationError
 from lrm_math.errors import FileError
 from lrm_math.toml_file import StrictSchema
 from lrmd.config import Config
+from lrmd.persistence.atomic_file import write_atomically
 
 FOLDER, STACK = "models", "deployed.json"
-VersionName = Annotated[str, Field(pattern=r"^\d{4,9}-[0-9a-f]{12}\.toml$")]
+KEPT = 10
+"""Files of versions, and versions to which an undo goes back, the one in use among them."""
+PATTERN = r"^\d{4,9}-[0-9a-f]{12}\.toml$"
+VersionName = Annotated[str, Field(pattern=PATTERN)]
 
 
 class DeployedStack(StrictSchema):
@@ -27,6 +31,10 @@ class DeployedStack(StrictSchema):
 
     schema_: Literal["lrm/deployed/1"] = Field(default="lrm/deployed/1", alias="schema")
     versions: tuple[VersionName, ...] = ()
+
+    def with_version(self, name: str) -> DeployedStack:
+        """The stack with a version on top, without its oldest one if there are more than `KEPT`."""
+        return DeployedStack(versions=(*self.versions, name)[-KEPT:])
 
 
 def load_stack(state: Path) -> DeployedStack:
@@ -52,14 +60,37 @@ def active_model(config: Config) -> Path | None:
     return model_in_use(config, load_stack(config.state))
 
 
+def was_deployed(config: Config, path: Path) -> bool:
+    """Whether a file is a version that came over zenoh, not one of the administrator's."""
+    return path.parent == config.state / FOLDER
+
+
+def _versions(folder: Path) -> list[Path]:
+    """Files of versions, the oldest first."""
+    found = [path for path in folder.iterdir() if re.match(PATTERN, path.name)]
+    return sorted(found, key=lambda path: _number(path.name))
+
+
+def _number(name: str) -> int:
+    return int(name.partition("-")[0])
+
+
+def prune(state: Path) -> None:
+    """Deletes the oldest files of versions beyond `KEPT` that are not in the stack. Raises `FileError`."""
+    in_use, files = set(load_stack(state).versions), _versions(state / FOLDER)
+    others = [path for path in files if path.name not in in_use]
+    for path in others[: max(0, len(files) - KEPT)]:
+        path.unlink(missing_ok=True)
+
+
 def write_version(state: Path, text: str) -> Path:
     """Writes a model's text as a new version, which is not in use yet. Raises `FileError`."""
     folder, content = state / FOLDER, text.encode()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        number = 1 + max((int(path.name.partition("-")[0]) for path in folder.glob("[0-9]*-*.toml")), default=0)
+        number = 1 + max((_number(path.name) for path in _versions(folder)), default=0)
         path = folder / f"{number:04d}-{hashlib.sha256(content).hexdigest()[:12]}.toml"
-        _write(path, content)
+        write_atomically(path, content)
     except OSError as error:
         raise FileError(folder, "", f"cannot be written ({error.strerror})") from None
     return path
@@ -69,25 +100,6 @@ def save_stack(state: Path, stack: DeployedStack) -> None:
     """Writes the stack atomically: a power cut leaves the old or the new one. Raises `FileError`."""
     path = state / FOLDER / STACK
     try:
-        _write(path, stack.model_dump_json(by_alias=True).encode())
+        write_atomically(path, stack.model_dump_json(by_alias=True).encode())
     except OSError as error:
         raise FileError(path, "", f"cannot be written ({error.strerror})") from None
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Temporary file, fsync, rename, fsync of the directory."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-    directory = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)

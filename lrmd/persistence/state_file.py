@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,6 +10,7 @@ from pydantic import Field, ValidationError
 
 from lrm_math.errors import FileError
 from lrm_math.toml_file import StrictSchema
+from lrmd.persistence.atomic_file import write_atomically
 
 HOTTEST = 300.0
 """degC: higher modelled temperatures are stored as this one."""
@@ -41,22 +41,9 @@ NAME = "state.json"
 def save(folder: Path, state: StoredState) -> None:
     """Writes the state atomically: a power cut leaves the old or the new file. Raises `FileError`."""
     path = folder / NAME
-    temporary = ""
     try:
-        handle, temporary = tempfile.mkstemp(dir=folder, prefix=".state.")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(state.model_dump_json(by_alias=True, indent=1))
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-        directory = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(directory)
-        finally:
-            os.close(directory)
+        write_atomically(path, state.model_dump_json(by_alias=True, indent=1).encode())
     except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
         raise FileError(path, "", f"cannot be written ({error.strerror})") from None
 
 

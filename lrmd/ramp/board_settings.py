@@ -1,4 +1,4 @@
-"""What the ramp knows of the board and its servos: channels, limits, PWM clock and timeouts."""
+"""Facts that the ramp knows of the board and its servos: channels, limits, PWM clock and timeouts."""
 
 from __future__ import annotations
 

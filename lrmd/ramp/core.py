@@ -5,17 +5,35 @@ Invariants for any input:
   before. So a stall or lost frames lengthen a move; they never add up to a jump.
 - A servo is switched on only by a new order whose sender has seen every fault so far. No motion resumes by itself.
 - A pulse outside the servo's limits is never sent.
+
+Which replies count, and what each does, is in `lrmd.ramp.board_link`.
 """
 
 from __future__ import annotations
 
 from lrmd.link import protocol
-from lrmd.link.frames import BadFrame, Frame, FrameDecoder, FrameType, ProtocolError, encode
-from lrmd.link.protocol import BoardStatus, ErrorCode
+from lrmd.link.frames import Frame, FrameDecoder, FrameType, ProtocolError, encode
+from lrmd.link.protocol import BoardStatus
+from lrmd.ramp.board_link import (
+    NUMBERS,
+    Action,
+    BoardLink,
+    BoardReply,
+    SentFrame,
+    reply_of_ack,
+    reply_of_error,
+    reply_of_info,
+)
 from lrmd.ramp.board_settings import BoardSettings
-from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport
-from lrmd.ramp.stepping import Move, move
+from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport
+from lrmd.ramp.stepping import Way, move
 
+REPORTED = (
+    "order", "order_accepted", "fault_count", "fault", "sent", "acknowledged", "bad_frames", "board_errors",
+    "reconnects", "remaining", "outputs", "board_outputs", "boot", "other_version", "link", "moving", "position",
+    "register",
+)  # fmt: skip
+"""Fields of the report that are attributes of the core."""
 API_TIMEOUT = 500_000_000
 """ns without a heartbeat of the API process after which a move is frozen."""
 
@@ -38,29 +56,34 @@ class RampCore:
         self.sent, self.acknowledged = earlier.sent, earlier.acknowledged
         self.bad_frames, self.board_errors = earlier.bad_frames, earlier.board_errors
         self.reconnects = earlier.reconnects
-        self.link, self.other_version = LinkState.CLOSED, 0
+        self.other_version = 0
+        self._link = BoardLink(board.reply)
         self._decoder = FrameDecoder()
-        self._move: Move | None = None
-        self._k = self._seq = self._first_seq = 0
+        self._way = Way()
+        self._first = 0  # number of the first frame with the present pulses
         self._pulses_changed, self._pulses_confirmed = False, True
-        self._last_sent = self._unanswered = 0  # ns: time of the last frame sent; waiting time since the last reply
         self._freeze(RampFault.STARTED)
+
+    @property
+    def link(self) -> LinkState:
+        """State of the handshake with the board."""
+        return self._link.state
 
     @property
     def moving(self) -> bool:
         """Whether a move is in progress."""
-        return self._move is not None
+        return bool(self._way.parts)
 
     @property
     def standing_by(self) -> bool:
         """Whether no servo has pulses and the board replied to the last frame, so that slower ticks delay nothing."""
         resting = not self.outputs and not self.board_outputs and self._pulses_confirmed
-        return resting and self.link is LinkState.READY and not self._unanswered
+        return resting and self.link is LinkState.READY and not self._link.unanswered
 
     @property
     def remaining(self) -> int:
-        """Ticks left in the move if no frame is lost."""
-        return 0 if self._move is None else self._move.length - self._k
+        """Ticks left in the motion if no frame is lost."""
+        return self._way.remaining
 
     def tick(self, now: int, alive: int, order: RampOrder | None, received: bytes | None, estop: bool) -> bytes:
         """Runs one tick at `now` (ns) and returns the bytes to send.
@@ -68,7 +91,7 @@ class RampCore:
         `alive`: time (ns) on the clock of `order.heartbeat`. `received`: bytes from the port since the last tick, None
         while it is closed.
         """
-        self._unanswered += min(now - self._last_sent, self._board.reply // 2)
+        since = self._link.wait(now)
         if received is None:
             self.close()
         else:
@@ -79,16 +102,16 @@ class RampCore:
             self._check_order(order, alive)
         if self.link is LinkState.CLOSED:
             return b""
-        paused = now - self._last_sent > self._board.pause and self.link is LinkState.READY
-        if paused or self._unanswered > self._board.reply:
-            self._reconnect()
-        self._last_sent = now
-        return self._next_frame()
+        paused = since > self._board.pause and self.link is LinkState.READY
+        if paused or self._link.unanswered > self._board.reply:
+            self._leave_link(LinkState.GREETING)
+        return self._send(self._next_frame(), now)
 
     def opened(self, now: int) -> None:
         """The port was opened: restarts the handshake with HELLO."""
         self._decoder = FrameDecoder()
-        self.link, self._last_sent, self._unanswered, self.other_version = LinkState.GREETING, now, 0, 0
+        self._link.begin(LinkState.GREETING, now)
+        self.other_version = 0
         self.reconnects += 1
 
     def close(self) -> None:
@@ -96,17 +119,14 @@ class RampCore:
         self._leave_link(LinkState.CLOSED)
 
     def _leave_link(self, link: LinkState) -> None:
-        was_ready, self.link = self.link is LinkState.READY, link
+        """The port is gone, or a reply or our own tick came too late: the handshake is repeated before any pulse."""
+        was_ready = self.link is LinkState.READY
+        self._link.begin(link)
         if was_ready:
             self._freeze(RampFault.LINK_LOST)
 
-    def _reconnect(self) -> None:
-        """Reply timeout, or a gap in our own ticks: repeats the handshake before any further pulse."""
-        self._leave_link(LinkState.GREETING)
-        self._unanswered = 0
-
     def _freeze(self, why: RampFault) -> None:
-        self._move, self._k = None, 0
+        self._way = Way()
         self.fault_count, self.fault = self.fault_count + 1, why
 
     def _stop_pulses(self, why: RampFault) -> None:
@@ -116,45 +136,53 @@ class RampCore:
     # ---- frames from the board
 
     def _receive(self, data: bytes) -> None:
-        for event in self._decoder.feed(data):
+        events = self._decoder.feed(data)
+        replies = [event for event in events if isinstance(event, Frame)]
+        self.bad_frames += len(events) - len(replies)
+        self.board_errors += sum(reply.type == FrameType.ERROR for reply in replies)
+        for reply, sent in self._link.answers(replies):
             try:
-                if isinstance(event, BadFrame):
-                    self.bad_frames += 1
-                elif self._handle_frame(event):
-                    self._unanswered = 0
+                self._handle_answer(reply, sent)
             except protocol.OtherVersion as other:
                 self.bad_frames += self.link is LinkState.READY
                 self.other_version = other.version if self.link is LinkState.GREETING else self.other_version
             except ProtocolError:
                 self.bad_frames += 1
 
-    def _handle_frame(self, frame: Frame) -> bool:
+    def _handle_answer(self, frame: Frame, sent: SentFrame) -> None:
+        kind, counts = self._read(frame, sent)
+        if kind is None:
+            return
+        if frame.type != FrameType.ERROR:
+            self._link.sign_of_life(sent)
+        self.acknowledged += kind is BoardReply.PULSES_SET
+        match self._link.step(kind):
+            case Action.CONFIRM:
+                self._pulses_confirmed |= not self._pulses_changed and sent.number >= self._first
+            case Action.ADOPT:
+                self._adopt_registers(counts)
+            case Action.BEGIN:
+                if self.outputs:
+                    self._stop_pulses(RampFault.BOARD_SILENCED)
+                self._pulses_changed, self._pulses_confirmed = False, True
+
+    def _read(self, frame: Frame, sent: SentFrame) -> tuple[BoardReply | None, dict[int, int]]:
+        """The kind of an answer, None if it is of a board that is not ours, and the counts of a STATE."""
         match frame.type:
             case FrameType.ACK:
                 answer = protocol.ack_of(frame)
                 self._check_board(answer.status, answer.boot)
-                self._acknowledge(frame.seq)
+                return reply_of_ack(answer.status, sent), {}
             case FrameType.INFO:
-                self._on_info(protocol.info_of(frame))
+                info = protocol.info_of(frame)
+                if self._board.simulated and not info.simulated:
+                    return None, {}
+                self._check_board(info.status, info.boot)
+                self.other_version = 0
+                return reply_of_info(info, self._board), {}
             case FrameType.STATE:
-                self._adopt_registers(protocol.state_of(frame))
-            case FrameType.ERROR:
-                self.board_errors += 1
-                if protocol.error_of(frame).code is ErrorCode.NOT_SET_UP:
-                    self.link = LinkState.GREETING
-                return False
-            case _:
-                return False
-        return True
-
-    def _acknowledge(self, seq: int) -> None:
-        """An ACK of any frame since the last change of the pulses confirms them."""
-        if self.link is LinkState.SETTING_UP:
-            self.link = LinkState.READY
-            return
-        self.acknowledged += 1
-        if not self._pulses_changed and (seq - self._first_seq) & 0xFF <= (self._seq - self._first_seq) & 0xFF:
-            self._pulses_confirmed = True
+                return BoardReply.REGISTERS, protocol.state_of(frame)
+        return reply_of_error(frame), {}
 
     def _check_board(self, status: BoardStatus, boot: int) -> None:
         """Detects pulses that the board stopped by itself: the arm may have sagged, so they stay off until armed."""
@@ -166,30 +194,9 @@ class RampCore:
             self._stop_pulses(RampFault.BOARD_SILENCED)
         if restarted or BoardStatus.PULSING not in status:
             self.board_outputs = 0
-        if self.link is LinkState.READY and BoardStatus.SET_UP not in status:
-            self.link = LinkState.GREETING
-
-    def _on_info(self, info: protocol.BoardInfo) -> None:
-        if self._board.simulated and not info.simulated:
-            return
-        self._check_board(info.status, info.boot)
-        self.other_version = 0
-        if self.link is not LinkState.GREETING or BoardStatus.CHIP_FAULT in info.status:
-            return
-        as_wanted = info.prescale == self._board.prescale and info.silence_ms == self._board.silence_ms
-        if BoardStatus.PULSING in info.status:
-            if as_wanted and BoardStatus.SET_UP in info.status:
-                self.link = LinkState.READING
-            return
-        if self.outputs:
-            self._stop_pulses(RampFault.BOARD_SILENCED)
-        self._pulses_changed, self._pulses_confirmed = False, True
-        self.link = LinkState.READY if as_wanted and BoardStatus.SET_UP in info.status else LinkState.SETTING_UP
 
     def _adopt_registers(self, counts: dict[int, int]) -> None:
         """Adopts the registers of a board that is still pulsing as the present position."""
-        if self.link is not LinkState.READING or set(counts) != set(self._channels):
-            return
         read = tuple(counts[channel] for channel in self._channels)
         self.board_outputs = sum(1 << i for i, count in enumerate(read) if count)
         self.register = tuple(self._board.pulse(count) for count in read)
@@ -203,24 +210,28 @@ class RampCore:
         )
         self._pulses_changed = self._pulses_changed or bool(self.outputs)
         self._pulses_confirmed = not self._pulses_changed
-        self.link = LinkState.READY
 
     # ---- orders from the API process
 
     def _check_order(self, order: RampOrder, alive: int) -> None:
-        if self._move is not None and alive - order.heartbeat > API_TIMEOUT:
+        if self.moving and alive - order.heartbeat > API_TIMEOUT:
             self._freeze(RampFault.API_SILENT)
         if order.number == self.order:
             return
+        in_time = order.branch_at == AT_ONCE or (order.after == self.order and order.branch_at <= self.remaining)
         self.order = order.number
-        self.order_accepted = order.fault_count == self.fault_count and self.link is LinkState.READY
+        self.order_accepted = in_time and order.fault_count == self.fault_count and self.link is LinkState.READY
         if self.order_accepted:
             self._start_order(order)
+        else:
+            self._way = Way()
 
     def _start_order(self, order: RampOrder) -> None:
         n = len(self._channels)
         fresh = order.outputs & ~self.outputs
-        start = tuple(order.pose[i] if fresh >> i & 1 else self.position[i] for i in range(n))
+        way = Way() if order.branch_at == AT_ONCE else self._way
+        there = way.at(order.branch_at) if way.parts else self.position
+        start = tuple(order.pose[i] if fresh >> i & 1 else there[i] for i in range(n))
         target = tuple(
             order.target[i] if order.outputs >> i & 1 and order.target[i] != HOLD_PULSE else start[i] for i in range(n)
         )
@@ -232,35 +243,39 @@ class RampCore:
                 self._freeze(RampFault.REFUSED)
                 return
         self._pulses_changed = True
-        self.outputs, self.position = order.outputs, start
-        planned = move(start, target, tuple(max(1, s) for s in order.stride[:n]), order.pace)
-        self._move, self._k = (planned if planned.length else None), 0
+        self.outputs = order.outputs
+        self.position = tuple(start[i] if fresh >> i & 1 else self.position[i] for i in range(n))
+        onward = move(start, target, tuple(max(1, s) for s in order.stride[:n]), order.pace)
+        self._way = way.branch(order.branch_at if way.parts else 0, onward)
 
     # ---- frames to the board
 
-    def _next_frame(self) -> bytes:
-        self._seq = (self._seq + 1) & 0xFF
+    @property
+    def _seq(self) -> int:
+        return self.sent % NUMBERS + 1
+
+    def _next_frame(self) -> Frame:
         match self.link:
             case LinkState.GREETING:
-                frame = protocol.hello(self._seq)
+                return protocol.hello(self._seq)
             case LinkState.READING:
-                frame = protocol.read(self._seq, self._channels)
+                return protocol.read(self._seq, self._channels)
             case LinkState.SETTING_UP:
-                frame = protocol.setup(self._seq, self._board.prescale, self._board.silence_ms)
-            case _:
-                idle = not self.outputs and self._pulses_confirmed and not self._pulses_changed
-                frame = protocol.hello(self._seq) if idle else self._pulse_frame()
+                return protocol.setup(self._seq, self._board.prescale, self._board.silence_ms)
+        idle = not self.outputs and self._pulses_confirmed and not self._pulses_changed
+        return protocol.hello(self._seq) if idle else self._pulse_frame()
+
+    def _send(self, frame: Frame, now: int) -> bytes:
+        self._link.send(frame, self.sent, now)
         self.sent += 1
         return encode(frame)
 
     def _pulse_frame(self) -> Frame:
-        if self._pulses_confirmed and self._move is not None:
-            self._k += 1
-            self.position, self._pulses_changed = self._move.at(self._k), True
-            if not self.remaining:
-                self._move, self._k = None, 0
+        if self._pulses_confirmed and self.moving:
+            self.position, self._pulses_changed = self._way.at(self.remaining - 1), True
+            self._way = self._way.step()
         if self._pulses_changed:
-            self._pulses_changed, self._pulses_confirmed, self._first_seq = False, False, self._seq
+            self._pulses_changed, self._pulses_confirmed, self._first = False, False, self.sent
         counts = self._board.counts(self.outputs, self.position)
         return Frame(FrameType.ARM, self._seq, self._mask, tuple(counts[i] for i in self._by_channel))
 
@@ -269,8 +284,6 @@ class RampCore:
     ) -> RampReport:
         """The report to the API process after a tick; the arguments are those of the process around this core."""
         return RampReport(
-            tick, time, self.order, self.fault_count, self.sent, self.acknowledged, self.bad_frames, self.board_errors,
-            self.reconnects, skipped, max_late_ns, starts, self.remaining, self.outputs, self.board_outputs, self.boot,
-            port_error, self.other_version, self.link, self.fault, self.moving, self.order_accepted, realtime,
-            self.position, self.register,
+            tick=tick, time=time, skipped=skipped, max_late_ns=max_late_ns, starts=starts, realtime=realtime,
+            port_error=port_error, **{name: getattr(self, name) for name in REPORTED},
         )  # fmt: skip

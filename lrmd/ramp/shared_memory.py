@@ -5,25 +5,28 @@ Each record carries a CRC-32; a torn read is retried, then given up for this tim
 
 from __future__ import annotations
 
+import ctypes
 import mmap
 import os
-import struct
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import Any, ClassVar, Self
 
 from lrmd.ramp.stepping import Pace
 
+I32, I64 = ctypes.c_int32, ctypes.c_int64
+U8, U16, U32, U64 = ctypes.c_uint8, ctypes.c_uint16, ctypes.c_uint32, ctypes.c_uint64
 SERVOS = 16
 NONE = (0,) * SERVOS
 HOLD_PULSE = -(2**31)
 """As a target: keep the present pulse."""
+AT_ONCE = 2**32 - 1
+"""As `branch_at`: wherever the servos are."""
 
 
 class RampFault(IntEnum):
-    """Why the ramp froze its motion. It then drops every order whose sender had not seen the fault."""
+    """Reason why the ramp froze its motion. It then drops every order whose sender had not seen the fault."""
 
     NONE = 0
     STARTED = 1
@@ -45,15 +48,66 @@ class LinkState(IntEnum):
     READY = 4
 
 
+class Layout(ctypes.LittleEndianStructure):
+    """Bytes of a record; its fields have the names of the record's."""
+
+    _pack_ = 1
+
+
+class OrderLayout(Layout):
+    """Bytes of a `RampOrder`."""
+
+    _fields_ = (
+        ("number", U32), ("heartbeat", I64), ("fault_count", U32), ("outputs", U16),
+        ("pace", U8), ("pose", I32 * SERVOS), ("target", I32 * SERVOS), ("stride", U16 * SERVOS),
+        ("after", U32), ("branch_at", U32),
+    )  # fmt: skip
+
+
+class ReportLayout(Layout):
+    """Bytes of a `RampReport`."""
+
+    _fields_ = (
+        ("tick", U64), ("time", I64),
+        *((name, U32) for name in (
+            "order", "fault_count", "sent", "acknowledged", "bad_frames", "board_errors", "reconnects", "skipped",
+            "max_late_ns", "starts", "remaining",
+        )),
+        *((name, U16) for name in ("outputs", "board_outputs", "boot", "port_error", "other_version")),
+        ("link", U8), ("fault", U8), *((name, ctypes.c_bool) for name in ("moving", "order_accepted", "realtime")),
+        ("position", I32 * SERVOS), ("register", I32 * SERVOS),
+    )  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
-class RampOrder:
+class Record:
+    """A record with a `LAYOUT`; the default of each field has its type."""
+
+    LAYOUT: ClassVar[type[Layout]]
+
+    def pack(self) -> bytes:
+        """The record's bytes; rows that are shorter than the layout's end in zeros."""
+        return bytes(self.LAYOUT(**{field.name: getattr(self, field.name) for field in fields(self)}))
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Self:
+        """The record from its bytes."""
+        raw = cls.LAYOUT.from_buffer_copy(data)
+        kinds: dict[str, Any] = {field.name: type(field.default) for field in fields(cls)}
+        return cls(**{name: kind(getattr(raw, name)) for name, kind in kinds.items()})
+
+
+@dataclass(frozen=True, slots=True)
+class RampOrder(Record):
     """Command to the ramp. Absolute, so only the newest counts; it is executed once, when `number` changes.
 
     `fault_count`: faults that the sender had seen. `outputs`: bit i = servo i has pulses. `pose`: pulse (ns) of a servo
     that this order switches on. `target`: ns, or `HOLD_PULSE`. `stride`: ns per tick. `heartbeat`: monotonic ns.
+    `branch_at`: where the motion begins: when so many ticks of the motion of order `after` remain, so that it begins
+    at the pulses from which it was checked. If they are over by then, or that order was never read, the servos stop.
     """
 
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct(f"<IqIHB{SERVOS}i{SERVOS}i{SERVOS}H")
+    LAYOUT = OrderLayout
 
     number: int = 0
     heartbeat: int = 0
@@ -63,23 +117,13 @@ class RampOrder:
     pose: tuple[int, ...] = NONE
     target: tuple[int, ...] = NONE
     stride: tuple[int, ...] = NONE
-
-    def pack(self) -> bytes:
-        """The record's bytes."""
-        head = (self.number, self.heartbeat, self.fault_count, self.outputs, self.pace)
-        return self.LAYOUT.pack(*head, *_padded(self.pose), *_padded(self.target), *_padded(self.stride))
-
-    @classmethod
-    def unpack(cls, data: bytes) -> Self:
-        """The record from its bytes."""
-        v = cls.LAYOUT.unpack(data)
-        rows = v[5 : 5 + SERVOS], v[5 + SERVOS : 5 + 2 * SERVOS], v[5 + 2 * SERVOS :]
-        return cls(v[0], v[1], v[2], v[3], Pace(v[4]), *rows)
+    after: int = 0
+    branch_at: int = AT_ONCE
 
 
 @dataclass(frozen=True, slots=True)
-class RampReport:
-    """State of the ramp, written at every tick; the fields are in the order of `LAYOUT`.
+class RampReport(Record):
+    """State of the ramp, written at every tick.
 
     `tick` counts deadlines kept, `time` is monotonic ns, `order` the number of the last order read and
     `order_accepted` whether it was executed (dropped if a fault came first). `outputs`: servos that the ramp pulses;
@@ -88,7 +132,7 @@ class RampReport:
     `other_version`: the protocol of a board that speaks another one than ours, else 0.
     """
 
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct(f"<Qq11IHHHHHBBBBB{SERVOS}i{SERVOS}i")
+    LAYOUT = ReportLayout
 
     tick: int = 0
     time: int = 0
@@ -116,48 +160,26 @@ class RampReport:
     position: tuple[int, ...] = NONE
     register: tuple[int, ...] = NONE
 
-    def pack(self) -> bytes:
-        """The record's bytes."""
-        *scalars, position, register = (getattr(self, name) for name in self.__slots__)
-        return self.LAYOUT.pack(*scalars, *_padded(position), *_padded(register))
-
-    @classmethod
-    def unpack(cls, data: bytes) -> Self:
-        """The record from its bytes."""
-        v = cls.LAYOUT.unpack(data)
-        *numbers, link, fault, moving, accepted, realtime = v[: -2 * SERVOS]
-        flags = map(bool, (moving, accepted, realtime))
-        pulses = v[-2 * SERVOS : -SERVOS], v[-SERVOS:]
-        fields: list[Any] = [*numbers, LinkState(link), RampFault(fault), *flags, *pulses]
-        return cls(*fields)
-
-
-def _padded(values: Sequence[int]) -> tuple[int, ...]:
-    return (*values, *NONE[len(values) :])
-
-
-_CHECK = struct.Struct("<I")
-_PAYLOAD = struct.Struct("<d")
-
 
 class Mailbox:
-    """One record of `size` bytes at `offset` of a shared buffer, preceded by its CRC-32."""
+    """One record in a buffer, preceded by its CRC-32."""
 
     ATTEMPTS = 5
+    CHECK = 4
 
-    def __init__(self, buffer: memoryview, offset: int, size: int) -> None:
-        self._view = buffer[offset : offset + size + _CHECK.size]
+    def __init__(self, buffer: memoryview) -> None:
+        self._view = buffer
 
     def write(self, record: bytes) -> None:
         """Replaces the record."""
-        self._view[:] = _CHECK.pack(zlib.crc32(record)) + record
+        self._view[:] = zlib.crc32(record).to_bytes(self.CHECK, "little") + record
 
     def read(self) -> bytes | None:
         """The last record; None before the first, or if every attempt met a write in progress."""
         for _ in range(self.ATTEMPTS):
             data = bytes(self._view)
-            if zlib.crc32(data[_CHECK.size :]) == _CHECK.unpack_from(data)[0]:
-                return data[_CHECK.size :]
+            if zlib.crc32(data[self.CHECK :]) == int.from_bytes(data[: self.CHECK], "little"):
+                return data[self.CHECK :]
         return None
 
 
@@ -171,6 +193,21 @@ NO_MODEL, NOMINAL = bytes(DIGEST), bytes(DIGEST - 1) + b"\1"
 ESTOP_REASON_BYTES = 256
 
 
+def _mailbox(size: int) -> type[Any]:
+    return U8 * (Mailbox.CHECK + size)
+
+
+class SharedLayout(ctypes.Structure):
+    """Bytes of the shared memory."""
+
+    _fields_ = (
+        ("order", _mailbox(ctypes.sizeof(OrderLayout))), ("report", _mailbox(ctypes.sizeof(ReportLayout))),
+        ("estop_reason", _mailbox(ESTOP_REASON_BYTES)), ("lateness", U64 * BUCKETS), ("ik", U64 * 3),
+        ("router", U64 * 2), ("duty", ctypes.c_double), ("payload", ctypes.c_double), ("model", U8 * DIGEST),
+        ("ik_model", U8 * DIGEST),
+    )  # fmt: skip
+
+
 class SharedRecords:
     """Shared memory of the processes, behind one descriptor: order, report, lateness histogram, states of processes.
 
@@ -179,78 +216,65 @@ class SharedRecords:
     use by the ik process; see `NOMINAL` and `NO_MODEL`.
     """
 
-    _ORDER = 0
-    _REPORT = 1024
-    _HISTOGRAM = 2048
-    _IK = _HISTOGRAM + 8 * BUCKETS
-    _DUTY = _IK + 8 * 3
-    _MODEL = _DUTY + 8
-    _IK_MODEL = _MODEL + DIGEST
-    _ROUTER = _IK_MODEL + DIGEST
-    _ESTOP_REASON = _ROUTER + 8 * 2
-    _PAYLOAD = _ESTOP_REASON + _CHECK.size + ESTOP_REASON_BYTES
-    SIZE = _PAYLOAD + 8
-
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
-        self._map = mmap.mmap(descriptor, self.SIZE)
-        view = memoryview(self._map)
-        self._order = Mailbox(view, self._ORDER, RampOrder.LAYOUT.size)
-        self._report = Mailbox(view, self._REPORT, RampReport.LAYOUT.size)
-        self.lateness = view[self._HISTOGRAM : self._IK].cast("Q")
-        self.ik = view[self._IK : self._DUTY].cast("Q")
-        self._duty = view[self._DUTY : self._MODEL].cast("d")
-        self._model, self._ik_model = view[self._MODEL : self._IK_MODEL], view[self._IK_MODEL : self._ROUTER]
-        self.router = view[self._ROUTER : self._ESTOP_REASON].cast("Q")
-        self._payload = view[self._PAYLOAD : self.SIZE]
-        self._estop_reason = Mailbox(view, self._ESTOP_REASON, ESTOP_REASON_BYTES)
+        memory = mmap.mmap(descriptor, ctypes.sizeof(SharedLayout))
+        self._memory = SharedLayout.from_buffer(memory)
+        self.lateness, self.ik, self.router = self._memory.lateness, self._memory.ik, self._memory.router
+
+        def mailbox(name: str) -> Mailbox:
+            """The mailbox of a field."""
+            field = getattr(SharedLayout, name)
+            return Mailbox(memoryview(memory)[field.offset : field.offset + field.size])
+
+        self._order, self._report, self._estop_reason = map(mailbox, ("order", "report", "estop_reason"))
 
     @classmethod
     def create(cls) -> SharedRecords:
         """Anonymous shared memory (memfd), freed with its last process."""
         descriptor = os.memfd_create("lrmd")
-        os.ftruncate(descriptor, cls.SIZE)
+        os.ftruncate(descriptor, ctypes.sizeof(SharedLayout))
         return cls(descriptor)
 
     @property
     def duty(self) -> float:
         """Share of the tick period that the ramp computes, 0 to 1, as a moving average."""
-        return self._duty[0]
+        return float(self._memory.duty)
 
     @duty.setter
     def duty(self, share: float) -> None:
-        self._duty[0] = share
+        self._memory.duty = share
 
     @property
     def payload(self) -> float:
-        """What the arm carries (kg), for queries that do not say it."""
-        return float(_PAYLOAD.unpack_from(self._payload)[0])
+        """Payload of the arm (kg), for queries that do not say it."""
+        return float(self._memory.payload)
 
     @payload.setter
     def payload(self, mass: float) -> None:
-        _PAYLOAD.pack_into(self._payload, 0, mass)
+        self._memory.payload = mass
 
     @property
     def model(self) -> bytes:
         """Digest of the accepted model."""
-        return bytes(self._model)
+        return bytes(self._memory.model)
 
     @model.setter
     def model(self, digest: bytes) -> None:
-        self._model[:] = digest
+        self._memory.model[:] = digest
 
     @property
     def ik_model(self) -> bytes:
         """Digest of the model in use by the ik process."""
-        return bytes(self._ik_model)
+        return bytes(self._memory.ik_model)
 
     @ik_model.setter
     def ik_model(self, digest: bytes) -> None:
-        self._ik_model[:] = digest
+        self._memory.ik_model[:] = digest
 
     @property
     def estop_reason(self) -> str:
-        """Why the last emergency stop was requested; empty if nobody said so."""
+        """Reason of the last emergency stop; empty if nobody said so."""
         return (self._estop_reason.read() or b"").rstrip(b"\0").decode(errors="replace")
 
     @estop_reason.setter

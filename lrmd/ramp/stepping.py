@@ -48,6 +48,49 @@ def move(start: Sequence[int], target: Sequence[int], stride: Sequence[int], pac
     return Move(tuple(start), distance, ticks)
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """Moves one after the other: each with the tick at which it is left, and `done`, the ticks taken of the first."""
+
+    parts: tuple[tuple[Move, int], ...] = ()
+    done: int = 0
+
+    @property
+    def remaining(self) -> int:
+        """Ticks until its end."""
+        return sum(ticks for _, ticks in self.parts) - self.done
+
+    def at(self, remaining: int) -> tuple[int, ...]:
+        """Pulses (ns) where so many ticks remain, 0 to `remaining`."""
+        left = remaining
+        for part, ticks in reversed(self.parts):
+            if left <= ticks:
+                return part.at(ticks - left)
+            left -= ticks
+        raise ValueError(f"{remaining} ticks; the way has {self.remaining}")
+
+    def branch(self, remaining: int, onward: Move) -> Way:
+        """The way that leaves this one where so many ticks remain, and goes on along a move from there."""
+        left, parts = remaining, list(self.parts)
+        while parts and left >= parts[-1][1] and len(parts) > 1:
+            left -= parts.pop()[1]
+        if parts:
+            parts[-1] = parts[-1][0], parts[-1][1] - left
+        way = Way((*parts, (onward, onward.length)), self.done)
+        return way.advanced_to(way.remaining)
+
+    def step(self) -> Way:
+        """The way after one more tick."""
+        return self.advanced_to(self.remaining - 1)
+
+    def advanced_to(self, remaining: int) -> Way:
+        """The way where so many ticks remain, without the moves that are over."""
+        parts, done = self.parts, sum(ticks for _, ticks in self.parts) - remaining
+        while parts and done >= parts[0][1]:
+            done, parts = done - parts[0][1], parts[1:]
+        return Way(parts, done if parts else 0)
+
+
 def next_due(now: int, due: int, period: int) -> tuple[int, int]:
     """Next deadline (ns) after `due` on the grid of `period`, and the number of deadlines already missed.
 

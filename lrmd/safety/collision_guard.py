@@ -1,38 +1,55 @@
-"""Collision guard: a straight move is safe if the rigid and the sagging arm keep the safety margin all along it."""
+"""Collision guard: may the arm go from here along this way? One rule for moves, jogs, plans, ways out and heat.
+
+Rule: on its way no two bodies come nearer to each other than the safety margin or, for an arm that stands within it
+already, than the nearest two are at the start. So whatever is requested, in whatever order and how often, the smallest
+distance never falls below the margin, or below that of the pose in which the arm was armed.
+
+It holds for the rigid arm as commanded and, by itself, for the arm as it sags.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.collision.scene import Scene, clearance_of
-from lrm_math.collision.straight_move import check_move
+from lrm_math.collision.scene import Scene
+from lrm_math.collision.straight_move import ArmBodies, MotionClearance, check_bodies, rigid_bodies
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
-Guard = Callable[[Sequence[float], Sequence[float], float], None]
-"""Raises an `LrmError` if the straight move between two poses (rad, per joint) with a payload (kg) is not safe."""
+Guard = Callable[[Sequence[Sequence[float]], float], None]
+"""Raises an `LrmError` if straight moves through poses (rad, per joint) with a payload (kg) are not safe."""
 SAMPLING_STEP = 0.05
-"""rad, about 3 degrees: largest joint step between the sampled poses of the sagging arm."""
-SLACK = 1e-3
-"""m: an arm within the margin may come closer by no more than this while it moves."""
+"""rad, about 3 degrees: largest joint step between the first sampled poses of the sagging arm."""
+SAG_RATE = 1.5
+"""Bound on the motion of the sagging arm's bodies as a multiple of the rigid arm's: sag changes by at most half of it.
+An assumption, not a proof: a play that is taken up moves them faster."""
+
+
+NO_EQUILIBRIUM = -1e3
+"""m, as separation: a pose in which the loaded arm has no elastic equilibrium."""
 
 
 class ClearanceViolation(LrmError):
-    """An unsafe move: bodies `first` and `second` are at `distance` (m) at `fraction` (0 to 1) of the move."""
+    """An unsafe way: bodies `first` and `second` are at `distance` (m) at `fraction` (0 to 1) of move number `move`."""
 
-    def __init__(self, first: str, second: str, distance: float, fraction: float, margin: float) -> None:
-        self.first, self.second, self.distance, self.fraction = first, second, distance, fraction
+    def __init__(self, found: MotionClearance, margin: float, move: int) -> None:
+        self.move = move
+        self.first, self.second = found.first, found.second
+        self.distance, self.fraction = found.distance, found.fraction
+        within = "" if found.margin >= margin else ", no less than where the arm stands now, within the safety margin"
         super().__init__(
-            f"{first} and {second} would come to {distance * 1e3:.0f} mm of each other at {fraction:.0%} of the way; "
-            f"{margin * 1e3:.0f} mm must be kept"
+            f"{self.first} and {self.second} would come to {self.distance * 1e3:.0f} mm of each other at "
+            f"{self.fraction:.0%} of the way; {found.margin * 1e3:.0f} mm must be kept{within}"
         )
 
 
@@ -43,33 +60,47 @@ class CollisionGuard:
     scene: Scene
     model: Model | None
 
-    def __call__(self, here: Sequence[float], there: Sequence[float], payload: float) -> None:
-        """Raises `ClearanceViolation` for a move with a payload (kg) that comes within the margin.
+    def __call__(self, path: Sequence[Sequence[float]], payload: float) -> None:
+        """Raises `ClearanceViolation` for a way through poses with a payload (kg) that is not allowed, `LrmError`."""
+        found, move = self.check(self.scene.poses(path), payload)
+        if found.free:
+            return
+        if found.distance <= NO_EQUILIBRIUM:
+            raise LrmError("the elastic equilibrium does not settle on the way: too much load for the arm")
+        raise ClearanceViolation(found, self.scene.margin, move)
 
-        An arm that starts within it may leave: then the margin is its present distance.
+    def check(self, path: Array, payload: float, keep: float | None = None) -> tuple[MotionClearance, int]:
+        """The clearance on straight moves through poses (K, n), and the number of the move, from 0, that it is of.
+
+        The first move that is not free, or the last one; of the sagging arm where the rigid one is free. `keep`:
+        separation (m) that is required; None: what the rule requires of a way that begins at the first pose.
         """
-        margin = max(0.0, min(self.scene.margin, self.scene.closest(here).distance - SLACK))
-        rigid = check_move(self.scene, here, there, margin)
-        if not rigid.free:
-            raise ClearanceViolation(rigid.first, rigid.second, rigid.distance, rigid.fraction, margin)
-        if self.model is not None:
-            self._check_sagging(self.model, here, there, payload)
+        for bodies in self.bodies(payload):
+            required = min(self.scene.margin, bodies.separation(path[0])) if keep is None else keep
+            for move, (start, end) in enumerate(pairwise(path)):
+                found = check_bodies(bodies, start, end, required)
+                if not found.free or found.distance <= NO_EQUILIBRIUM:
+                    return replace(found, free=False), move
+        return found, move
 
-    def _check_sagging(self, model: Model, here: Sequence[float], there: Sequence[float], payload: float) -> None:
-        q, at = sample_move(np.array(here), np.array(there))
-        rest = equilibrium(model, poses_of(q, payload))
-        near = clearance_of(self.scene, frames(model.chain, rest.slots, len(at)))
-        margin = min(self.scene.margin, float(near.distance[0]) - SLACK)
-        worst = int(np.argmin(near.distance))
-        if near.distance[worst] < margin:
-            pair = str(near.first[worst]), str(near.second[worst])
-            raise ClearanceViolation(*pair, float(near.distance[worst]), float(at[worst]), margin)
+    def bodies(self, payload: float) -> tuple[ArmBodies, ...]:
+        """The bodies of the rigid arm and, with a model, of the arm that sags with a payload (kg)."""
+        rigid = rigid_bodies(self.scene)
+        if self.model is None:
+            return (rigid,)
+        return rigid, ArmBodies(self.scene, partial(self._sagging, self.model, payload), SAG_RATE, SAMPLING_STEP)
 
+    def separation(self, q: Array, payload: float) -> Array:
+        """(N,), the smallest separation (m) in poses (N, n), of the rigid arm or as it sags with a payload (kg)."""
+        return np.asarray(np.min([bodies.separations(q).min(axis=1) for bodies in self.bodies(payload)], axis=0))
 
-def sample_move(start: Array, end: Array) -> tuple[Array, Array]:
-    """Poses (N, n) on the straight move between two poses (n,) in rad, and their fractions (N,) of it."""
-    at = np.linspace(0.0, 1.0, 2 + int(np.abs(end - start).max() / SAMPLING_STEP))
-    return start + at[:, None] * (end - start), at
+    def _sagging(self, model: Model, payload: float, q: Array) -> Array:
+        """Separations (N, pairs) in poses (N, n)."""
+        rest, rows = batch_equilibrium(model, poses_of(q, payload))
+        out = np.full((len(q), len(self.scene.radii)), NO_EQUILIBRIUM)
+        if len(rows):
+            out[rows] = self.scene.separations(frames(model.chain, rest.slots, len(rows)))
+        return out
 
 
 def guard_of(arm: Arm, model: Model | None) -> Guard | None:

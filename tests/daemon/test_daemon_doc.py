@@ -18,9 +18,9 @@ from tests.support.daemon.in_memory_daemon import CONFIG
 TEXT = (ROOT / "docs" / "daemon.md").read_text(encoding="utf-8")
 
 
-def tables(first: str) -> Iterator[tuple[list[str], list[list[str]]]]:
+def tables(first: str, text: str = TEXT) -> Iterator[tuple[list[str], list[list[str]]]]:
     """Headings and rows of every table whose first heading is this."""
-    for block in re.findall(r"(?:^\|.*\n)+", TEXT, re.MULTILINE):
+    for block in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
         head, _, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines())
         if head[0] == first:
             yield head, rows
@@ -73,6 +73,21 @@ def test_the_times_until_a_servo_is_warm_hot_and_too_hot_are_the_models() -> Non
             seconds = model.seconds_to(limit, model.ambient, float(tau), rise)
             minutes = math.inf if documented == "never" else float(documented.removesuffix(" min"))
             assert minutes == pytest.approx(seconds / 60, abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["api.md", "campaign.md", "daemon.md", "protocol.md"])
+def test_every_promise_names_tests_that_exist(name: str) -> None:
+    text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    sources = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "tests").rglob("test_*.py")))
+    written = set(re.findall(r"^def (test_\w+)\(", sources, re.MULTILINE))
+    rows = [row for _, found in tables("promise", text) for row in found]
+    assert len(rows) >= 9
+    for promise, tests in rows:
+        named, files = re.findall(r"`(test_\w+)`", tests), re.findall(r"`(tests/[\w/]+\.py)`", tests)
+        assert named or files, promise
+        assert set(named) <= written, (promise, set(named) - written)
+        assert all((ROOT / file).exists() for file in files), promise
+    assert re.search(r"\n(\*\*)?Not tested:", text)
 
 
 def test_links_lead_somewhere() -> None:

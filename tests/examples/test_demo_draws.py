@@ -8,7 +8,7 @@ import pytest
 from examples.demo.hidden import KINDS, hidden_arm
 from examples.demo.pose_files import LOAD_G, pose_table
 from lrm_math.arm.arm_file import load_arm as model_arm
-from lrm_math.effects import effects_at
+from lrm_math.effects import compensable, effects_at
 from validation.synthetic import load_arm, true_state
 from validation.synthetic.example import ARM_FILE
 
@@ -21,7 +21,7 @@ def test_a_hidden_effect_moves_the_tip_and_has_a_name(seed: int) -> None:
     hidden = hidden_arm(ARM, seed)
     assert hidden == hidden_arm(ARM, seed)
     (effect,) = effects_at(model_arm("lrm-lab"), hidden.effect)
-    assert effect.online
+    assert compensable(effect)
     q = np.radians([[40.0, -50.0, 30.0, 60.0, -40.0, 20.0], [-70.0, 20.0, -60.0, -80.0, 70.0, -30.0]])
     without = type(hidden.truth)(
         hidden.truth.deviations, hidden.truth.displacements, hidden.truth.base_compliance_rad_per_nm,

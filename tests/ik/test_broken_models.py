@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import CATALOGUE, compensable, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import point, pose
-from lrm_math.ik.kernel.flat_arm import FlatArm, with_laws
+from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
 from lrm_math.ik.nominal.solver import NominalSolver
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
@@ -99,15 +99,15 @@ def test_an_arm_with_more_joints_than_the_kernel_has_room_for(joints: int) -> No
         NominalSolver.of(arm).solve(GOALS[0])
 
 
-def flat(arm: Arm) -> FlatArm:
+def flat(arm: Arm) -> KernelModel:
     """The packed arm as drawn."""
     return NominalSolver.of(arm).packed
 
 
 def test_every_effect_of_the_catalogue_at_once_fits_on_ten_joints() -> None:
     arm = random_arm(3, 10)
-    effects = [effect for kind in CATALOGUE if kind.online for effect in effects_at(arm, kind.id)]
-    model = model_of(arm, [effect for effect in effects if effect.online])
+    effects = [effect for kind in CATALOGUE if compensable(kind) for effect in effects_at(arm, kind.id)]
+    model = model_of(arm, [effect for effect in effects if compensable(effect)])
     assert all(words(model))
 
 
@@ -116,7 +116,7 @@ def test_every_effect_of_the_catalogue_at_once_fits_on_ten_joints() -> None:
     [
         (lambda arm: flat(replace(arm, bodies=arm.bodies * 3)), "bodies; the kernel"),
         (lambda arm: flat(arm).with_springs(np.zeros(17), np.ones((17, 17))), "289 springs; the kernel .* for 256"),
-        (lambda arm: with_laws(flat(arm), [(0, 0, (0.1, 0.1))] * 97, 0.0), "97 joint laws; the kernel .* for 96"),
+        (lambda arm: with_laws(flat(arm), [(0, 0, (0.1, 0.1))] * 97, True, 0.0), "97 joint laws; the kernel .* for 96"),
         (
             lambda arm: flat(arm).with_library(
                 np.tile(np.eye(4), (2049, 1, 1)), np.zeros((2049, 6)), np.zeros((2049, 6))
@@ -126,7 +126,7 @@ def test_every_effect_of_the_catalogue_at_once_fits_on_ten_joints() -> None:
         (lambda arm: flat(arm).with_(zero=np.zeros(49)), "49 numbers in zero; the kernel .* for 48"),
     ],
 )
-def test_more_of_anything_than_the_kernel_has_room_for(pack: Callable[[Arm], FlatArm], says: str) -> None:
+def test_more_of_anything_than_the_kernel_has_room_for(pack: Callable[[Arm], KernelModel], says: str) -> None:
     with pytest.raises(LrmError, match=says):
         pack(random_arm(3, 6))
 

@@ -15,7 +15,7 @@ from lrm_math.ik.library import CHAR_LENGTH
 from lrm_math.ik.solutions import IkQuery, IkSolutions
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 from tests.ik.test_ik_calibrated import EXACT, MODELS, Array, goal_of, reachable, solver
 from tests.support.random_arms import arms
@@ -27,14 +27,14 @@ NEAR_A_FOLD = 1.5e-3
 
 def commands_beside_folds(name: str, count: int) -> tuple[Array, Array]:
     """Commands (N, n) whose poses (N, 4, 4) have a second solution nearby, and those poses."""
-    context = solver(name).context
-    linkage = context.joint_laws.linkage
-    q, tools = reachable(context.model, count, 31, PAYLOAD)
-    rest = context.at_rest(IkQuery(Goal((0.0, 0.0, 0.0)), PAYLOAD), q)
+    arm = solver(name).arm
+    moving = arm.errors.moving
+    q, tools = reachable(arm.model, count, 31, PAYLOAD)
+    rest = arm.equilibria(IkQuery(Goal((0.0, 0.0, 0.0)), PAYLOAD), q)
     columns, h = [], 1e-6
-    for v in linkage.joints:
+    for v in moving.joints:
         step = h * (np.arange(rest.slots.shape[1]) == v)
-        up, down = (context.arm(PAYLOAD).forward(rest.slots + way * step)[0] for way in (1, -1))
+        up, down = (arm.kernel(PAYLOAD).forward(rest.slots + way * step)[0] for way in (1, -1))
         spin = ((up - down)[:, :3, :3] / (2 * h)) @ tools[:, :3, :3].transpose(0, 2, 1)
         turn = CHAR_LENGTH * np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
         columns.append(np.concatenate([(up - down)[:, :3, 3] / (2 * h), turn], axis=1))
@@ -60,32 +60,30 @@ def test_both_solutions_beside_a_fold_are_found(name: str) -> None:
     """The command that a goal was made from is known independently of the solver."""
     q, tools = commands_beside_folds(name, 1200)
     assert len(q) >= 100
-    context, queries = solver(name).context, [IkQuery(goal_of(tool), PAYLOAD) for tool in tools]
-    assert missed(q, [Direct().find(context, query) for query in queries]) <= 0.05 * len(q)
+    arm, queries = solver(name).arm, [IkQuery(goal_of(tool), PAYLOAD) for tool in tools]
+    assert missed(q, [Direct().find(arm, query) for query in queries]) <= 0.05 * len(q)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_branches_are_nearly_complete_and_all_reach_the_goal(name: str) -> None:
-    context = solver(name).context
-    q, tools = reachable(context.model, 300, 32, PAYLOAD)
-    every = [Direct().find(context, IkQuery(goal_of(tool), PAYLOAD)) for tool in tools]
+    arm = solver(name).arm
+    q, tools = reachable(arm.model, 300, 32, PAYLOAD)
+    every = [Direct().find(arm, IkQuery(goal_of(tool), PAYLOAD)) for tool in tools]
     assert missed(q, every) <= 0.02 * len(q)
     owner = [i for i, found in enumerate(every) if found is not None for _ in found.commands]
     found = [command for some in every if some is not None for command in some.commands]
     commands, use = np.array([c.q for c in found]), np.array([c.margin > 0.0 for c in found])
-    rest = solve_equilibrium(context.model, poses_of(commands[use], PAYLOAD), tolerance=1e-12)
-    off = frames(context.model.chain, rest.slots, int(use.sum()))[:, -1] - tools[np.array(owner)[use]]
+    rest = equilibrium(arm.model, poses_of(commands[use], PAYLOAD), tolerance=1e-12)
+    off = frames(arm.model.chain, rest.slots, int(use.sum()))[:, -1] - tools[np.array(owner)[use]]
     assert np.abs(off[:, :3, 3]).max() <= EXACT
     assert np.abs(off[:, :3, :3]).max() <= 1e-8
 
 
 def test_unreachable_goals_have_no_branches() -> None:
-    context = solver("table_b2").context
+    arm = solver("table_b2").arm
     assert (
-        Direct().find(
-            context, IkQuery(Goal((5.0, 0.0, 0.0), rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))))
-        )
+        Direct().find(arm, IkQuery(Goal((5.0, 0.0, 0.0), rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))))
         is None
     )
 
@@ -96,13 +94,13 @@ def test_unreachable_goals_have_no_branches() -> None:
 def test_solutions_on_any_arm_reach_the_goal_and_are_distinct(arm: Arm) -> None:
     """With and without a closed form, with fewer and more joints than six."""
     model = model_of(arm, effects_at(arm, "compliance"), {})
-    context = CalibratedSolver.of(model).context
+    arm = CalibratedSolver.of(model).arm
     _, tools = reachable(model, 3, 34, PAYLOAD)
     for tool in tools:
-        found = Direct().find(context, IkQuery(goal_of(tool), PAYLOAD))
+        found = Direct().find(arm, IkQuery(goal_of(tool), PAYLOAD))
         assert found is not None
         assert found.within
         q = np.array([command.q for command in found.commands])
-        at, _ = context.arm(PAYLOAD).forward(np.array([command.slots for command in found.commands]))
+        at, _ = arm.kernel(PAYLOAD).forward(np.array([command.slots for command in found.commands]))
         np.testing.assert_allclose(at, np.broadcast_to(tool, at.shape), atol=1e-9)
         assert all(np.abs(q[:k] - row).max(axis=1).min() > 1e-7 for k, row in enumerate(q) if k)

@@ -30,19 +30,20 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.covariance import Covariance
+from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
 
-SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
+SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 EXACT = 1e-9  # m: 1e-6 mm
 SHARE = 0.998
 
 
 def with_effects(model: Model, names: tuple[str, ...], seed: int, size: float = 0.3) -> Model:
     """A model and more effects of typical size, signs random where allowed."""
-    added = [e for name in names for e in effects_at(model.arm, name) if f"{e.id}@{e.place}" not in _names(model)]
+    added = [e for name in names for e in effects_at(model.arm, name) if e.name not in _names(model)]
     known = dict(zip(model.keys, model.values.tolist(), strict=True))
     full = model_of(model.arm, (*model.effects, *added), known)
     rng = np.random.default_rng(seed)
@@ -55,7 +56,7 @@ def with_effects(model: Model, names: tuple[str, ...], seed: int, size: float = 
 
 
 def _names(model: Model) -> set[str]:
-    return {f"{effect.id}@{effect.place}" for effect in model.effects}
+    return {effect.name for effect in model.effects}
 
 
 @lru_cache
@@ -109,7 +110,7 @@ def in_limits(arm: Arm, q: Array) -> bool:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_direct_solves_what_the_calibrated_arm_reaches(name: str) -> None:
-    model, payload = solver(name).context.model, 0.04
+    model, payload = solver(name).arm.model, 0.04
     q, tools = reachable(model, 250, 11, payload)
     replies = [solver(name).solve(goal_of(tool), payload, method=Direct()) for tool in tools]
     solved = [reply for reply in replies if isinstance(reply, Solved)]
@@ -134,7 +135,7 @@ def test_direct_solves_what_the_calibrated_arm_reaches(name: str) -> None:
 @pytest.mark.parametrize("name", ["table_b2", "lab"])
 def test_cube_error_is_below_its_spacing_and_newton_removes_it(name: str) -> None:
     payload = 0.0663
-    _, tools = reachable(solver(name).context.model, 60, 12, payload)
+    _, tools = reachable(solver(name).arm.model, 60, 12, payload)
     replies = [solver(name).solve(goal_of(tool), payload) for tool in tools]
     assert all(isinstance(reply, Solved) and reply.method == "cube" for reply in replies)
     solved = [reply for reply in replies if isinstance(reply, Solved)]
@@ -146,9 +147,9 @@ def test_cube_error_is_below_its_spacing_and_newton_removes_it(name: str) -> Non
 
 def test_a_finer_cube_has_a_smaller_error() -> None:
     solve = solver("table_b2")
-    _, tools = reachable(solve.context.model, 12, 13, 0.0)
+    _, tools = reachable(solve.arm.model, 12, 13, 0.0)
     queries = [IkQuery(goal_of(tool)) for tool in tools]
-    hits = [[Cube(points=points).search(solve.context, query) for query in queries] for points in (5, 15)]
+    hits = [[Cube(points=points).search(solve.arm, query) for query in queries] for points in (5, 15)]
     assert all(hit is not None for some in hits for hit in some)
     coarse, fine = (np.median([hit.error for hit in some if hit is not None]) for some in hits)
     assert fine < coarse
@@ -164,7 +165,7 @@ def test_invalid_cubes_are_refused(bad: dict[str, float]) -> None:
 def test_the_first_method_of_the_thesis_stalls() -> None:
     """The first correction helps, the iteration then loses it again: the target is mirrored, not improved."""
     solve = solver("table_b2")
-    _, tools = reachable(solve.context.model, 60, 14, 0.0663)
+    _, tools = reachable(solve.arm.model, 60, 14, 0.0663)
     replies = [solve.solve(goal_of(tool), 0.0663, method=Iterative(enough=1e-4)) for tool in tools]
     stalled = [np.array(reply.errors) for reply in replies if isinstance(reply, NotConverged)]
     assert len(stalled) >= 0.95 * len(tools)
@@ -190,7 +191,7 @@ def test_any_goal_gets_a_command_within_the_limits_or_the_nearest_one(
     w, x, y, z = np.array(turn) / np.linalg.norm(turn)
     R = np.eye(3) + 2 * (w * _skew(x, y, z) + _skew(x, y, z) @ _skew(x, y, z))
     goal = {"pose": pose(position, R), "point": point(position), "along": point_along(position, R[:, 2])}[kind]
-    solve, arm = solver(name), solver(name).context.model.arm
+    solve, arm = solver(name), solver(name).arm.model.arm
     reply = solve.solve(goal, payload, method=Direct())
     if isinstance(reply, Solved):
         assert in_limits(arm, np.array([branch.q for branch in reply.branches]))
@@ -206,7 +207,7 @@ def test_any_goal_gets_a_command_within_the_limits_or_the_nearest_one(
     assert reply.nearest.distance + reply.nearest.angle > 0.0
     assert (reply.verdict is IkVerdict.OUTSIDE_LIMITS) == bool(reply.beyond) == (reply.violation is not None)
     if kind == "point":
-        tips = reachable(solve.context.model, 300, 5, payload)[1][:, :3, 3]
+        tips = reachable(solve.arm.model, 300, 5, payload)[1][:, :3, 3]
         assert np.linalg.norm(tips - goal.position, axis=1).min() >= reply.nearest.distance - 1e-6
 
 
@@ -217,7 +218,7 @@ def _skew(x: float, y: float, z: float) -> Array:
 @pytest.mark.parametrize("name", MODELS)
 def test_positions_and_approach_directions_of_reachable_poses(name: str) -> None:
     solve = solver(name)
-    _, tools = reachable(solve.context.model, 12, 15, 0.0)
+    _, tools = reachable(solve.arm.model, 12, 15, 0.0)
     for tool in tools:
         assert isinstance(solve.solve(point(tool[:3, 3]), method=Direct()), Solved)
         along = solve.solve(point_along(tool[:3, 3], tool[:3, 2]), method=Direct())
@@ -228,7 +229,7 @@ def test_positions_and_approach_directions_of_reachable_poses(name: str) -> None
 @pytest.mark.parametrize("name", MODELS)
 def test_near_orders_branches_and_sets_the_side_of_arrival(name: str) -> None:
     """The reply holds for the actual move: checked by the model with the direction of that move."""
-    model, rng = solver(name).context.model, np.random.default_rng(16)
+    model, rng = solver(name).arm.model, np.random.default_rng(16)
     q, tools = reachable(model, 25, 16, 0.0)
     for own, tool in zip(q, tools, strict=True):
         near = own + rng.normal(0, 0.02, len(own))
@@ -246,7 +247,7 @@ def test_near_orders_branches_and_sets_the_side_of_arrival(name: str) -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_single_pose_equilibrium_equals_batch(name: str) -> None:
-    model = solver(name).context.model
+    model = solver(name).arm.model
     q, _ = reachable(model, 20, 17, 0.05)
     side = np.random.default_rng(17).choice([-1.0, 0.0, 1.0], q.shape)
     poses = Poses(q, np.full(len(q), 0.05), side)

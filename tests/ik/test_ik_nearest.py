@@ -28,13 +28,14 @@ from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.batch_equilibrium import batch_equilibrium
+from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrm_math.model.reach_ball import reach_ball
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 
-SMOOTH = tuple(kind.id for kind in CATALOGUE if kind.online and kind.id != "quantisation")
+SMOOTH = tuple(kind.id for kind in CATALOGUE if set(kind.depends_on) <= COMPENSATED)
 FORMS = ("point", "along", "pose")
 MODELS = ("nominal", "thesis", "everything")
 LOAD = 0.0663
@@ -84,7 +85,7 @@ def error(found: Nearest) -> float:
 
 def find(name: str, goal: Goal, starts: Sequence[tuple[float, ...]] = ()) -> Nearest:
     """The nearest with a payload."""
-    return nearest(solver(name).context, IkQuery(goal, LOAD), tuple(starts))
+    return nearest(solver(name).arm, IkQuery(goal, LOAD), tuple(starts))
 
 
 def errors(tools: Array, goal: Goal) -> Array:
@@ -130,14 +131,14 @@ def test_reach_ball_contains_every_tool_position(arm: Arm, load: float, seed: in
 def test_nearest_keeps_the_limits_and_no_random_pose_is_nearer(
     name: str, form: str, position: tuple[float, ...], turn: tuple[float, ...]
 ) -> None:
-    context, goal = solver(name).context, goal_of(form, position, turn)
+    arm, goal = solver(name).arm, goal_of(form, position, turn)
     found = find(name, goal)
-    lower, upper = context.limits.lower, context.limits.upper
+    lower, upper = arm.limits.lower, arm.limits.upper
     assert all(low <= x <= high for low, x, high in zip(lower, found.q, upper, strict=True))
-    assert errors(tools(context.model, np.array([found.q]), LOAD), goal)[0] == pytest.approx(error(found), abs=1e-7)
+    assert errors(tools(arm.model, np.array([found.q]), LOAD), goal)[0] == pytest.approx(error(found), abs=1e-7)
     q = np.random.default_rng(1).uniform(lower, upper, (1000, len(lower)))
-    q = np.concatenate([q, context.library.q[np.argsort(errors(context.library.tcp, goal))[:50]]])
-    assert error(found) <= errors(tools(context.model, q, LOAD), goal).min() + SETTLED
+    q = np.concatenate([q, arm.library.q[np.argsort(errors(arm.library.tcp, goal))[:50]]])
+    assert error(found) <= errors(tools(arm.model, q, LOAD), goal).min() + SETTLED
 
 
 @pytest.mark.slow
@@ -165,10 +166,10 @@ def test_distance_shrinks_linearly_towards_the_nearest_point(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_goals_made_from_commands_are_solved(name: str) -> None:
-    context, rng = solver(name).context, np.random.default_rng(7)
-    limits = context.limits
+    arm, rng = solver(name).arm, np.random.default_rng(7)
+    limits = arm.limits
     q = np.concatenate([rng.uniform(limits.lower, limits.upper, (40, 6)), np.array(limits.lower)[None]])
-    for tool in tools(context.model, q, LOAD):
+    for tool in tools(arm.model, q, LOAD):
         for goal in (point(tool[:3, 3]), point_along(tool[:3, 3], tool[:3, 2]), pose(tool[:3, 3], tool[:3, :3])):
             assert isinstance(solver(name).solve(goal, LOAD, method=Direct()), Solved)
 
@@ -177,8 +178,8 @@ def test_goals_made_from_commands_are_solved(name: str) -> None:
 @settings(max_examples=10)
 @given(way=positions.filter(lambda v: math.hypot(*v) > 0.1), beyond=st.floats(0.01, 5.0))
 def test_distance_of_goals_outside_the_reach_ball_is_bounded(name: str, way: tuple[float, ...], beyond: float) -> None:
-    context = solver(name).context
-    ball = context.library.reach_ball
+    arm = solver(name).arm
+    ball = arm.library.reach_ball
     outwards = np.array(way) / math.hypot(*way)
     at = [np.array(ball.centre) + (ball.radius + d) * outwards for d in (0.001, 0.001 + beyond)]
     replies = [solver(name).solve(point(position), LOAD, method=Direct()) for position in at]
@@ -190,7 +191,7 @@ def test_distance_of_goals_outside_the_reach_ball_is_bounded(name: str, way: tup
 
 
 def test_nominal_arm_stretches_to_its_full_length() -> None:
-    ball = solver("nominal").context.library.reach_ball
+    ball = solver("nominal").arm.library.reach_ball
     for elevation in (0.6, 0.9, 1.2):
         for azimuth in (-0.8, 0.0, 0.8):
             way = (
@@ -204,9 +205,9 @@ def test_nominal_arm_stretches_to_its_full_length() -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_more_starts_never_increase_the_error(name: str) -> None:
-    context, rng = solver(name).context, np.random.default_rng(2)
+    arm, rng = solver(name).arm, np.random.default_rng(2)
     for _ in range(5):
         query = IkQuery(goal_of("pose", tuple(rng.uniform(-0.5, 0.5, 3)), tuple(rng.normal(size=4))), LOAD)
         starts = rng.uniform(-4.0, 4.0, (3, 6))
-        given = error(nearest(context, query, tuple(tuple(q) for q in starts.tolist())))
-        assert given <= error(nearest(context, query)) + 1e-9  # m, to which equilibria settle
+        given = error(nearest(arm, query, tuple(tuple(q) for q in starts.tolist())))
+        assert given <= error(nearest(arm, query)) + 1e-9  # m, to which equilibria settle

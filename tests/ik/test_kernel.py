@@ -16,23 +16,26 @@ from scipy.spatial.transform import Rotation
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import CATALOGUE, constant, effects_at
+from lrm_math.effects.compliance import Spring
+from lrm_math.effects.targets import Kind, kind_of, slot_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.goal import point, pose
-from lrm_math.ik.joint_laws import JointLaws
+from lrm_math.ik.joint_errors import JointErrorModel
 from lrm_math.ik.kernel import shared_library
-from lrm_math.ik.kernel.flat_arm import FlatArm, flat_arm, with_laws
+from lrm_math.ik.kernel.kernel_model import KernelModel, packed, with_laws
 from lrm_math.ik.kernel.laws import KERNEL_LAWS
 from lrm_math.ik.kernel.structures import KernelArm
 from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
 from lrm_math.ik.nominal.pieper import pieper_form
 from lrm_math.ik.solutions import IkQuery
-from lrm_math.ik.solver_context import SolverContext
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
+from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms, random_arm
@@ -51,17 +54,17 @@ def random_model(arm: Arm, names: tuple[str, ...], seed: int, size: float = 0.3)
     return model.with_values(np.where(free, amounts * [p.typical for p in model.parameters], model.values))
 
 
-def flat(model: Model, payload: float) -> FlatArm:
+def flat(model: Model, payload: float) -> KernelModel:
     """The packed model, without closed form and library."""
-    laws, joints = JointLaws(model), model.arm.joints
-    moments = laws.linkage.moments(model.weights(payload))
-    arm = flat_arm(laws.linkage, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
-    return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.known, 0.0)
+    laws, joints = JointErrorModel(model), model.arm.joints
+    moments = laws.moving.moments(model.weights(payload))
+    arm = packed(laws.moving, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
+    return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.laws, laws.complete, 0.0)
 
 
 def moving(model: Model, slots: tuple[float | Array, ...], count: int) -> Array:
     """(K, V), amounts of the moving slots."""
-    return np.stack([np.broadcast_to(slots[k], count) for k in JointLaws(model).linkage.slots], axis=1)
+    return np.stack([np.broadcast_to(slots[k], count) for k in JointErrorModel(model).moving.slots], axis=1)
 
 
 @pytest.mark.slow
@@ -75,7 +78,7 @@ def test_kinematics_and_loads_equal_those_of_the_chain(arm: Arm, seed: int, payl
     tcp, tau = kernel.forward(slots)
     np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
     np.testing.assert_allclose(kernel.frames(slots), frames(model.chain, rest.slots, 3), atol=1e-12)
-    np.testing.assert_allclose(tau, rest.loads_on(JointLaws(model).linkage.slots.tolist()), atol=1e-11)
+    np.testing.assert_allclose(tau, rest.loads_on(JointErrorModel(model).moving.slots.tolist()), atol=1e-11)
 
 
 def hayati_arm(beta: float) -> Arm:
@@ -112,11 +115,11 @@ def test_a_drawn_hayati_angle_is_in_the_kernel_and_in_its_seeds() -> None:
         tool = tool @ turned(1, joint.beta + (0.007 if number == 2 else 0.0))
         tool = tool @ shifted(0, 0, joint.extra_z or 0.0)
     tool = tool @ turned(0, t.alpha) @ turned(1, t.beta) @ turned(2, t.gamma) @ shifted(t.x, t.y, t.z)
-    kernel, home = flat(model, 0.0), JointLaws(model).constants
+    kernel, home = flat(model, 0.0), JointErrorModel(model).constants
     np.testing.assert_allclose(kernel.forward((home + q)[None])[0][0], tool, atol=1e-12)
     assert pieper_form(screw_axes_of(equivalent_arm(model))) is not None
     solver = CalibratedSolver.of(model)
-    found = solver.context.branches(IkQuery(pose(tool[:3, 3], tool[:3, :3])))
+    found = solver.arm.branches(IkQuery(pose(tool[:3, 3], tool[:3, :3])))
     assert any(np.abs(np.array(command.q) - q).max() < 1e-8 for command in found.within)
     for command in found.within:
         np.testing.assert_allclose(kernel.forward((home + command.q)[None])[0][0], tool, atol=1e-9)
@@ -144,12 +147,12 @@ def test_a_slot_that_slides_is_as_in_the_chain() -> None:
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (4, 6))
     rest = equilibrium(model, poses_of(q, 0.05), tolerance=1e-14)
     kernel = flat(model, 0.05)
-    assert (np.array(JointLaws(model).linkage.axes) >= 3).sum() == 1
+    assert (np.array(JointErrorModel(model).moving.axes) >= 3).sum() == 1
     slots = moving(model, rest.slots, 4)
     tcp, tau = kernel.forward(slots)
     np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 4)[:, -1], atol=1e-12)
-    np.testing.assert_allclose(tau, rest.loads_on(JointLaws(model).linkage.slots.tolist()), atol=1e-11)
-    v = int(np.flatnonzero(JointLaws(model).linkage.axes >= 3)[0])
+    np.testing.assert_allclose(tau, rest.loads_on(JointErrorModel(model).moving.slots.tolist()), atol=1e-11)
+    v = int(np.flatnonzero(JointErrorModel(model).moving.axes >= 3)[0])
     assert np.abs(tau[:, v]).min() > 0.1
     moved = slots.copy()
     moved[:, v] += 1e-3
@@ -170,10 +173,13 @@ def test_every_law_of_the_kernel_is_one_of_the_catalogue() -> None:
     needs = set()
     for kind in CATALOGUE:
         effect = effects_at(arm, kind.id)[0]
-        on_joints = {*effect.moves, *effect.pushes}
-        if kind.online and kind.id != "quantisation" and on_joints and on_joints <= theta:
-            needs |= set() if effect.constant or effect.linear or effect.geared else {kind}
-    assert set(KERNEL_LAWS) == needs
+        on_joints = (
+            {slot_of(target) for target in effect.targets} if kind_of(effect) in (Kind.MOTION, Kind.LOAD) else set()
+        )
+        if set(kind.depends_on) <= COMPENSATED and on_joints and on_joints <= theta:
+            needs |= set() if constant(effect) or isinstance(effect, Spring) else {kind}
+    forgotten = ", ".join(sorted(kind.id for kind in needs - set(KERNEL_LAWS)))
+    assert set(KERNEL_LAWS) == needs, f"without a law in kernel/laws.py and ik_kernel.c: {forgotten}"
     assert sorted(KERNEL_LAWS.values()) == list(range(len(KERNEL_LAWS)))
 
 
@@ -185,7 +191,7 @@ def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
     """True joint angles at rest under any commands, sides of arrival and loads."""
     arm, rng = load_arm("lrm-rover"), np.random.default_rng(seed)
     model = random_model(arm, ("compliance", name), seed, 1.5)
-    laws, payload = JointLaws(model), rng.uniform(0.0, 0.3)
+    laws, payload = JointErrorModel(model), rng.uniform(0.0, 0.3)
     assert laws.complete
     q, side = rng.uniform(-1.7, 1.7, (5, 6)), rng.integers(-1, 2, (5, 6))
     rest = equilibrium(model, Poses(q, np.full(5, payload), side.astype(float)), tolerance=1e-14)
@@ -200,11 +206,11 @@ def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
 def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: float) -> None:
     """With every law at once, links that bend, and sides of arrival."""
     model = random_model(load_arm("lrm-rover"), (*ON_JOINTS, *FLEXIBLE[2:]), seed, 0.15)
-    laws, kernel, rng = JointLaws(model), flat(model, payload), np.random.default_rng(seed)
+    laws, kernel, rng = JointErrorModel(model), flat(model, payload), np.random.default_rng(seed)
     q, side = rng.uniform(-1.5, 1.5, (6, 6)), rng.choice([-1.0, 0.0, 1.0], (6, 6))
     rest = equilibrium(model, Poses(q, np.full(6, payload), side), tolerance=1e-13)
     start = np.tile(laws.constants, (6, 1))
-    start[:, laws.linkage.joints] += q
+    start[:, laws.moving.joints] += q
     slots, tcp, iterations = kernel.settle(q, side, start, 1e-13)
     assert (iterations > 0).all()
     np.testing.assert_allclose(slots, moving(model, rest.slots, 6), atol=1e-11)
@@ -254,7 +260,7 @@ def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
     arm = load_arm("lrm-lab")
     broken = replace(arm, joints=(replace(arm.joints[0], a=value), *arm.joints[1:]))
     with pytest.raises(LrmError):
-        SolverContext(model_of(broken, ())).arm(0.0)
+        CalibratedArm(model_of(broken, ())).kernel(0.0)
 
 
 def test_a_missing_stale_or_foreign_library_is_one_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -283,6 +289,6 @@ def test_a_settled_command_too_soft_is_not_at_rest() -> None:
     """As in `equilibrium`: deflections above 0.5 rad are refused."""
     arm = load_arm("lrm-rover")
     model = model_of(arm, effects_at(arm, "compliance"), {"compliance.joint2.k_rad_per_Nm": 3.0})
-    context = CalibratedSolver.of(model).context
-    rest = context.at_rest(IkQuery(point((0.2, 0.0, 0.2)), 0.5), np.array([[0.0, 1.5, 0.0, 0.0, 0.0, 0.0]]))
+    context = CalibratedSolver.of(model).arm
+    rest = context.equilibria(IkQuery(point((0.2, 0.0, 0.2)), 0.5), np.array([[0.0, 1.5, 0.0, 0.0, 0.0, 0.0]]))
     assert len(rest.rows) == 0

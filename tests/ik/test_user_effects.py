@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from lrm_math.arm.arm import Arm
-from lrm_math.effects import Effect, LoadedJointEffect, Parameter, effects_at
+from lrm_math.effects import Description, Effect, LoadedJointEffect, Parameter, effects_at
 from lrm_math.effects.base import Amounts
 from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.calibrated_arm import Method
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import point, point_along
 from lrm_math.ik.reply import Solved, Unsolved
-from lrm_math.ik.solver_context import Method
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.scalar_or_array import cos, magnitude, sin
 from lrm_math.model.equilibrium import equilibrium
@@ -29,15 +29,15 @@ PAYLOAD = 0.04
 class CableBundle(Effect):
     """The example of docs/effects.md: a joint turned by two others."""
 
-    id, cause, formula, source = "sway", "a cable bundle", "δq3 = a sin(q1 + q4) + b cos(q1 + q4)", "docs/effects.md"
-    moves = ("joint3.theta",)
+    id, about = "sway", Description("a cable bundle", "δq3 = a sin(q1 + q4) + b cos(q1 + q4)", "docs/effects.md")
+    targets = ("joint3.theta",)
     parameters = (Parameter("a_rad", "sine", 0.02), Parameter("b_rad", "cosine", 0.02))
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         return ("joint3",)
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         angle = poses.angle(0) + poses.angle(3)
         return (p[0] * sin(angle) + p[1] * cos(angle),)
 
@@ -45,41 +45,41 @@ class CableBundle(Effect):
 class LoadDependentPlay(LoadedJointEffect):
     """A law of the load and of the side of arrival."""
 
-    id, cause, formula, source = "sticky", "grease", "δq = d side |τ|", "test"
+    id, about = "sticky", Description("grease", "δq = d side |τ|", "test")
     parameters = (Parameter("d_rad_per_Nm", "stickiness", 0.02),)
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         return (p[0] * poses.approach(self.joint) * magnitude(tau[0]),)
 
 
 class StiffeningLink(Effect):
     """A link that bends more the more it is loaded, and with the command: no spring."""
 
-    id, cause, formula, source = "buckle", "thin walls", "δx = c M (1 + 5 |M|) + a sin q2", "test"
+    id, about = "buckle", Description("thin walls", "δx = c M (1 + 5 |M|) + a sin q2", "test")
     parameters = (Parameter("c_rad_per_Nm", "bending", 0.05), Parameter("a_rad", "twist", 0.01))
-    moves = ("link2.x",)
-    feels = ("link2.x",)
+    targets = ("link2.x",)
+    load_slots = ("link2.x",)
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         return ("link2",)
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         return (p[0] * tau[0] * (1.0 + 5.0 * magnitude(tau[0])) + p[1] * sin(poses.angle(1)),)
 
 
 class CommandedLength(Effect):
     """A length that grows with the command."""
 
-    id, cause, formula, source = "creep", "a loose screw", "δd = a q2", "test"
+    id, about = "creep", Description("a loose screw", "δd = a q2", "test")
     parameters = (Parameter("a_mm", "play", 0.002),)
-    moves = ("joint3.d",)
+    targets = ("joint3.d",)
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         return ("joint3",)
 
-    def motion(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         return (p[0] * poses.angle(1),)
 
 
@@ -92,7 +92,7 @@ def solver(name: str) -> CalibratedSolver:
     ]
     mine = effect(thesis.arm, effect.places(thesis.arm)[0] if name != "sticky" else "joint2")
     known = dict(zip(thesis.keys, thesis.values.tolist(), strict=True))
-    own = {f"{mine.id}.{mine.place}.{p.name}": p.typical for p in mine.parameters}
+    own = {key: p.typical for key, p in zip(mine.keys, mine.parameters, strict=True)}
     return CalibratedSolver.of(model_of(thesis.arm, (*thesis.effects, mine), known | own))
 
 
@@ -108,8 +108,8 @@ def off(model: Model, q: Sequence[float], direction: Sequence[int], position: Se
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("method", [Direct(), Cube(points=5)], ids=["direct", "cube"])
 def test_goals_are_solved_and_every_branch_is_exact(name: str, method: Method) -> None:
-    model = solver(name).context.model
-    assert not solver(name).context.joint_laws.complete
+    model = solver(name).arm.model
+    assert not solver(name).arm.errors.complete
     q, tools = reachable(model, 12 if method.name == "direct" else 3, 40, PAYLOAD)
     missed = 0
     for own, tool in zip(q, tools, strict=True):
@@ -123,7 +123,7 @@ def test_goals_are_solved_and_every_branch_is_exact(name: str, method: Method) -
 
 @pytest.mark.parametrize("name", NAMES)
 def test_positions_directions_and_sides(name: str) -> None:
-    model, rng = solver(name).context.model, np.random.default_rng(41)
+    model, rng = solver(name).arm.model, np.random.default_rng(41)
     q, tools = reachable(model, 3, 41, PAYLOAD)
     for own, tool in zip(q, tools, strict=True):
         near = own + rng.normal(0, 0.05, 6)
@@ -139,13 +139,13 @@ def test_positions_directions_and_sides(name: str) -> None:
 def test_what_is_out_of_reach_says_how_near_the_whole_model_comes(name: str) -> None:
     reply = solver(name).solve(point((0.9, 0.0, 0.3)), PAYLOAD, method=Direct())
     assert isinstance(reply, Unsolved)
-    model = solver(name).context.model
+    model = solver(name).arm.model
     rest = equilibrium(model, poses_of([reply.nearest.q], PAYLOAD))
     assert np.linalg.norm(rest.true_tcp[0] - (0.9, 0.0, 0.3)) == pytest.approx(reply.nearest.distance, abs=1e-7)
 
 
 def test_effects_of_the_catalogue_alone_are_left_to_the_kernel() -> None:
-    assert solver("sway").context.joint_laws.known is None
+    assert not solver("sway").arm.errors.complete
     arm = table_b2().arm
     springs = model_of(arm, effects_at(arm, "compliance") + effects_at(arm, "servo_gain"))
-    assert CalibratedSolver.of(springs).context.joint_laws.complete
+    assert CalibratedSolver.of(springs).arm.errors.complete

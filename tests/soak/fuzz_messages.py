@@ -14,7 +14,8 @@ from typing import Any
 
 import msgpack
 
-from lrmd.messages.codec import LONGEST, Message, MessageError, pack, unpack
+from lrmd.messages.codec import Message, MessageError, pack, unpack
+from lrmd.messages.zenoh_session import LARGEST_MESSAGE
 from tests.soak.fuzz_link import damaged
 from tests.soak.fuzz_result import FuzzResult
 from tests.support.message_schemas import every_message
@@ -116,7 +117,7 @@ def random_string(generator: ContentGenerator, rng: random.Random) -> bytes:
         return rng.randbytes(rng.randrange(60))
     data = bytes(msgpack.packb(generator.content()))
     if rng.random() < 0.001:
-        data += bytes(LONGEST)
+        data += bytes(LARGEST_MESSAGE)
     for _ in range(rng.choice((0, 0, 1, 1, 2, 5))):
         data = damaged(data, rng) if data else data
     return data

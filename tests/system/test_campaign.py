@@ -4,48 +4,144 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.measuring.tracker.udp import UdpTracker
 from lrm_math.arm.arm_file import load_arm
-from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for
+from lrmd.client import Rover
+from tests.support.daemon.daemon_harness import connected, wait_for_link
+from tests.support.daemon.daemon_process import SLOW_BOARD, BoardProcess, DaemonSetup, running_daemon, wait_for
 from tests.support.daemon.tracker_of_board import tracker_of
 
 POSES = 5
+START = (0.0, -60.0, 0.0, 0.0, 0.0, 0.0)
 HEAD = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
 
 
+@dataclass(frozen=True)
+class Bench:
+    """A plan of poses, the port of a tracker, and the file to measure into."""
+
+    setup: DaemonSetup
+    q: np.ndarray
+    port: int
+    data: Path
+    poses: Path
+
+    @classmethod
+    def make(cls, folder: Path) -> Bench:
+        setup = DaemonSetup.make(folder, {**SLOW_BOARD, "step_us = 1.0": "step_us = 10.0"})
+        q = np.array([[0, -60, 0, 0, 0, 0]]) + 10.0 * np.arange(1, POSES + 1)[:, None] * [1, 0, 1, -1, 0, 1]
+        rows = [",".join([str(k), *(f"{angle:g}" for angle in row)]) for k, row in enumerate(q, start=1)]
+        poses = folder / "poses.csv"
+        poses.write_text(HEAD + "\n".join(rows) + "\n")
+        with UdpTracker("127.0.0.1", 0) as probe:
+            return cls(setup, q, probe.port, folder / "data.csv", poses)
+
+    def command(self, pause: float) -> list[str]:
+        """`lrm-ident measure` with so many seconds a pose."""
+        command = [sys.executable, "-m", "lrm_ident", "measure", str(self.poses), "--connect", self.setup.endpoint]
+        return [
+            *command,
+            "--tracker",
+            f"dtrack:{self.port}",
+            "-o",
+            str(self.data),
+            "--pause",
+            f"{pause}",
+            "--dwell",
+            "0.4",
+        ]
+
+    def rows(self) -> int:
+        """Whole rows in the file."""
+        return max(self.data.read_bytes().count(b"\n") - 1, 0) if self.data.exists() else 0
+
+    def measured(self) -> Measurements:
+        """What is in the file."""
+        return load_measurements(self.data, load_arm("lrm-rover"))
+
+
+def arm_at(rover: Rover, degrees: Sequence[float]) -> None:
+    wait_for_link(rover)
+    with rover.control("test"):
+        if rover.mode().mode == "estop":
+            rover.reset_fault()
+        rover.arm("given", dict(zip(rover.info().names[:6], np.radians(degrees).tolist(), strict=True)))
+
+
 def test_killed_the_arm_holds_and_resumed_no_pose_is_lost_or_doubled(tmp_path: Path) -> None:
-    setup = DaemonSetup.make(tmp_path, {**SLOW_BOARD, "step_us = 1.0": "step_us = 10.0"})
-    q = np.array([[0, -60, 0, 0, 0, 0]]) + 10.0 * np.arange(1, POSES + 1)[:, None] * [1, 0, 1, -1, 0, 1]
-    poses, data = tmp_path / "poses.csv", tmp_path / "data.csv"
-    rows = [",".join([str(k), *(f"{angle:g}" for angle in row)]) for k, row in enumerate(q, start=1)]
-    poses.write_text(HEAD + "\n".join(rows) + "\n")
-    with UdpTracker("127.0.0.1", 0) as probe:
-        port = probe.port
-    command = [sys.executable, "-m", "lrm_ident", "measure", str(poses), "--connect", setup.endpoint]
-    command += ["--tracker", f"dtrack:{port}", "-o", str(data), "--pause", "0.8", "--dwell", "0.4"]
-    daemon = running_daemon(setup, "--start-deg", "0,-60,0,0,0,0")
-    with daemon as (board, _), tracker_of(board, port), setup.rover() as rover:
-        names = rover.info().names[:6]
-        with rover.control("test"):
-            rover.arm("given", dict(zip(names, np.radians([0.0, -60.0, 0, 0, 0, 0]).tolist(), strict=True)))
-        first = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        wait_for(lambda: data.exists() and data.read_bytes().count(b"\n") >= 3, "two rows", 60.0)
+    bench = Bench.make(tmp_path)
+    daemon = running_daemon(bench.setup, "--start-deg", "0,-60,0,0,0,0")
+    with daemon as (board, _), tracker_of(board, bench.port), bench.setup.rover() as rover:
+        arm_at(rover, START)
+        first = subprocess.Popen(bench.command(0.8), stdout=subprocess.DEVNULL)
+        wait_for(lambda: bench.rows() >= 2, "two rows", 60.0)
         first.kill()
         first.wait()
         wait_for(lambda: rover.mode().holder is None and rover.mode().mode in ("holding", "armed"), "it holds")
         assert all(rover.joints().on[:6])
-        with data.open("ab") as file:  # what a crash of the computer may leave
+        with bench.data.open("ab") as file:  # what a crash of the computer may leave
             file.write(b"4,12.5,1,0.0")
-        again = subprocess.run(command, capture_output=True, text=True, timeout=120)
+        again = subprocess.run(bench.command(0.8), capture_output=True, text=True, timeout=120)
         assert again.returncode == 0, again.stdout + again.stderr
-    found = load_measurements(data, load_arm("lrm-rover"))
+    found = bench.measured()
     assert found.pose.tolist() == list(range(1, POSES + 1))
     assert found.notices == ()
-    np.testing.assert_allclose(np.degrees(found.poses.q), q, atol=0.1)
+    np.testing.assert_allclose(np.degrees(found.poses.q), bench.q, atol=0.1)
     assert found.poses.session is not None
     assert set(found.poses.session.tolist()) == {1.0}
+
+
+@pytest.mark.parametrize("what", ["stopped", "taken and moved"])
+def test_an_arm_that_did_not_stand_during_its_rest_leaves_no_row(tmp_path: Path, what: str) -> None:
+    bench = Bench.make(tmp_path)
+    daemon = running_daemon(bench.setup, "--start-deg", "0,-60,0,0,0,0")
+    with daemon as (board, _), tracker_of(board, bench.port), bench.setup.rover() as rover:
+        arm_at(rover, START)
+        command = bench.command(6.0)
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as campaign:
+            wait_for(lambda: bench.rows() >= 1, "a row", 60.0)
+            wait_for(lambda: rover.mode().mode == "moving", "the next pose")
+            wait_for(lambda: rover.mode().mode == "armed", "the arm is there")
+            time.sleep(2.0)  # well into the pause of 6 s, on a busy computer too
+            if what == "stopped":
+                rover.estop("test")
+            else:
+                with rover.control("somebody else", take=True):
+                    rover.move({"joint1": 0.3})
+            said, _ = campaign.communicate(timeout=120)
+        assert campaign.returncode == 2, said
+        assert "pose 2: its row is dropped: " in said
+        assert bench.measured().pose.tolist() == [1]
+
+
+def test_a_daemon_that_was_killed_and_armed_anew_begins_another_session(tmp_path: Path) -> None:
+    """Also where the board went on pulsing, and its pulses are adopted."""
+    bench = Bench.make(tmp_path)
+    with BoardProcess(bench.setup, "--start-deg", "0,-60,0,0,0,0") as board, tracker_of(board, bench.port):
+        with connected(bench.setup) as (daemon, rover):
+            arm_at(rover, START)
+            campaign = subprocess.Popen(bench.command(0.8), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            wait_for(lambda: bench.rows() >= 2, "two rows", 60.0)
+            for process in (campaign, daemon.process):
+                process.kill()
+                process.wait(10)
+        before = bench.rows()
+        with connected(bench.setup) as (_, rover):
+            wait_for_link(rover)
+            with rover.control("test"):
+                rover.arm("board")
+            again = subprocess.run(bench.command(0.8), capture_output=True, text=True, timeout=120)
+            assert again.returncode == 0, again.stdout + again.stderr
+    session = bench.measured().poses.session
+    assert session is not None
+    assert session.tolist() == [1.0] * before + [2.0] * (POSES - before)

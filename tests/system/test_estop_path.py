@@ -13,6 +13,7 @@ import pytest
 import zenoh
 
 from lrm_math.errors import LrmError
+from lrmd.api.router_process import NICENESS
 from lrmd.messages.codec import pack
 from lrmd.messages.control import EstopCommand
 from lrmd.messages.zenoh_session import client
@@ -80,6 +81,14 @@ def test_the_reply_says_that_the_ramp_has_it(harness: DaemonHarness) -> None:
         assert getattr(error.value, "code", "") == "estop_unconfirmed"
         wait_for(lambda: not harness.pulses(), "the pulses stop")
         harness.wait_for_mode("estop")
+
+
+def test_the_router_has_a_thread_for_each_of_many_clients_and_goes_before_ordinary_work(harness: DaemonHarness) -> None:
+    router = harness.daemon.child("router")
+    names = [path.read_text().strip() for path in Path(f"/proc/{router}/task").glob("*/comm")]
+    assert len({name for name in names if name.startswith("rx-")}) == 16
+    said = "router_priority" in harness.daemon.codes()
+    assert said or os.getpriority(os.PRIO_PROCESS, router) == NICENESS
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])

@@ -8,7 +8,19 @@ import pytest
 
 from tests.soak.hostile.attacks import ALL, carry_out
 
-SHORT = ("link: garbled", "link: forged", "link: mute both", "link: yanked", "flood: malformed", "kills and stops")
+SHORT = (
+    "link: garbled",
+    "link: forged",
+    "link: mute both",
+    "link: yanked",
+    "link: hidden board",
+    "link: old handshakes",
+    "flood: malformed",
+    "kills and stops",
+    "renewed jog",
+    "short moves",
+    "waiting client",
+)
 
 
 @pytest.mark.parametrize("name", SHORT)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import pytest
 import zenoh
 
 from lrmd.client import NoReply, RequestRefused, Rover
-from lrmd.ik.process import SHARE
+from lrmd.ik.process import QUEUE
 from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.kinematics import CancelRequest, FkRequest, GoalEntry, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
@@ -88,14 +91,60 @@ def test_a_client_that_does_not_name_itself_is_served_beside_a_hog_that_does_not
         assert unpack(ErrorReply, cancelled.err.payload.to_bytes()).code == "cancelled"
 
 
-def test_a_client_has_no_more_than_its_share_of_the_queue(setup: DaemonSetup, rover: Rover) -> None:
-    """All are sent at once, and nobody else is told to come again."""
-    beyond = 20
-    with hogged(setup, times=SHARE + beyond) as hogs:
-        wait_for(lambda: sum(hog.done() for hog in hogs) >= beyond, "the hog is told that it has its share")
-        assert rover.ik(IkRequest(goals=[GOAL], deadline_ms=1000.0)).answers[0].verdict == "solved"
+def test_the_queue_has_a_place_for_a_newcomer_when_it_is_full(setup: DaemonSetup, rover: Rover) -> None:
+    """All are sent at once, and nobody else is told to come again; the one with the most gives way."""
+    fit, beyond = QUEUE // 1000, 20
+    with hogged(setup, times=fit + beyond) as hogs:
+        wait_for(lambda: sum(hog.done() for hog in hogs) >= beyond, "the hog is told that the queue is full")
+        for _ in range(10):
+            assert rover.ik(IkRequest(goals=[GOAL], deadline_ms=1000.0)).answers[0].verdict == "solved"
+        assert sum(hog.done() for hog in hogs) == beyond + 1, "one gave way, for all ten"
     codes = [hog.result() for hog in hogs]
-    assert (codes.count("busy"), codes.count("cancelled")) == (beyond, SHARE)
+    assert (codes.count("busy"), codes.count("cancelled")) == (beyond + 1, fit - 1)
+
+
+ASK_64_TIMES = """
+import sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", '["' + sys.argv[1] + '"]')
+with zenoh.open(config) as session:
+    querier = session.declare_querier(sys.argv[2])
+    payload = sys.stdin.buffer.read()
+    source = zenoh.SourceInfo(querier.id, 0)
+    for _ in range(64):
+        session.get(sys.argv[2], lambda _: None, payload=payload, timeout=60, source_info=source)
+    time.sleep(60)
+"""
+"""A foreign client that asks in its own name, without this package."""
+
+
+def test_the_queries_of_a_client_that_is_killed_are_dropped(tmp_path: Path) -> None:
+    """They would keep the ik process busy for most of a minute."""
+    setup = DaemonSetup.make(tmp_path, SLOW_BOARD)
+    with running_daemon(setup) as (_, daemon):
+        ik = daemon.child("ik")
+        command = [sys.executable, "-c", ASK_64_TIMES, setup.endpoint, setup.key("rpc/ik")]
+        with subprocess.Popen(command, stdin=subprocess.PIPE) as hog:
+            assert hog.stdin is not None
+            hog.stdin.write(pack(HOG))
+            hog.stdin.close()
+            wait_for(lambda: works(ik), "the ik process works on its queries", pause=0.1)
+            hog.kill()
+        wait_for(lambda: not works(ik), "the ik process has dropped them", pause=0.1)
+
+
+def works(pid: int) -> bool:
+    """Whether a process takes more than a tenth of the time that its clock of 10 ms shows within half a second."""
+    before = cpu_ticks(pid)
+    time.sleep(0.5)
+    return cpu_ticks(pid) - before > 5
+
+
+def cpu_ticks(pid: int) -> int:
+    """Computing time of a process, in 10 ms."""
+    user, system = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11:13]
+    return int(user) + int(system)
 
 
 def test_an_expired_question_is_told_so_while_another_is_worked_on(setup: DaemonSetup, rover: Rover) -> None:

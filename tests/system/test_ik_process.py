@@ -19,7 +19,7 @@ import zenoh
 
 from lrmd.cli import app
 from lrmd.client import NoReply, RequestRefused, Rover
-from lrmd.ik.process import SHARE
+from lrmd.ik.process import LEAST_LOAD, QUEUE
 from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkReply, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
@@ -114,8 +114,9 @@ def test_fifty_at_once_are_all_answered_each_with_its_own(harness: IkHarness) ->
 
 def test_what_does_not_fit_into_the_queue_is_told_to_come_again(harness: IkHarness) -> None:
     """All are sent before the first is answered; nobody is left without an answer."""
-    count = SHARE + 40
-    payload = pack(IkRequest(goals=[GOAL] * 3, method="direct", deadline_ms=60_000.0))
+    fit = QUEUE // LEAST_LOAD
+    count = fit + 40
+    payload = pack(IkRequest(goals=[GOAL] * 60, method="direct", deadline_ms=60_000.0))
     with zenoh.open(client([harness.setup.endpoint])) as session:
         key = harness.setup.key("rpc/ik")
         waiting = [session.get(key, payload=payload, timeout=60.0) for _ in range(count)]
@@ -123,7 +124,7 @@ def test_what_does_not_fit_into_the_queue_is_told_to_come_again(harness: IkHarne
     assert len(replies) == count
     errors = [unpack(ErrorReply, reply.err.payload.to_bytes()) for reply in replies if reply.err is not None]
     assert {(error.code, error.retryable) for error in errors} == {("busy", True)}
-    assert count - len(errors) >= SHARE
+    assert count - len(errors) >= fit
     assert harness.ask().answers[0].verdict == "solved"
 
 

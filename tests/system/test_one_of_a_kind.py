@@ -111,8 +111,12 @@ def test_a_second_daemon_of_the_name_is_noticed_by_both_at_start_and_when_it_goe
             time.sleep(0.5)
             assert [one.codes().count("name_taken") for one in both] == [1, 1]
             assert refusals(second) == {"name_taken"}
-            assert app.main(["--connect", second.endpoint, "state"]) == 0
-            assert "another daemon on the network is named rover" in capsys.readouterr().out
+            assert app.main(["--connect", second.endpoint, "state"]) == 2
+            assert "2 programs answer lrm/rover/info (boot id " in capsys.readouterr().err
+            (trouble,) = rover.mode().troubles
+            assert "another daemon on the network is named rover" in trouble, (
+                "who was there before goes on with its own"
+            )
         wait_for(lambda: rover.mode().troubles == [], "the other is gone")
         assert [event.code for event in rover.events() if event.code.startswith("name")] == ["name_taken", "name_free"]
         with rover.control("test"):

@@ -115,6 +115,7 @@ def test_unit_keeps_its_promises(unit: str) -> None:
 def test_only_the_real_daemon_has_real_time_and_the_serial_port() -> None:
     real, simulated = settings("lrmd.service"), settings("lrmd-sim.service")
     assert real["LimitRTPRIO"] == ["50"]
+    assert real["LimitNICE"] == ["-10"]
     assert real["LimitMEMLOCK"] == ["infinity"]
     assert all(re.fullmatch(r"char-tty[A-Z]+ rw", device) for device in real["DeviceAllow"])
     assert (real["DevicePolicy"], real["User"], real["Group"]) == (["closed"], ["lrm"], ["lrm"])
@@ -147,8 +148,9 @@ def test_filter_lets_the_daemon_work() -> None:
     for unit in UNITS:
         assert system_calls_denied(unit, needed) == []
         assert system_calls_denied(unit, forbidden) == forbidden
-    assert system_calls_denied("lrmd.service", ["sched_setscheduler"]) == []
-    assert system_calls_denied("lrmd-sim.service", ["sched_setscheduler"]) == ["sched_setscheduler"]
+    for call in ("sched_setscheduler", "setpriority"):
+        assert system_calls_denied("lrmd.service", [call]) == []
+        assert system_calls_denied("lrmd-sim.service", [call]) == [call]
 
 
 def test_udev_rule_is_understood() -> None:

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.diagnosis.laws.proposal import propose_law
+from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
 from lrm_ident.fitting.executors import executor_for, in_order
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm

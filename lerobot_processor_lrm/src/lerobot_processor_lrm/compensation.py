@@ -11,6 +11,7 @@ import numpy as np
 
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arrays import Array
+from lrm_math.effects import compensable
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import equilibrium
@@ -36,9 +37,8 @@ class Compensation:
         Raises `FileError`.
         """
         fitted = load_model(path)
-        kept = [effect for effect in fitted.effects if effect.online and effect.place not in (BASE, TOOL)]
-        values = {f"{e.id}.{e.place}.{p.name}" for e in kept for p in e.parameters}
-        known = {key: fitted.value(key) for key in fitted.keys if key in values}
+        kept = [effect for effect in fitted.effects if compensable(effect) and effect.place not in (BASE, TOOL)]
+        known = {key: fitted.value(key) for effect in kept for key in effect.keys}
         return cls(model_of(fitted.arm, kept, known), payload_g * 1e-3)
 
     @property

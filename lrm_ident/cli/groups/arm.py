@@ -24,6 +24,7 @@ from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.report.plots.arm import draw_arm
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import split_key
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model, model_of
 from lrm_math.toml_file import schema_of
@@ -147,7 +148,7 @@ def _model(name: str, effects_file: Path | None) -> Model:
 
 def _as_drawn(model: Model, places: list[str]) -> Model:
     values = [
-        0.0 if key.startswith("offsets.") and key.split(".")[1] in places else value
+        0.0 if split_key(key)[0] == "offsets" and split_key(key)[1] in places else value
         for key, value in zip(model.keys, model.values.tolist(), strict=True)
     ]
     return model.with_values(values)

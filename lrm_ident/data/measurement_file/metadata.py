@@ -22,7 +22,7 @@ class Metadata(Reading):
 
     `feedback_sd_deg`: standard deviation of the joints' encoders. `distance_from_mm`: the point that distances are
     measured from, in the frame of the positions; `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of
-    a campaign, its file of poses and the tracker's time at t_s = 0.
+    a campaign, its file of poses and the tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
@@ -35,6 +35,7 @@ class Metadata(Reading):
     distance_sd_mm: Annotated[float, Field(gt=0)] | None = None
     poses_sha256: str | None = None
     t0_s: float | None = None
+    power_ons: list[str] = []
 
 
 NOTHING_STATED = Metadata(schema="lrm/measurements/1")

@@ -12,7 +12,7 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
-from lrm_math.effects.anchor import Anchor
+from lrm_math.effects.session_errors import Anchor
 from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
@@ -33,7 +33,7 @@ def with_anchor(model: Model, data: Measurements) -> Model:
         return model
     anchors = [effect for effect in model.effects if isinstance(effect, Anchor)]
     anchor = anchors[0] if anchors else Anchor(model.arm, *Anchor.places(model.arm))
-    keys = tuple(f"{anchor.id}.{anchor.place}.{parameter.name}" for parameter in anchor.parameters)
+    keys = anchor.keys
     known = {key: model.value(key) for key in model.keys}
     if any(known.get(key) for key in keys):
         return model

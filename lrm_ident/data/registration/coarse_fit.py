@@ -14,7 +14,7 @@ from lrm_ident.data.registration.similarity import cauchy_weight
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.plausible_arm import reach
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import effects_at, split_key
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
@@ -105,7 +105,7 @@ def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:
     torque["base"] = float(np.abs(drawn.base_moment).max())
     rows = []
     for key in model.keys:
-        effect, place, name = key.split(".")
+        effect, place, name = split_key(key)
         if effect == "compliance" and torque[place] > NO_TORQUE:
             rows.append((key, SAG_SD / torque[place], 0.0, SAG_BOUND / torque[place]))
         elif effect == "offsets" and not (fixed_base and place == "base"):

@@ -11,6 +11,7 @@ from lrm_ident.data.registration.reading_check import nominal_tcp
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import reach
+from lrm_math.effects import split_key
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium
@@ -68,7 +69,7 @@ def lengths(model: Model, free: Sequence[str]) -> list[tuple[str, float, float]]
     places = {**{name: asdict(joint) for name, joint in zip(arm.joint_names, arm.joints, strict=True)}}
     places["tool"] = asdict(arm.tool)
     for key in free:
-        effect, place, name = key.split(".", 2)
+        effect, place, name = split_key(key)
         if effect == "offsets" and place in places and name.endswith("_mm"):
             drawn = places[place].get(name.removesuffix("_mm")) or 0.0
             found.append((key, drawn, drawn + model.value(key)))

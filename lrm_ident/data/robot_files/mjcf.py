@@ -14,7 +14,7 @@ import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import quaternion, shift, turn
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect
+from lrm_math.effects import Effect, constant
 from lrm_math.model.model import Model
 
 RIGID_KP = 1e4
@@ -36,7 +36,7 @@ def mjcf(model: Model) -> MjcfFile:
     """The MJCF of a model."""
     chain = model.chain
     springs = _springs(model)
-    play = {e.place: model.value(f"{e.id}.{e.place}.b_rad") for e in model.effects if e.id == "backlash"}
+    play = {e.place: model.value(e.keys[0]) for e in model.effects if e.id == "backlash"}
     root = ElementTree.Element("mujoco", model=model.arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", gravity=_words(model.arm.gravity))
@@ -73,11 +73,11 @@ def mjcf(model: Model) -> MjcfFile:
 
 
 def _held(effect: Effect) -> bool:
-    return effect.constant or effect.id in (*SPRINGS, "backlash", "mass", "payload")
+    return constant(effect) or effect.id in (*SPRINGS, "backlash", "mass", "payload")
 
 
 def _left_out(model: Model) -> tuple[str, ...]:
-    return tuple(f"{effect.id}@{effect.place}" for effect in model.effects if not _held(effect))
+    return tuple(effect.name for effect in model.effects if not _held(effect))
 
 
 def _springs(model: Model) -> dict[int, float]:
@@ -85,7 +85,7 @@ def _springs(model: Model) -> dict[int, float]:
     out: dict[int, float] = {}
     for effect, values in model.parts():
         if effect.id in SPRINGS:
-            for key, k in zip(effect.moves, values, strict=True):
+            for key, k in zip(effect.targets, values, strict=True):
                 slot = model.chain.index[key]
                 out[slot] = out.get(slot, 0.0) + k
     return {slot: 1.0 / k for slot, k in out.items() if k > 0.0}

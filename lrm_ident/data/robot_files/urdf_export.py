@@ -19,6 +19,7 @@ from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import axis_to_z, choose_tip, largest_difference
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
+from lrm_math.effects import constant
 from lrm_math.errors import FileError
 from lrm_math.kinematics.chain import Chain, Number
 from lrm_math.kinematics.forward import frames
@@ -34,14 +35,14 @@ BALL = 0.03
 
 def rigid_part(model: Model, keep: Sequence[str] = ()) -> Model:
     """The model with its constant effects only; those at the places `keep` (base, tool) as drawn."""
-    kept = [effect for effect in model.effects if effect.constant]
-    names = [f"{e.id}.{e.place}.{p.name}" for e in kept for p in e.parameters if e.place not in keep]
+    kept = [effect for effect in model.effects if constant(effect)]
+    names = [key for effect in kept if effect.place not in keep for key in effect.keys]
     return model_of(model.arm, kept, {name: model.value(name) for name in names})
 
 
 def left_out(model: Model) -> tuple[str, ...]:
     """Effects of a model, `effect@place`, that no `<origin>` can hold."""
-    return tuple(f"{effect.id}@{effect.place}" for effect in model.effects if not effect.constant)
+    return tuple(effect.name for effect in model.effects if not constant(effect))
 
 
 def corrected_urdf(model: Model, robot: Urdf, base: str | None = None, tip: str | None = None) -> str:

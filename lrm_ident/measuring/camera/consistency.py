@@ -20,7 +20,7 @@ from lrm_ident.measuring.camera.board_pose import BoardPose
 from lrm_ident.measuring.camera.hand_eye import HandEye
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import effects_at, split_key
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import equilibrium
@@ -103,7 +103,7 @@ class PhotoRegression:
 def photo_regression(arm: Arm, poses: Poses, boards: Sequence[BoardPose], found: HandEye) -> PhotoRegression:
     """The regression of photos taken at commanded poses."""
     model = model_of(arm, [effect for name in ARM_EFFECTS for effect in effects_at(arm, name)])
-    keys = [key for key in model.keys if key.split(".")[1] not in ("base", "tool") or key.startswith("compliance")]
+    keys = [key for key in model.keys if split_key(key)[1] not in ("base", "tool") or key.startswith("compliance")]
     sizes = [model.parameters[model.position(key)].typical for key in keys]
     typical = np.array([PART if key.endswith("_mm") else size for key, size in zip(keys, sizes, strict=True)])
     J = parameter_jacobian(equilibrium(model, poses), keys, Sensed(attitude=True)) * typical

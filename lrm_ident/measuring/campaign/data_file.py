@@ -44,19 +44,24 @@ class ArmState:
 
 @dataclass(frozen=True)
 class CampaignHead:
-    """Facts known before the first row; `start`: commanded angles (rad). `started`: tracker time of t_s = 0 (s)."""
+    """Facts known before the first row; `start`: commanded angles (rad). `started`: tracker time of t_s = 0 (s).
+
+    `power_on`: name of the servos' power-on session, another whenever they were switched on anew.
+    """
 
     arm: str
     source: str
     start: tuple[float, ...]
     plan_sha256: str
     started: float
+    power_on: str
 
     def toml(self) -> str:
         """The metadata file."""
         angles = [round(math.degrees(q), 6) for q in self.start]
         about = {"schema": "lrm/measurements/1", "arm": self.arm, "source": self.source, "start_q_deg": angles}
-        return tomli_w.dumps({**about, "poses_sha256": self.plan_sha256, "t0_s": self.started})
+        power = {"power_ons": [self.power_on]}
+        return tomli_w.dumps({**about, "poses_sha256": self.plan_sha256, "t0_s": self.started, **power})
 
 
 class DataFile:
@@ -111,13 +116,30 @@ class DataFile:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def begin(self, head: CampaignHead) -> None:
-        """Writes the metadata, unless there are some already, then the header of an empty file."""
+    def begin(self, head: CampaignHead) -> int:
+        """Writes the metadata, of those that there are already the power-on session only; then an empty file's header.
+
+        Returns the session of the next rows: the last row's, or the next one if the servos were switched on anew.
+        """
         if self.head is None:
-            write_text(self.metadata, head.toml())
-            self.head = read_toml(self.metadata, Metadata)
+            self._write_metadata(head.toml())
         if not self.path.stat().st_size:
             self._write(",".join(self._columns()))
+        return self._open_session(head.power_on)
+
+    def _open_session(self, power_on: str) -> int:
+        assert self.head is not None
+        known = [*self.head.power_ons, *[""] * self.last_session]
+        session = self.last_session + (bool(self.done) and known[self.last_session - 1] != power_on)
+        names = [*known[: session - 1], power_on]
+        if names != self.head.power_ons:
+            content = self.head.model_dump(mode="json", by_alias=True, exclude_none=True)
+            self._write_metadata(tomli_w.dumps(content | {"power_ons": names}))
+        return session
+
+    def _write_metadata(self, text: str) -> None:
+        write_text(self.metadata, text)
+        self.head = read_toml(self.metadata, Metadata)
 
     def append(self, pose: PlannedPose, arm: ArmState, rest: RestMean) -> None:
         """Writes one row. Raises `FileError`."""

@@ -10,6 +10,7 @@ from itertools import pairwise
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
+from lrm_ident.measuring.campaign.standing import Standing
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.errors import LrmError
 from lrmd.client import LEASE_LOST, InfoState, MotionInterrupted, PlanRequest, RequestRefused, Rover
@@ -39,6 +40,7 @@ class RoverArm:
     session: int
     info: InfoState = field(init=False)
     direction: tuple[int, ...] = field(init=False)
+    standing: Standing | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.info = self.rover.info()
@@ -59,7 +61,28 @@ class RoverArm:
             beside = [q - pose.approach * APPROACH for q in goal]
             self._move(self._within(beside), pose.payload)
         self._move(goal, pose.payload)
-        return ArmState(goal, self.direction, max(self.rover.thermal().temperature_c), self.session)
+        temperature = max(self.rover.thermal().temperature_c)
+        self.standing = self._standing()
+        if self.standing is not None and not self.standing.stands_at(goal):
+            raise MotionInterrupted(self.standing.mode, self.standing.why)
+        return ArmState(goal, self.direction, temperature, self.session)
+
+    def disturbed(self) -> str:
+        """See `CampaignArm`."""
+        try:
+            now = Standing.of(self.rover)
+        except LrmError as error:
+            return str(error)
+        return "the lease had expired" if self.standing is None else self.standing.changed_to(now)
+
+    def _standing(self) -> Standing | None:
+        """None while the lease has expired: then nobody knows what happens until it is there again."""
+        try:
+            return Standing.of(self.rover)
+        except RequestRefused as error:
+            if error.code != "lease":
+                raise
+            return None
 
     def too_warm(self) -> str:
         """See `CampaignArm`."""

@@ -26,6 +26,9 @@ class CampaignArm(Protocol):
     def go(self, pose: PlannedPose) -> ArmState:
         """Moves there and waits. Raises `Unreachable`; other `LrmError`s end the campaign."""
 
+    def disturbed(self) -> str:
+        """What has changed since `go`, so that the arm may not stand there any more, in words; empty if nothing has."""
+
     def too_warm(self) -> str:
         """The servo that is too warm to go on, in words; empty if none is."""
 
@@ -117,6 +120,10 @@ class PoseCampaign:
             except Unreachable as error:
                 faults.append(str(error))
                 break
+            if why := self.arm.disturbed():
+                words = f"pose {pose.number}: its row is dropped: {why}"
+                self.on_progress(CampaignProgress(words, len(file.done), 0, 0.0, True))
+                rest = UnstableDwell(why)
             if isinstance(rest, RestMean):
                 file.append(pose, state, rest)
                 again = f", after {len(faults)} unfit rests ({faults[-1]})" if faults else ""

@@ -21,7 +21,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
 
-SERVOS_OFF = ("disarmed", "estop", "fault")
+SERVOS_OFF = {"disarmed", "estop", "fault"}
 """Modes without pulses: servos that are switched on again may stand elsewhere, which is a new session."""
 
 FIRST_FRAME_S, LOOK_S = 15.0, 0.25
@@ -70,13 +70,15 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
     lease = order.rover.control("lrm-ident measure", order.take)
     with file, connected(order.rover, order.tracker, order.numbers) as tracker, lease:
         clock: Clock = RealClock()
-        arm = RoverArm(order.rover, clock, order.loads, _session(order.rover, file))
+        arm = RoverArm(order.rover, clock, order.loads, file.last_session)
         if len(arm.names) != order.arm.dof:
             raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {arm.info.robot} has {len(arm.names)}")
         first = first_frame(tracker, order.tracker)
         source = f"lrm-ident measure: {arm.info.robot}, {order.tracker}"
         start = tuple(order.rover.commanded_q())
-        file.begin(CampaignHead(order.arm_name, source, start, plan.sha256, first.t))
+        arm.session = file.begin(
+            CampaignHead(order.arm_name, source, start, plan.sha256, first.t, power_on(order.rover))
+        )
         rest = lightest(plan.poses, order.arm)
         campaign = PoseCampaign(arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
         if goal is None:
@@ -101,11 +103,8 @@ def connected(rover: Rover, tracker: str, numbers: TargetNumbers) -> Iterator[Tr
         yield opened
 
 
-def _session(rover: Rover, file: DataFile) -> int:
-    """The last row's power-on session, or the next one if the servos had no pulses since that row."""
-    if not file.done:
-        return 1
-    last_row_ns = file.path.stat().st_mtime_ns
-    since = [event for event in rover.events() if event.t_wall_ns > last_row_ns]
-    off = any(event.detail.get("mode") in SERVOS_OFF for event in since)
-    return file.last_session + off
+def power_on(rover: Rover) -> str:
+    """Name of the servos' present power-on session: the daemon's boot id, and the event in which they were last off."""
+    modes = [event for event in rover.events() if event.code == "mode"]
+    off = [event.seq for event in modes if SERVOS_OFF & {str(event.detail.get(key)) for key in ("before", "mode")}]
+    return f"{rover.boot_id}-{max(off, default=0)}"

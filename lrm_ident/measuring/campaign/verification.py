@@ -12,7 +12,7 @@ from lrm_ident.measuring.campaign.goals import PlacedGoal
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
 from lrm_ident.measuring.campaign.run import Clock, PoseTiming, Unreachable, rest_at
-from lrm_ident.measuring.tracker.dwell import RestMean
+from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
@@ -128,12 +128,12 @@ class GoalRun:
             except Unreachable as error:
                 return str(error)
             rest = rest_at(self.tracker, self.numbers, self.clock, self.timing, self.clock.now())
-            if isinstance(rest, RestMean):
+            why = self.arm.disturbed() or (rest.why if isinstance(rest, UnstableDwell) else "")
+            if isinstance(rest, RestMean) and not why:
                 spread = rest.sd / rest.frames**0.5
                 rounding = answer.rounded_error_m or 0.0
                 tip = tuple(rest.tip.tolist())
                 return AttainedPosition(number, goal.place, goal.position, tip, rounding, answer.sd_m, spread)
-            why = rest.why
         return why
 
     def _solve(self, goal: Sequence[float]) -> IkAnswer:

@@ -63,8 +63,8 @@ def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None
     One point for each pose and axis; along the dashed line the effect explains all of it.
     """
     scored = first.scored
-    fitted, data = found.seen
-    motion = RowWeights(data.whitening, fitted.weight).positions(scored.projected.all_rows @ scored.alone.theta) * 1e3
+    fitted, data = found.screened_subset
+    motion = RowWeights(data.whitening, fitted.weight).positions(scored.projected.columns @ scored.alone.theta) * 1e3
     residual = fitted.residual * 1e3
     for axis, (colour, marker) in enumerate(BANDS):
         label = f"along {'xyz'[axis]}"

@@ -9,9 +9,12 @@ import numpy as np
 
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect
+from lrm_math.effects import Effect, LoadedJointEffect
 from lrm_math.effects.base import Amounts
-from lrm_math.kinematics.poses import Poses
+from lrm_math.effects.derivatives import by_angles, by_parameters
+from lrm_math.effects.targets import SERVO, slot_of
+from lrm_math.kinematics.chain import is_zero
+from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import respond
 
 GRID = 200
@@ -44,39 +47,55 @@ class DriverCurve:
 
 def driver_curve(fitted: Fit, effect: Effect) -> DriverCurve | None:
     """The curve of all effects of the model that turn the same joint by the same driver; None if there is no such."""
-    driver, model, rest = effect.driver, fitted.model, fitted.rest
-    if not driver or len(effect.moves) != 1 or not effect.moves[0].endswith(".theta"):
+    driver, model, rest = driver_of(effect), fitted.model, fitted.rest
+    if not driver or len(effect.targets) != 1 or not effect.targets[0].endswith((".theta", SERVO)):
         return None
-    slot, load_row = model.chain.index[effect.moves[0]], {k: row for row, k in enumerate(model.load_slots)}
+    turned = slot_of(effect.targets[0])
+    slot, load_row = model.chain.index[turned], {k: row for row, k in enumerate(model.load_slots)}
     torque = rest.tau[load_row[slot]] if slot in load_row else np.zeros(len(rest.poses))
     values = _driver_values(driver, rest.poses, np.broadcast_to(np.asarray(torque), len(rest.poses)))
     grid = np.linspace(values.min(), values.max(), GRID)
-    alike = [(one, p) for one, p in model.parts() if one.driver == driver and one.moves == effect.moves]
+    alike = [(one, p) for one, p in model.parts() if driver_of(one) == driver and slot_of(one.targets[0]) == turned]
     lever = respond(rest).slots[slot]
     square = (lever**2).sum(axis=0)
     far = square > LEAST_LEVER**2 * square.max()
     there = _poses_along(driver, rest.poses, grid)
-    own, turn, columns, keys = np.zeros(len(values)), np.zeros(GRID), [], []
+    own, turn, columns = np.zeros(len(values)), np.zeros(GRID), []
+    keys: list[str] = []
     for one, p in alike:
         here, along = _felt(one, values), _felt(one, grid)
-        own = own + np.asarray(one.motion(rest.poses, here, p)[0])
-        turn = turn + np.asarray(one.motion(there, along, p)[0])
-        for parameter, amounts in zip(one.parameters, one.d_parameters(there, along, p), strict=True):
-            keys.append(f"{one.id}.{one.place}.{parameter.name}")
+        own = own + np.asarray(one.amounts(rest.poses, here, p)[0])
+        turn = turn + np.asarray(one.amounts(there, along, p)[0])
+        keys += one.keys
+        for amounts in by_parameters(one, there, along, p):
             columns.append(np.broadcast_to(np.asarray(amounts[0]), GRID))
     measured = own + (fitted.residual.T * lever).sum(axis=0) / np.maximum(square, 1e-12)
     scale, unit = (DEGREES, "°") if driver.startswith("q") else (1.0, "N·m" if driver.startswith("tau") else "s")
     return DriverCurve(
         driver=driver,
         unit=unit,
-        joint=effect.moves[0].partition(".")[0],
-        effects=tuple(f"{one.id}@{one.place}" for one, _ in alike),
+        joint=effect.targets[0].partition(".")[0],
+        effects=tuple(one.name for one, _ in alike),
         at=grid * scale,
         turn=turn * DEGREES,
         error=_standard_error(fitted, keys, columns) * DEGREES,
         measured_at=values[far] * scale,
         measured=measured[far] * DEGREES,
     )
+
+
+def driver_of(effect: Effect) -> str:
+    """The one quantity that an effect is a function of: `qN`, `tauN` or `t`; empty if there are several, or none."""
+    if effect.depends_on == ("time",) and not effect.load_slots:
+        return "t"
+    if not effect.depends_on and isinstance(effect, LoadedJointEffect):
+        return f"tau{effect.joint + 1}"
+    if effect.depends_on != ("angle",) or effect.load_slots:
+        return ""
+    p = [parameter.default or parameter.typical for parameter in effect.parameters]
+    rows = by_angles(effect, poses_of(np.full((2, effect.arm.dof), 0.3)), (), p)
+    joints = [joint for joint, amounts in enumerate(rows, 1) if not all(map(is_zero, amounts))]
+    return f"q{joints[0]}" if len(joints) == 1 else ""
 
 
 def _driver_values(driver: str, poses: Poses, torque: Array) -> Array:
@@ -94,7 +113,7 @@ def _poses_along(driver: str, poses: Poses, grid: Array) -> Poses:
 
 
 def _felt(effect: Effect, torque: Array) -> Amounts:
-    return (torque,) * len(effect.feels)
+    return (torque,) * len(effect.load_slots)
 
 
 def _standard_error(fitted: Fit, keys: Sequence[str], columns: Sequence[Array]) -> Array:

@@ -12,7 +12,7 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnose import Diagnosis
-from lrm_ident.diagnosis.laws.law_file import law_id
+from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.document_html import blocks_html
@@ -20,6 +20,7 @@ from lrm_ident.report.laws import proposal_document
 from lrm_ident.report.model_report import ModelReport, quick_report, with_comparison, with_diagnosis
 from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.study import Study
+from lrm_ident.workbench.work.messages import Send, WorkFailure, WorkNotice, WorkProgress, WorkResult
 from lrm_ident.workbench.work.showing import step_shown
 from lrm_ident.workbench.work.tasks import (
     AddTask,
@@ -35,7 +36,6 @@ from lrm_ident.workbench.work.tasks import (
     kept_name,
     unpacked,
 )
-from lrm_ident.workbench.work.worker import Send, WorkFailure, WorkNotice, WorkProgress, WorkResult
 
 _LAST: dict[str, Diagnosis] = {}
 """The last diagnosis, by the hashes of its files."""

@@ -8,56 +8,17 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any
 
+from lrm_ident.workbench.work.messages import WorkDone, WorkFailure, WorkMessage, WorkProgress
 from lrm_ident.workbench.work.tasks import WorkTask
 from lrm_math.errors import LrmError
 
 SMALLEST_PAUSE = 0.05
 """s between two messages of the same progress."""
-
-
-@dataclass(frozen=True)
-class WorkProgress:
-    """Progress of the work; `of` is 0 as long as its length is not known."""
-
-    what: str
-    done: int = 0
-    of: int = 0
-
-
-@dataclass(frozen=True)
-class WorkNotice:
-    """Notice of a file for a person."""
-
-    words: str
-
-
-@dataclass(frozen=True)
-class WorkResult:
-    """A result of a task, which may have more."""
-
-    value: Any
-
-
-@dataclass(frozen=True)
-class WorkDone:
-    """The task is done."""
-
-
-@dataclass(frozen=True)
-class WorkFailure:
-    """Reason why a task ended without a result, in one line."""
-
-    words: str
-
-
-WorkMessage = WorkProgress | WorkNotice | WorkResult | WorkDone | WorkFailure
-Send = Callable[[WorkMessage], None]
 
 
 @dataclass
@@ -126,9 +87,8 @@ def work_process() -> WorkProcess:
 
 def _work(pipe: Connection) -> None:
     """Takes tasks until the other end closes."""
-    run_task = import_module(
-        "lrm_ident.workbench.work.run_task"
-    ).run_task  # here: only this process needs what computes
+    from lrm_ident.workbench.work.run_task import run_task  # here: only this process needs what computes
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
     said = 0.0
 

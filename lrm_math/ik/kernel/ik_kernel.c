@@ -1,7 +1,7 @@
 /* Inverse kinematics of an elastic arm: the inner loops of lrm_math.ik.
  *
  * C99 and libm only, no state, no allocation: every function works on its arguments, so that threads do not meet.
- * Python packs a model into one `Arm` (flat_arm.py, structures.py) and calls the functions marked API with ctypes.
+ * Python packs a model into one `Arm` (kernel_model.py, structures.py) and calls the functions marked API with ctypes.
  * Lengths in m, angles in rad, loads in N m; frames are four columns x, y, z, origin: twelve numbers.
  *
  *   1 Arm, state                    5 Error of a goal, Newton's method     9 Poses: all branches
@@ -37,7 +37,7 @@ typedef struct { /* Pieper's normal form of an arm of six joints; pieper.py says
     int shape, backwards;
 } Form;
 
-typedef struct { /* a model with one payload; linkage.py says what slots, welds and bodies are */
+typedef struct { /* a model with one payload; moving_slots.py says what slots, fixed transforms and bodies are */
     int slots, joints, others, bodies, laws, poses, has_form, laws_known;
     double gravity[3], reach, nonlinear_bound;
     double weld[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* frames; mass moments and mass in the slot's frame */

@@ -1,18 +1,19 @@
-"""The joint laws that the kernel knows: effects of the catalogue that only change joint angles, by class.
+"""The effects that the kernel has a formula for, by class; what it has none for is computed in Python (`joint_errors`).
 
-A law of another class is computed in Python (`joint_laws.JointLaws`); a test compares each with its effect.
+Springs and axial play act on any slot, the laws here on joints alone; a test compares each law with its effect.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import TypeAlias
 
 from lrm_math.effects.backlash import AxialPlay, Backlash, Hysteresis
 from lrm_math.effects.base import Effect
-from lrm_math.effects.compliance import NonlinearStiffness
+from lrm_math.effects.compliance import NonlinearStiffness, Spring
 from lrm_math.effects.forces import CableSpring
-from lrm_math.effects.servo_errors import Eccentricity, ServoGain
+from lrm_math.effects.servo_errors import Coupling, Eccentricity, ServoGain, coupled_joints
+from lrm_math.effects.targets import Kind
 from lrm_math.model.effect_binding import BoundEffect, EffectBinding
 
 KernelLaw: TypeAlias = tuple[int, int, tuple[float, ...]]
@@ -25,29 +26,49 @@ KERNEL_LAWS: dict[type[Effect], int] = {
     NonlinearStiffness: 3,
     Hysteresis: 4,
     CableSpring: 5,
+    Coupling: 6,
 }
-COUPLING = 6
-"""A motion in proportion to another joint's command; parameters: ratio, number of that joint from 0."""
 
 
-def nonlinear_effects(binding: EffectBinding) -> list[BoundEffect]:
-    """Effects other than springs and axial play, which move any slot in the kernel."""
-    return [*binding.rigid, *(b for b in binding.elastic if not (b.effect.linear or isinstance(b.effect, AxialPlay)))]
+def acting(binding: EffectBinding) -> tuple[BoundEffect, ...]:
+    """The effects that move or load slots and are not constant."""
+    return (*binding.rigid, *binding.elastic, *binding.loading)
 
 
-def kernel_laws(binding: EffectBinding, joint_of: dict[int, int]) -> tuple[KernelLaw, ...] | None:
-    """The laws of a model, `joint_of`: slots of the chain to joints from 0. None if the kernel lacks one of them."""
-    nonlinear = nonlinear_effects(binding)
-    acting = {id(bound): bound for bound in (*nonlinear, *binding.pushing)}.values()
-    on_joints = all(k in joint_of for bound in acting for k in (*bound.moves, *bound.pushes))
-    if not on_joints or any(type(bound.effect) not in KERNEL_LAWS for bound in acting):
-        return None
-    if any(k not in joint_of for k, _, _ in binding.gears):
-        return None
-    laws = [(KERNEL_LAWS[type(bound.effect)], joint_of[(*bound.moves, *bound.pushes)[0]], bound.p) for bound in acting]
-    return (*laws, *_couplings(binding, joint_of))
+def springs(binding: EffectBinding) -> list[BoundEffect]:
+    """The effects that are linear springs."""
+    return [bound for bound in binding.elastic if isinstance(bound.effect, Spring)]
 
 
-def _couplings(binding: EffectBinding, joint_of: dict[int, int]) -> Iterator[KernelLaw]:
-    for k, joint, ratio in binding.gears:
-        yield COUPLING, joint_of[k], (ratio, float(joint))
+def plays(binding: EffectBinding) -> list[BoundEffect]:
+    """The effects that are play of a slot which slides."""
+    return [bound for bound in binding.elastic if isinstance(bound.effect, AxialPlay)]
+
+
+def without_formula(
+    binding: EffectBinding, load_slots: Sequence[int], joint_slots: Sequence[int]
+) -> tuple[BoundEffect, ...]:
+    """The effects that the kernel has no formula for; `load_slots`, `joint_slots`: numbers of the chain's slots.
+
+    In the kernel a load that an effect puts on a joint acts on joints alone.
+    """
+    known = {id(bound) for bound in (*springs(binding), *plays(binding))}
+    elsewhere = {load_slots[i] for b in binding.elastic if not {*b.slots} <= {*joint_slots} for i in b.loads}
+    for bound in acting(binding):
+        alone = bound.kind is Kind.MOTION or elsewhere.isdisjoint(bound.slots)
+        if type(bound.effect) in KERNEL_LAWS and {*bound.slots} <= {*joint_slots} and alone:
+            known.add(id(bound))
+    return tuple(bound for bound in acting(binding) if id(bound) not in known)
+
+
+def kernel_laws(binding: EffectBinding, joint_slots: Sequence[int]) -> tuple[KernelLaw, ...]:
+    """The laws of a model's joints, of effects that the kernel has a formula for; `joint_slots`: of the chain."""
+    laws = [bound for bound in acting(binding) if type(bound.effect) in KERNEL_LAWS]
+    return tuple((KERNEL_LAWS[type(b.effect)], joint_slots.index(b.slots[0]), _parameters(b)) for b in laws)
+
+
+def _parameters(bound: BoundEffect) -> tuple[float, ...]:
+    """Parameters of a law: those of the effect; of a coupling also the number of the joint that turns the other."""
+    if isinstance(bound.effect, Coupling):
+        return (*bound.p, float(coupled_joints(bound.effect.place)[1]))
+    return bound.p

@@ -17,8 +17,8 @@ from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer
 from lrm_math.ik.goal import Goal, pose
-from lrm_math.ik.joint_laws import JointLaws
-from lrm_math.ik.kernel.flat_arm import FlatArm, flat_arm, frames_as_numbers, goal_numbers, with_form
+from lrm_math.ik.joint_errors import JointErrorModel
+from lrm_math.ik.kernel.kernel_model import KernelModel, frames_as_numbers, goal_numbers, packed, with_form
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import BRANCHES
 from lrm_math.ik.library import PoseLibrary
@@ -133,17 +133,17 @@ class NominalSolver:
         return model_of(self.arm, ())
 
     @cached_property
-    def packed(self) -> FlatArm:
+    def packed(self) -> KernelModel:
         """The arm without seeds."""
-        laws = JointLaws(self._model)
-        moments = laws.linkage.moments(self._model.weights(0.0))
-        arm = flat_arm(laws.linkage, moments, self._model.binding.reach, self.limits.lower, self.limits.upper)
-        return with_form(arm.with_springs(laws.constants, laws.compliances), self.form)
+        errors = JointErrorModel(self._model)
+        moments = errors.moving.moments(self._model.weights(0.0))
+        arm = packed(errors.moving, moments, self._model.binding.reach, self.limits.lower, self.limits.upper)
+        return with_form(arm.with_springs(errors.constants, errors.compliances), self.form)
 
     @cached_property
-    def _ready(self) -> FlatArm:
+    def _ready(self) -> KernelModel:
         """With seeds."""
-        library = PoseLibrary.of(JointLaws(self._model), self.packed)
+        library = PoseLibrary.of(JointErrorModel(self._model), self.packed)
         return self.packed.with_library(library.tcp, library.q, library.slots)
 
     @cached_property

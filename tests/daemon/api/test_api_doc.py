@@ -22,7 +22,9 @@ from lrmd.client import Rover
 from lrmd.config import load_config
 from lrmd.control.state_machine import Mode, Trigger
 from lrmd.control.updates import FAULT_RESPONSES
-from lrmd.messages.codec import LONGEST, Header, Message, unpack
+from lrmd.messages.bounds import LONGEST, bounds_of
+from lrmd.messages.codec import Header, Message, unpack
+from lrmd.messages.control import HoldRequest, MoveRequest
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.conftest import ROOT
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
@@ -179,7 +181,7 @@ def literals(pattern: str) -> set[str]:
 def states() -> set[str]:
     config = load_config(CONFIG)
     ramp, ik = ChildProcess("ramp", print), ChildProcess("ik", print)
-    return set(StatePublisher(config, SimulatedDaemon(config).core, SharedRecords.create(), ramp, ik).states)
+    return set(StatePublisher(config, SimulatedDaemon(config).core, SharedRecords.create(), ramp, ik, "boot").states)
 
 
 def test_every_key_is_in_the_table_with_its_message() -> None:
@@ -254,6 +256,9 @@ def test_every_fault_is_documented() -> None:
 def test_modes_and_limits_that_the_text_names_are_the_codes() -> None:
     assert {row[0].strip("`") for row in rows(TEXT, "mode")} == set(Mode)
     assert f"{LONGEST:_}".replace("_", " ") in TEXT
+    for kind in (HoldRequest, MoveRequest):
+        size = f"{bounds_of(kind).size:_}".replace("_", " ") if bounds_of(kind).size > 9999 else bounds_of(kind).size
+        assert f"{size} for" in " ".join(TEXT.split()) or f"{size} bytes for" in " ".join(TEXT.split())
 
 
 def test_the_program_in_python_is_one() -> None:

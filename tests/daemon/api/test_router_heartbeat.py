@@ -30,7 +30,7 @@ def test_a_router_whose_zenoh_panicked_ends_and_is_no_longer_alive() -> None:
     session.__enter__.return_value = session
     session.__exit__.return_value = False
     session.put.side_effect = put
-    setup = RouterSetup("{}", ("estop",), "rpc/estop", EstopReplies({}, {}, {}), SharedFd(0), SharedFd(0))
+    setup = RouterSetup("{}", ("estop",), "rpc/estop", "gone", EstopReplies({}, {}, {}), SharedFd(0), SharedFd(0))
     with (
         mock.patch.object(router_process, "die_with_parent"),
         mock.patch.object(router_process.signal, "signal"),

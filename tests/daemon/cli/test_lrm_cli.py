@@ -295,7 +295,7 @@ def test_words_that_are_wrong_without_a_daemon(refuses: Callable[..., str], word
         (["level1", "joint1", "--arm", "no-arm", "-o", "x.toml"], "no-arm"),
         (["level1", "joint1", "--arm", "lrm-rover", "-o", "none/x.toml"], "no such folder"),
         (["level1", "joint1", "--arm", "lrm-rover", "-o", "x.toml", "--angles", "a"], "should be like 30deg"),
-        (["--robot", "moon", "state"], "no answer from lrm/moon/state/joints"),
+        (["--robot", "moon", "state"], "no answer from lrm/moon/info"),
     ],
 )
 def test_what_cannot_be_done_is_told_in_one_line(

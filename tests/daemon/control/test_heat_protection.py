@@ -286,8 +286,8 @@ def test_an_arm_whose_way_to_rest_is_blocked_says_so_once_and_may_be_moved(sim: 
     sim.seconds(1)
     blocked = True
 
-    def guard(_: list[float], there: list[float], __: float) -> None:
-        if blocked and there[1] < -0.7:
+    def guard(path: list[list[float]], _: float) -> None:
+        if blocked and path[-1][1] < -0.7:
             raise LrmError("a wall")
 
     sim.core.motion_check.guard = guard

@@ -286,7 +286,7 @@ def test_hot_servos_derate_then_rest_then_stop(sim: SimulatedDaemon) -> None:
     for _ in range(3000):
         sim.now += SECOND
         sim.core.handle(LeaseRequest(action="acquire", holder="test", take=True), sim.now)
-        sim.board._last_arm = sim.ramp._last_sent = sim.now
+        sim.board._last_arm = sim.ramp._link._last_sent = sim.now
         sim.run(6)
         modes.append(sim.core.mode)
         if "too_hot" in sim.core.faults:
@@ -378,10 +378,12 @@ class DaemonStateMachine(RuleBasedStateMachine):
     )  # fmt: skip
     def move(self, way, pace, speed: float) -> None:
         self.take_lease(True)
+        self.sim.settle()
         self.ask(MoveRequest(lease=self.token, waypoints=way, pace=pace, speed=speed))
 
     @rule(rates=st.dictionaries(JOINT, st.floats(-0.4, 0.4), max_size=3))
     def jog(self, rates: dict[str, float]) -> None:
+        self.sim.settle()
         self.ask(JogRequest(lease=self.token, rate_rad_per_s=rates))
 
     @rule(kind=st.sampled_from(["hold", "relax", "disarm", "reset"]))
@@ -439,7 +441,7 @@ class DaemonStateMachine(RuleBasedStateMachine):
         if w.core.mode is Mode.DISARMED and not w.api_stopped and w.report.order == w.core.order.number:
             assert not (w.report.outputs and w.report.order_accepted)
         if w.core.mode in (Mode.FAULT, Mode.ESTOP, Mode.DISARMED):
-            assert not w.core.orders.waypoints
+            assert not w.core.orders.legs
         assert all(math.isfinite(T) for T in w.core.thermal.temperature)
         assert w.core.mode in (*LIVE, Mode.DISARMED, Mode.FAULT, Mode.ESTOP)
 

@@ -19,7 +19,7 @@ from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel, deploy
 from lrmd.ik.planner import JointPath, Planner
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest
-from lrmd.safety.collision_guard import guard_of
+from lrmd.safety.collision_guard import CollisionGuard, guard_of
 from tests.conftest import TABLE_B2
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 
@@ -110,8 +110,9 @@ def test_a_jog_stops_higher_above_the_ground_with_a_load(config, deployed) -> No
     ends = {}
     for payload in (0.0, HEAVY):
         sim = LoadedDaemon(config, deployed)
-        sim.move(ABOVE, payload=payload)
-        sim.keep(30)
+        sim.move({**ABOVE, "joint2": 0.6}, payload=payload)
+        sim.keep(600)
+        assert sim.core.mode is Mode.ARMED
         while sim.core.mode is not Mode.HOLDING:
             sim.core.handle(JogRequest(lease=sim.token, rate_rad_per_s={"joint2": 0.2}), sim.now)
             sim.keep(10)
@@ -137,7 +138,7 @@ def test_the_way_to_rest_is_checked_with_the_load(config, deployed) -> None:
 
 @pytest.mark.slow
 def test_the_planner_refuses_what_the_guard_refuses_and_its_path_is_accepted(config, deployed) -> None:
-    planner = Planner(config, Scene.of(config.arm), deployed.model, HEAVY)
+    planner = Planner(config, CollisionGuard(Scene.of(config.arm), deployed.model), HEAVY)
     high, side, low = ({**ABOVE, "joint2": 0.7}, {**ABOVE, "joint1": -0.3, "joint2": 0.7}, LOW)
     checks = itertools.count()
 

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from lrmd.api.zenoh_server import REQUESTS
 from lrmd.config import load_config
-from lrmd.messages.codec import LONGEST, ErrorReply, Message, MessageError, pack, unpack
+from lrmd.messages.bounds import bounds_of
+from lrmd.messages.codec import ErrorReply, Message, MessageError, pack, unpack
 from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest
 from lrmd.messages.kinematics import IkAnswer, IkReply
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
@@ -171,10 +172,11 @@ def test_content_that_is_not_a_map_is_refused(content: object) -> None:
 
 
 def test_a_message_too_long_is_refused_unparsed() -> None:
-    with pytest.raises(MessageError, match=str(LONGEST)):
-        unpack(MoveRequest, b"\xc1" * (LONGEST + 1))
+    most = bounds_of(MoveRequest).size
+    with pytest.raises(MessageError, match=str(most)):
+        unpack(MoveRequest, b"\xc1" * (most + 1))
     with pytest.raises(MessageError):
-        unpack(MoveRequest, b"\x91" * LONGEST)
+        unpack(MoveRequest, b"\x91" * most)
 
 
 def test_the_longest_message_that_the_limits_allow_is_read() -> None:

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from lrm_math.errors import FileError
 from lrmd.config import Config, load_config
-from lrmd.control import lease
-from lrmd.control.lease import Lease, LeaseError
+from lrmd.control.lease import Lease, LeaseError, LeaseState
 from lrmd.errors import RequestError
 from lrmd.messages.control import ArmRequest, LeaseRequest
 from lrmd.persistence import state_file
@@ -155,42 +154,45 @@ TIME = st.integers(0, 10**15)
 
 @given(now=TIME, later=st.integers(0, 2 * LIFETIME))
 def test_a_lease_lives_exactly_its_lifetime(now: int, later: int) -> None:
-    mine = lease.acquire(None, "me", now, LIFETIME, take=False)
+    mine = Lease().acquired("me", now, LIFETIME, take=False, proof=None)
+    then = mine.at(now + later)
     if later < LIFETIME:
-        assert lease.checked(mine, mine.token, now + later) is mine
-        renewed = lease.renew(mine, mine.token, now + later, LIFETIME)
+        assert then is mine
+        then.check(mine.token)
+        renewed = then.renewed(mine.token, now + later, LIFETIME)
         assert renewed.until == now + later + LIFETIME
         assert (renewed.holder, renewed.token) == (mine.holder, mine.token)
     else:
         with pytest.raises(LeaseError, match="has run out"):
-            lease.checked(mine, mine.token, now + later)
+            then.check(mine.token)
         with pytest.raises(LeaseError, match="has run out"):
-            lease.renew(mine, mine.token, now + later, LIFETIME)
+            then.renewed(mine.token, now + later, LIFETIME)
 
 
 @given(now=TIME, later=st.integers(0, 2 * LIFETIME), take=st.booleans())
 def test_there_is_one_holder_at_a_time(now: int, later: int, take: bool) -> None:
-    mine = lease.acquire(None, "me", now, LIFETIME, take=False)
+    mine = Lease().acquired("me", now, LIFETIME, take=False, proof=None)
+    then = mine.at(now + later)
     if later < LIFETIME and not take:
         with pytest.raises(LeaseError, match="me holds the lease"):
-            lease.acquire(mine, "you", now + later, LIFETIME, take)
+            then.acquired("you", now + later, LIFETIME, take, None)
         return
-    yours = lease.acquire(mine, "you", now + later, LIFETIME, take)
+    yours = then.acquired("you", now + later, LIFETIME, take, None)
     assert yours.token != mine.token
     with pytest.raises(LeaseError, match="you's now"):
-        lease.checked(yours, mine.token, now + later)
+        yours.check(mine.token)
 
 
-@pytest.mark.parametrize("present", [None, Lease("you", "t", 10**18)])
-def test_commands_without_a_lease_are_refused_with_a_hint(present: Lease | None) -> None:
+@pytest.mark.parametrize("present", [Lease(), Lease(LeaseState.HELD, "you", "t", 10**18)])
+def test_commands_without_a_lease_are_refused_with_a_hint(present: Lease) -> None:
     with pytest.raises(LeaseError, match="rpc/lease"):
-        lease.checked(present, None, 0)
+        present.check(None)
     with pytest.raises(LeaseError, match="rpc/lease"):
-        lease.renew(present, None, 0, LIFETIME)
+        present.renewed(None, 0, LIFETIME)
 
 
 def test_tokens_are_not_guessed() -> None:
-    tokens = {lease.acquire(None, "me", 0, LIFETIME, take=False).token for _ in range(1000)}
+    tokens = {Lease().acquired("me", 0, LIFETIME, take=False, proof=None).token for _ in range(1000)}
     assert len(tokens) == 1000
     assert all(len(token) >= 16 for token in tokens)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from random import Random
 
 import pytest
 from hypothesis import given, settings
@@ -11,53 +10,19 @@ from hypothesis import strategies as st
 
 from lrmd.config import MS, Config, load_config
 from lrmd.link import protocol
-from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
+from lrmd.link.frames import FrameType, encode
 from lrmd.ramp.core import RampCore
 from lrmd.ramp.process import STANDBY_TICKS
 from lrmd.ramp.setup import board_settings
-from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampFault, RampOrder
-from lrmd.ramp.stepping import Pace
-from lrmd.sim.board import SimulatedBoard
-from lrmd.sim.pca9685_chip import Pca9685Chip
+from lrmd.ramp.shared_memory import LinkState, RampFault, RampOrder
+from lrmd.ramp.stepping import Pace, Way, move
 from tests.support.daemon.in_memory_daemon import CONFIG
-
-TICK = 6_500_000
-N = 9
-MIDDLE = 1_500_000
+from tests.support.daemon.ramp_with_board import MIDDLE, TICK, RampWithBoard
 
 
 @pytest.fixture(scope="module")
 def config() -> Config:
     return load_config(CONFIG)
-
-
-class RampWithBoard:
-    """A ramp and a board, tick by tick; `sent` are the frames of the last tick."""
-
-    def __init__(self, config: Config) -> None:
-        self.now = 10**9
-        self.board = SimulatedBoard(Pca9685Chip(), Random(1), self.now)
-        self.ramp = RampCore(board_settings(config))
-        self.ramp.opened(self.now)
-        self.back = b""
-        self.sent: list[Frame] = []
-
-    def tick(self, order: RampOrder | None = None, pause: int = TICK, estop: bool = False) -> None:
-        self.now += pause
-        out = self.ramp.tick(self.now, self.now, order, self.back, estop)
-        self.sent = [f for f in FrameDecoder().feed(out) if isinstance(f, Frame)]
-        self.back = self.board.feed(out, self.now)
-
-    def ready(self) -> RampWithBoard:
-        for _ in range(5):
-            self.tick()
-        assert self.ramp.link is LinkState.READY
-        return self
-
-    def order(self, number: int = 1, **changes) -> RampOrder:
-        rows = (MIDDLE,) * 16, (HOLD_PULSE,) * 16, (1000,) * 16
-        base = RampOrder(number, self.now, self.ramp.fault_count, 0b1, Pace.TOGETHER, *rows)
-        return replace(base, **changes)
 
 
 def test_a_new_order_switches_on_at_its_pose_and_moves(config: Config) -> None:
@@ -222,3 +187,64 @@ def test_no_bytes_from_the_port_can_stop_it_or_switch_anything_on(config: Config
         line.tick()
         assert line.ramp.outputs == 0
         assert line.board.chip.pulse(0) is None
+
+
+def branching(line: RampWithBoard, number: int, branch_at: int, target: int, after: int | None = None) -> RampOrder:
+    """An order that leaves the motion of the last one where so many ticks of it remain."""
+    before = number - 1 if after is None else after
+    return line.order(number, target=(target,) * 16, after=before, branch_at=branch_at)
+
+
+@given(length=st.integers(5, 40), branch_at=st.integers(0, 40), read_at=st.integers(0, 40))
+@settings(max_examples=40)
+def test_an_order_branches_off_where_it_says_or_the_servos_stop(
+    config: Config, length: int, branch_at: int, read_at: int
+) -> None:
+    line = RampWithBoard(config).ready()
+    line.tick(line.order(outputs=1, target=(MIDDLE + 1000 * length,) * 16))
+    for _ in range(min(read_at, length - 1)):
+        line.tick()
+    left = line.ramp.remaining
+    line.tick(branching(line, 2, branch_at, MIDDLE - 20_000))
+    visited = {line.ramp.position[0]}
+    for _ in range(200):
+        line.tick()
+        visited.add(line.ramp.position[0])
+    if branch_at <= left:
+        assert line.ramp.order_accepted
+        assert max(visited) == MIDDLE + 1000 * (length - branch_at), "it turns exactly there"
+        assert line.ramp.position[0] == MIDDLE - 20_000
+    else:
+        assert not line.ramp.order_accepted
+        assert not line.ramp.moving
+        assert visited == {MIDDLE + 1000 * (length - left)}, "too late: it stops where it is"
+
+
+def test_an_order_after_one_that_was_never_read_stops_the_servos(config: Config) -> None:
+    line = RampWithBoard(config).ready()
+    line.tick(line.order(outputs=1, target=(MIDDLE + 50_000,) * 16))
+    line.tick()
+    line.tick(branching(line, 3, 0, MIDDLE, after=2))
+    assert not line.ramp.order_accepted
+    assert not line.ramp.moving
+
+
+MOVES = st.lists(st.integers(-30_000, 30_000), min_size=1, max_size=6)
+
+
+@given(MOVES, st.data())
+def test_a_way_with_branches_is_the_staircases_one_after_the_other(distances: list[int], data) -> None:
+    """Against the list of its pulses, tick by tick."""
+    way, pulses, here = Way(), [(0,)], (0,)
+    for distance in distances:
+        way = way.advanced_to(data.draw(st.integers(0, way.remaining)))
+        left = data.draw(st.integers(0, way.remaining))
+        pulses = pulses[: len(pulses) - left]
+        here = way.at(left) if way.parts else pulses[-1]
+        assert here == pulses[-1]
+        onward = move(here, (here[0] + distance,), (1000,), Pace.TOGETHER)
+        way = way.branch(left if way.parts else 0, onward)
+        pulses += [onward.at(k) for k in range(1, onward.length + 1)]
+    while way.remaining:
+        assert way.at(way.remaining - 1) == pulses[len(pulses) - way.remaining]
+        way = way.step()

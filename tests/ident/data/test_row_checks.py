@@ -226,5 +226,6 @@ def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -
 
 def test_nothing_is_lost_without_outliers(lab: Arm) -> None:
     data = load_measurements(EXAMPLE, lab).take(np.arange(120))
-    assert lost_to_outliers(fit_model(nominal_model(lab), data, "identifiable", SQUARED)) == ()
+    found = fit_model(nominal_model(lab), data, "identifiable", SQUARED)
+    assert lost_to_outliers(found.fit, found.held, found.data) == ()
     assert run_command("fit", EXAMPLE, "--parameters", "option3")[0] == 0

@@ -22,7 +22,7 @@ from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
-from lrm_ident.diagnosis.linearised_fit import linearise, paired_z, principal_cosine
+from lrm_ident.diagnosis.linearised_fit import linearise, principal_cosine
 from lrm_ident.fitting import identifiability
 from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds
 from lrm_ident.fitting.effect_plugins import catalogue_with, effects_in
@@ -31,6 +31,7 @@ from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.report.plots.diagnosis import draw_report
+from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.residual.data_audit import audit
 from lrm_ident.residual.residual_structure import NoiseFloor, noise_floor, residual_structure
 from lrm_math.arm.arm import Arm
@@ -188,7 +189,7 @@ def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
     assert "few levels: joints 1, 2, 3, 4, 5 and 6" in traps
     assert "run with joint 1 (correlation 0.94)" in traps
     assert "no reversal: joint 1" in traps
-    refused = {f"{effect.id}@{effect.place}" for effect, _ in found.not_testable}
+    refused = {effect.name for effect, _ in found.not_testable}
     assert {"hysteresis@joint1", "payload@tool", "session@joint2"} <= refused
 
 
@@ -289,16 +290,16 @@ def test_pure_noise_has_no_structure(seed: int) -> None:
 
 def test_every_effect_explains_itself(lab: Arm) -> None:
     for kind in CATALOGUE:
-        assert kind.cause.endswith(".")
-        assert kind.formula
-        assert kind.source
+        assert kind.about.cause.endswith(".")
+        assert kind.about.formula
+        assert kind.about.source
         for place in kind.places(lab):
             effect = kind(lab, place)
             for parameter in effect.parameters:
                 assert parameter.typical > 0
                 assert parameter.meaning
                 assert parameter.name.endswith("_" + parameter.unit)
-            effect.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
+            effect.about.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
 
 
 @pytest.mark.parametrize(

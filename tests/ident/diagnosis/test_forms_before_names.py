@@ -16,7 +16,6 @@ from lrm_ident.diagnosis.add_effect import add_effects, free_base_parameters
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
-from lrm_ident.diagnosis.forward_selection import MIN_GAIN
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED
@@ -24,9 +23,10 @@ from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.diagnosis import diagnosis_document
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import effects_at, variants
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.model import Model, model_of
 from validation.hidden_effects.data import ARM_FILE
@@ -113,12 +113,12 @@ def test_a_link_that_bends_at_its_near_end_is_named_then_refined(lab: Arm, descr
     data = hidden(described, 2, RootHinge(2, 0.1035, 0.03))
     found = diagnose(base_fit(lab, data), data)
     first = found.selected[0]
-    assert "lateral_compliance@link2" in (first.name, *first.candidate.effect.refined)
+    assert "lateral_compliance@link2" in (first.name, *variants(first.candidate.effect))
     better = add_effects(found.fit.model, data, effects_at(lab, "lateral_compliance@link2"))
     assert better.sigma > 1.1 * NOISE
     refined = diagnose(better.model, data)
     assert refined.selected[0].name == "bending_ends@link2"
-    assert [one.candidate.effect.id for one in refined.supported if not one.candidate.effect.refines] == []
+    assert [one.candidate.effect.id for one in refined.supported if not one.candidate.effect.variant_of] == []
     assert add_effects(better.model, data, effects_at(lab, "bending_ends@link2")).sigma < 1.06 * NOISE
 
 
@@ -127,7 +127,7 @@ def test_five_waves_a_turn_are_eccentricity_in_another_form(lab: Arm, described:
     data = hidden(described, 4, GearTeeth(2, 0.008))
     found = diagnose(base_fit(lab, data), data)
     first = found.selected[0]
-    names = {first.name, *first.candidate.effect.refined}
+    names = {first.name, *variants(first.candidate.effect)}
     assert names & {"eccentricity@joint2", "angle_curve@joint2"}
     assert add_effects(found.fit.model, data, effects_at(lab, "angle_curve@joint2")).sigma < 1.06 * NOISE
 
@@ -160,7 +160,7 @@ def test_auto_adds_what_the_diagnosis_names_and_stops_when_it_names_nothing(
     data = replace(data, tcp=data.tcp + np.where(data.pose[:, None] == 40, [0.1, 0.0, 0.0], 0.0))
     course = run_auto(base_fit(lab, data), data)
     assert {"drift@joint2", "backlash@joint2"} <= {name for step in course.steps[1:] for name in step.names}
-    assert course.judgement.first is None
+    assert course.confirmed.first is None
     assert course.verdict == "nothing_missing"
     assert all(40 not in step.data.pose for step in course.steps)
     errors = [float((step.held_out**2).sum(axis=1).mean()) for step in course.steps]

@@ -49,10 +49,10 @@ def test_after_long_moves_it_is_hysteresis(lab: Arm) -> None:
     rng = np.random.default_rng(2)
     q, side = rng.uniform(-1, 1, (20, 6)), rng.choice([-1.0, 1.0], (20, 6))
     tau = (rng.normal(size=20),)
-    [unknown] = curve.motion(Poses(q, np.zeros(20), side), tau, (0.01, 0.02, 0.03, 0.0))
-    [known] = plain.motion(Poses(q, np.zeros(20), side), (), (0.12,))
+    [unknown] = curve.amounts(Poses(q, np.zeros(20), side), tau, (0.01, 0.02, 0.03, 0.0))
+    [known] = plain.amounts(Poses(q, np.zeros(20), side), (), (0.12,))
     np.testing.assert_allclose(unknown, known, atol=1e-15)
     slid = replace(Poses(q, np.zeros(20), side), friction=np.repeat(side[:, :, None], 3, axis=2))
-    np.testing.assert_allclose(curve.motion(slid, tau, (0.01, 0.02, 0.03, 0.0))[0], known, atol=1e-15)
-    grown = curve.motion(slid, tau, (0.0, 0.0, 0.0, 0.05))[0]
+    np.testing.assert_allclose(curve.amounts(slid, tau, (0.01, 0.02, 0.03, 0.0))[0], known, atol=1e-15)
+    grown = curve.amounts(slid, tau, (0.0, 0.0, 0.0, 0.05))[0]
     np.testing.assert_allclose(grown, 0.05 * side[:, 1] * np.abs(tau[0]), atol=1e-15)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lrm_math.effects import CATALOGUE
 from validation import synthetic
 from validation.hidden_effects import confusion
 from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, OUTSIDE, SINGLE, TRIPLE
@@ -329,6 +330,22 @@ def test_cases_cover_the_vocabulary() -> None:
     named = {place.partition("@")[0] for case in SINGLE.values() for place in case.truth or ()}
     assert len(named) == 14  # those of DESIGN but offsets, compliance (always fitted) and quantisation (known)
     assert all(case.truth is None for case in OUTSIDE.values())
+
+
+WITHOUT_TWIN = {
+    "offsets": "always fitted",
+    "compliance": "always fitted",
+    "quantisation": "known, never fitted",
+    "anchor": "no distances in the cases; tests/ident/data/test_distances.py",
+    "servo_droop": "no joint feedback in the cases",
+    "axial_play": "its twin AxialFloat is among the unfamiliar cases",
+}
+
+
+def test_every_effect_of_the_catalogue_has_a_twin_in_the_independent_generator() -> None:
+    named = {place.partition("@")[0] for case in SINGLE.values() for place in case.truth or ()}
+    forgotten = sorted({kind.id for kind in CATALOGUE} - named - set(WITHOUT_TWIN))
+    assert not forgotten, f"write a HiddenEffect in lrm_ident/synthetic and a single case of {', '.join(forgotten)}"
 
 
 @pytest.mark.slow

@@ -110,17 +110,17 @@ def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well
             implausible="",
             projected=linear.project(column),
             candidate=SimpleNamespace(
-                columns=(column,), standing=2, effect=SimpleNamespace(refined=(), refines=()), name=name
+                shapes=((),), standing=2, effect=SimpleNamespace(place="joint1", variant_of=()), name=name
             ),
         )
         for name in ("rare@joint1", "usual@joint1")
     )
     ranked: Any = [weak, strong]
-    assert forward_select(ranked, linear, silent)[0] is weak
+    assert forward_select(ranked, linear, silent).effects[0] is weak
     weights = EffectRates({"usual@joint1": 0.8}, 0.01).weights([one.name for one in ranked])
-    assert forward_select(ranked, linear, silent, weights)[0] is strong
+    assert forward_select(ranked, linear, silent, weights).effects[0] is strong
     even = dict.fromkeys(weights, 1.0)
-    assert forward_select(ranked, linear, silent, even)[0] is weak
+    assert forward_select(ranked, linear, silent, even).effects[0] is weak
 
 
 @given(st.lists(st.floats(-10.0, 10.0), min_size=4, max_size=12), st.integers(0, 1000))

@@ -30,7 +30,7 @@ ONLY_A_STUDY = {
     "lrm_ident.diagnosis.auto": "run_auto",
     "lrm_ident.diagnosis.diagnose": "diagnose",
     "lrm_ident.diagnosis.diagnosis_report": "build_report",
-    "lrm_ident.diagnosis.laws.proposal": "propose_law",
+    "lrm_ident.diagnosis.symbolic_regression.proposal": "propose_law",
     "lrm_ident.diagnosis.nested_cross_validation": "nested_held_out",
     "lrm_ident.fitting.model_fit": "fit_model",
     "lrm_ident.residual.error_breakdown": "compare",

@@ -20,7 +20,7 @@ from lrm_ident.report.document import ListSection, ResultTable, heading
 from lrm_ident.report.document_html import blocks_html
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view
 from lrm_ident.report.plots.interactive.values import values_text
-from lrm_ident.residual.drivers import drivers
+from lrm_ident.residual.covariates import covariates
 from lrm_ident.residual.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
 from tests.conftest import EXAMPLE
 from tests.support.commands import stdout_of
@@ -79,8 +79,8 @@ def test_the_form_of_the_hidden_play_lies_on_the_data(data: Measurements) -> Non
     assert data.arm is not None
     model = fit_model(nominal_model(data.arm), data, "identifiable", SQUARED).fit.model
     report = build_report(diagnose(model, data))
-    fitted, seen = report.diagnosis.seen
-    known = drivers(seen, fitted.rest.joint_torque)
+    fitted, seen = report.diagnosis.screened_subset
+    known = covariates(seen, fitted.rest.joint_torque)
     assert report.first is not None
     view = candidate_view(report.first, report.diagnosis, known, np.arange(len(seen)))
     assert (view.name, view.joint, view.driver) == ("backlash@joint2", 1, "torque of joint 2")

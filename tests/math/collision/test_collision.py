@@ -17,9 +17,9 @@ from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import read_arm
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
 from lrm_math.arrays import Array
-from lrm_math.collision.distance import segment_to_box, segment_to_segment
+from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
 from lrm_math.collision.scene import Scene, clearance, clearance_of
-from lrm_math.collision.straight_move import RESOLUTION, check_move
+from lrm_math.collision.straight_move import RESOLUTION, check_bodies, check_move, rigid_bodies
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.forward import frames
@@ -131,6 +131,13 @@ def test_segment_to_box_against_sampled_points(a: Array, b: Array, half: Array) 
     outside = np.maximum(np.abs(along(a, b, 2000)) - half, 0.0)
     sampled = np.linalg.norm(outside, axis=1).min()
     assert sampled - np.linalg.norm(b - a) / 1999 <= ours <= sampled + 1e-12
+
+
+@given(points, points, edges)
+def test_depth_in_a_box_against_sampled_points(a: Array, b: Array, half: Array) -> None:
+    ours = float(depth_in_box(a, b, half))
+    depth = np.maximum((half - np.abs(along(a, b, 2000))).min(axis=1).max(), 0.0)
+    assert depth - 1e-12 <= ours <= depth + np.linalg.norm(b - a) / 1999
 
 
 @given(points, points, points, points)
@@ -356,6 +363,28 @@ def test_check_move_agrees_with_dense_sampling(arm: Arm, seed: int, margin: floa
         assert move.distance < margin + RESOLUTION
         assert 0.0 <= move.proven <= move.fraction <= 1.0
         assert abs(move.fraction - move.proven) * float((scene.motion_bound @ np.abs(q1 - q0)).max()) <= 2 * RESOLUTION
+
+
+@pytest.mark.slow
+@settings(max_examples=60)
+@given(shaped_arms, seeds, st.floats(-0.02, 0.02))
+def test_a_way_that_is_found_free_comes_no_nearer_than_its_start_anywhere(arm: Arm, seed: int, scale: float) -> None:
+    """Down to nanometres, from any start, overlaps included; and one that only leaves is found free."""
+    scene, rng = Scene.of(arm), np.random.default_rng(seed)
+    q0 = rng.uniform(-2, 2, arm.dof)
+    bodies = rigid_bodies(scene)
+    keep = bodies.separation(q0)
+    nudge = 1e-6 * np.eye(arm.dof)
+    gradient = (bodies.separations(q0 + nudge).min(axis=1) - bodies.separations(q0 - nudge).min(axis=1)) / 2e-6
+    for direction in (rng.uniform(-1, 1, arm.dof), gradient / max(float(np.linalg.norm(gradient)), 1e-9)):
+        q1 = q0 + scale * direction
+        path = q0 + np.linspace(0.0, 1.0, 1001)[:, None] * (q1 - q0)
+        found = check_bodies(bodies, q0, q1, keep)
+        least = bodies.separations(path).min()
+        if found.free:
+            assert least >= keep - 2e-9
+        else:
+            assert least < keep + 1e-5
 
 
 @settings(max_examples=20)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
-from lrm_math.effects import CATALOGUE, FORMS, Effect, effects_at
+from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, effects_at, name_of_key, split_name, variants
 from lrm_math.effects.curves import cubic_b_splines, spline_count
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
@@ -32,17 +32,17 @@ def with_form(arm: Arm, name: str) -> Model:
     return model.with_values([0.1 * p.typical for p in model.parameters])
 
 
-@pytest.mark.parametrize("kind", FORMS, ids=lambda kind: kind.id)
+@pytest.mark.parametrize("kind", FREE_FORMS, ids=lambda kind: kind.id)
 def test_a_form_explains_itself_and_refines_effects_of_the_catalogue(lab: Arm, kind: type[Effect]) -> None:
     plain = {each.id: each for each in CATALOGUE}
-    assert kind.refines
-    assert kind.cause.endswith(".")
+    assert kind.variant_of
+    assert kind.about.cause.endswith(".")
     for place in kind.places(lab):
         effect = kind(lab, place)
-        causes = (name.split("@") for name in effect.refined)
+        causes = (split_name(name) for name in variants(effect))
         assert any(at in plain[name].places(lab) for name, at in causes)
         assert all(parameter.name.endswith("_" + parameter.unit) for parameter in effect.parameters)
-        effect.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
+        effect.about.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
 
 
 @pytest.mark.slow
@@ -56,7 +56,7 @@ def test_derivatives_of_forms(lab: Arm, name: str) -> None:
     model, poses = with_form(lab, name), some_poses(lab)
     J = parameter_jacobian(equilibrium(model, poses, tolerance=1e-14))
     for j, (key, parameter) in enumerate(zip(model.keys, model.parameters, strict=True)):
-        if key.startswith(name.partition("@")[0]):
+        if name_of_key(key) == name:
             step = 1e-4 * parameter.typical * (np.arange(len(model.keys)) == j)
             tcp = [equilibrium(model.with_values(model.values + s), poses, tolerance=1e-14).tcp for s in (step, -step)]
             difference = (tcp[0] - tcp[1]) / (2e-4 * parameter.typical)
@@ -104,7 +104,7 @@ def test_springs_at_both_ends_and_the_middle_stand_for_a_bend_anywhere(lab: Arm)
     assert np.abs(beam - moved(0.0, 1.0, 0.0)).max() > 1e-5
 
 
-@pytest.mark.parametrize("kind", [*CATALOGUE, *FORMS], ids=lambda kind: kind.id)
+@pytest.mark.parametrize("kind", [*CATALOGUE, *FREE_FORMS], ids=lambda kind: kind.id)
 def test_an_effect_at_a_pose_does_not_depend_on_which_other_poses_are_taken(lab: Arm, kind: type[Effect]) -> None:
     """So that held-out poses are predicted by what was fitted: sessions and temperatures count from the whole data."""
     poses, rng = some_poses(lab), np.random.default_rng(3)
@@ -114,8 +114,8 @@ def test_an_effect_at_a_pose_does_not_depend_on_which_other_poses_are_taken(lab:
     for place in kind.places(lab):
         effect = kind(lab, place)
         p = [parameter.fixed or 0.4 * parameter.typical for parameter in effect.parameters]
-        tau = tuple(rng.normal(0.0, 0.3, 12) for _ in effect.feels)
-        whole = effect.motion(poses, tau, p)
-        part = effect.motion(poses.take(rows), tuple(load[rows] for load in tau), p)
+        tau = tuple(rng.normal(0.0, 0.3, 12) for _ in effect.load_slots)
+        whole = effect.amounts(poses, tau, p)
+        part = effect.amounts(poses.take(rows), tuple(load[rows] for load in tau), p)
         for one, other in zip(whole, part, strict=True):
             np.testing.assert_allclose(np.broadcast_to(one, 12)[rows], np.broadcast_to(other, 4), atol=1e-15)

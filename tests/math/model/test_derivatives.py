@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.arrays import Array
+from lrm_math.effects import CATALOGUE, FREE_FORMS, Description, LoadedJointEffect, effects_at
 from lrm_math.effects.base import Effect, Parameter
+from lrm_math.effects.derivatives import STEP, by_angles, by_loads, by_parameters
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
@@ -85,18 +91,16 @@ class Wobble(Effect):
     """A user's effect without derivatives of its own that depends on two joints and a load."""
 
     id = "wobble"
-    cause = "For this test."
-    formula = "δq3 = a sin(q1 + q4) + b τ3³"
-    source = "none"
+    about = Description("For this test.", "δq3 = a sin(q1 + q4) + b τ3³", "none")
     parameters = (Parameter("a_rad", "size", 0.02), Parameter("b_rad_per_Nm", "stiffening", 0.05))  # type: ignore[assignment]
-    moves = ("joint3.theta",)  # type: ignore[assignment]
-    feels = ("joint3.theta",)  # type: ignore[assignment]
+    targets = ("joint3.theta",)  # type: ignore[assignment]
+    load_slots = ("joint3.theta",)  # type: ignore[assignment]
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         return ("joint3",)
 
-    def motion(self, poses: Poses, tau: tuple[Number, ...], p: list[float]) -> tuple[Number, ...]:  # type: ignore[override]
+    def amounts(self, poses: Poses, tau: tuple[Number, ...], p: list[float]) -> tuple[Number, ...]:  # type: ignore[override]
         return (p[0] * np.sin(poses.angle(0) + poses.angle(3)) + p[1] * tau[0] ** 3,)
 
 
@@ -111,16 +115,83 @@ def test_an_effect_without_derivatives_of_its_own(lab: Arm) -> None:
         np.testing.assert_allclose(J[:, :, joint], (plus - minus) / 2e-6, atol=2e-8)
 
 
-@pytest.mark.parametrize("kind", SMOOTH, ids=lambda kind: kind.id)
-def test_effects_give_the_derivatives_of_their_own_motion(lab: Arm, kind: type[Effect]) -> None:
+@pytest.mark.parametrize("kind", [*SMOOTH, *FREE_FORMS], ids=lambda kind: kind.id)
+def test_effects_have_the_derivatives_of_their_own_amounts(lab: Arm, kind: type[Effect]) -> None:
+    """Against central differences, whoever wrote the basis."""
     poses = some_poses(lab, 7, 30)
     rng = np.random.default_rng(7)
-    for effect in effects_at(lab, kind.id):
-        tau = tuple(rng.normal(0, 0.3, 30) for _ in effect.feels)
+    for effect in effects_at(lab, kind.id)[:8]:
+        tau = tuple(rng.normal(0, 0.3, 30) for _ in effect.load_slots)
         p = [parameter.fixed or 0.4 * parameter.typical for parameter in effect.parameters]
-        for name in ("d_parameters", "d_tau", "d_q"):
-            given_rows = getattr(effect, name)(poses, tau, p)
-            numeric_rows = getattr(Effect, name)(effect, poses, tau, p)
-            for ours, numeric in zip(given_rows, numeric_rows, strict=True):
-                for a, b in zip(ours, numeric, strict=True):
-                    np.testing.assert_allclose(np.broadcast_to(a, 30), np.broadcast_to(b, 30), rtol=1e-6, atol=1e-9)
+        exact = (
+            by_parameters(effect, poses, tau, p),
+            by_loads(effect, poses, tau, p),
+            by_angles(effect, poses, tau, p),
+        )
+        for ours, theirs in zip(exact, differences(effect, poses, tau, p), strict=True):
+            for rows, numeric in zip(ours, theirs, strict=True):
+                for a, b in zip(rows, numeric, strict=True):
+                    np.testing.assert_allclose(np.broadcast_to(a, 30), b, rtol=1e-6, atol=1e-9)
+
+
+def differences(
+    effect: Effect, poses: Poses, tau: tuple[Number, ...], p: Sequence[float]
+) -> tuple[list[Array], list[Array], list[Array]]:
+    """Central differences of the amounts by parameters, loads and angles: for each (targets, N)."""
+
+    def slope(changed: Callable[[float], tuple[Number, ...]], h: float) -> Array:
+        up, down = ([np.broadcast_to(a, len(poses)) for a in changed(s)] for s in (h, -h))
+        return (np.array(up) - np.array(down)) / (2.0 * h)
+
+    def by_p(j: int) -> Array:
+        return slope(lambda h: effect.amounts(poses, tau, bumped(p, j, h)), STEP * effect.parameters[j].typical)  # type: ignore[arg-type]
+
+    def by_tau(j: int) -> Array:
+        return slope(lambda h: effect.amounts(poses, bumped(tau, j, h), p), STEP)
+
+    def by_q(j: int) -> Array:
+        return slope(lambda h: effect.amounts(poses.perturbed(j, h), tau, p), STEP)
+
+    return [by_p(j) for j in range(len(p))], [by_tau(j) for j in range(len(tau))], [by_q(j) for j in range(6)]
+
+
+def bumped(values: Sequence[Number], j: int, h: float) -> tuple[Number, ...]:
+    return tuple(value + h if i == j else value for i, value in enumerate(values))
+
+
+class Awkward(LoadedJointEffect):
+    """Formulas that take duals in every way that a writer may use, or not at all."""
+
+    id, about = "awkward", Description("For this test.", "many", "none")
+    parameters = (Parameter("a_rad", "size", 0.02),)  # type: ignore[assignment]
+    how: ClassVar[str] = ""
+
+    def amounts(self, poses: Poses, tau: tuple[Number, ...], p: Sequence[float]) -> tuple[Number, ...]:
+        q, load = poses.q[:, 0], tau[0]
+        if self.how == "filled":
+            out = np.zeros(len(poses))
+            out[q > 0] = (p[0] * np.sin(q) * load)[q > 0]
+            return (out,)
+        if self.how == "table":
+            return (p[0] * np.interp(q, [-2.0, 0.0, 2.0], [0.0, 1.0, 3.0]) + 0.1 * np.abs(load),)
+        if self.how == "object":
+            return (p[0] * np.array([math.sin(x) for x in q]) * np.asarray(load),)
+        chosen = np.where(q > 0.0, p[0] * q, 3.0 * q**2)
+        steep = np.maximum(load, 0.1) / np.hypot(q, 1.0) - np.arctan2(load, 1.0 + q * q) * np.sqrt(np.exp(q))
+        return (chosen * np.abs(load) ** 1.5 + p[0] * np.log1p(q * q) * steep + 2.0 ** np.cos(q),)
+
+
+@pytest.mark.parametrize("how", ["", "filled", "table", "object"])
+def test_no_derivative_is_lost_however_the_formula_is_written(lab: Arm, how: str) -> None:
+    effect, poses = Awkward(lab, "joint2"), some_poses(lab, 3, 20)
+    tau, p = (np.random.default_rng(2).normal(0, 0.3, 20),), [0.02]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Awkward, "how", how)
+        exact = (
+            by_parameters(effect, poses, tau, p),
+            by_loads(effect, poses, tau, p),
+            by_angles(effect, poses, tau, p),
+        )
+        for ours, theirs in zip(exact, differences(effect, poses, tau, p), strict=True):
+            for (row,), (numeric,) in zip(ours, theirs, strict=True):
+                np.testing.assert_allclose(np.broadcast_to(row, 20), numeric, rtol=1e-5, atol=1e-8)

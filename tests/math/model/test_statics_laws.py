@@ -74,7 +74,7 @@ def test_equilibrium_is_a_stationary_point_of_elastic_and_gravitational_energy(a
     stiffness = {
         chain.index[key]: 1.0 / p
         for effect, span in zip(model.effects, model.spans, strict=True)
-        for key, p in zip(effect.moves, model.values[span], strict=True)
+        for key, p in zip(effect.targets, model.values[span], strict=True)
     }
 
     def energy(slots: list[object]) -> Array:

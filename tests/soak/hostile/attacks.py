@@ -12,8 +12,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from tests.soak.hostile.flood import KINDS, flooded
-from tests.soak.hostile.link_attacks import ATTACKS
+from tests.soak.hostile.approach import renewed_jog, short_moves, waiting_client
+from tests.soak.hostile.flood import FLOODS, flooded
+from tests.soak.hostile.link_attacks import ATTACKS, Hidden, Mute, OldHandshake
 from tests.soak.hostile.link_proxy import LinkProxy
 from tests.soak.hostile.trial import AttackResult, Trial, link_trial, trial
 from tests.support.daemon.daemon_process import wait_for
@@ -36,6 +37,30 @@ def on_link(name: str) -> AttackOnLink:
         t.estop()
 
     return attack
+
+
+def hidden(t: Trial, proxy: LinkProxy, seconds: float) -> None:
+    """The board is silent behind one old acknowledgement, again and again: each time the link is lost."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        t.wait_until_it_moves()
+        before = t.daemon.codes().count("link_lost")
+        proxy.attack = Hidden()
+        wait_for(lambda: t.daemon.codes().count("link_lost") > before, "the link is lost", seconds=3.0)  # noqa: B023
+        proxy.attack = None
+
+
+def old_handshakes(t: Trial, proxy: LinkProxy, seconds: float) -> None:
+    """The link is lost while the arm moves, and what the board says then is preceded by what it said the first time."""
+    end = time.monotonic() + seconds
+    attack, away = OldHandshake(), Mute()
+    while time.monotonic() < end:
+        t.wait_until_it_moves()
+        proxy.attack = away
+        time.sleep(0.6)  # longer than the timeout, shorter than the board's silence
+        proxy.attack = attack
+        time.sleep(0.5)
+        proxy.attack = None
 
 
 def yanked(_: Trial, proxy: LinkProxy, seconds: float) -> None:
@@ -134,11 +159,16 @@ def read_only_folder(t: Trial, seconds: float) -> None:
     _mounted(t, seconds, remount("ro"), remount("rw"))
 
 
-ON_LINK: dict[str, AttackOnLink] = {f"link: {name}": on_link(name) for name in ATTACKS} | {"link: yanked": yanked}
+ON_LINK: dict[str, AttackOnLink] = {f"link: {name}": on_link(name) for name in ATTACKS} | {
+    "link: yanked": yanked,
+    "link: hidden board": hidden,
+    "link: old handshakes": old_handshakes,
+}
 ON_DAEMON: dict[str, Attack] = {
-    "none": nothing, **{f"flood: {kind}": by_flood(kind) for kind in KINDS}, "flood: all of them": by_flood(*KINDS),
+    "none": nothing, **{f"flood: {name}": by_flood(*kinds) for name, kinds in FLOODS.items()},
     "api stopped": stopped_api, "kills and stops": kills, "state folder full": full_folder,
-    "state folder read-only": read_only_folder,
+    "state folder read-only": read_only_folder, "renewed jog": renewed_jog, "short moves": short_moves,
+    "waiting client": waiting_client,
 }  # fmt: skip
 ALL = (*ON_LINK, *ON_DAEMON)
 

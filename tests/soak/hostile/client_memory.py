@@ -40,14 +40,14 @@ class DaemonMemory:
     @classmethod
     def now(cls, pid: int) -> DaemonMemory:
         """Of the daemon with this process number."""
-        return cls(tuple(map(_resident, [pid, *sorted(children(pid))])), sum(_sizes(Path("/dev/shm"))) / 1e6)
+        return cls(tuple(map(resident, [pid, *sorted(children(pid))])), sum(_sizes(Path("/dev/shm"))) / 1e6)
 
     def growth(self, before: DaemonMemory) -> float:
         """MB more than before, altogether."""
         return sum(self.processes) - sum(before.processes) + self.shared - before.shared
 
 
-def _resident(pid: int) -> float:
+def resident(pid: int) -> float:
     """Resident set (MB); 0 for a process that has ended."""
     try:
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()

@@ -14,6 +14,8 @@ from pathlib import Path
 import msgpack
 import zenoh
 
+from tests.soak.hostile.stuffing import CONTENTS, TEXTS, deployed
+
 ROOT = Path(__file__).resolve().parents[3]
 KEYS = (
     "cmd/target", "cmd/jog", "rpc/lease", "rpc/arm", "rpc/move", "rpc/hold", "rpc/relax", "rpc/disarm",
@@ -83,9 +85,67 @@ def large(session: zenoh.Session, robot: str, rng: random.Random) -> None:
     session.put(f"lrm/{robot}/{rng.choice(['cmd/target', 'rpc/ik', 'state/joints'])}", rng.randbytes(2_000_000))
 
 
+def small(session: zenoh.Session, _: str, __: random.Random) -> None:
+    """A few bytes on every key at once, the emergency stop's among them, as fast as they are taken."""
+    for ___ in range(100):
+        session.put("lrm/**", b"x")
+
+
+def small_patterns(session: zenoh.Session, robot: str, _: random.Random) -> None:
+    """The same on patterns of all kinds that match the keys of the emergency stop."""
+    for pattern in ("**", f"lrm/{robot}/**", "lrm/*/cmd/*", "lrm/**/estop", f"lrm/{robot}/cmd/e$*p", "lrm/*/*/estop"):
+        session.put(pattern, b"x")
+
+
+def small_commands(session: zenoh.Session, robot: str, _: random.Random) -> None:
+    """The same on a key of commands, exactly."""
+    for __ in range(100):
+        session.put(f"lrm/{robot}/cmd/target", b"x")
+
+
+def asking(session: zenoh.Session, _: str, __: random.Random) -> None:
+    """Queries to every key at once, the emergency stop's among them, without waiting for the replies."""
+    session.get("lrm/**", lambda _: None, timeout=0.1)
+
+
+def deploy(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+    """A text that is no model, and waits for what is said of it."""
+    list(session.get(f"lrm/{robot}/rpc/deploy", payload=deployed(rng.choice([*TEXTS.values()])()), timeout=20.0))
+
+
+def stuff(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+    """What is no message, of many parts, eight times at once, where even an empty message would be harmless."""
+    content = rng.choice([*CONTENTS.values()])()
+    for _ in range(8 if len(content) < 10_000_000 else 1):
+        tail = rng.choice(["rpc/hold", "rpc/move", "rpc/ik", "rpc/lease", "state/joints", "rpc/events", "rpc/cancel"])
+        session.get(f"lrm/{robot}/{tail}", lambda _: None, payload=content, timeout=5.0)
+        session.put(f"lrm/{robot}/{rng.choice(['cmd/target', 'cmd/jog'])}", content)
+    time.sleep(0.1)
+
+
+def starve(session: zenoh.Session, robot: str, rng: random.Random) -> None:
+    """64 questions of 1000 goals at once, in the session's own name; then it waits a while."""
+    goals = [{"position_m": [rng.uniform(-0.4, 0.4), rng.uniform(-0.4, 0.4), rng.uniform(0, 0.5)]} for _ in range(1000)]
+    ik = msgpack.packb({"v": 1, "goals": goals, "deadline_ms": 60_000.0})
+    querier = session.declare_querier(f"lrm/{robot}/rpc/ik")
+    for _ in range(64):
+        source = zenoh.SourceInfo(querier.id, 0)
+        session.get(f"lrm/{robot}/rpc/ik", lambda _: None, payload=ik, timeout=60.0, source_info=source)
+    time.sleep(1.0)
+
+
 KINDS: dict[str, Callable[[zenoh.Session, str, random.Random], None]] = {
-    "malformed": malformed, "fight": fight, "curious": curious, "hog": hog, "large": large,
+    "malformed": malformed, "fight": fight, "curious": curious, "hog": hog, "large": large, "small": small,
+    "small patterns": small_patterns, "small commands": small_commands, "asking": asking,
+    "deploy": deploy, "stuff": stuff, "starve": starve,
 }  # fmt: skip
+MIXED = ("malformed", "fight", "curious", "hog", "large")
+FLOODS: dict[str, tuple[str, ...]] = {
+    **{kind: (kind,) for kind in KINDS}, "five kinds at once": MIXED,
+    **{f"{kind}, {n} clients": (kind,) * n for kind in ("small", "small patterns", "small commands") for n in (2, 4)},
+    "asking, 4 clients": ("asking",) * 4,
+}  # fmt: skip
+"""Floods by name: the kind of each client."""
 
 
 def flood(endpoint: str, kind: str, seconds: float, robot: str = "rover") -> int:
@@ -105,7 +165,7 @@ def flood(endpoint: str, kind: str, seconds: float, robot: str = "rover") -> int
 
 
 @contextmanager
-def flooded(endpoint: str, kinds: tuple[str, ...] = tuple(KINDS), seconds: float = 600.0) -> Iterator[None]:
+def flooded(endpoint: str, kinds: tuple[str, ...] = MIXED, seconds: float = 600.0) -> Iterator[None]:
     """Floods of these kinds while the block runs, each from a process of its own."""
     command = [sys.executable, "-m", "tests.soak.hostile.flood", endpoint]
     running = [

@@ -53,7 +53,7 @@ class Late:
 
 @dataclass
 class Stale:
-    """Answers of the board are repeated seconds later."""
+    """Answers of the board are repeated seconds later, those of old handshakes among them."""
 
     heard: deque[bytes] = field(default_factory=lambda: deque(maxlen=500))
 
@@ -62,8 +62,7 @@ class Stale:
 
     def to_daemon(self, wire: bytes, rng: random.Random) -> Delayed:
         old = rng.choice(self.heard) if self.heard and rng.random() < 0.3 else b""
-        if wire[1:2] != bytes([FrameType.STATE]):  # of registers: see the top
-            self.heard.append(wire)
+        self.heard.append(wire)
         return [(0.0, wire), (0.0, old)]
 
 
@@ -103,6 +102,36 @@ class Mute:
 
     def to_daemon(self, wire: bytes, rng: random.Random) -> Delayed:
         return [] if self.daemon else [(0.0, wire)]
+
+
+@dataclass
+class Hidden:
+    """The board is not heard; in place of all that it says comes the first acknowledgement that it sent."""
+
+    acknowledged: bytes = b""
+
+    def to_board(self, wire: bytes, rng: random.Random) -> Delayed:
+        return [(0.0, wire)]
+
+    def to_daemon(self, wire: bytes, rng: random.Random) -> Delayed:
+        if not self.acknowledged and wire[1:2] == bytes([FrameType.ACK]):
+            self.acknowledged = wire
+        return [(0.0, self.acknowledged)]
+
+
+@dataclass
+class OldHandshake:
+    """Every STATE and INFO comes together with the first one of its kind, in the same moment and before it."""
+
+    first: dict[bytes, bytes] = field(default_factory=dict)
+
+    def to_board(self, wire: bytes, rng: random.Random) -> Delayed:
+        return [(0.0, wire)]
+
+    def to_daemon(self, wire: bytes, rng: random.Random) -> Delayed:
+        if wire[1:2] not in (bytes([FrameType.STATE]), bytes([FrameType.INFO])):
+            return [(0.0, wire)]
+        return [(0.0, self.first.setdefault(wire[1:2], wire)), (0.0, wire)]
 
 
 ATTACKS: dict[str, LinkAttack] = {

@@ -16,9 +16,7 @@ import zenoh
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
 from lrmd.config import load_config
-from lrmd.messages.codec import pack
-from lrmd.messages.control import EstopCommand
-from lrmd.messages.zenoh_session import client
+from tests.soak.hostile.estop_client import EstopClient
 from tests.soak.hostile.link_proxy import LinkProxy
 from tests.support.daemon.daemon_harness import HOME
 from tests.support.daemon.daemon_process import SECOND, BoardProcess, DaemonProcess, DaemonSetup, wait_for
@@ -103,17 +101,25 @@ class Trial:
                 rover.move({"joint1": goal, "joint4": -goal})
                 self.moves += 1
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Its own client keeps still, with the servos on."""
+        self.wait_until_it_moves()
+        self._pause.set()
+        time.sleep(0.5)
+        try:
+            yield
+        finally:
+            self._pause.clear()
+
     def estop(self) -> None:
         """Stops the arm as a stranger would, if it has pulses; waits until they are off. Measured in `result`."""
         self._pause.set()
         try:
-            with zenoh.open(client([self.setup.endpoint])) as session:
-                publisher = session.declare_publisher(self.setup.key("cmd/estop"), express=True)
-                time.sleep(0.02)
+            with EstopClient(self.setup.endpoint, self.setup.key("cmd/estop")) as client:
                 if not self.board.pulses():
                     return
-                self.estops_at.append(time.monotonic_ns())
-                publisher.put(pack(EstopCommand(why="trial")))
+                self.estops_at.append(client.stop())
                 wait_for(lambda: not self.board.pulses(), "the pulses stop", seconds=5.0)
         finally:
             self._pause.clear()

@@ -265,7 +265,7 @@ class DaemonProcess(ProcessGroup):
         found: list[int] = []
 
         def there() -> bool:
-            found[:] = [pid for pid in children(self.pid) if name == _role(pid)]
+            found[:] = [pid for pid in children(self.pid) if name == role(pid)]
             return len(found) == 1
 
         wait_for(there, f"the {name} process is there", pause=0.02)
@@ -289,7 +289,7 @@ def children(pid: int) -> list[int]:
     return found
 
 
-def _role(pid: int) -> str:
+def role(pid: int) -> str:
     """Which of them a process with the shared memory is, by its libraries: ramp has no zenoh, router no numpy."""
     try:
         maps = Path(f"/proc/{pid}/maps").read_text()

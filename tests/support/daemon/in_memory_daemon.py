@@ -97,6 +97,14 @@ class SimulatedDaemon:
         self.report = self._report()
         self._check()
 
+    def settle(self) -> None:
+        """Lets time pass until the ramp has read the newest order, as the API does before it begins a motion."""
+        for _ in range(15):
+            self.core.observe(self.report, self.now)
+            if self.core.settled:
+                return
+            self.tick()
+
     def cycle(self) -> None:
         """What the API does every 20 ms."""
         self.core.observe(self.report, self.now)

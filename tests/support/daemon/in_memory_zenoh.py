@@ -20,6 +20,7 @@ from lrmd.api.zenoh_server import ZenohServer
 from lrmd.control.events import ControllerEvent
 from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import LeaseRequest
+from lrmd.messages.inbox import Inbox, Send
 from lrmd.messages.zenoh_session import key
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon
@@ -36,6 +37,9 @@ class FakePayload:
 
     def to_bytes(self) -> bytes:
         return self.data
+
+    def __len__(self) -> int:
+        return len(self.data)
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,13 @@ class FakeQuery:
 
     def reply_err(self, data: bytes) -> None:
         self.answers.append(FakeReply(err=FakeSample(self.key_expr, FakePayload(data))))
+
+
+class AtOnce(Inbox):
+    """An inbox whose work is done when it is put in."""
+
+    def put(self, size: int, work: Callable[[], Send]) -> None:
+        work()()
 
 
 class FakeZenohSession:
@@ -119,16 +130,18 @@ class FakeZenohSession:
 class InMemoryDaemon:
     """The request handler behind the zenoh server. Time passes when a client reads the mode; that renews the lease."""
 
-    def __init__(self, sim: SimulatedDaemon) -> None:
-        self.sim, self.session = sim, FakeZenohSession()
+    def __init__(self, sim: SimulatedDaemon, boot_id: str = "b00710000000000d") -> None:
+        self.sim, self.session, self.boot_id = sim, FakeZenohSession(), boot_id
         self.published: list[bytes] = []
         self.shared = SharedRecords.create()
         self._publisher = StatePublisher(
-            sim.config, sim.core, self.shared, ChildProcess("ramp", print), ChildProcess("ik", print)
+            sim.config, sim.core, self.shared, ChildProcess("ramp", print), ChildProcess("ik", print), boot_id
         )
-        self.server = ZenohServer(self.session, sim.config.robot, self, tuple(self._publisher.states))
+        states = tuple(self._publisher.states)
+        self.server = ZenohServer(self.session, sim.config.robot, self, states, lambda _: AtOnce())
         command, query = (key(sim.config.robot, tail) for tail in ("cmd/estop", "rpc/estop"))
-        self.estop = EstopServer(self.session, (command,), query, estop_replies(query), self.emergency_stop)
+        replies, confirmed = estop_replies(query, boot_id), (lambda: True)
+        self.estop = EstopServer(self.session, (command,), query, replies, self.emergency_stop, confirmed, AtOnce())
 
     def _flush(self) -> None:
         for event in self.sim.core.events:
@@ -137,21 +150,20 @@ class InMemoryDaemon:
         self.sim.core.events.clear()
 
     def handle(self, tail: str, request: Message) -> Message:
-        self.sim.core.observe(self.sim.report, self.sim.now)
+        self.sim.settle()
         result = self.sim.core.handle(request, self.sim.now)
         self._flush()
         return self._publisher.reply(tail, result)
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
-        reply = error_reply(error)
+        reply = error_reply(error, self.boot_id)
         self.sim.core.events.append(ControllerEvent("refused", "warning", f"{tail}: {reply.msg}", {"why": reply.code}))
         self._flush()
 
-    def emergency_stop(self, reason: str) -> bool:
+    def emergency_stop(self, reason: str) -> None:
         self.sim.estop_requested = True
         self.sim.core.estop(self.sim.now, reason)
         self.sim.run(2)
-        return True
 
     def state(self, tail: str) -> Message:
         core = self.sim.core

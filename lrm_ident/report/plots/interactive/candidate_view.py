@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
-from lrm_ident.residual.drivers import Driver
+from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.error_field import joint_turns
 from lrm_math.arrays import Array
 
@@ -47,19 +47,19 @@ class CandidateView:
 
 
 def candidate_view(
-    ranked: RankedCandidate, found: Diagnosis, known: Sequence[Driver], rows: NDArray[np.int64]
+    ranked: RankedCandidate, found: Diagnosis, known: Sequence[Covariate], rows: NDArray[np.int64]
 ) -> CandidateView:
     """A candidate beside the data of a diagnosis.
 
     Args:
-        known: drivers of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
+        known: covariates of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
     """
     scored = ranked.scored
-    fitted, data = found.seen
+    fitted, data = found.screened_subset
     weigh = RowWeights(data.whitening, fitted.weight)
-    columns = scored.candidate.columns[scored.candidate.shapes.index(scored.shape)]
+    columns = scored.candidate.columns(scored.shape)
     alone = (columns @ scored.alone.theta).reshape(len(data), -1)[:, :3]
-    added = weigh.positions(scored.projected.all_rows @ scored.alone.theta)
+    added = weigh.positions(scored.projected.columns @ scored.alone.theta)
     turns = joint_turns(alone, found.joint_jacobian)
     lever = (found.joint_jacobian**2).sum(axis=1)
     joint = _own_joint(scored.candidate.effect.place, (turns**2 * lever).sum(axis=1))
@@ -90,7 +90,7 @@ def _own_joint(place: str, explained: Array) -> int:
     return int(number) - 1 if number.isdigit() else int(np.argmax(explained))
 
 
-def _driver(form: Array, known: Sequence[Driver], joint: int, observable: NDArray[np.bool_]) -> int:
+def _driver(form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]) -> int:
     """The driver of which the form is a function most nearly: neighbours in its order differ least.
 
     Von Neumann's ratio (1941). Quantities of the joint itself come first where they do as well.

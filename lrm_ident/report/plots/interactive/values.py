@@ -39,7 +39,9 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
             "words": field.scale.words,
             "colours": COLOURS,
         },
-        "drivers": [{"name": one.name, "label": one.label, "values": rounded(one.values, 4)} for one in found.drivers],
+        "drivers": [
+            {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
+        ],
         "steps": [_step(step) for step in field.steps],
         "history": [
             {"name": entry.step, "fit": entry.fit_rms_mm, "held": entry.held_out_rms_mm} for entry in found.file.history
@@ -76,12 +78,12 @@ def _step(step: FieldStep) -> dict[str, Any]:
 def _where(found: ModelReport) -> dict[str, Any]:
     """The joint and the driver that are shown first: those that the residual follows most."""
     factors = [] if found.comparison is None else found.comparison.values["factors"]
-    names = {driver.name: driver for driver in found.drivers}
+    names = {one.name: one for one in found.covariates}
     for factor in factors:  # type: ignore[attr-defined]
         driver = names.get(factor["name"])
         if driver is not None and driver.joint is not None:
             return {"joint": driver.joint, "driver": driver.name}
-    return {"joint": 0, "driver": found.drivers[0].name if found.drivers else ""}
+    return {"joint": 0, "driver": found.covariates[0].name if found.covariates else ""}
 
 
 def _ranking(found: ModelReport, values: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -64,6 +64,9 @@ class TwoJointRig:
             for k, p in enumerate(places)
         ]
 
+    def disturbed(self) -> str:
+        return ""
+
     def too_warm(self) -> str:
         return ""
 
@@ -79,7 +82,7 @@ def run(rig: TwoJointRig, path: Path, goal: StoppingGoal) -> list[str]:
     told: list[str] = []
     file = DataFile(path, ARM.dof)
     with file:
-        file.begin(CampaignHead("two-joint", "test", (0.0,) * ARM.dof, "plan", 0.0))
+        file.begin(CampaignHead("two-joint", "test", (0.0,) * ARM.dof, "plan", 0.0, "power"))
         campaign = PoseCampaign(rig, rig, TargetNumbers(1, None), rig, PoseTiming(), PLAN[0], lambda _: None)
         AdaptiveCampaign(campaign, ARM, goal, told.append).run(PLAN, file)
     return told

@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.measuring.campaign.data_file import ArmState, CampaignHead, DataFile, after_midnight
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest, load_plan
 from lrm_ident.measuring.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, Unreachable
+from lrm_ident.measuring.tracker.dwell import RestMean
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
@@ -34,11 +38,12 @@ class FakeWorld:
     """Arm, tracker and clock in one: time passes in `sleep` and `frames`, and every step may be the last.
 
     `steps_left`: steps until it is killed. `fault`: called with a pose's number and the try, gives its frames another
-    form. `warm`: poses before which a servo is warm.
+    form. `warm`: poses before which a servo is warm. `moved`: whether somebody moves the arm during a pose's rest.
     """
 
     steps_left: int = 10**9
     fault: Callable[[int, int], bool] = lambda *_: False
+    moved: Callable[[int, int], bool] = lambda *_: False
     refused: tuple[int, ...] = ()
     warm: tuple[int, ...] = ()
     t: float = 1000.0
@@ -68,6 +73,11 @@ class FakeWorld:
         self.at, self.tries[pose.number] = pose, self.tries.get(pose.number, 0) + 1
         self.step()
         return ArmState(pose.q, (1,) * 6, 30.0, 1)
+
+    def disturbed(self) -> str:
+        self.step()
+        assert self.at is not None
+        return "somebody moved it" if self.moved(self.at.number, self.tries[self.at.number]) else ""
 
     def too_warm(self) -> str:
         self.step()
@@ -101,7 +111,7 @@ def run(world: FakeWorld, path: Path, told: list[CampaignProgress] | None = None
     file.check_plan("plan")
     on_progress = (lambda _: None) if told is None else told.append
     with file:
-        file.begin(CampaignHead("lrm-lab", "test", (0.0,) * 6, "plan", world.t))
+        file.begin(CampaignHead("lrm-lab", "test", (0.0,) * 6, "plan", world.t, "power"))
         campaign = PoseCampaign(world, world, NUMBERS, world, PoseTiming(), POSES[0], on_progress)
         return campaign.run(POSES, file).failed
 
@@ -160,6 +170,37 @@ def test_an_unfit_rest_is_repeated_and_one_that_stays_unfit_is_said(tmp_path: Pa
     assert load_measurements(path, ARM).pose.tolist() == [n for n in range(1, 21) if n not in failed]
     assert run(FakeWorld(), path) == {}
     check_complete(path)
+
+
+def test_the_row_of_an_arm_that_was_moved_during_its_rest_is_dropped_and_said(tmp_path: Path) -> None:
+    told: list[CampaignProgress] = []
+    world = FakeWorld(moved=lambda number, tries: (number == 3 and tries == 1) or number == 5)
+    assert run(world, path := tmp_path / "data.csv", told) == {5: "somebody moved it"}
+    dropped = [one.words for one in told if "dropped" in one.words]
+    assert dropped == [f"pose {number}: its row is dropped: somebody moved it" for number in (3, 5, 5, 5)]
+    assert load_measurements(path, ARM).pose.tolist() == [n for n in range(1, 21) if n != 5]
+
+
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 2)), min_size=1, max_size=6))
+def test_a_session_is_another_exactly_where_the_servos_were_switched_on_anew(runs: list[tuple[str, int]]) -> None:
+    """Each run of the command: the name of the power-on session, and the rows that are measured before it ends."""
+    rest, expected = RestMean(np.zeros(3), 1e-4, 1000.0, 30), list[tuple[str, int]]()
+    with TemporaryDirectory() as folder:
+        for name, rows in runs:
+            with DataFile(path := Path(folder) / "data.csv", 6) as file:
+                session = file.begin(CampaignHead("lrm-lab", "test", (0.0,) * 6, "plan", 1000.0, name))
+                before = expected[-1] if expected else (name, 1)
+                assert session == before[1] + (before[0] != name)
+                for _ in range(rows):
+                    number = len(expected) + 1
+                    file.append(
+                        PlannedPose(number, (0.0,) * 6, 0.0, 0, number),
+                        ArmState((0.0,) * 6, (0,) * 6, 30.0, session),
+                        rest,
+                    )
+                    expected.append((name, session))
+        column = [int(line.split(",")[2]) for line in path.read_text().splitlines()[1:]]
+    assert column == [session for _, session in expected]
 
 
 def test_a_repeat_of_a_pose_that_is_missing_stands_for_itself(tmp_path: Path) -> None:

@@ -1,0 +1,102 @@
+"""Confirmation of a diagnosis for `diagnose`, `add` and `auto`: the best candidates refitted in full, cross-validated.
+
+Screening (`diagnose`) is linear. The first that it supports is refitted here with everything else free, as `add` does
+it, and counts only if the held-out error falls by more than its standard error says; else the next one is tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
+from lrm_ident.diagnosis.score_test import ScoredCandidate
+from lrm_ident.fitting.cross_validation import held_out_blocks
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.residual.better_prediction import predicts_better
+from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A model with one candidate added, everything refitted, and cross-validated."""
+
+    fit: Fit
+    blocks: tuple[HeldOutBlock, ...]
+
+    @property
+    def held_out(self) -> Array:
+        """(N, 3), its held-out residual (m)."""
+        return held_out_rows(self.blocks)
+
+    @property
+    def error(self) -> ErrorStats:
+        """Its held-out error."""
+        return error_stats(self.held_out)
+
+
+@dataclass(frozen=True, eq=False)
+class ConfirmedDiagnosis:
+    """A diagnosis with its best candidate refitted.
+
+    Attributes:
+        blocks: the model as it is, cross-validated.
+        refit: with the first supported effect; None if nothing is supported.
+        supported: effects that are there as far as these data show, the one to add first.
+    """
+
+    diagnosis: Diagnosis
+    blocks: tuple[HeldOutBlock, ...]
+    refit: Refit | None
+    supported: tuple[ScoredCandidate, ...]
+
+    @property
+    def held_out(self) -> Array:
+        """(N, 3), held-out residual of the model as it is (m)."""
+        return held_out_rows(self.blocks)
+
+    @property
+    def first(self) -> ScoredCandidate | None:
+        """The effect to add, if any."""
+        return self.supported[0] if self.supported else None
+
+    @property
+    def verdict(self) -> Verdict:
+        """The diagnosis's, unless what it supports does not lower the held-out error when refitted."""
+        lost = self.diagnosis.verdict == "effect_missing" and not self.supported
+        return "unexplained_structure" if lost else self.diagnosis.verdict
+
+
+def confirm(
+    diagnosis: Diagnosis, blocks: tuple[HeldOutBlock, ...] = (), on_progress: Callable[[str], object] = str
+) -> ConfirmedDiagnosis:
+    """Refits the supported effects in turn until one predicts better.
+
+    Args:
+        blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
+        on_progress: called with what is being done.
+    """
+    if not blocks:
+        on_progress("cross-validating the model as it is")
+        blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
+    for number, scored in enumerate(diagnosis.supported):
+        on_progress(f"refitting with {scored.name}")
+        refit = _refit(diagnosis, scored)
+        if refit is not None and predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
+            return ConfirmedDiagnosis(diagnosis, blocks, refit, diagnosis.supported[number:])
+    return ConfirmedDiagnosis(diagnosis, blocks, None, ())
+
+
+def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:
+    """The refit, held out as it was fitted; None if it does not converge."""
+    try:
+        effect, data, loss = scored.candidate.effect, diagnosis.data, diagnosis.loss
+        fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
+        return Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
+    except LrmError:
+        return None

@@ -1,0 +1,166 @@
+"""A small grammar of laws: rotations of one joint as functions of one or two quantities of the pose.
+
+Exhaustive symbolic regression (Bartlett, Desmond & Ferreira 2023) with linear coefficients: harmonics, powers, absolute
+values, steps, hinges, saturations and dents of one quantity; harmonics and hinges of sums and differences, and products
+of two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from lrm_ident.residual.covariates import levels
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import Poses
+
+HARMONICS, PAIR_HARMONICS, FACTOR_HARMONICS = range(1, 7), (1, 2, 3), (1, 2)
+PLACES = (-1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2)  # rad, or parts of the largest torque, load or time
+WIDTH = 0.4  # of dents and saturations, likewise
+NEAR_ZERO = 1e-9
+LETTERS = "abcdef"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a law may depend on.
+
+    Attributes:
+        name: in formulas. code: Python code for it from `poses` and `tau`.
+        low, high: its range in the poses. levels: how many values it has there. angle: whether it is one.
+    """
+
+    name: str
+    code: str
+    low: float
+    high: float
+    levels: int
+    angle: bool = False
+
+    @property
+    def signed(self) -> bool:
+        """Whether it has both signs."""
+        return self.low < 0.0 < self.high
+
+
+@dataclass(frozen=True)
+class Law:
+    """A rotation of joint `joint` (from 0): a sum of terms with a free coefficient each.
+
+    `terms`: Python expressions with numpy over the names of `quantities`. `size` counts what must be chosen to write
+    it down: quantities and terms.
+    """
+
+    joint: int
+    quantities: tuple[Quantity, ...]
+    terms: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        """How complex it is."""
+        return len(self.quantities) + len(self.terms)
+
+    @property
+    def formula(self) -> str:
+        """For instance `δq3 = a sin(q1 + q4) + b cos(q1 + q4)`."""
+        terms = (term.replace("np.", "").replace("**", "^") for term in self.terms)
+        return (
+            f"δq{self.joint + 1} = {' + '.join(f'{name} {term}' for name, term in zip(LETTERS, terms, strict=False))}"
+        )
+
+    def plus(self, other: Law) -> Law:
+        """The sum of two laws at one joint; terms that both have count once."""
+        quantities = dict.fromkeys((*self.quantities, *other.quantities))
+        return Law(self.joint, tuple(quantities), tuple(dict.fromkeys((*self.terms, *other.terms))))
+
+    def values(self, poses: Poses, torque: Array) -> Array:
+        """(N, terms), every term at some poses; torque: (N,), on the joint (N·m)."""
+        given = {"poses": poses, "tau": (torque,)}
+        known = {quantity.name: eval(quantity.code, {}, given) for quantity in self.quantities}
+        columns = [np.asarray(eval(term, {"np": np}, known), dtype=np.float64) for term in self.terms]
+        return np.stack([np.broadcast_to(column, len(poses)) for column in columns], axis=1)
+
+
+def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ...]:
+    """What a law at one joint may depend on in these poses: what varies of angles, its torque, load, side and time.
+
+    Torque, load and time are counted in their largest size here. torque: (N,) of the joint (N·m).
+    """
+    found = [_quantity(f"q{i + 1}", f"poses.angle({i})", angle, True) for i, angle in enumerate(poses.q.T)]
+    found.append(_quantity("tau", f"tau[0] / {_largest(torque)}", torque / np.abs(torque).max(initial=NEAR_ZERO)))
+    load = poses.payload / max(float(poses.payload.max()), NEAR_ZERO)
+    found.append(_quantity("load", f"poses.carried / {_largest(poses.payload)}", load))
+    if poses.direction is not None:
+        found.append(_quantity("side", f"poses.approach({joint})", poses.direction[:, joint]))
+    if poses.t is not None:
+        time = poses.t / max(float(poses.t.max()), NEAR_ZERO)
+        found.append(_quantity("time", f"poses.t / {_largest(poses.t)}", time))
+    return tuple(quantity for quantity in found if quantity.levels > 1)
+
+
+def _quantity(name: str, code: str, values: Array, angle: bool = False) -> Quantity:
+    distinct = len(levels(values, 4)[0])
+    return Quantity(name, code, float(values.min()), float(values.max()), distinct, angle)
+
+
+def _largest(values: Array) -> str:
+    return f"{np.abs(values).max():.4g}"
+
+
+def laws_at(joint: int, quantities: tuple[Quantity, ...]) -> Iterator[Law]:
+    """Every law of the grammar at one joint."""
+    for one in quantities:
+        for terms in _terms_of_one(one):
+            yield Law(joint, (one,), terms)
+    for a, b in combinations(quantities, 2):
+        for terms in _terms_of_two(a, b):
+            yield Law(joint, (a, b), terms)
+
+
+def _terms_of_one(x: Quantity) -> Iterator[tuple[str, ...]]:
+    yield (x.name,)
+    if x.name == "side" or x.levels < 3:
+        return
+    if x.angle:
+        yield from ((_wave("sin", k, x.name), _wave("cos", k, x.name)) for k in HARMONICS)
+    yield from ((f"{x.name}**2",), (f"{x.name}**3",))
+    if x.signed:
+        yield from ((f"np.abs({x.name})",), (f"{x.name} * np.abs({x.name})",))
+    for shifted in _shifted(x.name, x.low, x.high):
+        yield (f"np.heaviside({shifted}, 0.5)",)
+        yield (f"np.maximum({shifted}, 0.0)",)
+        yield (f"np.tanh(({shifted}) / {WIDTH})",)
+        yield (f"np.exp(-(({shifted}) / {WIDTH})**2)",)
+
+
+def _terms_of_two(a: Quantity, b: Quantity) -> Iterator[tuple[str, ...]]:
+    if a.angle and b.angle:
+        for sign, low, high in (("+", a.low + b.low, a.high + b.high), ("-", a.low - b.high, a.high - b.low)):
+            both = f"{a.name} {sign} {b.name}"
+            yield from ((_wave("sin", k, both), _wave("cos", k, both)) for k in PAIR_HARMONICS)
+            yield from ((f"np.maximum({shifted}, 0.0)",) for shifted in _shifted(both, low, high))
+            yield (f"np.abs({both})",)
+    yield from ((f"{left} * {right}",) for left in _factors(a) for right in _factors(b))
+
+
+def _shifted(of: str, low: float, high: float) -> Iterator[str]:
+    """A quantity less each of the places that lie in its range."""
+    for place in PLACES:
+        if low < place < high:
+            yield of if place == 0 else f"{of} {'-' if place > 0 else '+'} {abs(place)}"
+
+
+def _factors(x: Quantity) -> Iterator[str]:
+    yield x.name
+    if x.signed and x.name != "side":
+        yield f"np.abs({x.name})"
+    if x.angle:
+        yield from (_wave(wave, k, x.name) for k in FACTOR_HARMONICS for wave in ("sin", "cos"))
+
+
+def _wave(function: str, k: int, of: str) -> str:
+    inside = of if k == 1 else f"{k} * ({of})" if " " in of else f"{k} * {of}"
+    return f"np.{function}({inside})"

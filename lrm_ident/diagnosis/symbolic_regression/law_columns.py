@@ -1,0 +1,73 @@
+"""The laws of the grammar that differ at some poses, as motions of the TCP through the equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law, laws_at, quantities_at
+from lrm_ident.diagnosis.symbolic_regression.search import LawColumns
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.derivatives import respond
+from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.sensed import TCP_ONLY, Sensed
+
+TYPICAL_SIZE, SEED = 0.02, 0  # rad
+OWN = ("tau", "side")  # quantities that each joint has for itself
+FLAT = 0.02  # spread of a term, of its largest value, below which it is a constant
+Evaluated = dict[tuple[str, ...], tuple[Array, bytes]]
+
+
+def law_columns(fitted: Fit, data: Measurements) -> list[LawColumns]:
+    """The laws of every joint, and their motions of the TCP for coefficients of a typical size."""
+    groups, weigh, shared = [], RowWeights(data.whitening, fitted.weight), Evaluated()
+    for joint, motion in enumerate(levers(fitted.rest, data.whitening.sensed)):
+        torque = fitted.rest.joint_torque[:, joint]
+        laws, values = _distinct(laws_at(joint, quantities_at(joint, data.poses, torque)), data.poses, torque, shared)
+        terms = np.concatenate(values, axis=1)
+        terms *= TYPICAL_SIZE / np.abs(terms).max(axis=0)
+        counts = np.array([len(law.terms) for law in laws])
+        first = np.cumsum(counts) - counts
+        second = np.where(counts > 1, first + 1, terms.shape[1])
+        motions = weigh((motion.T[:, :, None] * terms[:, None, :]).reshape(-1, terms.shape[1]))
+        groups.append(
+            LawColumns(tuple(laws), np.concatenate([motions, np.zeros((len(motions), 1))], axis=1), first, second)
+        )
+    return groups
+
+
+def levers(rest: Equilibrium, sensed: Sensed = TCP_ONLY) -> Array:
+    """(n, R, N), motion of the TCP for a rotation added at each joint (m/rad), and of what else is sensed."""
+    return np.asarray(respond(rest, sensed).slots[list(rest.model.chain.joint_slots)])
+
+
+def _distinct(laws: Iterable[Law], poses: Poses, torque: Array, shared: Evaluated) -> tuple[list[Law], list[Array]]:
+    """The laws that differ at these poses by more than factor and constant, and their terms (N, m); plain ones first.
+
+    `shared`: the terms of laws that are the same at every joint, and their fingerprints; filled here.
+    """
+    found: dict[bytes, tuple[Law, Array]] = {}
+    for law in sorted(laws, key=lambda one: one.size):
+        known = {} if any(quantity.name in OWN for quantity in law.quantities) else shared
+        if law.terms not in known:
+            terms = law.values(poses, torque)
+            known[law.terms] = terms, _fingerprint(terms)
+        terms, fingerprint = known[law.terms]
+        if fingerprint:
+            found.setdefault(fingerprint, (law, terms))
+    return [law for law, _ in found.values()], [terms for _, terms in found.values()]
+
+
+def _fingerprint(terms: Array) -> bytes:
+    """What laws share that are one function at these poses: the projection of a random vector; empty if constant."""
+    centred = terms - terms.mean(axis=0)
+    if (np.abs(centred).max(axis=0) <= FLAT * np.abs(terms).max(axis=0)).any():
+        return b""
+    probe = np.random.default_rng(SEED).normal(size=len(terms))
+    theta = np.linalg.pinv(centred.T @ centred) @ (centred.T @ probe)
+    return bytes(np.round(centred @ theta, 5).tobytes())

@@ -1,0 +1,74 @@
+"""A law as a readable Python file of the public contract for effects, which `--effects-file` takes."""
+
+from __future__ import annotations
+
+from lrm_ident.diagnosis.symbolic_regression.grammar import LETTERS, Law, Quantity
+
+TEMPLATE = '''"""{title}
+
+{facts}
+
+Read it, rename it, say what causes it. To use it: lrm-ident add MODEL DATA {id}@joint{joint} --effects-file THIS_FILE
+"""
+
+import numpy as np
+
+from lrm_math.effects import Description, Effect, Parameter
+
+
+class ProposedLaw(Effect):
+    id = "{id}"
+    about = Description(
+        cause="Not known: a law proposed from measurements.",
+        formula="{formula}",
+        source="{source}",
+        claim="joint{joint} follows {follows}: {claims}",
+    )
+    targets = ("joint{joint}.theta",)
+    load_slots = {load_slots}
+    depends_on = {depends_on}
+    parameters = (
+{parameters}    )
+
+    @classmethod
+    def places(cls, arm):
+        return ("joint{joint}",)
+
+    def amounts(self, poses, tau, p):
+{quantities}        return ({amount},)
+'''
+
+
+def law_id(law: Law) -> str:
+    """For instance `law_q1_q4`."""
+    return "_".join(["law", *(quantity.name for quantity in law.quantities)])
+
+
+def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> str:
+    """The text of the file. typical: the size of each coefficient (rad). facts: what was found, for the docstring."""
+    names = [f"{letter}_rad" for letter in LETTERS[: len(law.terms)]]
+    needs_time = any(quantity.name == "time" for quantity in law.quantities)
+    return TEMPLATE.format(
+        title=f"A law that lrm-ident propose found in {data}: {law.formula}",
+        facts=facts,
+        id=law_id(law),
+        joint=law.joint + 1,
+        formula=law.formula,
+        source=f"lrm-ident propose, {data}",
+        follows=" and ".join(quantity.name for quantity in law.quantities),
+        claims=", ".join(f"{{{name}}}" for name in names),
+        load_slots=f'("joint{law.joint + 1}.theta",)' if any(q.name == "tau" for q in law.quantities) else "()",
+        depends_on=("angle", "direction", *(("time",) if needs_time else ())),
+        parameters="".join(
+            f'        Parameter("{name}", "of {term.replace("np.", "")}", {size:.3g}),\n'
+            for name, term, size in zip(names, law.terms, typical, strict=True)
+        ),
+        quantities="".join(_assignment(quantity) for quantity in law.quantities),
+        amount=" + ".join(f"p[{i}] * {term}" for i, term in enumerate(law.terms)),
+    )
+
+
+def _assignment(quantity: Quantity) -> str:
+    """The line that gives a quantity its value; without times the time is zero."""
+    code = f"0.0 if poses.t is None else {quantity.code}" if quantity.name == "time" else quantity.code
+    return f"        {quantity.name} = {code}\n"

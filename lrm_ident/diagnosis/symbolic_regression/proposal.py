@@ -1,0 +1,198 @@
+"""Proposing a law: the best of the grammar, refitted in the nonlinear model, and those that look the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.diagnose import linearised
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law
+from lrm_ident.diagnosis.symbolic_regression.law_columns import TYPICAL_SIZE, law_columns, levers
+from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
+from lrm_ident.diagnosis.symbolic_regression.search import LawSearch, search_laws
+from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.effect_plugins import effects_in
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
+from lrm_ident.fitting.loss import SQUARED, Loss
+from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.better_prediction import paired_z, predicts_better
+from lrm_ident.residual.thresholds import MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.model import Model
+
+REFITS, CLASS_SHOWN = 4, 12  # laws refitted in full; members of the class kept
+MOST_LAWS = 3  # that are added up at one joint
+NEXT_POSES, DRAWN, SEED = 5, 2000, 0
+
+
+@dataclass(frozen=True, eq=False)
+class RefittedLaw:
+    """A law in the nonlinear model: the text of its effect file, the fit with it, and its held-out residual (N, 3)."""
+
+    law: Law
+    source: str
+    fit: Fit
+    held_out: Array
+
+    @property
+    def error(self) -> ErrorStats:
+        """Its held-out error."""
+        return error_stats(self.held_out)
+
+
+@dataclass(frozen=True, eq=False)
+class LawProposal:
+    """What a search for laws found.
+
+    Attributes:
+        before: held-out error without a law. nested: RMS with the law chosen anew in every block (m, linear).
+        p_value: of the best law against pure noise. tried: number of laws.
+        best: the law that predicts best when everything is refitted; None if no law is proposed, with the `reason`.
+        equivalent: laws that the data cannot tell from it, and their held-out RMS (m, linear), the best first.
+        next_poses: (k, n), joint angles (rad) at which the best and its rivals differ most.
+    """
+
+    before: ErrorStats
+    nested: float
+    p_value: float
+    tried: int
+    best: RefittedLaw | None
+    reason: str
+    equivalent: tuple[tuple[Law, float], ...] = ()
+    next_poses: Array | None = None
+
+
+def propose_law(
+    model: Model,
+    data: Measurements,
+    progress: OnProgress = silent,
+    on_progress: Callable[[str], object] = str,
+    loss: Loss = SQUARED,
+) -> LawProposal:
+    """Searches laws at every joint; proposes one if the search beats noise and predicts held-out blocks better.
+
+    Further laws at the same joint are added to it in the same way, `MOST_LAWS` at most.
+
+    Raises `LrmError`: too few poses, or the fit does not converge.
+    """
+    fitted = fit(model, data, loss=loss)
+    on_progress("cross-validating the model as it is")
+    before = error_stats(held_out_residual(fitted.model, data, loss=loss))
+    found = _propose(fitted, data, before, None, progress, on_progress)
+    for _ in range(1, MOST_LAWS):
+        best = found.best
+        more = None if best is None else _propose(fitted, data, best.error, best, progress, on_progress).best
+        if more is None:
+            break
+        found = replace(found, best=more)
+    if found.best is not None and found.equivalent:
+        found = replace(found, next_poses=_separating_poses(found.best, found.equivalent, fitted, data))
+    return found
+
+
+def _propose(
+    fitted: Fit,
+    data: Measurements,
+    before: ErrorStats,
+    known: RefittedLaw | None,
+    progress: OnProgress,
+    on_progress: Callable[[str], object],
+) -> LawProposal:
+    """The best law at any joint, or the best to add to one that is known, with its class."""
+    start = fitted if known is None else known.fit
+    linear = linearised(start, data, RowWeights(data.whitening, start.weight))
+    groups = law_columns(start, data)
+    search = search_laws(linear, groups if known is None else [groups[known.law.joint]], progress)
+    without = linear.now.held_out
+    nested = float(np.sqrt(search.nested.mean()))
+    found = LawProposal(before, nested, search.p_value, len(search.laws), None, "")
+    if search.p_value > SIGNIFICANCE:
+        return replace(found, reason=f"the best of {len(search.laws)} laws is no better than on pure noise")
+    if not predicts_better(search.nested, without, MIN_GAIN):
+        return replace(found, reason="no law predicts poses that were not used to choose it")
+    order = np.argsort(search.squares.mean(axis=0))
+    classed = _equivalent(search, order, without)
+    refits: list[RefittedLaw] = []
+    for law, _ in classed[:REFITS]:
+        whole = law if known is None else known.law.plus(law)
+        on_progress(f"refitting with {whole.formula}")
+        one = _refit(whole, fitted, data, found)
+        refits += [] if one is None else [one]
+    best = min(refits, key=lambda one: one.error.rms, default=None)
+    if best is None or best.error.rms > (1.0 - MIN_GAIN) * before.rms:
+        return replace(found, reason="no law lowers the held-out error once everything is refitted")
+    rivals = tuple(one for one in classed if one[0] is not best.law)
+    return replace(found, best=best, equivalent=rivals[:CLASS_SHOWN])
+
+
+def _equivalent(search: LawSearch, order: NDArray[np.int64], without: Array) -> list[tuple[Law, float]]:
+    """The best law, and those that save more than half as much and predict not significantly worse, the best first."""
+    best = search.squares[:, order[0]]
+    gain = float(without.mean() - best.mean())
+    found = []
+    for i in order.tolist():
+        squares = search.squares[:, i]
+        if without.mean() - squares.mean() < 0.5 * gain:
+            break
+        if i == order[0] or paired_z(best, squares) < Z_THRESHOLD:
+            found.append((search.laws[i], float(np.sqrt(squares.mean()))))
+    return found
+
+
+def _refit(law: Law, fitted: Fit, data: Measurements, found: LawProposal) -> RefittedLaw | None:
+    """The law as an effect of its file, everything refitted; None if that fails."""
+    largest = np.abs(law.values(data.poses, fitted.rest.joint_torque[:, law.joint])).max(axis=0)
+    facts = (
+        f"{found.tried} laws were tried. Held out, the model alone has {found.before.rms * 1e3:.2f} mm; with a law\n"
+        f"chosen anew in every block about {found.nested * 1e3:.2f} mm. Against pure noise: p = {found.p_value:.2g}."
+    )
+    source = law_source(law, tuple((TYPICAL_SIZE / largest).tolist()), data.path.name, facts)
+    with TemporaryDirectory(prefix="law-") as folder:
+        file = Path(folder) / "law.py"
+        file.write_text(source, encoding="utf-8")
+        (kind,) = effects_in(file)
+    try:
+        effect = kind(fitted.model.arm, f"joint{law.joint + 1}")
+        better = add_effects(fitted.model, data, [effect], loss=fitted.loss)
+        return RefittedLaw(law, source, better, held_out_residual(better.model, data, loss=fitted.loss))
+    except LrmError:
+        return None
+
+
+def _separating_poses(best: RefittedLaw, rivals: Sequence[tuple[Law, float]], fitted: Fit, data: Measurements) -> Array:
+    """(k, n), random poses in the measured ranges at which the rivals' motions of the TCP are farthest from the best's.
+
+    Every rival is taken with the coefficients that follow the best law most closely at the measured poses.
+    """
+    rng = np.random.default_rng(SEED)
+    low, high = data.poses.q.min(axis=0), data.poses.q.max(axis=0)
+    drawn = replace(data.poses.take(rng.integers(len(data), size=DRAWN)), q=rng.uniform(low, high, (DRAWN, len(low))))
+    try:
+        there = equilibrium(fitted.model, drawn)
+    except NoEquilibrium:
+        return np.zeros((0, len(low)))
+    model, prefix = best.fit.model, f"{law_id(best.law)}.joint{best.law.joint + 1}."
+    theta = np.array([model.value(key) for key in model.keys if key.startswith(prefix)])
+    target, elsewhere = _moved(best.law, fitted.rest) @ theta, _moved(best.law, there) @ theta
+    apart = np.zeros(DRAWN)
+    for law, _ in rivals:
+        like, *_ = np.linalg.lstsq(_moved(law, fitted.rest), target, rcond=None)
+        apart += ((elsewhere - _moved(law, there) @ like).reshape(-1, 3) ** 2).sum(axis=1)
+    return np.asarray(drawn.q[np.argsort(-apart)[:NEXT_POSES]])
+
+
+def _moved(law: Law, rest: Equilibrium) -> Array:
+    """(3 N, terms), motion of the TCP for coefficients of 1 rad."""
+    terms, lever = law.values(rest.poses, rest.joint_torque[:, law.joint]), levers(rest)[law.joint]
+    return np.asarray((lever.T[:, :, None] * terms[:, None, :]).reshape(-1, terms.shape[1]))

@@ -1,0 +1,102 @@
+"""The one table of what an error may follow: joint angles, torques, load, order, time, temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_math.arrays import Array
+
+Kind = Literal["angle", "torque", "load", "order", "time", "temperature"]
+NAMES = {"load": "load", "order": "order of measurement", "time": "time", "temperature": "temperature"}
+UNITS = {"angle": "deg", "torque": "N·m", "load": "g", "order": "", "time": "min", "temperature": "°C"}
+CONSTANT = 1e-9  # SI: a quantity that varies less is round-off
+
+
+@dataclass(frozen=True, eq=False)
+class Covariate:
+    """A quantity that an error may follow.
+
+    Attributes:
+        values: (N,), SI (rad, N·m, kg, s, °C), the order from 0. joint: from 0, of an angle or torque.
+    """
+
+    kind: Kind
+    values: Array
+    joint: int | None = None
+
+    @property
+    def symbol(self) -> str:
+        """For instance `q2`, `tau2`, `load`."""
+        if self.joint is None:
+            return self.kind
+        return f"{'q' if self.kind == 'angle' else 'tau'}{self.joint + 1}"
+
+    @property
+    def name(self) -> str:
+        """For instance `angle of joint 2`."""
+        return NAMES[self.kind] if self.joint is None else f"{self.kind} of joint {self.joint + 1}"
+
+    @property
+    def label(self) -> str:
+        """Name and unit, for an axis."""
+        return ", ".join(filter(None, (self.name, UNITS[self.kind])))
+
+    @cached_property
+    def shown(self) -> Array:
+        """(N,), values in the unit that is shown; the order from 1."""
+        if self.kind == "angle":
+            return np.degrees(self.values)
+        if self.kind == "time":
+            return self.values / 60.0
+        return self.values * 1e3 if self.kind == "load" else self.values + (self.kind == "order")
+
+    @property
+    def varies(self) -> bool:
+        """Whether it is not the same at all poses."""
+        return bool(np.ptp(self.values) > 0)
+
+    def take(self, rows: NDArray[np.int64]) -> Covariate:
+        """At some poses."""
+        return replace(self, values=self.values[rows])
+
+    def legendre_basis(self, degree: int) -> Array:
+        """(N, ≤ degree), Legendre polynomials 1 … degree of the scaled values, as many as the levels determine."""
+        values = scaled(self.values)
+        top = min(degree, len(levels(values, 3)[0]) - 1)
+        return np.asarray(np.polynomial.legendre.legvander(values, max(top, 0))[:, 1:], dtype=np.float64)
+
+
+def covariates(data: Measurements, torque: Array) -> tuple[Covariate, ...]:
+    """The quantities that vary. `torque`: (N, n), gravity's on every joint (N·m); (N, 0): not known."""
+    return tuple(one for one in _all(data, torque) if one.varies)
+
+
+def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
+    poses = data.poses
+    yield from (Covariate("angle", values, joint) for joint, values in enumerate(poses.q.T))
+    yield from (Covariate("torque", values, joint) for joint, values in enumerate(torque.T))
+    yield Covariate("load", poses.payload)
+    yield Covariate("order", np.arange(len(data), dtype=np.float64))
+    if poses.t is not None:
+        yield Covariate("time", poses.t)
+    if poses.temperature is not None:
+        yield Covariate("temperature", poses.temperature)
+
+
+def scaled(values: Array) -> Array:
+    """(N, …), each column scaled to −1 … 1; zero where it does not vary."""
+    least, span = values.min(axis=0), np.ptp(values, axis=0)
+    return np.where(span < CONSTANT, 0.0, 2.0 * (values - least) / np.where(span < CONSTANT, 1.0, span) - 1.0)
+
+
+def levels(values: Array, decimals: int) -> tuple[Array, NDArray[np.int64]]:
+    """The distinct values among (N,), to so many decimals, ascending; and (N,), the number of each one's level."""
+    found, number = np.unique(np.round(values, decimals), return_inverse=True)
+    return found, number.reshape(-1)

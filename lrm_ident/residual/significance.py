@@ -1,0 +1,25 @@
+"""Significance of one test among many: F tests, and p values adjusted for the number of tests under any dependence."""
+
+from __future__ import annotations
+
+from scipy.special import fdtrc
+
+
+def f_test_p_value(before: float, after: float, rank: int, degrees_of_freedom: int) -> float:
+    """p value of the F test of `rank` further parameters, from residual sums of squares before and after."""
+    rest = max(degrees_of_freedom - rank, 1)
+    return float(fdtrc(rank, rest, (before - after) / rank / (after / rest))) if after > 0 else 0.0
+
+
+def yekutieli_factor(m: int) -> float:
+    """m · Σ 1/k: what the smallest of m p values is multiplied by."""
+    return m * sum(1.0 / k for k in range(1, m + 1))
+
+
+def benjamini_yekutieli(p_values: dict[str, float]) -> dict[str, float]:
+    """p values adjusted for their number under any dependence (Benjamini & Yekutieli 2001)."""
+    adjusted, smallest, factor = {}, 1.0, yekutieli_factor(len(p_values))
+    for rank, name in reversed(list(enumerate(sorted(p_values, key=lambda name: p_values[name]), start=1))):
+        smallest = min(smallest, p_values[name] * factor / rank)
+        adjusted[name] = smallest
+    return adjusted

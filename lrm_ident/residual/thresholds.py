@@ -1,0 +1,39 @@
+"""Thresholds of what is said of a residual, and what set each.
+
+Shares are of the held-out RMS of the 3-D distance; squares are compared accordingly (`better_prediction.saves`).
+"""
+
+from __future__ import annotations
+
+SIGNIFICANCE = 0.01
+"""False discovery rate among all that were tried (Benjamini & Yekutieli 2001), likewise of structure, regimes and laws:
+a convention, chosen before the hidden effects were tried (decision 6)."""
+Z_THRESHOLD = 2.0
+"""Standard errors of a paired difference by which one prediction must beat another (Vuong 1989): likewise."""
+MIN_GAIN = 0.02
+"""Share that an effect or a law must save to be worth naming: likewise."""
+MIN_FREE_GAIN, MAX_FREE_FUNCTIONS = 0.10, 3
+"""Share that a free function must save to be unexplained structure, chosen before too; how many are taken together
+before an effect is called spurious, changed once because of the hidden effects (decision 6)."""
+MIN_NAMELESS_GAIN = 0.05
+"""Share that a model without names must save for more to be left to find: between the two above."""
+MAX_EFFECTS = 8
+"""Effects that are selected before everything is fitted anew: a bound on time, hardly ever met."""
+
+EQUIVALENCE_COSINE = 0.95
+"""Smallest principal cosine (Björck & Golub 1973) above which two effects move the TCP alike (decision 6)."""
+EQUIVALENT_GAIN, SIMILAR_GAIN = 0.5, 0.8
+"""Share of an effect's gain that one of its class must have (decision 6), and a simpler one to be taken instead
+(decision 10, set on the half for tuning of the second catalogue)."""
+VERY_STRONG = 10.0
+"""Difference of Schwarz's criterion that is very strong evidence (Kass & Raftery 1995)."""
+MIN_DETECTABLE = 3.0
+"""Times the noise that a typical size must move all TCPs together for an effect to be testable: a convention."""
+
+FLOOR_RATIO, MORAN_THRESHOLD = 1.15, 0.1
+"""Residual over the noise floor, and where that is unknown Moran's I of neighbours, above which structure matters: by
+so much a stated noise may be wrong, and so little is seldom worth a search."""
+NOT_NOISE = 1e-3
+"""p value of the lack-of-fit test below which the residual surely exceeds a known floor: a tenth of `SIGNIFICANCE`."""
+MIN_REGIME_RATIO = 1.5
+"""RMS inside a regime over RMS outside that is worth saying: a convention."""

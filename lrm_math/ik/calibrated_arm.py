@@ -1,0 +1,245 @@
+"""A deployed model as the methods of the calibrated inverse use it: packed for the kernel, its answers unpacked."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Protocol
+
+import numpy as np
+
+from lrm_math.arm.joint_limits import JointLimits
+from lrm_math.arrays import Array
+from lrm_math.ik.joint_errors import JointErrorModel
+from lrm_math.ik.kernel.kernel_model import KernelModel, Twelve, frames_as_numbers, packed, with_form, with_laws
+from lrm_math.ik.kernel.moving_slots import Indices
+from lrm_math.ik.kernel.shared_library import kernel
+from lrm_math.ik.kernel.structures import KernelFound
+from lrm_math.ik.library import PoseLibrary
+from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
+from lrm_math.ik.nominal.pieper import pieper_form
+from lrm_math.ik.nominal.solver import NominalSolver, solver_of
+from lrm_math.ik.solutions import AT_LIMIT, IkQuery, IkSolution, IkSolutions, Stalled
+from lrm_math.kinematics.chain import Number
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.kinematics.screw_axes import screw_axes_of
+from lrm_math.model.batch_equilibrium import batch_equilibrium
+from lrm_math.model.model import CACHED_PAYLOADS, Model
+
+SLACK = 0.4
+"""rad: the nominal solutions may break the limits by so much, since the commands then differ from them."""
+FREE_STARTS = (10, 96)
+"""Number of library poses from which goals that leave motion free are sought, at first and if that leads nowhere."""
+SIDE_CHANGES = 3
+ALIGNED = 1e-4
+"""m/rad: where some joint motion moves the tool no faster, a solution is called singular."""
+LINEARISATIONS, STEADY = 30, 1e-11
+"""Most calls of the kernel for effects that it does not know; rad: change of the slots that ends them."""
+
+
+class Method(Protocol):
+    """A method of the calibrated inverse."""
+
+    @property
+    def name(self) -> str:
+        """Name in replies."""
+
+    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | Stalled | None:
+        """Commands for one goal; None where the method finds none."""
+
+
+@dataclass(frozen=True, eq=False)
+class EquilibriumBatch:
+    """Those of K commands that settle, `rows` (M,): slot amounts (M, V) and tool frames (M, 12) by columns."""
+
+    rows: Indices
+    slots: Array
+    tcp: Array
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedArm:
+    """A deployed model (see `deployed_model`) and what follows from it alone."""
+
+    model: Model
+
+    @cached_property
+    def errors(self) -> JointErrorModel:
+        """What the kernel computes, and what is left to Python."""
+        return JointErrorModel(self.model)
+
+    @cached_property
+    def limits(self) -> JointLimits:
+        """Of the commands."""
+        return JointLimits.of(self.model.arm)
+
+    @cached_property
+    def nominal_solver(self) -> NominalSolver:
+        """Inverse of the nominal arm, limits widened by `SLACK`."""
+        joints = (replace(j, lower=j.lower - SLACK, upper=j.upper + SLACK) for j in self.model.arm.joints)
+        return solver_of(replace(self.model.arm, joints=tuple(joints)))
+
+    def nominal_tool(self, q: Array) -> Array:
+        """(4, 4), tool frame of the nominal arm at angles (n,); m."""
+        return np.asarray(self.nominal_solver.frames(q[None])[0, -1])
+
+    @cached_property
+    def _bare(self) -> KernelModel:
+        errors, limits = self.errors, self.limits
+        moments = errors.moving.moments(self.model.weights(0.0))
+        arm = packed(errors.moving, moments, self.model.binding.reach, limits.lower, limits.upper)
+        arm = with_form(arm, pieper_form(screw_axes_of(equivalent_arm(self.model))))
+        play, force = errors.axial_play
+        arm = arm.with_springs(errors.constants, errors.compliances).with_(play=play, play_force=force)
+        return with_laws(arm, errors.laws, errors.complete, 0.0)
+
+    @cached_property
+    def library(self) -> PoseLibrary:
+        """Settled poses all over the range."""
+        return PoseLibrary.of(self.errors, self._bare)
+
+    @cached_property
+    def _ready(self) -> KernelModel:
+        """The arm without load, with seeds; effects without formula about the library's mean loads."""
+        errors, library = self.errors, self.library
+        arm = with_laws(self._bare, errors.laws, errors.complete, library.nonlinear_bound(errors))
+        if not errors.complete:
+            arm = arm.with_springs(*errors.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
+        return arm.with_library(library.tcp, library.q, library.slots)
+
+    @cached_property
+    def kernel(self) -> Callable[[float], KernelModel]:
+        """The arm with a payload (kg), cached."""
+
+        def loaded(payload: float) -> KernelModel:
+            return self._ready.with_(moment=self.errors.moving.moments(self.model.weights(payload)))
+
+        return lru_cache(maxsize=CACHED_PAYLOADS)(loaded)
+
+    def poses(self, query: IkQuery, q: Array, direction: Array | None = None) -> Poses:
+        """Commands q (K, n) with the payload of a query."""
+        return Poses(q, np.full(len(q), query.payload), direction)
+
+    def branches(self, query: IkQuery) -> IkSolutions:
+        """All branches of a pose; commands nearest to `near`, or to the middle of the limits, of any other goal."""
+        arm, near = self.kernel(query.payload), query.near
+        found, V = arm.search(query.goal, near or self.limits.middle, near, FREE_STARTS), arm.slots
+        if self.errors.complete:
+            return IkSolutions(tuple(self._unpacked(found, query.goal.constraints >= arm.joints)), found.steps)
+        states = [(np.array(x.slots[:V]), np.array(x.tau[:V])) for x in found.at[: found.count]]
+        return IkSolutions(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), found.steps)
+
+    def _unpacked(self, found: KernelFound, determined: bool) -> list[IkSolution]:
+        """The kernel's solutions."""
+        n, V, out = self.model.arm.dof, len(self.errors.moving.slots), []
+        for k in range(found.count):
+            at = found.at[k]
+            detour = tuple(j for j, wrong in enumerate(at.detour[:n], 1) if wrong)
+            margin, free = -at.excess - AT_LIMIT, at.free if determined and 0.0 <= at.slope < ALIGNED else None
+            out.append(IkSolution(tuple(at.q[:n]), tuple(at.side[:n]), detour, tuple(at.slots[:V]), margin, free))
+        return out
+
+    def at_goal(self, query: IkQuery, slots: Array) -> list[IkSolution]:
+        """The command at the goal by Newton's method from slot amounts (V,); none if it does not lead there."""
+        arm = self.kernel(query.payload)
+        if not self.errors.complete:
+            return self._corrected(query, slots, arm.forward(slots[None])[1][0])
+        state = arm.newton(query.goal, slots, query.near)
+        return [] if state is None else self._unpacked(state[2], query.goal.constraints >= self.model.arm.dof)
+
+    def _corrected(self, query: IkQuery, slots: Array, tau: Array) -> list[IkSolution]:
+        """The command for a state near the goal, (V,) each: the kernel with the model linearised about it, repeatedly.
+
+        Where effects without formula act on joints alone, the kernel's state is the model's, and stays.
+        """
+        q, side, detour = self._command(query, slots, tau)
+        for _ in range(LINEARISATIONS):
+            springs = self.errors.linearised(self.poses(query, q[None], side[None]), tau)
+            state = self.kernel(query.payload).with_springs(*springs).newton(query.goal, slots)
+            if state is None:
+                return []
+            moved = float(np.abs(state[0] - slots).max())
+            slots, tau, _ = state
+            if moved > 0.0:
+                q, side, detour = self._command(query, slots, tau)
+            if moved < STEADY:
+                break
+        if not np.isfinite(q).all():
+            return []
+        angles = tuple(q.tolist())
+        margin = min(self.limits.margins(angles))
+        turned = tuple(int(j) + 1 for j in np.flatnonzero(detour))
+        return [IkSolution(angles, tuple(side.astype(int).tolist()), turned, tuple(slots.tolist()), margin)]
+
+    def _command(self, query: IkQuery, slots: Array, tau: Array) -> tuple[Array, Array, Array]:
+        """Command (n,), sides of arrival, and 1 where coming straight from `near` contradicts them, else 0."""
+
+        errors = self.errors
+        unloaded = (slots - errors.constants)[errors.moving.joints]
+
+        def command(side: Array) -> Array:
+            poses = self.poses(query, unloaded[None], side[None])
+            return np.asarray(errors.command(poses, tau[None], slots[None])[0])
+
+        side = np.zeros(len(unloaded))
+        q, wrong = command(side), side
+        if query.near is None:
+            return q, side, wrong
+        side = np.sign(q - query.near)
+        for change in range(SIDE_CHANGES):
+            q = command(side)
+            wrong = (np.sign(q - query.near) != side).astype(np.float64)
+            if not wrong.any() or change == SIDE_CHANGES - 1:
+                break
+            side = np.where(wrong > 0.0, -side, side)
+        return q, side, wrong
+
+    def equilibria(
+        self, query: IkQuery, q: Array, direction: Array | None = None, start: Array | None = None,
+        tolerance: float = 1e-9,
+    ) -> EquilibriumBatch:  # fmt: skip
+        """Equilibria of commands (K, n) from sides (K, n), those that there are.
+
+        `start`: (K, V), slot amounts to begin with; None: those without loads. `tolerance`: m.
+        """
+        errors, arm = self.errors, self.kernel(query.payload)
+        if errors.complete:
+            begin = self.unloaded_slots(q) if start is None else start
+            side = np.zeros_like(q) if direction is None else direction
+            slots, tcp, iterations = arm.settle(q, side, begin, tolerance)
+            rows = np.flatnonzero(iterations > 0)
+            return EquilibriumBatch(rows, slots[rows], tcp[rows])
+        first = None if start is None else self.chain_amounts(start)
+        settled, rows = batch_equilibrium(self.model, self.poses(query, q, direction), first, tolerance)
+        slots = np.array([np.broadcast_to(settled.slots[k], len(settled.poses)) for k in errors.moving.slots]).T
+        frames = arm.forward(slots)[0]
+        return EquilibriumBatch(rows, slots, frames_as_numbers(frames[:, :3, 3], frames[:, :3, :3]))
+
+    def tool_at(
+        self, query: IkQuery, q: tuple[float, ...], direction: tuple[int, ...], start: tuple[float, ...] | None = None
+    ) -> list[float] | None:
+        """Tool frame by columns, twelve numbers, of a command's equilibrium; None if it has none. `start`: slots."""
+        begin = self.unloaded_slots(np.array([q]))[0].tolist() if start is None else start
+        if not self.errors.complete:
+            settled = self.equilibria(query, np.array([q]), np.array([direction]), np.array([begin]))
+            return settled.tcp[0].tolist() if len(settled.rows) else None
+        n, arm, iterations = len(q), self.kernel(query.payload), ctypes.c_int()
+        slots, tcp = (ctypes.c_double * arm.slots)(*begin), Twelve()
+        angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*direction)
+        kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
+        return tcp[:] if iterations.value > 0 else None
+
+    def unloaded_slots(self, q: Array) -> Array:
+        """(K, V), slot amounts of the arm without loads at commands (K, n)."""
+        out = np.tile(self.errors.constants, (len(q), 1))
+        out[:, self.errors.moving.joints] += q
+        return out
+
+    def chain_amounts(self, slots: Array) -> list[Number]:
+        """Amounts of all slots of the chain, from those of the moving ones (K, V); floats for a single pose."""
+        out: list[Number] = list(self.model.binding.constants)
+        for k, amount in zip(self.errors.moving.slots.tolist(), slots.T, strict=True):
+            out[k] = float(amount[0]) if len(slots) == 1 else amount
+        return out

@@ -1,0 +1,151 @@
+"""Error model of the joints and other moving slots: what effects add to them, beyond the kernel's formulas.
+
+The TCP depends on the slots of the chain only. Once these are solved for, the commands follow without kinematics:
+commanded = true − (what effects add there). Where the kernel has a formula for every effect (`kernel.laws`) it computes
+all of this. Else the model comes back to Python by one way: commands follow here, and on the other slots the kernel is
+given the model's value and derivative about the state found, and asked again (see `calibrated_arm`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lrm_math.arrays import Array
+from lrm_math.effects.derivatives import by_loads
+from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, plays, springs, without_formula
+from lrm_math.ik.kernel.moving_slots import MovingSlots, moving_slots_of
+from lrm_math.kinematics.chain import Number
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.effect_binding import BoundEffect, EffectBinding
+from lrm_math.model.equilibrium import effect_loads, rigid_amounts
+from lrm_math.model.model import Model
+
+SETTLED, MOST_STEPS = 1e-11, 60
+"""rad; iterations of commands that follow from themselves."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointErrorModel:
+    """The relation between commands, loads and slots of a model.
+
+    `model`: only effects that can be compensated, and no rounding (see `deployed_model`).
+    """
+
+    model: Model
+
+    @cached_property
+    def moving(self) -> MovingSlots:
+        """The arm, everything that never moves joined by fixed transforms."""
+        binding = self.model.binding
+        rigid = {k for bound in binding.rigid for k in bound.slots}
+        also = sorted({*binding.moving, *self.model.load_slots, *rigid})
+        return moving_slots_of(self.model.chain, binding.constants, also)
+
+    @cached_property
+    def constants(self) -> Array:
+        """(V,), moving slots with all joints at zero and no load (rad, m)."""
+        return np.array(self.model.binding.constants)[self.moving.slots]
+
+    @cached_property
+    def _row(self) -> dict[int, int]:
+        return {int(k): v for v, k in enumerate(self.moving.slots)}
+
+    @cached_property
+    def _load_rows(self) -> list[int]:
+        return [self._row[k] for k in self.model.load_slots]
+
+    @cached_property
+    def compliances(self) -> Array:
+        """(V, V), response of the springs to loads on the moving slots (rad/N·m, m/N·m)."""
+        return self._responses(poses_of([0.0] * self.model.arm.dof), np.zeros(len(self._row)), springs(self._binding))
+
+    @property
+    def _binding(self) -> EffectBinding:
+        return self.model.binding
+
+    @cached_property
+    def complete(self) -> bool:
+        """Whether the kernel has a formula for every effect of the model."""
+        return not without_formula(self._binding, self.model.load_slots, self.model.chain.joint_slots)
+
+    @cached_property
+    def laws(self) -> tuple[KernelLaw, ...]:
+        """The laws that the kernel computes: all or, so that commands are computed in one place, none."""
+        return kernel_laws(self._binding, self.model.chain.joint_slots) if self.complete else ()
+
+    @cached_property
+    def axial_play(self) -> tuple[Array, Array]:
+        """Play of the moving slots from end to end (V,), m, zero of most, and the force that takes it up (V,), N."""
+        play, force = np.zeros(len(self._row)), np.ones(len(self._row))
+        for bound in plays(self._binding):
+            play[self._row[bound.slots[0]]], force[self._row[bound.slots[0]]] = bound.p
+        return play, force
+
+    def slots_at(self, poses: Poses, tau: Array) -> Array:
+        """(K, V), amounts that the moving slots are due for commands under gravity loads (K, V): rad, m."""
+        count, rigid, pushed = len(poses), rigid_amounts(self.model, poses), effect_loads(self.model, poses)
+        felt = self._felt(tau, pushed)
+        due = {k: rigid[k] for k in self._row}
+        for bound in self.model.binding.elastic:
+            for k, amount in bound.amounts(poses, felt):
+                due[k] = due[k] + amount
+        return np.stack([np.broadcast_to(due[k], count) for k in self._row], axis=1)
+
+    def command(self, poses: Poses, tau: Array, slots: Array) -> Array:
+        """(K, n), commands that hold slot amounts (K, V) under gravity loads (K, V); not finite where none does.
+
+        `poses`: payload and direction, and angles to begin with. Fixed-point iteration with secants (Anderson 1965).
+        """
+        joints, q = self.moving.joints, poses.q
+        before: tuple[Array, Array] | None = None
+        step = np.full_like(q, np.inf)
+        for _ in range(MOST_STEPS):
+            step = (slots - self.slots_at(replace(poses, q=q), tau))[:, joints]
+            if not (np.abs(step) > SETTLED).any():
+                return np.asarray(q + step)
+            moved = step
+            if before is not None:
+                change = step - before[1]
+                share = (step * change).sum(axis=1) / np.maximum((change * change).sum(axis=1), 1e-300)
+                moved = step - share[:, None] * (q - before[0] + change)
+            before, q = (q, step), q + moved
+        settled = np.abs(step).max(axis=1, keepdims=True) < 1e3 * SETTLED
+        return np.asarray(np.where(settled, q, np.nan))
+
+    def linearised(self, poses: Poses, tau: Array) -> tuple[Array, Array]:
+        """Amounts without load (V,) and compliances (V, V) that, with its play, make the kernel agree with the model.
+
+        Of slots that are no joints, by value and derivative about one pose and loads (V,); of joints, the springs.
+        """
+        others, sliding = self.moving.others, plays(self._binding)
+        response = self._responses(poses, tau, self._binding.elastic, effect_loads(self.model, poses))
+        compliances = self.compliances.copy()
+        compliances[others] = (response - self._responses(poses, tau, sliding))[others]
+        due = self.slots_at(poses, tau[None])[0] - compliances @ tau
+        for bound in sliding:
+            for k, amount in bound.amounts(poses, self._felt(tau[None], {})):
+                due[self._row[k]] -= float(amount)
+        zero = self.constants.copy()
+        zero[others] = due[others]
+        return zero, compliances
+
+    def _felt(self, tau: Array, pushed: dict[int, Number]) -> list[Number]:
+        """Loads on `model.load_slots`, floats for one pose."""
+        rows: list[Number] = [float(tau[0, v]) if len(tau) == 1 else tau[:, v] for v in self._load_rows]
+        return [load + pushed.get(k, 0.0) for k, load in zip(self.model.load_slots, rows, strict=True)]
+
+    def _responses(
+        self, pose: Poses, tau: Array, effects: Sequence[BoundEffect], pushed: dict[int, Number] | None = None
+    ) -> Array:
+        """(V, V), derivatives of some effects by the loads, at one pose and gravity loads (V,)."""
+        out, felt = np.zeros((len(self._row), len(self._row))), self._felt(tau[None], pushed or {})
+        for bound in effects:
+            rows = by_loads(bound.effect, pose, bound.felt(felt), bound.p)
+            for i, responses in zip(bound.loads, rows, strict=True):
+                for k, response in zip(bound.slots, responses, strict=True):
+                    out[self._row[k], self._load_rows[i]] += response
+        return out

@@ -1,0 +1,269 @@
+"""One model with one payload as the kernel reads it: packed once, immutable, checked against the fixed maxima."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.ik.goal import Goal
+from lrm_math.ik.kernel.laws import KERNEL_LAWS, KernelLaw
+from lrm_math.ik.kernel.moving_slots import MovingSlots
+from lrm_math.ik.kernel.shared_library import kernel
+from lrm_math.ik.kernel.structures import (
+    MAX_BODIES,
+    MAX_JOINTS,
+    MAX_LAWS,
+    MAX_POSES,
+    MAX_SLOTS,
+    MAX_SPRINGS,
+    KernelArm,
+    KernelForm,
+    KernelFound,
+)
+from lrm_math.ik.nominal.pieper import AxisPair, PieperForm
+
+Integers = NDArray[np.int32]
+DESCENTS, KEPT = 24, 4
+"""Poses of the library from which descents to the nearest goal start, and how many of these go on to the end."""
+BELOW = {
+    "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
+    "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
+    "law": ("", len(KERNEL_LAWS)), "spring_from": ("", MAX_SPRINGS + 1),
+}  # fmt: skip
+"""What the numbers of an array, places in other arrays, are below: how many of these the arm has, and a number."""
+SHAPES = (AxisPair.MEETING, AxisPair.PARALLEL, AxisPair.SKEW)
+
+
+@dataclass(frozen=True, eq=False)
+class KernelModel:
+    """A packed model. `memory`: the kernel's structure; `kept`: arrays that it points to."""
+
+    memory: KernelArm
+    moving: MovingSlots
+    kept: tuple[NDArray[Any], ...] = ()
+
+    @property
+    def slots(self) -> int:
+        """Number of moving slots."""
+        return int(self.memory.slots)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return int(self.memory.joints)
+
+    @property
+    def address(self) -> int:
+        """Of the structure."""
+        return ctypes.addressof(self.memory)
+
+    def with_(self, **numbers: ArrayLike) -> KernelModel:
+        """A copy with other numbers in some fields of the structure."""
+        memory = KernelArm.from_buffer_copy(self.memory)
+        for name, values in numbers.items():
+            put(memory, name, values)
+        return KernelModel(memory, self.moving, self.kept)
+
+    def with_library(self, tcp: Array, q: Array, slots: Array) -> KernelModel:
+        """A copy with seeds, M poses at rest: tool frames (M, 4, 4), commands (M, n), slot amounts (M, V)."""
+        fits("library poses", len(q), MAX_POSES)
+        columns = np.ascontiguousarray(frames_as_numbers(tcp[:, :3, 3], tcp[:, :3, :3]).T, dtype=np.float32)
+        kept = (np.ascontiguousarray(q), np.ascontiguousarray(slots), columns)
+        memory = self.with_(start=slots.mean(axis=0)).memory
+        memory.poses, memory.library_q, memory.library_slots = len(q), _at(kept[0]), _at(kept[1])
+        memory.library_columns = _at(columns)
+        return KernelModel(memory, self.moving, kept)
+
+    def with_springs(self, zero: Array, compliances: Array) -> KernelModel:
+        """A copy with other amounts without load (V,) and compliances (V, V), rad/N·m or m/N·m."""
+        rows, columns = np.nonzero(compliances)
+        fits("springs", len(rows), MAX_SPRINGS)
+        counts = np.bincount(rows, minlength=len(zero)).cumsum()
+        return self.with_(
+            zero=zero, spring_from=[0, *counts.tolist()], spring_load=columns, spring=compliances[rows, columns]
+        )
+
+    def forward(self, slots: Array) -> tuple[Array, Array]:
+        """Tool frames (K, 4, 4) and gravity loads (K, V) at slot amounts (K, V)."""
+        s = np.ascontiguousarray(slots, dtype=np.float64)
+        tcp, tau = np.empty((len(s), 12)), np.empty(s.shape)
+        kernel().ik_forward(self.address, len(s), *map(_at, (s, tcp, tau)))
+        return matrices(tcp), tau
+
+    def load_derivatives(self, slots: Array) -> Array:
+        """(V, V), derivatives of the loads by the slots at amounts (V,)."""
+        s, out = np.ascontiguousarray(slots, dtype=np.float64), np.empty((self.slots, self.slots))
+        kernel().ik_load_derivatives(self.address, _at(s), _at(out))
+        return out
+
+    def settle(self, q: Array, side: Array, start: Array, tolerance: float) -> tuple[Array, Array, Integers]:
+        """Equilibria of commands (K, n) that arrive from sides (K, n), from slot amounts (K, V).
+
+        Returns amounts (K, V), tool frames (K, 12) by columns, iterations (K,), -1 where there is none.
+        """
+        commands, sides = np.ascontiguousarray(q, dtype=np.float64), np.ascontiguousarray(side, dtype=np.int32)
+        slots, tcp, iterations = np.array(start, order="C"), np.empty((len(q), 12)), np.empty(len(q), dtype=np.int32)
+        args = (_at(commands), _at(sides), tolerance, _at(slots), _at(tcp), _at(iterations))
+        kernel().ik_settle(self.address, len(q), *args)
+        return slots, tcp, iterations
+
+    def frames(self, slots: Array) -> Array:
+        """(K, n + 2, 4, 4), frames of the base, after joint 1 … n, and of the tool, at slot amounts (K, V); m."""
+        s, after = np.ascontiguousarray(slots, dtype=np.float64), np.empty((len(slots), self.slots + 1, 12))
+        kernel().ik_frames(self.address, len(s), _at(s), _at(after))
+        moved = matrices(after[:, self.moving.frame_inboard].reshape(-1, 12)).reshape(len(s), -1, 4, 4)
+        return np.asarray(moved @ self.moving.frames)
+
+    def cube(
+        self, drawn: KernelModel, centre: Array, side: float, points: int, target: Array, tolerance: float, q: Array,
+        slots: Array,
+    ) -> tuple[Array, Array] | None:  # fmt: skip
+        """Of a cube of goals of the arm as drawn, the command (n,) whose equilibrium is nearest to `target` (3,), m.
+
+        `centre`: (1, 12), frame by columns. `side`: m, of `points` goals. `q`, `slots`: a command (n,) and amounts (V,)
+        at rest to begin with. `tolerance`: m, of the equilibria. Returns slot amounts too; None if there is none, as of
+        an arm without a closed form.
+        """
+        if not drawn.memory.has_form:
+            return None
+        best, there, aim = np.array(q), np.array(slots), np.ascontiguousarray(target)
+        args = (_at(centre), side, points, _at(aim), tolerance, _at(best), _at(there))
+        return (best, there) if kernel().ik_cube(self.address, drawn.address, *args) else None
+
+    def search(
+        self, goal: Goal, towards: Sequence[float], near: Sequence[float] | None, starts: Sequence[int]
+    ) -> KernelFound:
+        """All branches of a pose; of a goal that leaves motion free commands nearest to `towards` (n,), rad.
+
+        `starts`: numbers of poses of the library that the latter are sought from, each if the one before finds none.
+        """
+        found, numbers, numbers_near = KernelFound(), goal_numbers(goal), self._angles(near)
+        if goal.constraints == 6 and self.joints <= 6:
+            kernel().ik_pose(self.address, numbers, numbers_near, ctypes.addressof(found))
+            return found
+        for count in starts:
+            args = (goal.constraints, self._angles(towards), numbers_near, count, ctypes.addressof(found))
+            if kernel().ik_free(self.address, numbers, *args):
+                break
+        return found
+
+    def newton(
+        self, goal: Goal, slots: Array, near: Sequence[float] | None = None
+    ) -> tuple[Array, Array, KernelFound] | None:
+        """Slots (V,) at the goal, from slots (V,), the loads, the command coming from `near`; None: not reached."""
+        s, tau, found = np.array(slots), np.empty(self.slots), KernelFound()
+        args = (goal_numbers(goal), goal.constraints, self._angles(near), _at(s), _at(tau), ctypes.addressof(found))
+        return (s, tau, found) if kernel().ik_newton(self.address, *args) else None
+
+    def nearest(self, goal: Goal, starts: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], Array] | None:
+        """The nearest command (n,), rad, and the tool frame (4, 4) there; None if the arm does not settle.
+
+        `starts`: commands to start from, beside the closest poses of the library.
+        """
+        found, flat = KernelFound(), [angle for start in starts for angle in start]
+        more = (ctypes.c_double * max(len(flat), 1))(*flat)
+        args = (goal.constraints, DESCENTS, KEPT, len(starts), more, ctypes.addressof(found))
+        if not kernel().ik_nearest(self.address, goal_numbers(goal), *args):
+            return None
+        tcp, _ = self.forward(np.array([found.at[0].slots[: self.slots]]))
+        return tuple(found.at[0].q[: self.joints]), tcp[0]
+
+    def _angles(self, q: Sequence[float] | None) -> ctypes.Array[ctypes.c_double] | None:
+        return None if q is None else (ctypes.c_double * self.joints)(*q)
+
+
+def packed(
+    moving: MovingSlots, moments: Array, reach: float, lower: Sequence[float], upper: Sequence[float]
+) -> KernelModel:
+    """An arm without springs, laws, closed form or library; limits (rad). Raises `LrmError` beyond a fixed maximum."""
+    V, n, B = len(moving.slots), len(moving.joints), len(moving.inboard)
+    for name, count, most in (("moving slots", V, MAX_SLOTS), ("joints", n, MAX_JOINTS), ("bodies", B, MAX_BODIES)):
+        fits(name, count, most)
+    memory = KernelArm()
+    memory.slots, memory.joints, memory.others, memory.bodies = V, n, len(moving.others), B
+    memory.laws_known, memory.reach = 1, reach
+    turned = [not np.array_equal(weld[:3, :3], np.eye(3)) for weld in moving.fixed]
+    return KernelModel(memory, moving).with_(
+        gravity=moving.gravity, weld=moving.fixed[:, :3].transpose(0, 2, 1), welded_turn=turned, moment=moments,
+        axis=moving.axes, joint=moving.joints, other=moving.others, inboard=moving.inboard,
+        counted=moving.counted, moved=moving.moved, lower=lower, upper=upper,
+    )  # fmt: skip
+
+
+def with_laws(arm: KernelModel, laws: Sequence[KernelLaw], complete: bool, nonlinear_bound: float) -> KernelModel:
+    """The arm with joint laws; not `complete`: Python corrects commands. `nonlinear_bound`: rad, most that these do."""
+    fits("joint laws", len(laws), MAX_LAWS)
+    p = np.zeros((len(laws), 4))
+    for row, (_, _, values) in zip(p, laws, strict=True):
+        row[: len(values)] = values
+    out = arm.with_(law=[law for law, _, _ in laws], law_joint=[joint for _, joint, _ in laws], law_p=p)
+    out.memory.laws, out.memory.laws_known, out.memory.nonlinear_bound = len(laws), complete, nonlinear_bound
+    return out
+
+
+def with_form(arm: KernelModel, form: PieperForm | None) -> KernelModel:
+    """The arm with a closed form, its own or that of one like it."""
+    if form is None:
+        return arm
+    out = arm.with_()
+    memory = KernelForm(a=form.a, length=form.length, shape=SHAPES.index(form.shape), backwards=form.backwards)
+    for name in ("frame", "foot", "centre", "tip_x", "tip_z", "links", "offsets", "v0", "vc", "vs", "elbow"):
+        put(memory, name, getattr(form, name))
+    out.memory.form, out.memory.has_form = memory, 1
+    return out
+
+
+def put(memory: Any, name: str, values: ArrayLike) -> None:
+    """Fills the beginning of an array in a structure. Raises `LrmError` for what the kernel must not read."""
+    field = np.ctypeslib.as_array(getattr(memory, name))
+    flat = np.asarray(values).ravel()
+    fits(f"numbers in {name}", flat.size, field.size)
+    if not np.isfinite(flat).all():
+        raise LrmError(f"the arm's {name} has a number that is not finite")
+    count, more = BELOW.get(name, ("", 0))
+    below = more + (getattr(memory, count) if count else 0)
+    if name in BELOW and flat.size and not 0 <= flat.min() <= flat.max() < below:
+        raise LrmError(f"the arm's {name} has numbers from {flat.min()} to {flat.max()}; packed wrongly")
+    field[: flat.size] = flat
+
+
+def fits(name: str, count: int, most: int) -> None:
+    """Raises `LrmError` if there are more than the kernel has room for."""
+    if count > most:
+        raise LrmError(f"the model has {count} {name}; the kernel of inverse kinematics has room for {most}")
+
+
+def goal_numbers(goal: Goal) -> ctypes.Array[ctypes.c_double]:
+    """A goal as the kernel takes it: columns of the rotation (zeros where free) and position."""
+    if goal.rotation is not None:
+        (a, d, g), (b, e, h), (c, f, i) = goal.rotation
+        return Twelve(a, b, c, d, e, f, g, h, i, *goal.position)
+    return Twelve(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *(goal.approach or (0.0, 0.0, 0.0)), *goal.position)
+
+
+Twelve = ctypes.c_double * 12
+
+
+def frames_as_numbers(positions: Array, rotations: Array) -> Array:
+    """(K, 12), goals as the kernel takes them, from positions (K, 3) in m and rotations (K, 3, 3)."""
+    columns = rotations.transpose(0, 2, 1).reshape(-1, 9)
+    return np.ascontiguousarray(np.concatenate([columns, positions], axis=1))
+
+
+def matrices(tcp: Array) -> Array:
+    """(K, 4, 4), homogeneous matrices of frames (K, 12) by columns."""
+    out = np.zeros((len(tcp), 4, 4))
+    out[:, :3] = tcp.reshape(-1, 4, 3).transpose(0, 2, 1)
+    out[:, 3, 3] = 1.0
+    return out
+
+
+def _at(array: NDArray[Any]) -> int:
+    return array.ctypes.data

@@ -1,0 +1,104 @@
+"""The moving slots of a chain, everything that never moves welded together, as the kernel takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import Chain, Slot
+from lrm_math.kinematics.statics import Weight
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class MovingSlots:
+    """The moving slots of a chain and the rigid transforms between them.
+
+    Attributes:
+        slots: (V,), numbers of the moving slots in the chain, ascending.
+        joints, others: (n,), (W,), positions among them of joints and of other slots.
+        axes: (V,), 0 to 2 for a turn about x, y, z, 3 to 5 for a translation.
+        fixed: (V + 1, 4, 4), the transform to each slot, and from the last one to the TCP (m).
+        inboard: (B,), number of moving slots inboard of each body; `body_frames`: (B, 4, 4), its frame there.
+        frame_inboard, frames: the same of the base, after joint 1 … n, and of the tool, (n + 2,) and (n + 2, 4, 4).
+        counted, moved: (V,), the first body that a slot's load counts, and that the slot moves.
+        gravity: (3,), m/s².
+    """
+
+    slots: Indices
+    joints: Indices
+    others: Indices
+    axes: Indices
+    fixed: Array
+    inboard: Indices
+    body_frames: Array
+    frame_inboard: Indices
+    frames: Array
+    counted: Indices
+    moved: Indices
+    gravity: Array
+
+    def moments(self, weights: Sequence[Weight]) -> Array:
+        """(B, 4), first mass moment (kg m) and mass (kg) of every body, in the frame of its moving slot.
+
+        `weights`: of the bodies in chain order.
+        """
+        com = np.array([[*w.com, 1.0] for w in weights], dtype=np.float64).reshape(-1, 4, 1)
+        mass = np.array([float(w.mass) for w in weights])
+        return np.asarray(mass[:, None] * (self.body_frames @ com)[:, :, 0])
+
+
+def moving_slots_of(chain: Chain, constants: Sequence[float], also: Sequence[int]) -> MovingSlots:
+    """A chain whose slots keep the amounts `constants` (rad, m), except the joints and those in `also`."""
+    slots = sorted({*chain.joint_slots, *also})
+    edges = [-1, *slots, len(chain.slots)]
+
+    def fixed(ends: Sequence[int]) -> tuple[Indices, Array]:
+        """Numbers of moving slots inboard of some places before slots `ends`, and the places' frames there."""
+        inboard = [sum(k < end for k in slots) for end in ends]
+        fixed = [_fixed(chain, constants, edges[n] + 1, end) for n, end in zip(inboard, ends, strict=True)]
+        return np.array(inboard, dtype=np.int64), np.array(fixed).reshape(-1, 4, 4)
+
+    inboard, body_frames = fixed([body.before for body in chain.bodies])
+    frame_inboard, frames = fixed(chain.frame_ends)
+    return MovingSlots(
+        slots=np.array(slots),
+        joints=np.array([slots.index(k) for k in chain.joint_slots]),
+        others=np.array([v for v, k in enumerate(slots) if chain.slots[k].joint is None], dtype=np.int64),
+        axes=np.array([chain.slots[k].axis + (0 if chain.slots[k].rotates else 3) for k in slots]),
+        fixed=np.array([_fixed(chain, constants, a + 1, b) for a, b in pairwise(edges)]),
+        inboard=inboard,
+        body_frames=body_frames,
+        frame_inboard=frame_inboard,
+        frames=frames,
+        counted=np.array([chain.counted[k] for k in slots]),
+        moved=np.array([chain.moved[k] for k in slots]),
+        gravity=np.array(chain.gravity),
+    )
+
+
+def _fixed(chain: Chain, constants: Sequence[float], start: int, stop: int) -> Array:
+    """(4, 4), product of the slots start … stop − 1 at their constant amounts."""
+    out = np.eye(4)
+    for k in range(start, stop):
+        out = out @ _motion(chain.slots[k], constants[k])
+    return out
+
+
+def _motion(slot: Slot, amount: float) -> Array:
+    """(4, 4), the motion of one slot by an amount (rad, m)."""
+    out = np.eye(4)
+    if not slot.rotates:
+        out[slot.axis, 3] = amount
+        return out
+    i, j = (slot.axis + 1) % 3, (slot.axis + 2) % 3
+    out[i, i] = out[j, j] = np.cos(amount)
+    out[j, i] = np.sin(amount)
+    out[i, j] = -out[j, i]
+    return out

@@ -1,0 +1,65 @@
+"""Searches that every method shares: all commands that reach a goal, and nominal guesses to begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.ik.calibrated_arm import CalibratedArm
+from lrm_math.ik.nearest import error_of, nearest
+from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions
+
+REACHED = 0.01
+"""m: a goal that the nearest command misses by less is tried once more from there."""
+RETRACTIONS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+"""Shares of the distance to the second joint by which goals beyond the nominal arm's reach are retracted."""
+
+
+def commands(arm: CalibratedArm, query: IkQuery) -> IkSolutions | None:
+    """All branches that the seeds lead to, or commands nearest to `near`; None if no seed leads to the goal.
+
+    Seeds are the branches of an equivalent arm's closed form, null-space and fold seeds, and poses of the library (see
+    section 9 of `kernel/ik_kernel.c`). Where they lead to nothing within the limits, the nearest reachable goal is
+    sought, and if it is the goal itself, Newton's method started there.
+    """
+    if not arm.library.reach_ball.contains(query.goal.position):
+        return None
+    found = arm.branches(query)
+    if not found.within:
+        found = replace(found, commands=(*_from_the_nearest(arm, query, found), *found.commands))
+    return found if found.commands else None
+
+
+def _from_the_nearest(arm: CalibratedArm, query: IkQuery, found: IkSolutions) -> tuple[IkSolution, ...]:
+    try:
+        closest = nearest(arm, query, tuple(command.q for command in found.beyond))
+    except LrmError:
+        return ()
+    if error_of(closest) > REACHED:
+        return ()
+    settled = arm.equilibria(query, np.array([closest.q]))
+    return tuple(c for slots in settled.slots for c in arm.at_goal(query, slots))
+
+
+def initial_guesses(arm: CalibratedArm, query: IkQuery) -> Iterator[Array]:
+    """Nominal solutions (n,), nearest to `near` first, or else furthest from the limits; a little beyond them too.
+
+    Goals beyond the nominal arm's reach are retracted. What the goal leaves free of the orientation is as the guess has
+    it. At last the closest poses of the library.
+    """
+    inwards = np.array(arm.nominal_solver.second_axis) - query.goal.position
+    for share in RETRACTIONS:
+        position = np.array(query.goal.position) + share * inwards
+        goal = replace(query.goal, position=tuple(position.tolist()))
+        branches = arm.nominal_solver.branches(goal, query.near)
+        for branch in branches:
+            yield np.array(branch.q)
+        if branches:
+            break
+    found = arm.library.tcp[:, :3, 3] - query.goal.position
+    for row in np.argsort(np.linalg.norm(found, axis=1))[:16]:
+        yield arm.library.q[row]

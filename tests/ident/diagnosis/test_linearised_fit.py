@@ -1,0 +1,78 @@
+"""Selection by updates: taking columns one after the other is fitting all of them together, in the sample and folds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_ident.diagnosis.linearised_fit import PRIOR_SD, LinearisedFit, linearise
+from lrm_math.arrays import Array
+
+POSES, SIGMA = 40, 0.3
+SIZES = st.lists(st.lists(st.integers(1, 4), min_size=1, max_size=3), max_size=4)
+
+
+def some_fit(rng: np.random.Generator) -> tuple[LinearisedFit, Array, list[Array]]:
+    A, r = rng.normal(size=(3 * POSES, 5)), rng.normal(size=3 * POSES)
+    folds = [np.asarray(part) for part in np.array_split(rng.permutation(POSES), 5)]
+    return linearise(A, r, folds, SIGMA), A, folds
+
+
+def ridge(A: Array, C: Array, r: Array, rows: Array) -> Array:
+    """(rows of A,), what a ridge on C beside A, estimated on some rows, leaves in all."""
+    basis = np.linalg.qr(A[rows])[0]
+    free_of = np.linalg.lstsq(A[rows], C[rows])[0]
+    own = C - A @ free_of
+    left = r - A @ np.linalg.lstsq(A[rows], r[rows])[0]
+    assert np.abs(basis.T @ own[rows]).max(initial=0.0) < 1e-9
+    normal = own[rows].T @ own[rows] + (SIGMA / PRIOR_SD) ** 2 * np.eye(C.shape[1])
+    return np.asarray(left - own @ np.linalg.solve(normal, own[rows].T @ left[rows]))
+
+
+@settings(max_examples=40, deadline=None)
+@given(taken=SIZES, tried=st.lists(st.integers(1, 5), min_size=1, max_size=6), seed=st.integers(0, 10**6))
+def test_what_is_taken_is_projected_out_for_good(taken: list[list[int]], tried: list[int], seed: int) -> None:
+    """Whatever is taken in whatever groups, and whenever the tried columns are brought up to date."""
+    rng = np.random.default_rng(seed)
+    linear, A, folds = some_fit(rng)
+    candidates = [rng.normal(size=(3 * POSES, m)) for m in tried]
+    sets = linear.project_each(candidates, tried)
+    fit, inside = linear, np.empty((3 * POSES, 0))
+    for group in taken:
+        columns = [rng.normal(size=(3 * POSES, m)) for m in group]
+        fit = fit.beside(*(linear.project(C) for C in columns))
+        inside = np.concatenate([inside, *columns], axis=1)
+        if rng.uniform() < 0.5:
+            sets = fit.up_to_date(sets)
+    residual, every = linear.residual, np.arange(3 * POSES)
+    for found, C in zip(fit.explain_each(sets), candidates, strict=True):
+        both = np.concatenate([inside, C], axis=1)
+        left = ridge(A, both, residual, every)
+        assert found.in_sample == pytest.approx(float(left @ left), rel=1e-9)
+        for poses in folds:
+            rows = np.setdiff1d(every, (3 * poses[:, None] + np.arange(3)).reshape(-1))
+            squares = (ridge(A, both, residual, rows).reshape(-1, 3) ** 2).sum(axis=1)
+            np.testing.assert_allclose(found.held_out[poses], squares[poses], rtol=1e-7, atol=1e-12)
+    assert fit.now.in_sample == pytest.approx(float((ridge(A, inside, residual, every) ** 2).sum()), rel=1e-9)
+
+
+@given(st.integers(0, 1000))
+def test_a_set_projected_late_is_the_set_projected_early(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linear, _, _ = some_fit(rng)
+    C, T = rng.normal(size=(3 * POSES, 3)), rng.normal(size=(3 * POSES, 2))
+    fit = linear.beside(linear.project(T))
+    early, late = fit.explain(linear.project(C)), fit.explain(fit.project(C))
+    np.testing.assert_allclose(early.theta, late.theta, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(early.held_out, late.held_out, rtol=1e-9)
+
+
+@given(st.integers(0, 1000))
+def test_a_column_that_is_taken_already_explains_nothing_more(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    linear, _, _ = some_fit(rng)
+    T = linear.project(rng.normal(size=(3 * POSES, 2)) * 100.0)
+    fit = linear.beside(T)
+    assert fit.explain(T).rms == pytest.approx(fit.now.rms, rel=1e-6)

@@ -1,0 +1,132 @@
+"""Whether an arm still stands where it was sent, by a real controller: whatever happened meanwhile is noticed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from lrm_ident.measuring.campaign.plan import PlannedPose
+from lrm_ident.measuring.campaign.rover_arm import RoverArm
+from lrm_ident.measuring.campaign.session import RealClock, power_on
+from lrmd.client import MotionInterrupted, Rover
+from lrmd.config import load_config
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
+
+Q = (0.0, math.radians(10.0), 0.0, 0.0, 0.0, 0.0)
+Meanwhile = Callable[[InMemoryDaemon, Rover], object]
+
+
+def started(boot_id: str) -> InMemoryDaemon:
+    sim = SimulatedDaemon(load_config(CONFIG))
+    sim.run(30)
+    return InMemoryDaemon(sim, boot_id)
+
+
+@pytest.fixture
+def daemon() -> Iterator[InMemoryDaemon]:
+    found = started("boot1")
+    with found.reachable():
+        yield found
+
+
+@pytest.fixture
+def rover(daemon: InMemoryDaemon) -> Iterator[Rover]:
+    assert daemon.boot_id == "boot1"
+    with Rover("rover") as opened, opened.control("campaign"):
+        yield opened
+
+
+@pytest.fixture
+def arm(rover: Rover) -> RoverArm:
+    """At `Q`, in whole counts, so that going there needs no planned way."""
+    names = rover.info().names[:6]
+    rover.arm("given", dict.fromkeys(names, 0.0))
+    found = RoverArm(rover, RealClock(), lambda _: None, 1)
+    rover.move(dict(zip(names, found.rounded(Q), strict=True)))
+    return found
+
+
+def stopped(_: InMemoryDaemon, rover: Rover) -> None:
+    rover.estop("somebody in the way")
+
+
+def stopped_and_armed_again(_: InMemoryDaemon, rover: Rover) -> None:
+    rover.estop("somebody in the way")
+    rover.reset_fault()
+    rover.arm("given", dict(zip(rover.info().names[:6], rover.commanded_q(), strict=True)))
+
+
+def taken_and_moved_there_and_back(_: InMemoryDaemon, __: Rover) -> None:
+    with Rover("rover") as other, other.control("campaign", take=True):
+        other.move({"joint1": 0.1}, {"joint1": 0.0})
+
+
+def taken_and_given_back(_: InMemoryDaemon, __: Rover) -> None:
+    with Rover("rover") as other, other.control("campaign", take=True):
+        pass
+
+
+def moved_with_our_lease(_: InMemoryDaemon, rover: Rover) -> None:
+    rover.move({"joint1": 0.1})
+
+
+def gripper_off(_: InMemoryDaemon, rover: Rover) -> None:
+    rover.relax(["joint6"])
+
+
+def restarted(_: InMemoryDaemon, rover: Rover) -> None:
+    rover._session = started("boot2").session  # type: ignore[assignment]
+
+
+@pytest.mark.parametrize(
+    ("meanwhile", "words"),
+    [
+        (stopped, "the arm is estop (somebody in the way); other servos have pulses"),
+        (stopped_and_armed_again, "the arm is armed"),
+        (taken_and_moved_there_and_back, "lease"),
+        (taken_and_given_back, "lease"),
+        (moved_with_our_lease, "other angles are commanded"),
+        (gripper_off, "other servos have pulses"),
+        (restarted, "was restarted (boot id boot1, now boot2)"),
+    ],
+)
+def test_what_happens_during_a_rest_is_noticed(
+    daemon: InMemoryDaemon, rover: Rover, arm: RoverArm, meanwhile: Meanwhile, words: str
+) -> None:
+    arm.go(PlannedPose(1, Q, 0.0, 0, 1))
+    assert arm.disturbed() == ""
+    meanwhile(daemon, rover)
+    assert words in arm.disturbed()
+
+
+@pytest.mark.parametrize("meanwhile", [stopped, gripper_off])
+def test_an_arm_that_does_not_stand_after_its_way_ends_the_campaign(
+    daemon: InMemoryDaemon, rover: Rover, arm: RoverArm, meanwhile: Meanwhile
+) -> None:
+    """Between the end of the motion and the first look."""
+    meanwhile(daemon, rover)
+    with pytest.raises(MotionInterrupted):
+        arm.go(PlannedPose(1, Q, 0.0, 0, 1))
+
+
+def test_a_power_on_session_ends_with_the_pulses_or_the_daemon(daemon: InMemoryDaemon, rover: Rover) -> None:
+    names = rover.info().names[:6]
+    rover.arm("given", dict.fromkeys(names, 0.0))
+    first = power_on(rover)
+    rover.move({"joint1": 0.1}, {"joint1": 0.0})
+    rover.hold()
+    assert power_on(rover) == first
+    for off in (rover.disarm, rover.estop):
+        before = power_on(rover)
+        off()
+        if off == rover.estop:
+            rover.reset_fault()
+        daemon.sim.run(6)
+        rover.arm("given", dict.fromkeys(names, 0.0))
+        assert power_on(rover) != before
+    rover._session = started("boot2").session  # type: ignore[assignment]
+    rover.mode()
+    assert power_on(rover) == "boot2-0"

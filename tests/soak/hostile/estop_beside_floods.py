@@ -1,0 +1,99 @@
+"""Delay of the emergency stop beside every flood, on a loaded machine: from the request to the frame without pulses.
+
+`python -m tests.soak.hostile.estop_beside_floods [--stops N] [--loops 2 8] [--only WORD]` prints the table of
+docs/results.md. The load is made by busy loops; the load average is said with each row.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+from tests.soak.hostile.flood import FLOODS, flooded
+from tests.soak.hostile.trial import Trial, trial
+from tests.support.daemon.daemon_process import WaitTimeout, wait_for
+
+NONE = "none"
+HEAD = "| flood | busy loops | load average | stops | p50 (ms) | p99 (ms) | worst (ms) |\n|---|---|---|---|---|---|---|"
+
+
+@contextmanager
+def busy_loops(count: int) -> Iterator[None]:
+    """So many processes that compute for ever, while the block runs."""
+    running = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
+
+
+class ArmingTimeout(AssertionError):
+    """The arm was not armed again in time."""
+
+
+def armed(t: Trial) -> None:
+    """Waits until the arm has pulses. Raises `ArmingTimeout`."""
+    try:
+        wait_for(lambda: bool(t.board.pulses()), "the arm is armed again", seconds=20.0, pause=0.02)
+    except WaitTimeout as error:
+        raise ArmingTimeout from error
+
+
+def stops_of(t: Trial, count: int, seconds: float) -> tuple[float, ...]:
+    """Delays (ms) of up to `count` stops of the arm within a time, fewer where the flood keeps it from being armed.
+
+    Raises `AssertionError` if a law is broken.
+    """
+    rng, end = random.Random(count), time.monotonic() + seconds
+    with suppress(ArmingTimeout):
+        while len(t.estops_at) < count and time.monotonic() < end:
+            armed(t)
+            time.sleep(rng.uniform(0.0, 0.2))
+            t.estop()
+    return t.result("").estops_ms
+
+
+def percentile(values: Sequence[float], share: float) -> float:
+    """The smallest of the values that at least this share of them does not exceed."""
+    return sorted(values)[math.ceil(share * len(values)) - 1]
+
+
+def row(name: str, loops: int, stops: int, seconds: float) -> str:
+    """Measures one flood beside so many busy loops."""
+    with tempfile.TemporaryDirectory() as folder, trial(Path(folder)) as t, busy_loops(loops), ExitStack() as flood:
+        if name != NONE:
+            flood.enter_context(flooded(t.setup.endpoint, FLOODS[name], seconds=2 * seconds + 60.0))
+        delays = stops_of(t, stops, seconds)
+    figures = " | ".join(f"{percentile(delays, share):.1f}" if delays else "–" for share in (0.5, 0.99, 1.0))
+    return f"| {name} | {loops} | {os.getloadavg()[0]:.1f} | {len(delays)} | {figures} |"
+
+
+def main() -> int:
+    """Prints one row per flood and load."""
+    parser = argparse.ArgumentParser("tests.soak.hostile.estop_beside_floods", description=__doc__)
+    parser.add_argument("--stops", type=int, default=200, help="of each row, at most")
+    parser.add_argument("--seconds", type=float, default=600.0, help="for each row, at most")
+    parser.add_argument("--loops", type=int, nargs="+", default=[2, 8], help="busy loops beside it")
+    parser.add_argument("--only", default="", metavar="WORD", help="only floods with this word in their name")
+    options = parser.parse_args()
+    print(HEAD, flush=True)
+    for loops in options.loops:
+        for name in (NONE, *FLOODS):
+            if options.only in name:
+                print(row(name, loops, options.stops, options.seconds), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

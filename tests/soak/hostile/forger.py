@@ -1,0 +1,162 @@
+"""A program on an open router that answers in the daemon's place, and what our client accepts of it.
+
+`python -m tests.soak.hostile.forger`: counts for a forger that draws a boot id, one that copies the daemon's, and one
+that copies it and claims to be the only one with the whole answer.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import zenoh
+
+from lrm_math.errors import LrmError
+from lrmd.client import GoalEntry, IkRequest, Rover
+from lrmd.messages.control import JointsState
+from lrmd.messages.zenoh_session import client
+from tests.support.daemon.daemon_process import DaemonSetup, running_daemon
+
+FORGED = "f"
+"""Mark of everything forged: the lease's token, the model and the servo that no daemon has."""
+ANSWER = {"verdict": "solved", "text": FORGED, "q_rad": [1.0] * 6, "elapsed_ms": 0.0}
+TRIES, STATES_S = 8, 1.0
+
+
+@dataclass
+class Accepted:
+    """Forged messages that a client took for the daemon's, of `tries` queries of each kind, and of one second's states.
+
+    `refused`: queries that ended in an error.
+    """
+
+    ik: int = 0
+    lease: int = 0
+    mode: int = 0
+    states: int = 0
+    refused: int = 0
+
+    def row(self) -> str:
+        """One line."""
+        return ", ".join(f"{one.name} {getattr(self, one.name)}" for one in fields(self))
+
+
+@dataclass
+class Forger:
+    """Answers `rpc/ik`, `rpc/lease` and `state/mode`, and puts `state/joints`, in the name of `boot_id`.
+
+    `complete`: it says to zenoh that its answer is the whole one, so that nobody else is asked by default.
+    """
+
+    session: zenoh.Session
+    setup: DaemonSetup
+    boot_id: str
+    complete: bool = False
+    ended: threading.Event = field(default_factory=threading.Event)
+
+    def header(self) -> dict[str, Any]:
+        """The fields that all messages begin with."""
+        now = time.monotonic_ns()
+        return {"v": 1, "boot_id": self.boot_id, "seq": now, "t_mono_ns": now, "t_wall_ns": time.time_ns()}
+
+    def contents(self) -> dict[str, dict[str, Any]]:
+        """What it says, by key."""
+        model = {"model": FORGED, "model_sha256": "", "left_out": [], "elapsed_ms": 0.0}
+        mode = {"mode": "armed", "why": FORGED, "since_mono_ns": 0, "holder": None, "link": "ready", "payload_kg": 0.0}
+        return {
+            "rpc/ik": {**model, "answers": [ANSWER]},
+            "rpc/lease": {"mode": "armed", "lease": FORGED, "lease_ms": 400.0},
+            "state/mode": {**mode, "troubles": []},
+        }
+
+    def joints(self) -> dict[str, Any]:
+        """A state of the joints with one servo that no arm has."""
+        one = {"q_rad": [0.0], "target_rad": [0.0], "pulse_us": [0.0], "on": [True], "moving": False}
+        return {**self.header(), "names": [FORGED], **one, "remaining_s": 0.0}
+
+    def answer(self) -> None:
+        """Declares what it answers."""
+        for tail, content in self.contents().items():
+
+            def reply(query: zenoh.Query, content: dict[str, Any] = content) -> None:
+                with query:
+                    query.reply(query.key_expr, msgpack.packb(self.header() | content))
+
+            self.session.declare_queryable(self.setup.key(tail), reply, complete=self.complete)
+
+    def publish(self) -> None:
+        """Puts states until it is ended, twice as often as the daemon."""
+        while not self.ended.wait(0.01):
+            self.session.put(self.setup.key("state/joints"), msgpack.packb(self.joints()))
+
+
+@contextmanager
+def forged(setup: DaemonSetup, boot_id: str, complete: bool = False) -> Iterator[None]:
+    """A forger at work while the block runs."""
+    with zenoh.open(client([setup.endpoint])) as session:
+        forger = Forger(session, setup, boot_id, complete)
+        forger.answer()
+        publisher = threading.Thread(target=forger.publish)
+        publisher.start()
+        time.sleep(0.3)
+        try:
+            yield
+        finally:
+            forger.ended.set()
+            publisher.join()
+
+
+def accepted(rover: Rover) -> Accepted:
+    """What a client takes from a forger that is at work."""
+    found, states = Accepted(), list[JointsState]()
+    subscriber = rover.watch(JointsState, "state/joints", states.append)
+    request = IkRequest(goals=[GoalEntry(position_m=[0.4, 0.0, 0.3])])
+    for _ in range(TRIES):
+        try:
+            found.ik += rover.ik(request).model == FORGED
+        except LrmError:
+            found.refused += 1
+        try:
+            with rover.control("client"):
+                found.lease += rover.renew() == FORGED
+        except LrmError:
+            found.refused += 1
+        try:
+            found.mode += rover.mode().why == FORGED
+        except LrmError:
+            found.refused += 1
+    time.sleep(STATES_S)
+    subscriber.undeclare()  # type: ignore[no-untyped-call]
+    assert any(state.names != [FORGED] for state in states), "the daemon's own states arrive meanwhile"
+    found.states = sum(state.names == [FORGED] for state in states)
+    return found
+
+
+def main() -> int:
+    """Prints what is accepted of each forger; 1 if anything is of one without the daemon's boot id."""
+    with tempfile.TemporaryDirectory() as folder:
+        setup = DaemonSetup.make(Path(folder))
+        with running_daemon(setup), setup.rover() as rover:
+            found = {}
+            for name, boot_id, complete in (
+                ("own boot id", "f" * 16, False),
+                ("own boot id, complete", "f" * 16, True),
+                ("copied boot id", rover.boot_id, False),
+                ("copied boot id, complete", rover.boot_id, True),
+            ):
+                with forged(setup, boot_id, complete):
+                    found[name] = accepted(rover)
+                print(f"{name:<28}of {TRIES} each: {found[name].row()}", flush=True)
+    return int(any(one.ik + one.lease + one.mode + one.states for name, one in found.items() if "own" in name))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,213 @@
+"""Random sequences of requests to the controller of a random arm among random obstacles, tick by tick."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
+from lrm_math.arrays import Array
+from lrm_math.collision.scene import Scene
+from lrm_math.effects import effects_at
+from lrm_math.errors import LrmError
+from lrm_math.model.model import Model, model_of
+from lrmd.config import Config, load_config
+from lrmd.control.state_machine import Mode
+from lrmd.messages.control import ArmRequest, HoldRequest, JogRequest, LeaseRequest, MoveRequest
+from lrmd.safety.collision_guard import CollisionGuard
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+from tests.support.random_arms import random_arm
+
+JOINTS, MARGIN = 6, 0.02
+RENEWAL = 20
+"""Ticks between two renewals of the lease."""
+
+
+def cluttered_arm(seed: int) -> Arm:
+    """A random arm with a capsule along every link, and boxes around it; the margin is 20 mm."""
+    rng = np.random.default_rng([seed, 1])
+    arm = random_arm(seed, JOINTS)
+
+    def near() -> tuple[float, float, float]:
+        x, y, z = rng.normal(0, 0.04, 3).tolist()
+        return x, y, z
+
+    capsules = tuple(
+        Capsule(f"capsule {frame}", frame, near(), near(), float(rng.uniform(0.005, 0.02))) for frame in range(1, 8)
+    )
+    boxes = tuple(
+        Box(
+            f"box {i}", tuple(rng.normal(0, 0.5, 3).tolist()), tuple(rng.uniform(0.05, 0.4, 3).tolist()),
+            tuple(rng.uniform(-1.5, 1.5, 3).tolist()), in_base=bool(i % 2),
+        )
+        for i in range(int(rng.integers(1, 4)))
+    )  # fmt: skip
+    return replace(arm, shapes=Shapes(capsules, boxes, MARGIN))
+
+
+def soft_model(arm: Arm, rng: np.random.Generator) -> Model:
+    """The arm with springs in its joints."""
+    stiffness = {f"compliance.joint{i}.k_rad_per_Nm": float(rng.uniform(0.0, 0.08)) for i in range(1, JOINTS + 1)}
+    return model_of(arm, effects_at(arm, "compliance"), stiffness)
+
+
+def configured(arm: Arm) -> Config:
+    """The shipped configuration with another arm of six joints, and quick arming."""
+    return replace(load_config(CONFIG), arm=arm, stagger=13_000_000)
+
+
+@dataclass(frozen=True)
+class SequenceResult:
+    """Smallest separations (m) of the commanded arm: when it was armed, in any tick since; requests carried out."""
+
+    armed: float
+    least: float
+    accepted: int
+    refused: int
+
+    @property
+    def required(self) -> float:
+        """The margin or, where it is smaller, the separation when armed (m)."""
+        return min(MARGIN, self.armed)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the separation never fell below what is required; to 10 µm, for the ramp's whole nanoseconds."""
+        return self.least >= self.required - 1e-5
+
+
+class GuardedSequence:
+    """A client without scruples: it steers towards obstacles, in steps of any size, and changes its mind."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.arm = cluttered_arm(seed)
+        self.scene, self.sim = Scene.of(self.arm), SimulatedDaemon(configured(self.arm), seed)
+        self.accepted = self.refused = 0
+        self.visited: list[Array] = []
+        self.deploy()
+
+    def run(self, requests: int = 14) -> SequenceResult:
+        """Arms somewhere and sends so many requests."""
+        self.tick(30)
+        self.token = self.leased()
+        start = self.start()
+        self.request(ArmRequest(lease=self.token, where="given", q_rad=self.named(start)))
+        while self.sim.core.mode is Mode.ARMING:
+            self.tick(1)
+        assert self.sim.core.mode is Mode.ARMED, self.sim.core.why
+        self.visited.clear()
+        armed = float(self.separations(self.commanded()[None])[0])
+        actions = (self.move, self.creep, self.jog, self.jog, self.redirect, self.hold, self.deploy)
+        for _ in range(requests):
+            actions[int(self.rng.integers(len(actions)))]()
+        visited = np.unique(np.array([*self.visited, self.commanded()]), axis=0)
+        return SequenceResult(armed, float(self.separations(visited).min()), self.accepted, self.refused)
+
+    # ---- what it does
+
+    def move(self) -> None:
+        """A move of any size through one to three waypoints, waited for or not."""
+        self.request_move(*(self.anywhere() for _ in range(int(self.rng.integers(1, 4)))))
+        self.tick(int(self.rng.integers(1, 200)))
+
+    def creep(self) -> None:
+        """Short moves towards the nearest obstacle."""
+        step = float(10.0 ** self.rng.uniform(-3.5, -1.0))
+        for _ in range(8):
+            self.request_move(self.commanded() + step * self.inward())
+            self.tick(int(self.rng.integers(1, 30)))
+
+    def jog(self) -> None:
+        """A jog towards the nearest obstacle, or anywhere, renewed at any rate."""
+        direction = self.inward() if self.rng.random() < 0.7 else self.rng.uniform(-1, 1, JOINTS)
+        rates = float(self.rng.uniform(0.01, 0.28)) * direction / max(float(np.abs(direction).max()), 1e-12)
+        for _ in range(int(self.rng.integers(1, 12))):
+            self.request(JogRequest(lease=self.token, rate_rad_per_s=self.named(rates)))
+            self.tick(int(self.rng.integers(1, 40)))
+
+    def redirect(self) -> None:
+        """Moves that follow each other before the one before has ended."""
+        for _ in range(5):
+            self.request_move(self.anywhere())
+            self.tick(int(self.rng.integers(1, 25)))
+
+    def hold(self) -> None:
+        """Stops."""
+        self.request(HoldRequest())
+        self.tick(int(self.rng.integers(0, 4)))
+
+    def deploy(self) -> None:
+        """Another model, or none."""
+        model = soft_model(self.arm, self.rng) if self.rng.random() < 0.4 else None
+        self.sim.core.adopt_guard(CollisionGuard(self.scene, model), self.sim.now)
+
+    # ---- what it needs for that
+
+    def start(self) -> Array:
+        """A pose that is clear, within the margin, or in overlap: the first two more often than random poses are."""
+        poses = self.rng.uniform(-1.5, 1.5, (60, JOINTS))
+        apart, kind = self.separations(poses), self.rng.random()
+        wanted = np.flatnonzero((apart > MARGIN) if kind < 0.6 else (apart > 0.0) & (apart < MARGIN))
+        return poses[int(wanted[0]) if kind < 0.85 and len(wanted) else 0]
+
+    def anywhere(self) -> Array:
+        """A pose at any distance from here."""
+        turn = float(10.0 ** self.rng.uniform(-3.0, 0.3)) * self.rng.uniform(-1, 1, JOINTS)
+        return np.clip(self.commanded() + turn, -1.7, 1.7)
+
+    def inward(self) -> Array:
+        """Unit direction in which the smallest separation falls fastest."""
+        here = self.commanded()
+        slope = np.array([np.diff(self.separations(here + 1e-4 * np.outer([-1, 1], e)))[0] for e in np.eye(JOINTS)])
+        return -slope / max(float(np.linalg.norm(slope)), 1e-12)
+
+    def separations(self, q: Array) -> Array:
+        """(N,), smallest separation (m) of the rigid arm in poses (N, n)."""
+        blocks = [q[i : i + 400] for i in range(0, len(q), 400)]
+        return np.concatenate([self.scene.separations(self.scene.frames(b)).min(axis=1) for b in blocks])
+
+    def commanded(self) -> Array:
+        """(n,), commanded angles (rad)."""
+        return np.array(self.sim.core.angles(self.sim.ramp.position)[:JOINTS])
+
+    def named(self, values: Array) -> dict[str, float]:
+        """Values by joint."""
+        return {f"joint{i}": float(value) for i, value in enumerate(values, start=1)}
+
+    def leased(self) -> str:
+        """The token of a new lease."""
+        lease = self.sim.core.handle(LeaseRequest(action="acquire", holder="x", take=True), self.sim.now).lease
+        assert lease is not None
+        return lease.token
+
+    def request_move(self, *waypoints: Array) -> None:
+        """A move with any pace and speed."""
+        self.request(
+            MoveRequest(
+                lease=self.token, waypoints=[self.named(np.clip(q, -1.7, 1.7)) for q in waypoints],
+                pace="each" if self.rng.random() < 0.5 else "together", speed=float(self.rng.uniform(0.2, 1.0)),
+            )
+        )  # fmt: skip
+
+    def request(self, request: ArmRequest | MoveRequest | JogRequest | HoldRequest) -> None:
+        """Sends a request, as the API passes it on, most of the time after the ramp has read the last order."""
+        if self.rng.random() < 0.9:
+            self.sim.settle()
+        try:
+            self.sim.core.handle(request, self.sim.now)
+            self.accepted += 1
+        except LrmError:
+            self.refused += 1
+
+    def tick(self, ticks: int) -> None:
+        """Lets time pass, and keeps the lease alive."""
+        for _ in range(ticks):
+            if self.sim.ticks % RENEWAL == 0 and hasattr(self, "token"):
+                with suppress(LrmError):
+                    self.sim.core.handle(LeaseRequest(action="renew", lease=self.token), self.sim.now)
+            self.sim.tick()
+            self.visited.append(self.commanded())
