@@ -59,7 +59,7 @@ class MisreadCase:
 def random_arm_data(name: str, seed: int, poses: int = POSES) -> Measurements:
     """Measurements of an arm with the errors of a printed one."""
     rig = synthetic.load_arm(shipped_arms()[name])
-    truth = _of_its_stiffness(name, synthetic.GroundTruth.random(rig, seed))
+    truth = of_its_stiffness(name, synthetic.GroundTruth.random(rig, seed))
     return replace(measured(rig, truth, synthetic.random_poses(rig, poses, seed), seed), stated=AS_STATED)
 
 
@@ -72,7 +72,7 @@ def healthy_data(name: str, seed: int) -> Measurements:
     lengths = [f"{place}.{key}_m" for place in places for key in ("d", "a")]
     lengths += [f"{place}.{axis}_m" for place in ("base", "tool") for axis in "xyz"]
     off = {key: rng.uniform(-ANGLE, ANGLE) for key in angles} | {key: rng.uniform(-LENGTH, LENGTH) for key in lengths}
-    random = _of_its_stiffness(name, synthetic.GroundTruth.random(rig, seed))
+    random = of_its_stiffness(name, synthetic.GroundTruth.random(rig, seed))
     truth = replace(
         synthetic.GroundTruth.nominal(rig),
         deviations=synthetic.Deviations.named(len(rig.links), off),
@@ -136,7 +136,8 @@ def _random_rotation(rng: np.random.Generator) -> Array:
     return np.asarray(Q * np.sign(np.linalg.det(Q)))
 
 
-def _of_its_stiffness(name: str, truth: synthetic.GroundTruth) -> synthetic.GroundTruth:
+def of_its_stiffness(name: str, truth: synthetic.GroundTruth) -> synthetic.GroundTruth:
+    """The truth of an arm with the compliances of its kind."""
     factor = STIFFNESS.get(name, 1.0)
     return replace(
         truth,

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Option
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Mark of an output: the files written beside it, by their ending, and whether an existing one goes on."""
+
+    files: Mapping[str, str] = field(default_factory=dict)
+    appended: bool = False
+
 
 DataFile = Annotated[
     Path, Argument(metavar="DATA", help="Measurements: a CSV of positions, or of distances (docs/files.md).")
@@ -26,6 +37,11 @@ NewModel = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Wher
 JsonFile = Annotated[Path | None, Option("--json", metavar="FILE", help="Also write the result for machines.")]
 FigureFile = Annotated[
     Path | None, Option("--figure", metavar="FILE", help="Also draw the result: .png, .svg or .pdf.")
+]
+FigureAndNumbers = Annotated[
+    Path | None,
+    Option("--figure", metavar="FILE", help="Also draw the result: .png, .svg or .pdf; its numbers beside it as .csv."),
+    Beside({".csv": "numbers"}),
 ]
 EffectsFile = Annotated[
     Path | None,

@@ -56,7 +56,9 @@ def measure(
     poses: arg.PosesFile,
     tracker: TrackerName,
     output: Annotated[
-        Path, Option("-o", "--output", metavar="DATA", help="Measurements; an interrupted file goes on.")
+        Path,
+        Option("-o", "--output", metavar="DATA", help="Measurements; an interrupted file goes on."),
+        arg.Beside(appended=True),
     ],
     robot: RobotName = "rover",
     connect: Connect = None,
@@ -178,7 +180,11 @@ def import_(
     poses: Annotated[
         Path, Argument(metavar="POSES", help="What was driven to, in order: a CSV as measure takes it, or .mat, .txt.")
     ],
-    output: Annotated[Path, Option("-o", "--output", metavar="DATA", help="Measurements; a .toml file beside them.")],
+    output: Annotated[
+        Path,
+        Option("-o", "--output", metavar="DATA", help="Measurements; a .toml file beside them."),
+        arg.Beside({".toml": "metadata"}),
+    ],
     arm: arg.ArmName = None,
     tool: Annotated[str | None, Option(help="Name of the body at the tip; not needed if there is only one.")] = None,
     base: Annotated[str | None, Option(help="Name of the body at the base. Default: the room's frame.")] = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
@@ -12,12 +12,13 @@ from pydantic import ValidationError
 from typer import Option, Typer
 
 from lrm_ident.cli.application import app
+from lrm_ident.cli.arguments import Beside
 from lrm_ident.data.output_files import check_outputs, is_something_else
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import Reading
 
 OUTPUTS = {"output": "-o", "json": "--json", "figure": "--figure", "cross_figure": "--cross-figure"}
-"""Parameters of commands that name files to be written."""
+"""Parameters of commands that name files to be written; what is written beside them, `arguments.Beside` says."""
 READING_OPTIONS: dict[str, Any] = {
     "unit": Option("--unit", help="Unit of the positions: mm, m, cm, um or inch. Default: as the columns' names say."),
     "angle_unit": Option("--angle-unit", help="Unit of the joint angles: deg or rad. Default: as the names say."),
@@ -51,6 +52,7 @@ def _checked(function: Callable[..., None]) -> Callable[..., None]:
     own = [parameter.replace(annotation=hints[name]) for name, parameter in signature.parameters.items()]
     shown = [parameter for parameter in own if parameter.name != "reading"]
     reads = len(shown) < len(own)
+    beside = {name: mark for name, hint in hints.items() for mark in _marks(hint)}
     if reads:
         for name, option in READING_OPTIONS.items():
             annotation = Annotated[str | None, option]
@@ -61,7 +63,8 @@ def _checked(function: Callable[..., None]) -> Callable[..., None]:
         """Reads the options of reading, checks the files, and calls the command."""
         if reads:
             values["reading"] = stated_reading({name: values.pop(name) for name in READING_OPTIONS})
-        check_outputs(_outputs(values), _inputs(values))
+        appended = {option for name, option in OUTPUTS.items() if name in beside and beside[name].appended}
+        check_outputs(_outputs(values, beside), _inputs(values), appended)
         function(**values)
 
     run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
@@ -69,8 +72,18 @@ def _checked(function: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _outputs(values: dict[str, Any]) -> dict[str, Path]:
-    return {option: values[name] for name, option in OUTPUTS.items() if values.get(name) is not None}
+def _marks(hint: Any) -> list[Beside]:
+    return [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Beside)]
+
+
+def _outputs(values: dict[str, Any], beside: Mapping[str, Beside]) -> dict[str, Path]:
+    """Files that the command writes, by the option that names them, those beside them too."""
+    named = {name: values[name] for name in OUTPUTS if values.get(name) is not None}
+    out = {OUTPUTS[name]: path for name, path in named.items()}
+    for name, mark in beside.items():
+        if name in named:
+            out |= {f"the {what} of {OUTPUTS[name]}": named[name].with_suffix(end) for end, what in mark.files.items()}
+    return out
 
 
 def _inputs(values: dict[str, Any]) -> list[Path]:

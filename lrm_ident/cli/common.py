@@ -64,13 +64,6 @@ def publish_figure(figure: Path, draw: Callable[[Path], None], behind: ResultTab
         show(f"Figure written to {figure}, its data to {numbers}")
 
 
-def check_distinct(figure: Path | None, *others: Path | None) -> None:
-    """Raises `FileError` if another file has the name under which the numbers behind a figure will be written."""
-    behind = None if figure is None else figure.with_suffix(".csv")
-    if behind is not None and behind.resolve() in [other.resolve() for other in others if other]:
-        raise FileError(behind, "", f"is where the numbers behind {figure} go", "give the two files different names")
-
-
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model]:
     """A model file, as it stands and as a model; notices go to stderr."""
     file, model, notices = inputs.read_model(path, catalogue)
@@ -108,10 +101,14 @@ def leave_out_poses(data: Measurements, text: str) -> Measurements:
         first, _, last = word.partition("-")
         if not (first.isdigit() and (last or first).isdigit()):
             raise LrmError(f"--leave-out {text}: '{word}' is no pose number; give numbers and ranges such as 12,40-42")
+        if int(last or first) < int(first):
+            raise LrmError(f"--leave-out {text}: '{word}' runs backwards; is {last}-{first} meant?")
         numbers += range(int(first), int(last or first) + 1)
-    unknown = sorted(set(numbers) - set(data.pose.tolist()))
+    unknown = sorted(set(numbers) - {*data.pose.tolist(), *data.left_out})
     if unknown:
         raise LrmError(f"--leave-out {text}: {data.path.name} has no pose {unknown[0]}")
+    if set(data.pose.tolist()) <= set(numbers):
+        raise LrmError(f"--leave-out {text}: leaves none of the {len(data)} poses")
     return data.without(numbers) if numbers else data
 
 

@@ -14,7 +14,6 @@ from typer import Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
-    check_distinct,
     one_of,
     parse_numbers,
     progress,
@@ -77,7 +76,7 @@ def choose_poses(
     seed: arg.Seed = 0,
     output: arg.PosesOutput = None,
     json: arg.JsonFile = None,
-    figure: arg.FigureFile = None,
+    figure: arg.FigureAndNumbers = None,
     reading: Reading = AS_NAMED,
 ) -> None:
     """Choose, among measured poses, those that identify parameters best (thesis section 6.2), and identify on them.
@@ -85,7 +84,6 @@ def choose_poses(
     Prints the five indices beside those of blind choices and, for O1, the value that no choice can exceed; then the
     error on all poses and on those not chosen, fitted without bounds and with bounds.
     """
-    check_distinct(figure, output, json, data)
     arm_name, the_arm = arm_for(data, arm)
     measured = read_measurements(data, the_arm, arm_name, reading)
     kind = one_of("index", index.upper(), INDICES)
@@ -151,7 +149,7 @@ def design(
     seed: arg.Seed = 0,
     output: arg.PosesOutput = None,
     json: arg.JsonFile = None,
-    figure: arg.FigureFile = None,
+    figure: arg.FigureAndNumbers = None,
     effects_file: arg.EffectsFile = None,
     cluster: arg.Cluster = None,
 ) -> None:
@@ -160,7 +158,6 @@ def design(
     Writes a pose file in the order to measure: from which side to approach each pose, a few of them twice. Prints what
     they will determine, beside as many poses drawn blindly.
     """
-    check_distinct(figure, output, json, poses, have, like)
     the_arm = load_arm(arm)
     start = start_model(the_arm, model)
     if camera is not None and like is not None:

@@ -22,6 +22,7 @@ from lrm_ident.cli.common import (
     read_measurements,
     read_model,
     show,
+    tell,
 )
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
@@ -96,6 +97,7 @@ def fit(
     with bars() as progress:
         begun = Study(model, measured, arm_name, catalogue, progress=progress)
         fitted = begun.fit(parameters, loss_named(loss), prior, unbounded)
+        tell(fitted.notices)
         step = fitted.taken
         document = fit_document(step.fit, step.held, fitted.errors, measured)
         if step.stated_prior:

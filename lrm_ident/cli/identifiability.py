@@ -9,7 +9,7 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import check_distinct, one_of, publish, start_model
+from lrm_ident.cli.common import one_of, publish, start_model
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.design.observability import UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate, fittable
@@ -38,14 +38,13 @@ def identify_parameters(
     ] = PUBLISHED_THRESHOLD,
     noise_mm: arg.NoiseMm = 0.3,
     json: arg.JsonFile = None,
-    figure: arg.FigureFile = None,
+    figure: arg.FigureAndNumbers = None,
 ) -> None:
     """Find out which parameters poses can tell, before measuring: singular values, and what moves the tip alike.
 
     Builds the identification Jacobian at POSES, takes parameters out one by one until every singular value reaches the
     threshold (thesis section 4.5), and says of each what it cannot be told from.
     """
-    check_distinct(figure, json, poses)
     the_arm = load_arm(arm)
     start = start_model(the_arm, model)
     keys = fittable(start) if parameters == "all" else select_parameters(start, parameters)

@@ -11,7 +11,7 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import check_distinct, log, progress, publish
+from lrm_ident.cli.common import log, progress, publish
 from lrm_ident.design.workspace.arm_variants import ArmVariant, parse_variant
 from lrm_ident.design.workspace.capability_map import CapabilityMap, capability_map, pose_solver
 from lrm_ident.design.workspace.orientation_grid import directions as directions_round
@@ -63,13 +63,12 @@ def reach(
         ),
     ] = None,
     json: arg.JsonFile = None,
-    figure: arg.FigureFile = None,
+    figure: arg.FigureAndNumbers = None,
 ) -> None:
     """Map what an arm can reach: place by place, the share of all orientations its tool can take; compare variants.
 
     Every orientation in every cell of a grid goes through the inverse kinematics of the nominal arm.
     """
-    check_distinct(figure, json)
     if figure:
         check_format(figure)
     the_arm = load_arm(arm)

@@ -62,3 +62,9 @@ def read_joints(reading: Reading, columns: Array) -> Array:
     """(..., n), quantities of the file's joints in the order and with the signs of the arm's joints."""
     ordered = columns if reading.joint_order is None else columns[..., [number - 1 for number in reading.joint_order]]
     return ordered if reading.joint_sign is None else ordered * np.array(reading.joint_sign, dtype=np.float64)
+
+
+def turn_of(how: Reading) -> Array:
+    """Rotation (3, 3), or mirror, by which a reading turns positions."""
+    origin, *unit = read_positions(how, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+    return np.asarray((np.array(unit) - origin).T)

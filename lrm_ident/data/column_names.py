@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
@@ -62,10 +62,14 @@ class ColumnName:
     unit: str | None = None
 
 
-def column_name(text: str) -> ColumnName | None:
-    """Meaning of a column of a measurement file; None if its name is not known, or its unit does not fit it."""
+def column_name(text: str, joints: Sequence[str] = ()) -> ColumnName | None:
+    """Meaning of a column of a measurement file; None if its name is not known, or its unit does not fit it.
+
+    `joints`: names of an arm's joints, from the first on, as its own description has them.
+    """
+    named = joint_names(joints)
     for words, unit in _readings(text):
-        name = _own_name(words)
+        name = named.get(words) or named.get(words.removesuffix("pos")) or _own_name(words)
         if name is None:
             continue
         own = next((end for end in ("mm", "deg", "g", "s", "c", "v") if name.endswith(f"_{end}")), "")
@@ -74,6 +78,17 @@ def column_name(text: str) -> ColumnName | None:
         if unit in FACTORS[own]:
             return ColumnName(name, FACTORS[own][unit], unit)
     return None
+
+
+def joint_names(joints: Sequence[str]) -> dict[str, str]:
+    """Our names of the columns of joints by the arm's own, squeezed."""
+    return {_squeezed(name.lower()): f"q{number}_deg" for number, name in enumerate(joints, start=1)}
+
+
+def bare_names(text: str) -> Iterator[str]:
+    """What a column may be called, without its unit and the word for a position."""
+    for words, _ in _readings(text):
+        yield from (words, words.removesuffix("pos"))
 
 
 def _readings(text: str) -> Iterator[tuple[str, str | None]]:

@@ -14,23 +14,33 @@ CRITICAL_1_PERCENT = 1.035  # of A*, mean and SD estimated (D'Agostino & Stephen
 
 @dataclass(frozen=True)
 class ErrorStats:
-    """Mean, RMS, maximum and standard deviation over poses of the 3-D distance (m)."""
+    """Mean, RMS, maximum and standard deviation over poses of the 3-D distance (m).
+
+    `turn_rms`: RMS angle between measured and predicted orientation (rad), where orientations were measured.
+    """
 
     mean: float
     rms: float
     max: float
     sd: float
+    turn_rms: float | None = None
 
     def as_json(self) -> dict[str, float]:
-        """In mm."""
-        return {f"{name}_mm": value * 1e3 for name, value in vars(self).items()}
+        """In mm and deg."""
+        turn = {} if self.turn_rms is None else {"turn_rms_deg": float(np.degrees(self.turn_rms))}
+        return {f"{name}_mm": getattr(self, name) * 1e3 for name in ("mean", "rms", "max", "sd")} | turn
 
 
-def error_stats(residual: Array) -> ErrorStats:
-    """Statistics of a residual (N, 3) in m."""
+def error_stats(residual: Array, turn: Array | None = None) -> ErrorStats:
+    """Statistics of a residual (N, 3) in m, and of rotation vectors (N, 3) in rad, NaN where not measured."""
     distance = np.linalg.norm(residual, axis=1)
+    angle = np.array([]) if turn is None else np.linalg.norm(turn[~np.isnan(turn).any(axis=1)], axis=1)
     return ErrorStats(
-        float(distance.mean()), float(np.sqrt((distance**2).mean())), float(distance.max()), float(distance.std())
+        float(distance.mean()),
+        float(np.sqrt((distance**2).mean())),
+        float(distance.max()),
+        float(distance.std()),
+        float(np.sqrt((angle**2).mean())) if len(angle) else None,
     )
 
 

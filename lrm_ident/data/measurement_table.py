@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
-from lrm_ident.data.column_names import ColumnName, column_name
+from lrm_ident.data.column_names import ColumnName, bare_names, column_name, joint_names
 from lrm_ident.data.csv_table import CsvTable, read_table
 from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
@@ -18,13 +19,15 @@ POSITION = ("x_mm", "y_mm", "z_mm")
 ANGLES = re.compile(r"q\d+_deg")
 
 
-def read_measurement_table(path: Path, how: Reading = AS_NAMED) -> CsvTable:
+def read_measurement_table(path: Path, how: Reading = AS_NAMED, joints: Sequence[str] = ()) -> CsvTable:
     """Reads a table: columns named as ours, in the units that `how` states in place of those of their names; poses
     numbered 1, 2, 3 … where no column does it.
 
+    `joints`: the arm's own names of its joints, which are names of columns too.
+
     Raises `FileError`: two columns that are the same by name.
     """
-    table = _numbered(_from_zero(_named(read_table(path))))
+    table = _numbered(_from_zero(_named(read_table(path), joints)))
     factors: dict[str, float] = {}
     if how.unit:
         factors |= dict.fromkeys((*POSITION, "distance_mm"), LENGTH_UNITS[how.unit] / MM)
@@ -34,9 +37,11 @@ def read_measurement_table(path: Path, how: Reading = AS_NAMED) -> CsvTable:
     return table.with_factors(factors)
 
 
-def _named(table: CsvTable) -> CsvTable:
-    """The table with our names of its columns."""
-    found = [ColumnName(name) if _is_ours(name) else column_name(name) for name in table.header]
+def _named(table: CsvTable, joints: Sequence[str]) -> CsvTable:
+    """The table with our names of its columns; the joints' own names count if all of them are there."""
+    if not all(joints) or not {*joint_names(joints)} <= {words for name in table.header for words in bare_names(name)}:
+        joints = ()
+    found = [ColumnName(name) if _is_ours(name) else column_name(name, joints) for name in table.header]
     exact = {column.name for column, name in zip(found, table.header, strict=True) if column and column.name == name}
     same: defaultdict[str, list[str]] = defaultdict(list)
     columns: list[ColumnName | None] = []

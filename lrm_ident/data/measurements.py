@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.weights.rotations import rotation_vectors, turned_covariance
 from lrm_ident.data.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
@@ -41,6 +42,7 @@ class Measurements:
         feedback_sd: its standard deviation (rad).
         distance: (N,), of the TCP from a fixed point (m), NaN where not measured; None where there is none to use.
         distance_sd: (N,), its standard deviation (m), or None. distance_from: (3,), that point (m); None: not known.
+        model_sd: standard deviation per axis by which a model misses positions whatever their noise (m).
     """
 
     poses: Poses
@@ -64,15 +66,17 @@ class Measurements:
     distance: Array | None = None
     distance_sd: Array | None = None
     distance_from: Array | None = None
+    model_sd: float = 0.0
 
     @cached_property
     def whitening(self) -> Whitening:
         """The weights of what was measured."""
         if self.covariance is None and self.distance is None:
-            return Whitening(self.sd)
+            return Whitening(self._sd)
         size = 3 if self.attitude is None else 6
         unknown = np.full((len(self), size, size), np.nan)
         blocks = unknown if self.covariance is None else self.covariance[:, :size, :size].copy()
+        np.einsum("nii->ni", blocks)[:, :3] += self.model_sd**2
         np.einsum("nii->ni", blocks)[np.isnan(self.tcp[:, 0]), :3] = np.nan
         if self.attitude is not None:
             np.einsum("nii->ni", blocks)[np.isnan(self.attitude[:, 0, 0]), 3:] = np.nan
@@ -82,7 +86,12 @@ class Measurements:
         if self.distance is not None:
             sd = np.ones(len(self)) if self.distance_sd is None else self.distance_sd
             alone.append(np.where(np.isnan(self.distance), np.nan, sd)[:, None])
-        return whitening_of(self.sd, blocks, np.concatenate(alone, axis=1), self.sensed)
+        return whitening_of(self._sd, blocks, np.concatenate(alone, axis=1), self.sensed)
+
+    @property
+    def _sd(self) -> Array | None:
+        """(N,), standard deviation by which positions are weighed (m): the stated one, and the model's error."""
+        return self.sd if self.sd is None or not self.model_sd else np.hypot(self.sd, self.model_sd)
 
     @property
     def sensed(self) -> Sensed:
@@ -124,15 +133,25 @@ class Measurements:
             error[gone] = (((self.distance - length) / length)[:, None] * line)[gone]
         return error
 
+    def errors(self, rest: Equilibrium) -> ErrorStats:
+        """Statistics of the errors of positions, and of orientations where there are any."""
+        return error_stats(self.position_error(rest), self.turn_error(rest))
+
     def places(self, rest: Equilibrium) -> Array:
         """(N, 3), where each TCP was measured, or is predicted where only a distance was (m)."""
         return np.where(np.isnan(self.tcp), rest.tcp, self.tcp)
+
+    def turn_error(self, rest: Equilibrium) -> Array:
+        """(N, 3), measured less predicted orientation of the tool as rotation vectors (rad); NaN where not measured."""
+        if self.attitude is None:
+            return np.full((len(self), 3), np.nan)
+        return rotation_vectors(self.attitude @ tool_rotation(rest).transpose(0, 2, 1))
 
     def residual(self, rest: Equilibrium) -> Array:
         """(N, R), what was measured less what the model has at rest: m, rad; zero where nothing was measured."""
         parts = [self.tcp - rest.tcp]
         if self.attitude is not None:
-            parts.append(rotation_vectors(self.attitude @ tool_rotation(rest).transpose(0, 2, 1)))
+            parts.append(self.turn_error(rest))
         if self.feedback is not None:
             parts.append(self.feedback - encoder_angles(rest))
         if self.distance is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,23 @@ from numpy.typing import NDArray
 from lrm_ident.data.csv_table import CsvTable
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
+from lrm_math.plausibility import Quantity, doubt, times
 
 ABOVE_ZERO = ("sd_mm", "sx_mm", "sy_mm", "sz_mm", "srot_deg", "distance_mm", "distance_sd_mm")
 WHOLE = ("pose", "repeat_of")
 SIDES = (-1.0, 0.0, 1.0)
+DATES = "seconds since the start, or dates as 2024-07-15T10:15:00"
+TIME = Quantity("time since the start", "s", 0.0, 1e10, times(milliseconds=1e-3), DATES)
+SD = Quantity("standard deviation of a position", "mm", 0.0, 100.0, times(micrometres=1e-3))
+TURN_SD = Quantity("standard deviation of an angle", "deg", 0.0, 45.0)
+PLAUSIBLE = {
+    "t_s": TIME,
+    "temp_c": Quantity("temperature", "degC", 0.0, 150.0, {"kelvin": (1.0, -273.15)}),
+    "supply_v": Quantity("supply voltage", "V", 0.5, 500.0, times(millivolts=1e-3)),
+    **dict.fromkeys(("sd_mm", "sx_mm", "sy_mm", "sz_mm", "noise_sd_mm", "distance_sd_mm"), SD),
+    **dict.fromkeys(("srot_deg", "feedback_sd_deg"), TURN_SD),
+}
+"""Sizes that columns and keys of metadata can have, whatever the arm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +64,12 @@ class NumberTable:
         """Raises `FileError` at the first row where `bad` (N,) holds."""
         self.cells.reject(bad, name, what, right)
 
+    def reject_implausible(self, name: str, quantity: Quantity) -> None:
+        """Raises `FileError` at the first row whose value is of no plausible size."""
+        found = doubt(quantity, self.columns[name])
+        if found:
+            raise self.fault(self.cells.at(found.row, name), found.what, found.right)
+
     def reject_gaps(self, names: Sequence[str], whole: str) -> None:
         """Raises `FileError` at the first row of which some of these cells are empty, and some are not."""
         gone = np.isnan(self.stack(names))
@@ -63,7 +83,11 @@ class NumberTable:
 
 def read_numbers(cells: CsvTable, names: Collection[str], may_be_empty: Collection[str] = ()) -> NumberTable:
     """The columns of these names, as far as they are there. Raises `FileError`: what is no number, or cannot be one."""
-    columns = {name: cells.numbers(name, name in may_be_empty) for name in cells.header if name in names}
+    columns = {
+        name: _seconds(cells) if name == "t_s" else cells.numbers(name, name in may_be_empty)
+        for name in cells.header
+        if name in names
+    }
     for name, values in columns.items():
         if name in ABOVE_ZERO:
             cells.reject(values <= 0, name, "not above zero")
@@ -73,4 +97,19 @@ def read_numbers(cells: CsvTable, names: Collection[str], may_be_empty: Collecti
             cells.reject(values < 0, name, "a negative load")
         elif name.startswith("approach"):
             cells.reject(~np.isin(values, SIDES), name, "not a side", "1, -1, or 0 if unknown")
-    return NumberTable(cells, columns)
+    table = NumberTable(cells, columns)
+    for name in {*columns} & {*PLAUSIBLE}:
+        table.reject_implausible(name, PLAUSIBLE[name])
+    return table
+
+
+def _seconds(cells: CsvTable) -> Array:
+    """(N,), times as numbers, or as dates (ISO 8601) since the first. Raises `FileError`."""
+    words = [row[cells.header.index("t_s")] for row in cells.rows]
+    if any("-" not in word[1:] or "e-" in word.lower() for word in words):
+        return cells.numbers("t_s")
+    try:
+        dates = [datetime.fromisoformat(word) for word in words]
+        return np.array([(date - dates[0]).total_seconds() for date in dates])
+    except (ValueError, TypeError):
+        raise FileError(cells.path, cells.at(0, "t_s"), f"'{words[0]}' is no time", DATES) from None

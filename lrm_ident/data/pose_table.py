@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.apply_reading import read_joints
 from lrm_ident.data.number_table import NumberTable
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM
+from lrm_math.arm.plausible_arm import total_mass
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import AS_NAMED, Reading
+from lrm_math.plausibility import Quantity, times
 
+LEAST_LOAD, MOST_LOAD = 1e-3, 10.0
+"""Loads over the mass of the arm."""
+NO_MASSES = (0.5, 1e5)  # g
 LIMIT_TOLERANCE = np.radians(1e-6)
 
 
@@ -35,9 +41,11 @@ def pose_columns(arm: Arm) -> set[str]:
 def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None = None) -> Poses:
     """The poses of a table. `start`: (n,), joint angles before the first one (rad). Raises `FileError`."""
     q, n = read_angles(table, arm, how), len(table)
-    moves = directions(q, start)
+    moves = directions(q, start, after_gap(table.whole("pose")) if "pose" in table else None)
     sides = _approach(table, moves, how)
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
+    if "payload_g" in table:
+        table.reject_implausible("payload_g", _payload(arm))
     t, session = table.columns.get("t_s"), table.columns.get("session")
     return Poses(
         q=q,
@@ -50,6 +58,13 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
         friction=friction_states(q, moves, start) if straight else None,
         running=None if t is None else _running(t, np.zeros(n) if session is None else session),
     )
+
+
+def _payload(arm: Arm) -> Quantity:
+    """Sizes that a load has on an arm: of one much lighter than the arm nothing can be seen, so zero says it better."""
+    mass = total_mass(arm) / GRAM
+    low, high = (LEAST_LOAD * mass, MOST_LOAD * mass) if mass else NO_MASSES
+    return Quantity(f"load of {arm.name}", "g", low, high, times(kg=1e3, mg=1e-3))
 
 
 def _running(t: Array, session: Array) -> Array:
@@ -84,10 +99,18 @@ def _approach(table: NumberTable, moves: Array, how: Reading) -> Array:
     return read_joints(how, np.repeat(table.stack(["approach"]), moves.shape[1], axis=1))
 
 
-def directions(q: Array, start: Array | None) -> Array:
-    """(N, n), sign of the last move of each joint before each pose; 0 before its first move."""
+def after_gap(number: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(N,), whether the pose before is missing: ascending numbers leave some out. Else numbers are names."""
+    steps = np.diff(number)
+    usual = np.gcd.reduce(steps) if len(steps) and (steps > 0).all() else 0
+    return np.concatenate([[False], (steps != usual) & (usual > 0)]) if len(number) else np.zeros(0, dtype=np.bool_)
+
+
+def directions(q: Array, start: Array | None, gap: NDArray[np.bool_] | None = None) -> Array:
+    """(N, n), sign of the last move of each joint before each pose; 0 before its first move, and after a `gap` (N,)."""
     before = q[:1] if start is None else np.asarray(start)[None, :]
     moves = np.sign(np.diff(np.concatenate([before, q]), axis=0))
     for row in range(1, len(moves)):
-        moves[row] = np.where(moves[row] == 0.0, moves[row - 1], moves[row])
+        unknown = gap is not None and gap[row]
+        moves[row] = 0.0 if unknown else np.where(moves[row] == 0.0, moves[row - 1], moves[row])
     return moves

@@ -100,7 +100,7 @@ def held_out_blocks(
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
         in_fit = partial(_left, fitted, data, train)
-        blocks.append(HeldOutBlock(train, test, in_fit, part.position_error(unseen), weighted))
+        blocks.append(HeldOutBlock(train, test, in_fit, part.position_error(unseen), weighted, part.turn_error(unseen)))
         progress(number + 1, count)
     return tuple(blocks)
 

@@ -16,6 +16,7 @@ from lrm_math.arrays import Array
 class HeldOutBlock:
     """One block of a cross-validation: rows `train` and `test`, and what the fit to `train` leaves of `test` (m).
 
+    `test_turn`: (n, 3), that of orientations as rotation vectors (rad), NaN where not measured.
     `in_fit`: tells what it leaves of `train`. `weighted`: (n, R), what it leaves of `test` by its noise, of all that
     was measured, where correlations are stated.
     """
@@ -25,6 +26,7 @@ class HeldOutBlock:
     in_fit: Callable[[], Array]
     test_residual: Array
     weighted: Array | None = None
+    test_turn: Array | None = None
 
     @cached_property
     def train_residual(self) -> Array:
@@ -41,6 +43,16 @@ def compared_residuals(blocks: Sequence[HeldOutBlock]) -> Array:
     out = np.empty_like(rows)
     out[tests] = rows
     return out
+
+
+def held_out_turns(blocks: Sequence[HeldOutBlock]) -> Array | None:
+    """(N, 3), the held-out error of every orientation (rad), NaN where not measured; None where it is not known."""
+    if not blocks or any(block.test_turn is None for block in blocks):
+        return None
+    turn = np.empty((sum(len(block.test) for block in blocks), 3))
+    for block in blocks:
+        turn[block.test] = block.test_turn
+    return turn
 
 
 def held_out_rows(blocks: Sequence[HeldOutBlock]) -> Array:

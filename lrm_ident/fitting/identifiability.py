@@ -25,6 +25,7 @@ ROUND_OFF = 1e-7  # a column is numerically dependent if its independent part is
 MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
 NEGLIGIBLE = 0.05  # share of a combination that is not listed
 MAX_ITERATIONS = 6
+FEW = 0.2  # share of outliers
 MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
 SELECTION_ORDER = (
     *("anchor.*", "compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
@@ -202,15 +203,29 @@ def explain_dependence(
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedFit:
-    """A fit of the identifiable parameters; `selected`: from which they were chosen, None if all were stated."""
+    """A fit of the identifiable parameters to `data`, as they were weighed; `selected`: from which they were chosen.
+
+    `selected` is None if all were stated.
+    """
 
     fit: Fit
+    data: Measurements
     selected: IdentifiableSet | None = None
 
     @property
     def held(self) -> tuple[UnidentifiableParameter, ...]:
         """Parameters held at zero."""
         return () if self.selected is None else self.selected.held
+
+
+def lost_to_outliers(found: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> tuple[str, ...]:
+    """Parameters held at zero that the data could tell without the outliers of the fit, if those are few."""
+    rows = np.setdiff1d(np.arange(len(data)), found.outliers)
+    if not held or not 0 < len(found.outliers) < FEW * len(data):
+        return ()
+    part, rest, keys = data.take(rows), found.rest.take(rows), [parameter.key for parameter in held]
+    noise = expected_noise(rest, [*found.model.free, *keys], part)
+    return identifiable_beside(rest, found.model.free, keys, noise, part.whitening)
 
 
 def fit_identifiable(
@@ -247,7 +262,7 @@ def fit_identifiable(
             break
         seen.append(selected.kept)
         rest, noise = result.rest, result.sigma
-    return IdentifiedFit(result, selected)
+    return IdentifiedFit(result, data, selected)
 
 
 def some_rows(count: int) -> NDArray[np.int64]:

@@ -9,6 +9,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.registration.degenerate_fit import CHECK
+from lrm_ident.data.weights.model_error import with_model_error
 from lrm_ident.fitting.identifiability import IdentifiedFit, fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import Loss
@@ -19,6 +20,7 @@ from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 
+SETTLED = 1.1  # ratio of the model's error to that before, which is worth another fit
 DEFAULT_EFFECTS = ("offsets", "compliance")
 
 
@@ -37,7 +39,7 @@ def fit_model(
     unbounded: bool = False,
     prior: Prior | None = None,
 ) -> IdentifiedFit:
-    """Fits the named parameters of a model to measurements.
+    """Fits the named parameters of a model to measurements, weighed by their noise and the error of the model itself.
 
     Args:
         parameters: 'identifiable', 'option1' to 'option5' of the thesis, or names and patterns by commas. With a prior,
@@ -47,6 +49,9 @@ def fit_model(
     Raises `LrmError`: unknown parameters, too few poses, no convergence, or nothing that these poses can tell.
     """
     result = _fit_named(with_anchor(model, data), data, parameters, loss, unbounded, prior)
+    weighed = with_model_error(data, result.fit.rest, len(result.fit.model.free))
+    if weighed.model_sd > SETTLED * data.model_sd:
+        return fit_model(model, weighed, parameters, loss, unbounded, prior)
     if not result.fit.model.free:
         left = error_stats(result.fit.residual).rms * 1e3
         raise LrmError(f"nothing can be fitted: no parameter helps, and {left:.1f} mm RMS are left; {CHECK}")
@@ -67,7 +72,7 @@ def _fit_named(
             key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None or key in prior.keys
         )
     free = replace(model, free=keys)
-    return IdentifiedFit(fit(free, data, fit_bounds(free, unbounded), loss, prior))
+    return IdentifiedFit(fit(free, data, fit_bounds(free, unbounded), loss, prior), data)
 
 
 def fit_bounds(model: Model, unbounded: bool) -> Bounds:

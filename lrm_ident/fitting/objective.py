@@ -199,7 +199,7 @@ class Objective:
         if before is not None and free.any():
             inverse = self.inverse_hessian(self.linearise(iterate, before).columns, before, free)
             parameters = self.effective_parameters(inverse, before, free)
-        sd = self.data.sd
+        sd = self.data.whitening.sd
         least = MIN_SIGMA / (1.0 if sd is None else float(sd.mean()))
         return NoiseScale(scale, max(self.residual_sd(iterate, parameters), least))
 

@@ -10,7 +10,7 @@ from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals
-from lrm_ident.fitting.identifiability import UnidentifiableParameter
+from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_outliers
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
@@ -32,13 +32,20 @@ OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, 
 
 def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     """A table of a model's errors, or the reason why there is no held-out error."""
-    rows = [("nominal arm", *in_mm(errors.nominal)), ("model", *in_mm(errors.fitted))]
+    stats = [("nominal arm", errors.nominal), ("model", errors.fitted)]
     if errors.held_out.error is not None:
-        rows.append(("held out (10 joint-space blocks)", *in_mm(errors.held_out.error)))
+        stats.append(("held out (10 joint-space blocks)", errors.held_out.error))
     if errors.nameless is not None:
-        rows.append(("held out, with a nameless model on top", *in_mm(errors.nameless.error)))
-    spec = f".{decimals(*(row[2] for row in rows))}f"
-    table = ResultTable(("TCP error, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))), rows, title)
+        stats.append(("held out, with a nameless model on top", errors.nameless.error))
+    spec = f".{decimals(*(error.rms * 1e3 for _, error in stats))}f"
+    columns = ["TCP error, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))]
+    turns = [None if error.turn_rms is None else float(np.degrees(error.turn_rms)) for _, error in stats]
+    known = [turn for turn in turns if turn is not None]
+    rows: list[tuple[object, ...]] = [(name, *in_mm(error)) for name, error in stats]
+    if known:
+        columns.append(f"orientation RMS, deg|.{decimals(*known)}f")
+        rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]
+    table = ResultTable(columns, rows, title)
     return [table] if errors.held_out.error else [table, f"held out: none, because {errors.held_out.reason}"]
 
 
@@ -59,6 +66,7 @@ def fit_document(
         ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
         *section(OUTLIERS, (f"pose {pose}: {wording.in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
+        *_lost(fit, held, data),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         f"The mean error fell from {wording.in_mm(before)} to {wording.in_mm(mean)} mm "
         f"({100 * (1 - mean / before):.0f} % less)"
@@ -79,6 +87,15 @@ def fit_document(
         "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
     }
     return Document(blocks, "lrm/fit/1", values)
+
+
+def _lost(fit: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> list[Block]:
+    """What a fit cannot tell because of a few poses, and how to leave them out."""
+    lost = lost_to_outliers(fit, held, data)
+    if not lost:
+        return []
+    without = f"--leave-out {','.join(str(data.pose[row]) for row in fit.outliers)}"
+    return [f"Without these poses {len(lost)} more parameters could be told, {lost[0]} among them: {without}"]
 
 
 def _held(model: Model, held: UnidentifiableParameter) -> dict[str, object]:

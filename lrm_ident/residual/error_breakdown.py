@@ -13,7 +13,7 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.fitting.cross_validation import held_out_blocks
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, held_out_turns
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
@@ -72,7 +72,7 @@ class HeldOutResidual:
     @property
     def error(self) -> ErrorStats | None:
         """Its statistics."""
-        return None if self.residual is None else error_stats(self.residual)
+        return None if self.residual is None else error_stats(self.residual, held_out_turns(self.blocks))
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +114,8 @@ def compare(
         data=data,
         rest=rest,
         residual=residual,
-        nominal=error_stats(data.position_error(nominal)),
-        error=error_stats(residual),
+        nominal=data.errors(nominal),
+        error=data.errors(rest),
         held_out=held_out,
         predictable=predictable_error(data, held_out.blocks) if held_out.blocks else None,
         factors=tuple(sorted(_factors(rest, data, residual), key=lambda factor: -factor.share)),

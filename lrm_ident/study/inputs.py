@@ -9,6 +9,7 @@ from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.registration.checked import load_checked
+from lrm_ident.data.weights.model_error import model_error_words, with_model_error
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.progress import Progress, unheard
@@ -16,6 +17,7 @@ from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import shipped_arms
+from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, arm_of, to_model
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -47,14 +49,16 @@ def read_study(
             measured = measured.without(known.left_out)
         if how := fit_words(known.loss, measured.left_out):
             notices += (f"as in the model's fit: {how}",)
+    anchored = with_anchor(loaded, measured)
+    weighed = with_model_error(measured, equilibrium(anchored, measured.poses), len(anchored.free))
     return Study(
-        with_anchor(loaded, measured),
-        measured,
+        anchored,
+        weighed,
         arm_from(path, file.arm),
         catalogue,
         SQUARED if known is None else loss_named(known.loss),
         file,
-        notices=notices,
+        notices=(*notices, *model_error_words(weighed)),
         progress=progress,
     )
 

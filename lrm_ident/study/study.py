@@ -9,9 +9,10 @@ from functools import cached_property, partial
 from pathlib import Path
 
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.weights.model_error import model_error_words
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep, run_auto
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
@@ -99,7 +100,8 @@ class Study:
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
         step = StudyStep("fit", result.fit, result.held, bounds=bounds, stated_prior=known, prior_name=name)
-        return replace(self, loss=loss, source=None)._after(step, None)
+        begun = replace(self, data=result.data, loss=loss, source=None)
+        return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
 
     def compare(self) -> ModelComparison:
         """Compares the model as it is with the data: error, held-out error, and what it may depend on."""
@@ -227,7 +229,7 @@ class Study:
     @cached_property
     def errors(self) -> ErrorSummary:
         """Errors of the nominal arm, of the last fit, and held out."""
-        fitted = self._error_of(self.model) if self.step is None else error_stats(self.step.fit.residual)
+        fitted = self._error_of(self.model) if self.step is None else self.data.errors(self.step.fit.rest)
         return ErrorSummary(self.nominal_error, fitted, self.held_out)
 
     @cached_property
@@ -291,7 +293,7 @@ class Study:
 
     def _error_of(self, model: Model) -> ErrorStats:
         """TCP error of a model as it is."""
-        return error_stats(self.data.position_error(equilibrium(model, self.data.poses)))
+        return self.data.errors(equilibrium(model, self.data.poses))
 
 
 def write_model(path: Path, file: ModelFile, arm: str) -> None:

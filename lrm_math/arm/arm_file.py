@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from lrm_math.arm.arm import Arm, Body, Joint, Placement, contradictions
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
+from lrm_math.arm.plausible_arm import implausible
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.arrays import Vector3
 from lrm_math.errors import FileError, LrmError, name_suggestion, raise_faults
@@ -157,9 +158,11 @@ def read_arm(path: Path) -> Arm:
         found += [FileError(path, "", fault) for fault in _contradictions(tables)]
     raise_faults(path, found)
     try:
-        return to_arm(ArmFile.model_validate(tables))
+        arm = to_arm(ArmFile.model_validate(tables))
     except LrmError as error:
         raise FileError(path, "", str(error)) from None
+    raise_faults(path, [FileError(path, "", what, right) for what, right in implausible(arm)])
+    return arm
 
 
 def _contradictions(tables: dict[str, Any]) -> Iterator[str]:

@@ -31,11 +31,13 @@ def friction_states(q: Array, moves: Array, start: Array | None) -> Array:
 
     Args:
         q: (N, n), commanded angles in the measured order (rad).
-        moves: (N, n), sign of each joint's last move. start: (n,), angles before the first pose, if known.
+        moves: (N, n), sign of each joint's last move, 0 where that is not known.
+        start: (n,), angles before the first pose, if known.
     """
     lengths = np.abs(np.diff(q, axis=0, prepend=q[:1] if start is None else np.asarray(start)[None]))
     kept = np.exp(-lengths[:, :, None] / np.radians(TRAVELS_DEG))
     states = np.repeat(moves[:, :, None], len(TRAVELS_DEG), axis=2)
+    kept[moves == 0.0] = 0.0  # where the last move is not known, nor is what was before it
     for row in range(1, len(q)):
         states[row] += kept[row] * (states[row - 1] - states[row])
     return states

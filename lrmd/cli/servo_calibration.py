@@ -12,9 +12,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from lrm_math.arm.arm_file import load_arm, read_arm, shipped_arms
+from lrm_math.arm.arm_file import ARM_SCHEMA, load_arm, read_arm, shipped_arms
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.errors import FileError, LrmError
+from lrm_math.toml_file import schema_of
 from lrmd.cli.parsing import parse_angle
 from lrmd.messages.control import InfoState, JointsState
 from lrmd.persistence.atomic_file import write_atomically
@@ -54,6 +55,8 @@ def calibrate_servo(
     _table_lines(text.splitlines(), servo)
     if not output.parent.is_dir():
         raise FileError(output, "", "cannot be written (no such folder)")
+    if output.exists() and schema_of(output) != ARM_SCHEMA:
+        raise FileError(output, "", "exists and is no arm file", "name another file")
     show(f"{servo}: put the protractor on. The arm will turn this servo to {len(angles)} places.\n{HELP}")
     pairs = sorted(_measure(rover, servo, angle, ask, show) for angle in sorted(angles))
     table = ServoTable(tuple(a for a, _ in pairs), tuple(p * 1e-6 for _, p in pairs))

@@ -118,7 +118,7 @@ def show_arm(
     arm: arg.ArmArgument,
     q: Annotated[str | None, Option(metavar="DEG,…", help="Joint angles for the picture. Default: all zero.")] = None,
     json: arg.JsonFile = None,
-    figure: arg.FigureFile = None,
+    figure: arg.FigureAndNumbers = None,
 ) -> None:
     """Look at an arm: its dimensions, masses, reach, gravity's torques, and (--figure) a picture."""
     the_arm = load_arm(arm)

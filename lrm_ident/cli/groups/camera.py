@@ -10,13 +10,13 @@ import numpy as np
 import tomli_w
 from typer import Argument, Option, Typer
 
+from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.application import app
 from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv
-from lrm_ident.data.output_files import check_outputs
 from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard, board_pdf, board_text, read_picture
 from lrm_ident.measuring.camera.capture import photos_in, take_photos
 from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
@@ -100,7 +100,11 @@ def read(
     poses: Annotated[Path, Option(metavar="POSES", help="CSV of the commanded poses, one per photo, in their order.")],
     lens: Annotated[Path, Option(metavar="LENS", help="The lens, written by camera calibrate.")],
     arm: Annotated[str, Option(help="A shipped arm or the path of an arm file.")],
-    output: Annotated[Path, Option("-o", "--output", metavar="DATA", help="Where to write the measurements (.csv).")],
+    output: Annotated[
+        Path,
+        Option("-o", "--output", metavar="DATA", help="Where to write the measurements (.csv)."),
+        arg.Beside({".toml": "metadata", ".camera.toml": "session"}),
+    ],
 ) -> None:
     """Turn photos of the board on the arm into measurements: its pose, with its covariance, for every commanded pose.
 
@@ -108,7 +112,6 @@ def read(
     beside it, and DATA.camera.toml, with which `design --camera` offers only poses that the camera can see.
     """
     session_file = output.with_suffix(".camera.toml")
-    check_outputs({"-o": output, "session": session_file, "metadata": output.with_suffix(".toml")}, [poses, lens])
     the_arm, file = load_arm(arm), read_toml(lens, LensFile)
     commanded = load_poses(poses, the_arm)
     folder = output.with_suffix(".photos")

@@ -10,7 +10,7 @@ from typer import Argument, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import LISTED, progress, publish, show
-from lrm_ident.data.atomic_write import write_bytes, write_text
+from lrm_ident.data.atomic_write import check_replaceable, write_bytes, write_text
 from lrm_ident.fitting.executors import executor_for
 from lrm_ident.fleet.fleet_prior import FleetKnowledge, prior_text
 from lrm_ident.fleet.fleet_report import fleet_document, table_csv, table_parquet
@@ -18,6 +18,8 @@ from lrm_ident.fleet.manifest import read_manifest
 from lrm_ident.fleet.run_fleet import MODELS, run_fleet
 from lrm_ident.fleet.summary import fleet_result
 from lrm_ident.workbench.fleet_page import fleet_page
+
+WRITTEN = ("fleet.csv", "fleet.parquet", "fleet.html", "prior.toml")
 
 
 @command
@@ -35,6 +37,8 @@ def fleet(
     Writes a model per arm, one table (CSV, and Parquet where pyarrow is installed), a page, and a prior file for the
     next arm. Started again it goes on where it was; a broken data set is a row with its reason.
     """
+    for name in WRITTEN:
+        check_replaceable(results / name)
     members = read_manifest(manifest)
     with executor_for(cluster, most=len(members)) as pool, progress(f"identifying {len(members)} arms") as tick:
         records = run_fleet(members, results, pool, tick)

@@ -9,7 +9,6 @@ import tomli_w
 
 from lrm_ident.cli.common import show
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.output_files import check_outputs
 from lrm_ident.measuring.recordings.lerobot import read_lerobot, rests_csv
 from lrm_ident.study.model_history import arm_name_for
 from lrm_math.arm.arm_file import load_arm
@@ -22,7 +21,6 @@ def import_lerobot(dataset: Path, output: Path, arm: str | None, dwell: float) -
     """Writes the rests of a dataset as poses, and a .toml file beside them. Raises `LrmError`."""
     name = arm or SO101
     sidecar = output.with_suffix(".toml")
-    check_outputs({"-o": output, "metadata": sidecar}, [dataset / "meta" / "info.json"])
     rests = read_lerobot(dataset, load_arm(name), dwell)
     metadata = {
         "schema": "lrm/measurements/1",

@@ -13,7 +13,10 @@ from lrm_ident.cli.common import identifiable, opened, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.report.model_report import quick_report, with_comparison, with_diagnosis
 from lrm_ident.workbench.html_report import html_report
+from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
+
+PAGES = (".html", ".htm")
 
 
 @command
@@ -29,6 +32,8 @@ def report(
 
     It holds the results of compare and diagnose, opens without a network, and prints well.
     """
+    if output.suffix.lower() not in PAGES:
+        raise FileError(output, "", f"a page is no {output.suffix or 'nameless'} file", f"name it {PAGES[0]}")
     with opened(model, data, effects_file, reading) as study:
         found = with_comparison(quick_report(study), study.compare())
         found = with_diagnosis(found, identifiable(study).diagnose())

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions
+from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions, turn_of
 from lrm_ident.data.csv_table import CsvTable, require
 from lrm_ident.data.measurement_file.distance_columns import DISTANCE, DISTANCE_SD, read_distances
 from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, Metadata, metadata_of
@@ -22,6 +22,7 @@ from lrm_ident.data.measurement_file.pose_columns import (
     read_covariance,
     read_feedback,
 )
+from lrm_ident.data.measurement_file.row_checks import doubtful, without_lost
 from lrm_ident.data.measurement_table import ANGLES, POSITION, read_measurement_table
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.number_table import NumberTable, read_numbers
@@ -50,9 +51,9 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     """
     metadata = metadata_of(path) or NOTHING_STATED
     how = (reading or AS_NAMED).over(metadata)
-    cells = read_measurement_table(path, how)
+    cells = read_measurement_table(path, how, [joint.name for joint in arm.joints])
     positions = DISTANCE not in cells.header or bool({*POSITION} & {*cells.header})
-    cells = require(cells, ["pose", *_angle_columns(cells, arm, how), *(POSITION if positions else ())])
+    cells = require(cells, [*_angle_columns(cells, arm, how), *(POSITION if positions else ())])
     feedback = feedback_columns(arm)
     gaps = {*QUATERNION, *feedback, DISTANCE, "repeat_of", *(POSITION if DISTANCE in cells.header else ())}
     known = {*OWN, *pose_columns(arm), *feedback}
@@ -65,7 +66,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         tcp = read_positions(how, table.stack(POSITION) * MM)
     noise = None if metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM
     parts, unused = _sensed_parts(table, arm, how, metadata, tcp, noise)
-    return Measurements(
+    data = Measurements(
         poses=read_poses(table, arm, how, _start(path, metadata, arm, how)),
         pose=pose,
         tcp=tcp,
@@ -73,12 +74,13 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         repeat_of=_repeats(table, pose),
         path=path,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        notices=(*_notices(cells, known), *unused),
+        notices=(*_notices(cells, known), *doubtful(table, arm, metadata), *unused),
         arm=arm,
         reading=Reading(**how.said()),
         stated=_stated(cells, how),
         **parts,
     )
+    return without_lost(data, table) if positions else data
 
 
 def _sensed_parts(
@@ -108,7 +110,7 @@ def _sensed_parts(
         covariance = np.full((len(known), 6, 6), np.nan)
         covariance[:, :3, :3] = known[:, None, None] ** 2 * np.eye(3)
     if covariance is not None:
-        turn = _turn_of(how)
+        turn = turn_of(how)
         if np.linalg.det(turn) < 0 and attitude is not None:
             raise table.fault("", "an orientation in a mirrored frame", "no rotation does that; check --axes")
         covariance = turned_covariance(covariance, turn)
@@ -126,12 +128,6 @@ def _sensed_parts(
         "distance_sd": None if found.distance is None else found.sd,
         "distance_from": found.start,
     }, (*found.notices, *notices)
-
-
-def _turn_of(how: Reading) -> Array:
-    """Rotation (3, 3), or mirror, by which a reading turns positions."""
-    origin, *unit = read_positions(how, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
-    return np.asarray((np.array(unit) - origin).T)
 
 
 def _stated(table: CsvTable, how: Reading) -> Reading:
@@ -175,7 +171,7 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Po
     """
     path = Path(file)
     how = (reading or AS_NAMED).over(metadata_of(path))
-    cells = read_measurement_table(path, how)
+    cells = read_measurement_table(path, how, [joint.name for joint in arm.joints])
     return read_poses(read_numbers(require(cells, _angle_columns(cells, arm, how)), pose_columns(arm)), arm, how)
 
 
@@ -217,12 +213,21 @@ def _repeats(table: NumberTable, pose: NDArray[np.int64]) -> NDArray[np.int64]:
     return repeat
 
 
+def _converted(table: CsvTable, ours: str) -> str:
+    factor = table.factors.get(ours, 1.0)
+    return "" if factor == 1.0 else f" times {factor:.6g}"
+
+
 def _notices(table: CsvTable, known: Collection[str]) -> list[str]:
     unknown = [name for name in table.header if name and name not in known]
     notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
-    taken = {ours: name for ours, name in table.stated.items() if ours in known and not name.lower().startswith(ours)}
+    taken = {
+        ours: f"{ours} = '{name}'{_converted(table, ours)}"
+        for ours, name in table.stated.items()
+        if ours in known and (table.factors.get(ours, 1.0) != 1.0 or not name.lower().startswith(ours))
+    }
     if taken:
-        notices.append("read as: " + ", ".join(f"{ours} = '{name}'" for ours, name in taken.items()))
+        notices.append("read as: " + ", ".join(taken.values()))
     sidecar = table.path.with_suffix(".toml")
     if sidecar.is_file() and is_something_else(sidecar):
         notices.append(f"{sidecar.name} beside it is {schema_of(sidecar)}, so it says nothing of these data")

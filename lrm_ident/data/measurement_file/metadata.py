@@ -7,11 +7,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat
 
+from lrm_ident.data.number_table import PLAUSIBLE
 from lrm_ident.data.output_files import is_something_else
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
+from lrm_math.plausibility import doubt
 from lrm_math.toml_file import read_toml
 
 
@@ -48,7 +50,12 @@ def metadata_of(path: Path) -> Metadata | None:
     file = path.with_suffix(".toml")
     if not file.is_file() or is_something_else(file):
         return None
-    return read_toml(file, Metadata)
+    metadata = read_toml(file, Metadata)
+    for key, value in metadata.model_dump(exclude_none=True).items():
+        found = doubt(PLAUSIBLE[key], value) if key in PLAUSIBLE else None
+        if found:
+            raise FileError(file, key, found.what, found.right)
+    return metadata
 
 
 def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:

@@ -104,7 +104,12 @@ def read_attitude(table: NumberTable) -> Array | None:
     values = table.stack(QUATERNION)
     length = np.linalg.norm(values, axis=1)
     table.reject(np.abs(length - 1.0) > UNIT_TOLERANCE, "qw", "the quaternion's length is not one")
-    w, x, y, z = (values / length[:, None]).T
+    return rotations_of(values / length[:, None])
+
+
+def rotations_of(unit: Array) -> Array:
+    """(N, 3, 3), rotation matrices of unit quaternions w, x, y, z (N, 4)."""
+    w, x, y, z = unit.T
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -8,6 +8,7 @@ from lrm_ident.data.csv_table import csv_text
 from lrm_ident.data.measurement_file.distance_columns import DISTANCE, DISTANCE_SD
 from lrm_ident.data.measurement_file.pose_columns import QUATERNION, covariance_columns
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.pose_table import after_gap
 from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
@@ -26,6 +27,8 @@ def measurements_csv(data: Measurements) -> str:
         columns.append(("temp_c", data.poses.temperature, 3))
     columns += _scatter_columns(data)
     columns.append(("repeat_of", data.repeat_of.astype(np.float64), 0))
+    if data.poses.direction is not None and after_gap(data.pose).any():  # what the rows alone do not say any more
+        columns += [(f"approach{i + 1}", side, 0) for i, side in enumerate(data.poses.direction.T)]
     return csv_text(columns)
 
 

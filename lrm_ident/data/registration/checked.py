@@ -13,6 +13,7 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import BeyondLimits
+from lrm_ident.data.registration.attitude_check import check_attitude
 from lrm_ident.data.registration.hypotheses import Hypothesis
 from lrm_ident.data.registration.reading_check import ReadingCheck, Scored, check_reading, compared_rows, registered
 from lrm_math.arm.arm import Arm
@@ -54,7 +55,9 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
         _check(arm, load_measurements(path, without_limits(arm), how))
         raise
     notices = _check(arm, data)
-    return in_arm_frame(arm, replace(data, notices=(*data.notices, *notices)))
+    found = in_arm_frame(arm, replace(data, notices=(*data.notices, *notices)))
+    check_attitude(arm, found)
+    return found
 
 
 def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from lrm_ident.data.registration.similarity import cauchy_weight
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.plausible_arm import reach
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, split_key
 from lrm_math.errors import NoEquilibrium
@@ -95,12 +96,6 @@ def trimmed_rms(distance: Array) -> float:
     """RMS of the nearest 80 % of distances (N,), m: a tenth of wrong measurements does not matter."""
     nearest = np.sort(distance)[: max(1, round(TRUSTED * len(distance)))]
     return float(np.sqrt((nearest**2).mean()))
-
-
-def reach(arm: Arm) -> float:
-    """Sum of an arm's lengths from the base to the TCP (m)."""
-    links = sum(float(np.hypot(joint.d, joint.a)) + abs(joint.extra_z or 0.0) for joint in arm.joints)
-    return links + float(np.linalg.norm([arm.tool.x, arm.tool.y, arm.tool.z]))
 
 
 def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:

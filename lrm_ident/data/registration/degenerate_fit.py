@@ -7,10 +7,10 @@ from dataclasses import asdict
 
 import numpy as np
 
-from lrm_ident.data.registration.coarse_fit import reach
 from lrm_ident.data.registration.reading_check import nominal_tcp
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_math.arm.arm_file import MM
+from lrm_math.arm.plausible_arm import reach
 from lrm_math.effects import split_key
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import parameter_jacobian

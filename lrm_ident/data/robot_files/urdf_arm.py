@@ -12,8 +12,9 @@ from lrm_ident.data.robot_files.denavit_hartenberg import DhLink, dh_links
 from lrm_ident.data.robot_files.rigid_motion import base_placement, inverse, tool_placement, turn
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose
 from lrm_math.arm.arm import Arm, Body, Joint, Placement
+from lrm_math.arm.plausible_arm import implausible
 from lrm_math.arrays import Array, Vector3
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, raise_faults
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.model import Model, model_of
@@ -79,6 +80,7 @@ def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, nam
     arm = Arm(name or robot.name, GRAVITY, placed, joints, tool, (*bodies, load))
     if not bodies:
         notices.append("no link has a mass: what bends under its own weight cannot be found")
+    raise_faults(robot.path, [FileError(robot.path, "", *fault) for fault in implausible(arm, "metres")])
     difference = largest_difference(model_of(arm, ()), path)
     if not difference < AGREES:
         raise FileError(robot.path, "", f"the arm is {difference:.2g} m or rad off the URDF's own kinematics")

@@ -70,19 +70,31 @@ class DataFile:
     def __init__(self, path: Path, joints: int) -> None:
         """Opens the file, and cuts off an unfinished line. Raises `FileError`: it is no file of a campaign."""
         self.path, self._joints = path, joints
+        self._check_header()
         self.cut = _cut_unfinished(path)
         self.done: list[int] = []
         self.last_session, self._last_t = 1, 0.0
         if path.exists() and path.stat().st_size:
             table = read_table(path)
-            if list(table.header) != self._columns():
-                raise FileError(path, "header", "is not that of this campaign", "give another file to write to")
             self.done = [int(row[0]) for row in table.rows]
             self._last_t = max((float(row[1]) for row in table.rows), default=0.0)
             self.last_session = max((int(row[2]) for row in table.rows), default=1)
         self.head: Metadata | None = read_toml(self.metadata, Metadata) if self.metadata.exists() else None
         if self.done and self.head is None:
             raise FileError(self.metadata, "", "is missing beside the measured rows")
+
+    def _check_header(self) -> None:
+        """Raises `FileError` unless the file, if there is one, is of this campaign: nothing is cut off others."""
+        header = (",".join(self._columns()) + "\n").encode()
+        try:
+            with self.path.open("rb") as file:
+                begun = file.read(len(header))
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            raise FileError(self.path, "", f"cannot be read and written ({error.strerror})") from None
+        if not header.startswith(begun):
+            raise FileError(self.path, "header", "is not that of this campaign", "give another file to write to")
 
     @property
     def metadata(self) -> Path:

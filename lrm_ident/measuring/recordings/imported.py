@@ -15,7 +15,6 @@ from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurement_table import read_measurement_table
 from lrm_ident.data.number_table import read_numbers
-from lrm_ident.data.output_files import is_something_else
 from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
@@ -28,7 +27,6 @@ from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
-from lrm_math.toml_file import schema_of
 
 
 @dataclass(frozen=True)
@@ -107,10 +105,6 @@ def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder)
 def write_measurements(found: ImportedRows, output: Path, arm: str, source: str) -> None:
     """Writes the measurements, and the metadata beside them. Raises `FileError`; then nothing is written."""
     beside = output.with_suffix(".toml")
-    if beside == output:
-        raise FileError(output, "", "is where the metadata go", "name the measurements .csv")
-    if beside.is_file() and is_something_else(beside):
-        raise FileError(beside, "", f"is {schema_of(beside)}", "it would be overwritten; give -o another name")
     about = {"schema": "lrm/measurements/1", "arm": arm_name_beside(arm, output.parent), "source": f"import: {source}"}
     write_text(output, found.csv())
     write_text(beside, tomli_w.dumps(about))

@@ -1,0 +1,89 @@
+"""Rows that cannot be what they say: a lost tracker, rows in another order, repetitions elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurement_file.metadata import Metadata
+from lrm_ident.data.measurement_table import POSITION
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.number_table import NumberTable
+from lrm_ident.data.pose_table import after_gap, angle_columns
+from lrm_ident.data.wording import enumerate_words
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import MM
+from lrm_math.arm.plausible_arm import reach
+
+LISTED = 8
+FINEST = 1e-5
+"""Share of the reach: no tracker that arms are measured with is so exact."""
+SAME_POSE = 1.0  # deg
+
+
+def without_lost(data: Measurements, table: NumberTable) -> Measurements:
+    """The measurements without positions that are exactly 0, 0, 0: a tracker writes them while it sees nothing.
+
+    Raises `FileError` if all are.
+    """
+    lost = (table.stack(POSITION) == 0.0).all(axis=1)
+    if not lost.any():
+        return data
+    if lost.all():
+        raise table.fault("", "every position is 0, 0, 0", "was the tracker on?")
+    count = f"{int(lost.sum())} positions are exactly 0, 0, 0, as of a lost tracker"
+    words = f"{count}, and left out: {_poses(data.pose[lost])}"
+    return replace(data.without(data.pose[lost].tolist()), notices=(*data.notices, words))
+
+
+def doubtful(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
+    """What a person should know of the order, the repetitions and the stated noise of a file."""
+    number = table.whole("pose")
+    if not any(name.startswith("approach") for name in table.columns):
+        gap = after_gap(number)
+        if gap.any():
+            yield (
+                f"before {_poses(number[gap])} the file lacks a pose: the direction of approach is unknown there; "
+                "state it as approach, or approach1, approach2 … of each joint"
+            )
+        if (np.diff(number) < 0).any():
+            yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
+    yield from _times(table, number)
+    yield from _repetitions(table, arm, number)
+    yield from _noise(table, arm, metadata)
+
+
+def _times(table: NumberTable, number: NDArray[np.int64]) -> Iterator[str]:
+    if "t_s" not in table:
+        return
+    t, session = table.columns["t_s"], table.columns.get("session", np.zeros(len(table)))
+    back = np.concatenate([[False], (np.diff(t) < 0) & (np.diff(session) == 0)])
+    if back.any():
+        yield f"t_s runs backwards at {_poses(number[back])}: are the rows in the order measured?"
+
+
+def _repetitions(table: NumberTable, arm: Arm, number: NDArray[np.int64]) -> Iterator[str]:
+    """Repetitions that were commanded elsewhere than what they repeat."""
+    if "repeat_of" not in table:
+        return
+    q, first = table.stack(angle_columns(arm)), {int(pose): row for row, pose in enumerate(number)}
+    stated = np.nan_to_num(table.columns["repeat_of"], nan=-1.0)
+    of = [first.get(int(pose), row) for row, pose in enumerate(stated)]
+    away = np.abs(q - q[of]).max(axis=1) > SAME_POSE
+    if away.any():
+        yield f"repeat_of: {_poses(number[away])} is not commanded where the pose is that it repeats"
+
+
+def _noise(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
+    """A standard deviation smaller than that of any tracker."""
+    stated = table.columns.get("sd_mm", np.array([metadata.noise_sd_mm or np.nan]))
+    name, usual = "sd_mm" if "sd_mm" in table else "noise_sd_mm", float(np.median(stated))
+    if 0.0 < usual < FINEST * reach(arm) / MM:
+        yield f"{name} is {usual:.3g} mm: no tracker is so exact; were it in metres, it would be {usual * 1e3:.3g} mm"
+
+
+def _poses(numbers: NDArray[np.int64]) -> str:
+    return f"pose {enumerate_words([str(number) for number in numbers.tolist()], LISTED)}"

@@ -1,0 +1,231 @@
+"""Lost positions, gaps and other orders of the rows, joint names of the arm, orientations in other orders."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_ident.data.csv_table import csv_text
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.pose_table import after_gap, directions
+from lrm_ident.data.registration.checked import load_checked
+from lrm_ident.data.weights.model_error import additional_sd, with_model_error
+from lrm_ident.data.weights.rotations import quaternions
+from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.identifiability import lost_to_outliers
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model, nominal_model
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import MM, load_arm
+from lrm_math.effects import effects_at
+from lrm_math.effects.friction import friction_states
+from lrm_math.errors import FileError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+from lrm_math.model.sensed import tool_rotation
+from tests.conftest import EXAMPLE
+from tests.support.commands import run_command, stdout_of
+
+
+def example(folder: Path, rows: list[list[str]], header: list[str] | None = None) -> Path:
+    """A file of rows of the shipped data set."""
+    path = folder / "data.csv"
+    names = header or EXAMPLE.read_text().splitlines()[0].split(",")
+    path.write_text("\n".join(",".join(row) for row in [names, *rows]) + "\n")
+    shutil.copy(EXAMPLE.with_suffix(".toml"), path.with_suffix(".toml"))
+    return path
+
+
+def rows_of(count: int) -> list[list[str]]:
+    return [line.split(",") for line in EXAMPLE.read_text().splitlines()[1 : count + 1]]
+
+
+def test_zeros_of_a_lost_tracker_are_left_out_and_said(lab: Arm, tmp_path: Path) -> None:
+    rows, healthy = rows_of(80), rows_of(80)
+    for lost in (3, 40, 41):
+        rows[lost][-3:] = ["0.0", "0", "-0.000"]
+    data = load_checked(example(tmp_path, rows), lab)
+    assert data.left_out == (4, 41, 42)
+    assert any("exactly 0, 0, 0" in words and "4, 41, 42" in words for words in data.notices)
+    whole = load_checked(example(tmp_path, healthy), lab).without([4, 41, 42])
+    np.testing.assert_array_equal(data.tcp, whole.tcp)
+    np.testing.assert_array_equal(data.poses.direction, whole.poses.direction)  # the arm was there all the same
+
+
+def test_nothing_but_zeros(lab: Arm, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="every position is 0, 0, 0"):
+        load_measurements(example(tmp_path, [[*row[:-3], "0", "0", "0"] for row in rows_of(20)]), lab)
+
+
+def test_a_fit_that_loses_parameters_to_a_few_rows_says_which(tmp_path: Path) -> None:
+    rows = rows_of(120)
+    for wrong in (10, 50, 90):
+        rows[wrong][-1] = str(float(rows[wrong][-1]) + 150.0)
+    path = example(tmp_path, rows)
+    out = stdout_of("fit", path, "--all")
+    assert "more parameters could be told" in out
+    assert "--leave-out 11,51,91" in out
+    assert "more parameters could be told" not in stdout_of("fit", path, "--leave-out", "11,51,91")
+
+
+@given(st.lists(st.booleans(), min_size=2, max_size=25), st.integers(0, 100))
+def test_after_a_split_directions_are_right_or_unknown(kept: list[bool], seed: int) -> None:
+    n = len(kept)
+    q = np.random.default_rng(seed).integers(-2, 3, (n, 3)) * 0.1
+    rows = np.flatnonzero(kept)
+    if len(rows) < 2:
+        return
+    whole, number = directions(q, None), np.arange(1, n + 1)
+    gap = after_gap(number[rows])
+    part = directions(q[rows], None, gap)
+    if np.gcd.reduce(np.diff(rows)) == 1:
+        known = part != 0.0
+        np.testing.assert_array_equal(part[known], whole[rows][known])
+    states = friction_states(q[rows], part, None)
+    assert (states[part == 0.0] == 0.0).all()
+
+
+def test_a_gap_in_the_pose_numbers_is_said(lab: Arm, tmp_path: Path) -> None:
+    rows = [row for number, row in enumerate(rows_of(80), start=1) if number not in (20, 21, 50)]
+    data = load_measurements(example(tmp_path, rows), lab)
+    assert any("before pose 22, 51 the file lacks a pose" in words for words in data.notices)
+    assert data.poses.direction is not None
+    assert (data.poses.direction[[19, 47]] == 0.0).all()
+    again = tmp_path / "again.csv"
+    again.write_text(measurements_csv(data))
+    np.testing.assert_array_equal(load_measurements(again, lab).poses.direction, data.poses.direction)
+
+
+def test_other_orders_of_the_rows_are_said(lab: Arm, tmp_path: Path) -> None:
+    rows = rows_of(60)
+    data = load_measurements(example(tmp_path, [*rows[30:], *rows[:30]]), lab)
+    assert any("do not ascend" in words for words in data.notices)
+    assert any("t_s runs backwards" in words for words in data.notices)
+
+
+def test_a_repetition_elsewhere_is_said(lab: Arm, tmp_path: Path) -> None:
+    names = [*EXAMPLE.read_text().splitlines()[0].split(","), "repeat_of"]
+    rows = [[*row, "1" if row[0] == "9" else ""] for row in rows_of(20)]
+    assert any("repeat_of: pose 9" in words for words in load_measurements(example(tmp_path, rows, names), lab).notices)
+
+
+def so101_data(count: int, seed: int, hidden: str = "") -> Measurements:
+    """An SO-101 with errors of assembly and springs, perhaps a hidden effect, measured to 0.1 mm."""
+    arm, rng = load_arm("so101"), np.random.default_rng(seed)
+    names = ("offsets", "compliance", *([hidden] if hidden else []))
+    model = model_of(arm, [effect for name in names for effect in effects_at(arm, name)])
+    sizes = {k: 0.3 * float(rng.normal()) * p.typical for k, p in zip(model.keys, model.parameters, strict=True)}
+    sizes = {k: abs(v) if k.startswith(("compliance", "backlash")) else v for k, v in sizes.items() if "tau0" not in k}
+    sizes |= {k: 0.05 for k in model.keys if k.startswith("backlash") and k.endswith("_rad")}
+    limits = 0.8 * np.array([(joint.lower, joint.upper) for joint in arm.joints])
+    q = rng.uniform(*limits.T, (count, arm.dof))
+    poses = replace(poses_of(q), direction=directions(q, None))
+    rest = equilibrium(model_of(arm, model.effects, sizes), poses)
+    number = np.arange(1, count + 1)
+    return Measurements(
+        poses, number, rest.tcp + rng.normal(0, 1e-4, (count, 3)), None, None, number, Path("made.csv"), "", arm=arm,
+        attitude=tool_rotation(rest),
+    )  # fmt: skip
+
+
+def as_file(folder: Path, data: Measurements, quaternion: list[str], joints: list[str], **units: float) -> Path:
+    columns = [
+        (name, np.degrees(angles) * units.get("angle", 1.0), 9)
+        for name, angles in zip(joints, data.poses.q.T, strict=True)
+    ]
+    columns += [(f"{axis}_mm", data.tcp[:, i] / MM, 6) for i, axis in enumerate("xyz")]
+    assert data.attitude is not None
+    if quaternion:
+        columns += [(name, part, 9) for name, part in zip(quaternion, quaternions(data.attitude).T, strict=True)]
+        columns += [("sd_mm", np.full(len(data), 0.1), 3), ("srot_deg", np.full(len(data), 0.1), 3)]
+    path = folder / "made.csv"
+    path.write_text(csv_text(columns))
+    return path
+
+
+JOINTS = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "said"),
+    [
+        (["qx", "qy", "qz", "qw"], "look like"),
+        (["qw", "qy", "qx", "qz"], "look like"),
+    ],
+)
+def test_an_orientation_in_another_order(quaternion: list[str], said: str, tmp_path: Path) -> None:
+    path = as_file(tmp_path, so101_data(60, 1), quaternion, JOINTS)
+    with pytest.raises(FileError, match=said) as refused:
+        load_checked(path, load_arm("so101"))
+    assert "the orientations miss those of so101" in str(refused.value)
+
+
+def test_an_inverse_orientation(tmp_path: Path) -> None:
+    data = so101_data(60, 1)
+    assert data.attitude is not None
+    path = as_file(tmp_path, replace(data, attitude=data.attitude.transpose(0, 2, 1)), ["qw", "qx", "qy", "qz"], JOINTS)
+    with pytest.raises(FileError, match="negate qx, qy and qz"):
+        load_checked(path, load_arm("so101"))
+
+
+def test_the_error_of_orientations_stands_in_the_tables(tmp_path: Path) -> None:
+    path = as_file(tmp_path, so101_data(60, 1), ["qw", "qx", "qy", "qz"], JOINTS)
+    out = stdout_of("fit", path, "--arm", "so101", "-o", tmp_path / "model.toml", "--json", tmp_path / "fit.json")
+    assert "orientation RMS, deg" in " ".join(out.split())
+    assert '"turn_rms_deg"' in (tmp_path / "fit.json").read_text()
+    assert "orientation RMS, deg" in " ".join(stdout_of("compare", tmp_path / "model.toml", path).split())
+
+
+def test_the_joints_own_names_are_columns(tmp_path: Path) -> None:
+    made = so101_data(60, 2)
+    path = as_file(tmp_path, made, [], [f"{name}_rad" for name in JOINTS], angle=np.pi / 180)
+    data = load_checked(path, load_arm("so101"))
+    np.testing.assert_allclose(data.poses.q, made.poses.q, atol=1e-9)
+    assert any("q1_deg = 'shoulder_pan_rad' times 57.2958" in words for words in data.notices)
+
+
+def test_pose_is_not_required(tmp_path: Path) -> None:
+    path = as_file(tmp_path, so101_data(20, 2), [], ["a", "b", "c", "d", "e"])
+    with pytest.raises(FileError) as refused:
+        load_measurements(path, load_arm("so101"))
+    assert "required: q1_deg" in str(refused.value)
+
+
+def test_additional_variance_of_a_known_sample() -> None:
+    rng = np.random.default_rng(0)
+    sd = np.where(np.arange(4000) % 2, 1e-5, 3e-4)
+    residual = rng.normal(0, np.hypot(sd, 5e-4)[:, None], (4000, 3))
+    assert additional_sd(residual, sd, 12000) == pytest.approx(5e-4, rel=0.03)
+    assert additional_sd(rng.normal(0, 0.9 * sd[:, None], (4000, 3)), sd, 12000) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -> None:
+    made = replace(so101_data(90, 10 + seed, "backlash@joint2"), attitude=None)
+    arm = load_arm("so101")
+    sd = np.where(np.random.default_rng(seed).random(90) < 0.2, 1e-5, 3e-4)
+    plain, stated = made, replace(made, sd=sd)
+    errors = []
+    for data in (plain, stated):
+        found = fit_model(nominal_model(arm), data, "identifiable", SQUARED)
+        left = held_out_residual(found.fit.model, found.data)
+        errors.append(float(np.sqrt((left**2).sum(axis=1).mean())))
+    assert errors[1] <= 1.1 * errors[0], errors
+    blind = fit_model(nominal_model(arm), plain, "identifiable", SQUARED).fit
+    assert with_model_error(stated, blind.rest, len(blind.model.free)).model_sd > 2e-4
+
+
+def test_nothing_is_lost_without_outliers(lab: Arm) -> None:
+    data = load_measurements(EXAMPLE, lab).take(np.arange(120))
+    found = fit_model(nominal_model(lab), data, "identifiable", SQUARED)
+    assert lost_to_outliers(found.fit, found.held, found.data) == ()
+    assert run_command("fit", EXAMPLE, "--parameters", "option3")[0] == 0

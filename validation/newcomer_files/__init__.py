@@ -1,0 +1,1 @@
+"""Single changes of healthy files, as newcomers make them: refused, said, without effect, or silently wrong."""

@@ -1,0 +1,89 @@
+"""What `fit` makes of changed files: refused by name, said, healthy all the same, or silently wrong."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+from lrm_ident.cli.app import main
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model_file import load_model
+from validation.newcomer_files.changes import FileChange
+from validation.newcomer_files.healthy import POSES, NewcomerFiles
+
+HEALTHY, SAID, REFUSED = "healthy result", "notice that names it", "refused by name"
+VAGUE, SILENT, TRACEBACK = "refused, not by name", "silent wrong result", "traceback"
+OUTCOMES = (HEALTHY, SAID, REFUSED, VAGUE, SILENT, TRACEBACK)
+TOLERANCE = 3e-4
+"""m RMS: the noise per axis; predictions of fits to two halves of a healthy data set differ by as much."""
+
+
+@dataclass(frozen=True)
+class ChangeOutcome:
+    """What became of a change; `difference`: of the predictions from those of the healthy fit (m), if there is one."""
+
+    kind: str
+    arm: str
+    what: str
+    outcome: str
+    said: str
+    difference: float | None = None
+
+
+def fit_files(files: NewcomerFiles, folder: Path) -> tuple[int, str, Path]:
+    """Exit code (−1: a traceback), what was said, and the model's path."""
+    data, arm = files.write(folder)
+    model, stdout, stderr, code = folder / "model.toml", io.StringIO(), io.StringIO(), 0
+    model.unlink(missing_ok=True)
+    words = ["lrm-ident", "fit", str(data), "--arm", str(arm), "-o", str(model), "--all"]
+    with mock.patch.object(sys, "argv", words), contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        except Exception as error:  # what a person would see as a traceback is what is counted here
+            code = -1
+            stderr.write(f"{type(error).__name__}: {error}")
+    said = " ".join(f"{stderr.getvalue()} {stdout.getvalue()}".split())
+    return code, said, model
+
+
+def predictions(model: Path, angles: Array) -> Array:
+    """(N, 3), where a model sees the tip at angles (N, n) without load (m)."""
+    return equilibrium(load_model(model), poses_of(angles)).tcp
+
+
+def probes(arm: Arm) -> Array:
+    """(N, n), angles at which models are compared (rad)."""
+    limits = np.array([(joint.lower, joint.upper) for joint in arm.joints])
+    return np.random.default_rng(1).uniform(*(0.9 * limits.T), (POSES, arm.dof))
+
+
+def classify(kind: str, change: FileChange, healthy: Array) -> ChangeOutcome:
+    """The outcome of one change. `healthy`: predictions of the fit to the files before it."""
+    with tempfile.TemporaryDirectory() as scratch:
+        code, said, model = fit_files(change.files, Path(scratch))
+        named = any(word.lower() in said.lower() for word in change.words)
+        difference, outcome = None, TRACEBACK
+        if code == 2:
+            outcome = REFUSED if named else VAGUE
+        elif code == 0:
+            try:
+                q = probes(load_arm(change.files.arm_name))
+                difference = float(np.sqrt(((predictions(model, q) - healthy) ** 2).sum(axis=1).mean()))
+            except LrmError:
+                difference = float("inf")
+            outcome = HEALTHY if difference < TOLERANCE else SAID if named else SILENT
+    return ChangeOutcome(kind, change.files.arm_name, change.what, outcome, said[:300], difference)
