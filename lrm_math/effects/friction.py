@@ -35,12 +35,17 @@ def friction_states(q: Array, moves: Array, start: Array | None) -> Array:
         start: (n,), angles before the first pose, if known.
     """
     lengths = np.abs(np.diff(q, axis=0, prepend=q[:1] if start is None else np.asarray(start)[None]))
-    kept = np.exp(-lengths[:, :, None] / np.radians(TRAVELS_DEG))
     states = np.repeat(moves[:, :, None], len(TRAVELS_DEG), axis=2)
     kept[moves == 0.0] = 0.0  # where the last move is not known, nor is what was before it
     for row in range(1, len(q)):
-        states[row] += kept[row] * (states[row - 1] - states[row])
+        states[row] = turned_over(states[row - 1], lengths[row], moves[row])
     return states
+
+
+def turned_over(states: Array, lengths: Array, side: Array) -> Array:
+    """(n, K), states (n, K) after straight moves of the joints by `lengths` (n,), rad, towards `side` (n,)."""
+    kept = np.exp(-lengths[:, None] / np.radians(TRAVELS_DEG))
+    return np.asarray(side[:, None] + kept * (states - side[:, None]))
 
 
 class FrictionCurve(LoadedJointEffect, LinearEffect):

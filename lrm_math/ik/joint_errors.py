@@ -88,7 +88,7 @@ class JointErrorModel:
     def slots_at(self, poses: Poses, tau: Array) -> Array:
         """(K, V), amounts that the moving slots are due for commands under gravity loads (K, V): rad, m."""
         count, rigid, pushed = len(poses), rigid_amounts(self.model, poses), effect_loads(self.model, poses)
-        felt = self._felt(tau, pushed)
+        felt = self.felt(tau, pushed)
         due = {k: rigid[k] for k in self._row}
         for bound in self.model.binding.elastic:
             for k, amount in bound.amounts(poses, felt):
@@ -127,14 +127,14 @@ class JointErrorModel:
         compliances[others] = (response - self._responses(poses, tau, sliding))[others]
         due = self.slots_at(poses, tau[None])[0] - compliances @ tau
         for bound in sliding:
-            for k, amount in bound.amounts(poses, self._felt(tau[None], {})):
+            for k, amount in bound.amounts(poses, self.felt(tau[None], {})):
                 due[self._row[k]] -= float(amount)
         zero = self.constants.copy()
         zero[others] = due[others]
         return zero, compliances
 
-    def _felt(self, tau: Array, pushed: dict[int, Number]) -> list[Number]:
-        """Loads on `model.load_slots`, floats for one pose."""
+    def felt(self, tau: Array, pushed: dict[int, Number]) -> list[Number]:
+        """Loads on `model.load_slots`, floats for one pose: gravity's (K, V) and those that effects put on slots."""
         rows: list[Number] = [float(tau[0, v]) if len(tau) == 1 else tau[:, v] for v in self._load_rows]
         return [load + pushed.get(k, 0.0) for k, load in zip(self.model.load_slots, rows, strict=True)]
 
@@ -142,7 +142,7 @@ class JointErrorModel:
         self, pose: Poses, tau: Array, effects: Sequence[BoundEffect], pushed: dict[int, Number] | None = None
     ) -> Array:
         """(V, V), derivatives of some effects by the loads, at one pose and gravity loads (V,)."""
-        out, felt = np.zeros((len(self._row), len(self._row))), self._felt(tau[None], pushed or {})
+        out, felt = np.zeros((len(self._row), len(self._row))), self.felt(tau[None], pushed or {})
         for bound in effects:
             rows = by_loads(bound.effect, pose, bound.felt(felt), bound.p)
             for i, responses in zip(bound.loads, rows, strict=True):

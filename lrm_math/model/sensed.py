@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.effect_binding import anchor_shift
 from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.model import Model
 
 
 @dataclass(frozen=True)
@@ -42,11 +46,15 @@ def encoder_angles(settled: Equilibrium) -> Array:
 
     What gives way behind an encoder, between it and the link, it does not see.
     """
-    model = settled.model
-    out = settled.poses.q.copy()
+    return settled.poses.q + before_encoders(settled.model, settled.poses, settled.tau)
+
+
+def before_encoders(model: Model, poses: Poses, tau: Sequence[Number]) -> Array:
+    """(N, n), what effects add to the joints before their encoders (rad); `tau`: loads on `model.load_slots` (N·m)."""
+    out = np.zeros_like(poses.q)
     for bound in (*model.binding.rigid, *model.binding.elastic):
         if any(encoder is not None for encoder in bound.encoders):
-            for encoder, (_, amount) in zip(bound.encoders, bound.amounts(settled.poses, settled.tau), strict=True):
+            for encoder, (_, amount) in zip(bound.encoders, bound.amounts(poses, tau), strict=True):
                 if encoder is not None:
                     out[:, encoder] += amount
     return out

@@ -1,0 +1,149 @@
+"""A calibrated arm in the compiled kernel, with what the kernel has no formula for added as it is at each state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lerobot_robot_lrm.motion import Motion
+from lrm_math.arrays import Array
+from lrm_math.errors import NoEquilibrium
+from lrm_math.ik.calibrated_arm import CalibratedArm
+from lrm_math.ik.goal import point
+from lrm_math.ik.joint_errors import JointErrorModel
+from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
+from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, without_formula
+from lrm_math.ik.kernel.moving_slots import Indices
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.effect_binding import EffectBinding
+from lrm_math.model.equilibrium import effect_loads
+from lrm_math.model.model import Model
+from lrm_math.model.sensed import before_encoders
+
+FAR = 1e3
+"""rad: a joint that comes from so far away arrives from that side, whatever the command."""
+SETTLED, MOST_STEPS = 1e-7, 30
+"""rad; iterations for effects that the kernel has no formula for."""
+TOLERANCE = 1e-9
+"""m, of an equilibrium."""
+
+
+@dataclass(frozen=True, eq=False)
+class KernelArmModel:
+    """A model (see `lrm_math.model.deployed_model`) with a payload (kg), packed for the kernel.
+
+    `kernel`: with every law that it knows. `complete`: whether these are all of the model.
+    """
+
+    model: Model
+    payload: float
+    kernel: KernelModel
+    errors: JointErrorModel
+
+    @classmethod
+    def of(cls, model: Model, payload: float) -> KernelArmModel:
+        """Packs a model. Raises `LrmError`."""
+        arm = CalibratedArm(model)
+        kernel = arm.kernel(payload).with_springs(arm.errors.constants, arm.errors.compliances)
+        return cls(model, payload, with_laws(kernel, _known_laws(model), True, 0.0), arm.errors)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the kernel has a formula for every effect."""
+        return self.errors.complete
+
+    @property
+    def joints(self) -> Indices:
+        """(n,), positions of the joints among the moving slots."""
+        return self.errors.moving.joints
+
+    def slots_at(self, q: Array) -> Array:
+        """(V,), slot amounts at joint angles q (n,), rad, without loads."""
+        out = self.errors.constants.copy()
+        out[self.joints] += q
+        return out
+
+    def with_joints(self, amounts: Array) -> Array:
+        """(V,), slot amounts with those of the joints (n,), rad, and what their loads do to the other slots."""
+        out = self.errors.constants.copy()
+        out[self.joints] = amounts
+        if len(self.errors.moving.others):
+            settled, _, _ = self._held(self.kernel, out, np.full(len(amounts), np.nan))
+            settled[self.joints] = amounts
+            return settled
+        return out
+
+    def command(self, slots: Array, side: Array, motion: Motion) -> Array:
+        """(n,), commands (rad) that hold slot amounts (V,), each joint arriving from `side` (n,), after a motion.
+
+        Effects without a formula are constants for the kernel, iterated with secants (Anderson 1965). Raises
+        `NoEquilibrium`.
+        """
+        near = np.where(side == 0.0, np.nan, motion.q - FAR * side)
+        if self.complete:
+            return self._held(self.kernel, slots, near)[2]
+        added, before = np.zeros_like(slots), None
+        for _ in range(MOST_STEPS):
+            kernel = self.kernel.with_(zero=self.errors.constants + added)
+            held, tau, q = self._held(kernel, slots, near)
+            poses = self._poses(q, side, motion.turned(q, side))
+            lacking = self.errors.slots_at(poses, tau[None])[0] - held
+            if np.abs(lacking).max() < SETTLED:
+                return q
+            step, now = lacking, (added, lacking)
+            if before is not None:
+                change = lacking - before[1]
+                share = float(lacking @ change) / max(float(change @ change), 1e-300)
+                step = lacking - share * (added - before[0] + change)
+            before, added = now, added + step
+        raise NoEquilibrium([1], "the command of these angles does not settle")
+
+    def settled(self, encoders: Array, motion: Motion) -> Array:
+        """(V,), slot amounts of an arm whose encoders read angles (n,), rad, after a motion. Raises `NoEquilibrium`."""
+        q, slots, added = encoders, self.slots_at(encoders), np.zeros_like(self.errors.constants)
+        for _ in range(MOST_STEPS):
+            kernel = self.kernel.with_(zero=self.errors.constants + added)
+            found, _, steps = kernel.settle(q[None], motion.side[None], slots[None], TOLERANCE)
+            if steps[0] < 0:
+                break
+            slots = found[0]
+            if self.complete and not self._encoders_move:
+                return slots
+            tau, poses = kernel.forward(found)[1], self._poses(q, motion.side, motion.friction)
+            lacking = self.errors.slots_at(poses, tau)[0] - slots if not self.complete else np.zeros_like(slots)
+            felt = self.errors.felt(tau, effect_loads(self.model, poses))
+            left = encoders - before_encoders(self.model, poses, felt)[0] - q
+            if max(np.abs(lacking).max(), np.abs(left).max()) < SETTLED:
+                return slots
+            q, added = q + left, added + lacking
+        raise NoEquilibrium([1], "the arm does not settle at the angles that its encoders read")
+
+    @cached_property
+    def _encoders_move(self) -> bool:
+        bound = (*self.model.binding.rigid, *self.model.binding.elastic)
+        return any(encoder is not None for effect in bound for encoder in effect.encoders)
+
+    def _poses(self, q: Array, side: Array, friction: Array) -> Poses:
+        return Poses(q[None], np.array([self.payload]), side[None], friction=friction[None])
+
+    def _held(self, kernel: KernelModel, slots: Array, near: Array) -> tuple[Array, Array, Array]:
+        """Slot amounts (V,) with the same tool position, all settled; their loads (V,), and the command (n,)."""
+        tool = kernel.forward(slots[None])[0][0, :3, 3]
+        state = kernel.newton(point(tool), slots, near.tolist())
+        if state is None or not state[2].count:
+            raise NoEquilibrium([1], "no command holds these angles within the limits")
+        return state[0], state[1], np.array(state[2].at[0].q[: kernel.joints])
+
+
+def _known_laws(model: Model) -> tuple[KernelLaw, ...]:
+    """The laws of joints that the kernel has a formula for."""
+    binding, joint_slots = model.binding, model.chain.joint_slots
+    unknown = {id(bound) for bound in without_formula(binding, model.load_slots, joint_slots)}
+    kept = {
+        name: tuple(bound for bound in getattr(binding, name) if id(bound) not in unknown)
+        for name in ("rigid", "elastic", "loading")
+    }
+    known: EffectBinding = replace(binding, **kept)
+    return kernel_laws(known, joint_slots)
