@@ -10,7 +10,7 @@ from operator import sub
 
 from lrm_math.arm.joint_limits import JointLimits, Violation
 from lrm_math.arrays import Array
-from lrm_math.ik.goal import Goal, rotation_rows
+from lrm_math.ik.goal import CHAR_LENGTH, Goal, rotation_rows
 
 
 class IkVerdict(StrEnum):
@@ -76,6 +76,11 @@ class Nearest:
     goal: Goal
     distance: float
     angle: float
+
+    @property
+    def error(self) -> float:
+        """m, rotation included."""
+        return math.hypot(self.distance, CHAR_LENGTH * self.angle)
 
     @classmethod
     def at(cls, q: tuple[float, ...], goal: Goal, tcp: Array) -> Nearest:

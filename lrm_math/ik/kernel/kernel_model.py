@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,9 +28,9 @@ from lrm_math.ik.kernel.structures import (
     KernelForm,
     KernelFound,
 )
-from lrm_math.ik.nominal.pieper import AxisPair, PieperForm
 
 Integers = NDArray[np.int32]
+TWELVE = struct.Struct("12d").pack
 DESCENTS, KEPT = 24, 4
 """Poses of the library from which descents to the nearest goal start, and how many of these go on to the end."""
 BELOW = {
@@ -38,7 +39,6 @@ BELOW = {
     "law": ("", len(KERNEL_LAWS)), "spring_from": ("", MAX_SPRINGS + 1),
 }  # fmt: skip
 """What the numbers of an array, places in other arrays, are below: how many of these the arm has, and a number."""
-SHAPES = (AxisPair.MEETING, AxisPair.PARALLEL, AxisPair.SKEW)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,13 @@ class KernelModel:
         for name, values in numbers.items():
             put(memory, name, values)
         return KernelModel(memory, self.moving, self.kept)
+
+    def with_form(self, form: KernelForm | None) -> KernelModel:
+        """A copy with a closed form: its own, or that of an arm like it."""
+        out = self.with_()
+        if form is not None:
+            out.memory.form, out.memory.has_form = form, 1
+        return out
 
     def with_library(self, tcp: Array, q: Array, slots: Array) -> KernelModel:
         """A copy with seeds, M poses at rest: tool frames (M, 4, 4), commands (M, n), slot amounts (M, V)."""
@@ -208,18 +215,6 @@ def with_laws(arm: KernelModel, laws: Sequence[KernelLaw], complete: bool, nonli
     return out
 
 
-def with_form(arm: KernelModel, form: PieperForm | None) -> KernelModel:
-    """The arm with a closed form, its own or that of one like it."""
-    if form is None:
-        return arm
-    out = arm.with_()
-    memory = KernelForm(a=form.a, length=form.length, shape=SHAPES.index(form.shape), backwards=form.backwards)
-    for name in ("frame", "foot", "centre", "tip_x", "tip_z", "links", "offsets", "v0", "vc", "vs", "elbow"):
-        put(memory, name, getattr(form, name))
-    out.memory.form, out.memory.has_form = memory, 1
-    return out
-
-
 def put(memory: Any, name: str, values: ArrayLike) -> None:
     """Fills the beginning of an array in a structure. Raises `LrmError` for what the kernel must not read."""
     field = np.ctypeslib.as_array(getattr(memory, name))
@@ -240,15 +235,12 @@ def fits(name: str, count: int, most: int) -> None:
         raise LrmError(f"the model has {count} {name}; the kernel of inverse kinematics has room for {most}")
 
 
-def goal_numbers(goal: Goal) -> ctypes.Array[ctypes.c_double]:
+def goal_numbers(goal: Goal) -> bytes:
     """A goal as the kernel takes it: columns of the rotation (zeros where free) and position."""
     if goal.rotation is not None:
         (a, d, g), (b, e, h), (c, f, i) = goal.rotation
-        return Twelve(a, b, c, d, e, f, g, h, i, *goal.position)
-    return Twelve(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *(goal.approach or (0.0, 0.0, 0.0)), *goal.position)
-
-
-Twelve = ctypes.c_double * 12
+        return TWELVE(a, b, c, d, e, f, g, h, i, *goal.position)
+    return TWELVE(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *(goal.approach or (0.0, 0.0, 0.0)), *goal.position)
 
 
 def frames_as_numbers(positions: Array, rotations: Array) -> Array:
