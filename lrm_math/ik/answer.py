@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from operator import sub
+from typing import NamedTuple
 
 from lrm_math.arm.joint_limits import JointLimits, Violation
 from lrm_math.arrays import Array
@@ -25,27 +25,20 @@ class IkVerdict(StrEnum):
     """No joint angles solve the goal, limits or not."""
 
 
-@dataclass(frozen=True, slots=True)
-class Branch:
-    """One solution of a goal.
+class Branch(NamedTuple):
+    """One solution of a goal; a tuple, as a search makes thousands.
 
     Attributes:
         q: joint angles (rad), within the limits unless the verdict is outside_limits.
+        margin: distance to the nearest joint limit (rad); negative outside.
         number: branch of the closed form, 0 to 7 (see `label`), or -1 where there are no fixed branches.
-        limits: the arm's.
         free: number from 1 of a joint that can turn while the tool stays, others following; None if there is none.
     """
 
     q: tuple[float, ...]
-    number: int
-    limits: JointLimits
+    margin: float
+    number: int = -1
     free: int | None = None
-
-    @property
-    def margin(self) -> float:
-        """Distance to the nearest joint limit (rad); negative outside."""
-        limits = self.limits
-        return float(min(min(map(sub, self.q, limits.lower)), min(map(sub, limits.upper, self.q))))
 
     @property
     def label(self) -> str:
@@ -59,6 +52,11 @@ class Branch:
     def distance(self, q: tuple[float, ...]) -> float:
         """Euclidean distance to q in joint space (rad)."""
         return math.dist(self.q, q)
+
+
+def branch_at(q: tuple[float, ...], limits: JointLimits, free: int | None = None) -> Branch:
+    """A branch that has no number."""
+    return Branch(q, min(limits.margins(q)), free=free)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, r
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import Branch, IkVerdict
+from lrm_math.ik.answer import Branch, IkVerdict, branch_at
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
@@ -210,12 +210,12 @@ class CalibratedSolver:
     def _branches(self, commands: Sequence[IkSolution]) -> tuple[Branch, ...]:
         """Without the round-off that leads beyond a limit."""
         limits = self.arm.limits
-        return tuple([Branch(limits.clipped(command.q), -1, limits, command.free) for command in commands])
+        return tuple([branch_at(limits.clipped(command.q), limits, command.free) for command in commands])
 
     def _unsolved(self, query: IkQuery, found: IkSolutions | None, method: str, started: float) -> Unsolved:
         limits = self.arm.limits
         beyond = [] if found is None else found.beyond
-        branches = tuple(Branch(command.q, -1, limits, command.free) for command in beyond)
+        branches = tuple(branch_at(command.q, limits, command.free) for command in beyond)
         violation = limits.violation(branches[0].q) if branches else None
         verdict = IkVerdict.OUTSIDE_LIMITS if branches else IkVerdict.OUT_OF_REACH
         closest = nearest(self.arm, query, tuple(command.q for command in beyond))

@@ -101,7 +101,7 @@ class KernelModel:
         """Tool frames (K, 4, 4) and gravity loads (K, V) at slot amounts (K, V)."""
         s = np.ascontiguousarray(slots, dtype=np.float64)
         tcp, tau = np.empty((len(s), 12)), np.empty(s.shape)
-        kernel().ik_forward(self.address, len(s), *map(_at, (s, tcp, tau)))
+        kernel().ik_forward(self.address, len(s), *map(_at, (s, tcp, tau)), None)
         return matrices(tcp), tau
 
     def load_derivatives(self, slots: Array) -> Array:
@@ -124,7 +124,7 @@ class KernelModel:
     def frames(self, slots: Array) -> Array:
         """(K, n + 2, 4, 4), frames of the base, after joint 1 … n, and of the tool, at slot amounts (K, V); m."""
         s, after = np.ascontiguousarray(slots, dtype=np.float64), np.empty((len(slots), self.slots + 1, 12))
-        kernel().ik_frames(self.address, len(s), _at(s), _at(after))
+        kernel().ik_forward(self.address, len(s), _at(s), None, None, _at(after))
         moved = matrices(after[:, self.moving.frame_inboard].reshape(-1, 12)).reshape(len(s), -1, 4, 4)
         return np.asarray(moved @ self.moving.frames)
 

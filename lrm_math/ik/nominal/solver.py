@@ -7,7 +7,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from operator import attrgetter
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.joint_limits import checked_angles
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer
+from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer, branch_at
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.kernel.kernel_model import frames_as_numbers, goal_numbers
 from lrm_math.ik.kernel.shared_library import kernel
@@ -32,9 +32,9 @@ REPRESENTATIVES, ELSEWHERE = 4, 0.1
 """Most representatives of the families of such a goal, and their least distance (rad)."""
 MOST_BEYOND = 8
 """Number of branches beyond the limits in an answer."""
-MARGIN = attrgetter("margin")
-SIX = struct.Struct("6d").pack
-Angles, Kinds = ctypes.c_double * (6 * BRANCHES), ctypes.c_int * BRANCHES
+MARGIN = itemgetter(1)
+SIX, EIGHT_KINDS = struct.Struct("6d"), struct.Struct("8i")
+Angles, Kinds, Margins = ctypes.c_double * (6 * BRANCHES), ctypes.c_int * BRANCHES, ctypes.c_double * BRANCHES
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,8 @@ class NominalSolver(PackedArm):
         q, kind = np.zeros((count, BRANCHES, n)), np.full((count, BRANCHES), -1, dtype=np.int32)
         goals = frames_as_numbers(p, R)
         if self.form is not None:
-            args = (goals.ctypes.data, self._middle, True, q.ctypes.data, kind.ctypes.data)
+            margin = np.empty((count, BRANCHES))
+            args = (goals.ctypes.data, self._middle, True, q.ctypes.data, kind.ctypes.data, margin.ctypes.data)
             kernel().ik_nominal(self.packed.address, count, *args)
             return BatchAnswer(q, kind >= 0, kind > 0)
         for i in range(count):
@@ -126,7 +127,7 @@ class NominalSolver(PackedArm):
     @cached_property
     def _middle(self) -> bytes:
         """Of the limits, as the kernel takes it."""
-        return SIX(*self.limits.middle)
+        return SIX.pack(*self.limits.middle)
 
     @cached_property
     def _all_round(self) -> NominalSolver:
@@ -137,18 +138,18 @@ class NominalSolver(PackedArm):
 
     def _closed(self, goal: Goal, near: tuple[float, ...] | None, limited: bool) -> tuple[Branch, ...]:
         """The branches by the closed form."""
-        q, kind, limits = Angles(), Kinds(), self.limits
-        towards = self._middle if near is None else SIX(*near)
-        kernel().ik_nominal(self.packed.address, 1, goal_numbers(goal), towards, limited, q, kind)
-        rows = [(k, free) for k, free in enumerate(kind) if free >= 0]
-        return tuple([Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in rows])
+        q, kind, margin = Angles(), Kinds(), Margins()
+        towards = self._middle if near is None else SIX.pack(*near)
+        kernel().ik_nominal(self.packed.address, 1, goal_numbers(goal), towards, limited, q, kind, margin)
+        rows = [(k, free) for k, free in enumerate(EIGHT_KINDS.unpack(kind)) if free >= 0]
+        return tuple([Branch(SIX.unpack_from(q, SIX.size * k), margin[k], k, free or None) for k, free in rows])
 
     def _searched(self, goal: Goal, near: tuple[float, ...] | None) -> tuple[Branch, ...]:
         """Branches by search."""
         n, towards = self.model.arm.dof, near or self.limits.middle
         found, determined = self.kernel(0.0).search(goal, towards, near, STARTS), goal.constraints >= n
         within = (at for at in found.at[: found.count] if at.excess <= 0.0)
-        branches = [Branch(self.limits.clipped(at.q[:n]), -1, self.limits) for at in within]
+        branches = [branch_at(self.limits.clipped(at.q[:n]), self.limits) for at in within]
         if determined:
             return tuple(branches)
         branches.sort(key=lambda branch: branch.distance(tuple(towards)))
@@ -163,7 +164,7 @@ class NominalSolver(PackedArm):
         if goal.rotation is not None and self.form is not None:
             branches = self._closed(goal, near, False)
         else:
-            branches = tuple(Branch(b.q, -1, self.limits) for b in self._all_round._searched(goal, near))
+            branches = tuple(branch_at(b.q, self.limits) for b in self._all_round._searched(goal, near))
         ordered = tuple(sorted(branches, key=MARGIN, reverse=True))[:MOST_BEYOND]
         found = self.kernel(0.0).nearest(goal, [near or self.limits.middle, *(branch.q for branch in ordered)])
         nearest = None if found is None else Nearest.at(found[0], goal, found[1])
