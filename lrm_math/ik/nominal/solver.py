@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from operator import itemgetter
 
 import numpy as np
@@ -20,7 +19,7 @@ from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer, branch
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.kernel.kernel_model import frames_as_numbers, goal_numbers
 from lrm_math.ik.kernel.shared_library import kernel
-from lrm_math.ik.kernel.structures import BRANCHES
+from lrm_math.ik.kernel.structures import BRANCHES, Integer, Real
 from lrm_math.ik.packed_arm import PackedArm
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.model import model_of
@@ -34,7 +33,7 @@ MOST_BEYOND = 8
 """Number of branches beyond the limits in an answer."""
 MARGIN = itemgetter(1)
 SIX, EIGHT_KINDS = struct.Struct("6d"), struct.Struct("8i")
-Angles, Kinds, Margins = ctypes.c_double * (6 * BRANCHES), ctypes.c_int * BRANCHES, ctypes.c_double * BRANCHES
+Angles, Margins, Kinds = (kind * size for kind, size in ((Real, 6 * BRANCHES), (Real, BRANCHES), (Integer, BRANCHES)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,14 +114,18 @@ class NominalSolver(PackedArm):
         q, kind = np.zeros((count, BRANCHES, n)), np.full((count, BRANCHES), -1, dtype=np.int32)
         goals = frames_as_numbers(p, R)
         if self.form is not None:
-            margin = np.empty((count, BRANCHES))
-            args = (goals.ctypes.data, self._middle, True, q.ctypes.data, kind.ctypes.data, margin.ctypes.data)
-            kernel().ik_nominal(self.packed.address, count, *args)
+            out = (q, kind, np.empty((count, BRANCHES)))
+            self._nominal(count, goals.ctypes.data, self._middle, True, *(array.ctypes.data for array in out))
             return BatchAnswer(q, kind >= 0, kind > 0)
         for i in range(count):
             for k, branch in enumerate(self._searched(pose(p[i], R[i]), None)[:BRANCHES]):
                 q[i, k], kind[i, k] = branch.q, 0
         return BatchAnswer(q, kind >= 0, kind > 0)
+
+    @cached_property
+    def _nominal(self) -> Callable[..., None]:
+        """The closed form of this arm in the kernel."""
+        return partial(kernel().ik_nominal, self.packed.address)
 
     @cached_property
     def _middle(self) -> bytes:
@@ -138,11 +141,11 @@ class NominalSolver(PackedArm):
 
     def _closed(self, goal: Goal, near: tuple[float, ...] | None, limited: bool) -> tuple[Branch, ...]:
         """The branches by the closed form."""
-        q, kind, margin = Angles(), Kinds(), Margins()
-        towards = self._middle if near is None else SIX.pack(*near)
-        kernel().ik_nominal(self.packed.address, 1, goal_numbers(goal), towards, limited, q, kind, margin)
-        rows = [(k, free) for k, free in enumerate(EIGHT_KINDS.unpack(kind)) if free >= 0]
-        return tuple([Branch(SIX.unpack_from(q, SIX.size * k), margin[k], k, free or None) for k, free in rows])
+        q, margin, kind, towards = Angles(), Margins(), Kinds(), self._middle if near is None else SIX.pack(*near)
+        self._nominal(1, goal_numbers(goal), towards, limited, q, kind, margin)
+        kinds = enumerate(EIGHT_KINDS.unpack(kind))
+        found = [Branch(SIX.unpack_from(q, SIX.size * k), margin[k], k, free or None) for k, free in kinds if free >= 0]
+        return tuple(found)
 
     def _searched(self, goal: Goal, near: tuple[float, ...] | None) -> tuple[Branch, ...]:
         """Branches by search."""
