@@ -10,13 +10,13 @@ from typing import Protocol
 import numpy as np
 
 from lrm_math.arrays import Array
+from lrm_math.ik.equivalent_arm import equivalent_arm
 from lrm_math.ik.kernel.shared_library import kernel
-from lrm_math.ik.kernel.structures import KernelForm, KernelFound
-from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
-from lrm_math.ik.nominal.pieper import pieper_form
-from lrm_math.ik.nominal.solver import NominalSolver, solver_of
+from lrm_math.ik.kernel.structures import KernelFound
+from lrm_math.ik.nominal import NominalSolver, solver_of
 from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
 from lrm_math.ik.solutions import AT_LIMIT, IkQuery, IkSolution, IkSolutions, Stalled
+from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.screw_axes import screw_axes_of
 
@@ -47,7 +47,7 @@ class CalibratedArm(PackedArm):
     """A deployed model (see `deployed_model`) and what follows from it alone."""
 
     @cached_property
-    def form(self) -> KernelForm | None:
+    def form(self) -> PieperForm | None:
         """The closed form of an arm that looks like this one."""
         return pieper_form(screw_axes_of(equivalent_arm(self.model)))
 

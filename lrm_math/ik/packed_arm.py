@@ -13,10 +13,9 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.joint_errors import JointErrorModel
 from lrm_math.ik.kernel.kernel_model import KernelModel, frames_as_numbers, packed, with_laws
-from lrm_math.ik.kernel.moving_slots import Indices
-from lrm_math.ik.kernel.structures import KernelForm
-from lrm_math.ik.nominal.pieper import pieper_form
 from lrm_math.kinematics.chain import Number
+from lrm_math.kinematics.moving_slots import Indices
+from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import Poses, poses_of, roberts_sequence
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.batch_equilibrium import batch_equilibrium
@@ -70,7 +69,7 @@ class PackedArm:
         return JointLimits.of(self.model.arm)
 
     @cached_property
-    def form(self) -> KernelForm | None:
+    def form(self) -> PieperForm | None:
         """The closed form of the inverse of the arm as drawn, if it has one."""
         return pieper_form(screw_axes_of(self.model.arm))
 

@@ -7,27 +7,11 @@ import ctypes
 MAX_SLOTS, MAX_JOINTS, MAX_BODIES, MAX_LAWS, MAX_SPRINGS, MAX_FOUND = 48, 10, 16, 96, 256, 48
 MAX_POSES = 2048
 BRANCHES = 8
-MEETING, PARALLEL, SKEW = range(3)
 Real, Integer, Pointer = ctypes.c_double, ctypes.c_int, ctypes.c_void_p
 
 
 class KernelForm(ctypes.Structure):
-    """`Form`: constants of the closed form (see `pieper`); SI, angles counted from the common normals.
-
-    Attributes:
-        frame: rows x, y, z of the first axis' frame in the goal's (or, backwards, the tool's) frame.
-        foot: origin of that frame, in its own axes (m).
-        centre: wrist centre S in the tool's (backwards: the goal's) frame (m).
-        tip_x, tip_z: last common normal and last axis there.
-        a: length of the first common normal (m).
-        links: (cos, sin) of the angles between consecutive axes, five; the last sine is positive.
-        offsets: angles of the joints 2 to 5 at q = 0, counted between common normals (rad).
-        v0, vc, vs: S beyond axis 2 (m).
-        elbow: (constant, amplitude, phase) of the equation that gives q3; amplitude 0 for SKEW.
-        length: size of the arm (m).
-        shape: of the first two axes: MEETING, PARALLEL or SKEW.
-        backwards: the arm is held by its tool: q1 is the last joint's, and the goal is inverted.
-    """
+    """`Form`: constants of the closed form, see `pieper.PieperForm`."""
 
     _fields_ = [
         ("frame", Real * 9), ("foot", Real * 3), ("centre", Real * 3), ("tip_x", Real * 3), ("tip_z", Real * 3),

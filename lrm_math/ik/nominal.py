@@ -181,8 +181,8 @@ class NominalSolver(PackedArm):
         free = {branch.free for branch in branches if branch.free is not None}
         if not free or self.form is None:
             return ""
-        inner, outer, alone = ("1", "3", {6, 5}) if self.form.backwards else ("4", "6", {1, 2})
-        three = "1, 2 and 3" if self.form.backwards else "4, 5 and 6"
+        inner, outer, alone = ("1", "3", {6, 5}) if self.form["backwards"] else ("4", "6", {1, 2})
+        three = "1, 2 and 3" if self.form["backwards"] else "4, 5 and 6"
         aligned = [f"the point where axes {three} meet lies on axis {joint}" for joint in sorted(free & alone)]
         if free - alone:
             aligned.append(f"axes {inner} and {outer} are in line")

@@ -14,26 +14,44 @@ then gives q2. For skew axes both together are a polynomial of degree four.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrm_math.arrays import Array
-from lrm_math.ik.kernel.kernel_model import put
-from lrm_math.ik.kernel.structures import MEETING, PARALLEL, SKEW, KernelForm
 from lrm_math.kinematics.screw_axes import ScrewAxes, angle_about, common_normals
 
+PieperForm: TypeAlias = Mapping[str, ArrayLike]
+"""Constants of the normal form by name; SI, angles counted from the common normals.
+
+frame: rows x, y, z of the first axis' frame in the goal's (or, backwards, the tool's) frame.
+foot: origin of that frame, in its own axes (m).
+centre: wrist centre S in the tool's (backwards: the goal's) frame (m).
+tip_x, tip_z: last common normal and last axis there.
+a: length of the first common normal (m).
+links: (cos, sin) of the angles between consecutive axes, five; the last sine is positive.
+offsets: angles of the joints 2 to 5 at q = 0, counted between common normals (rad).
+v0, vc, vs: S beyond axis 2, see above (m).
+elbow: (constant, amplitude, phase) of the equation that gives q3; amplitude 0 for SKEW.
+length: size of the arm (m).
+shape: of the first two axes, MEETING, PARALLEL or SKEW.
+backwards: the arm is held by its tool: q1 is the last joint's, and the goal is inverted.
+"""
+MEETING, PARALLEL, SKEW = range(3)
 FLAT, ROUND_OFF = 1e-9, 1e-15
 """m, or m²: below it an equation no longer depends on its angle; and a component is zero."""
 
 
-def pieper_form(axes: ScrewAxes) -> KernelForm | None:
+def pieper_form(axes: ScrewAxes) -> PieperForm | None:
     """The normal form of six axes held by either end; None where no three axes intersect or it degenerates."""
     if len(axes.axis) != 6:
         return None
     return _outward(axes, False) or _outward(axes.reversed(), True)
 
 
-def _outward(axes: ScrewAxes, backwards: bool) -> KernelForm | None:
+def _outward(axes: ScrewAxes, backwards: bool) -> PieperForm | None:
     S = axes.meeting_point(3)
     if S is None:
         return None
@@ -54,14 +72,10 @@ def _outward(axes: ScrewAxes, backwards: bool) -> KernelForm | None:
         "frame": frame, "foot": frame @ first.foot, "centre": R.T @ (S - axes.position),
         "tip_x": R.T @ normals[4].normal, "tip_z": R.T @ h[5], "v0": v0, "vc": vc, "vs": vs,
     }  # fmt: skip
-    out = KernelForm(a=first.a, shape=shape, backwards=backwards)
-    out.length = abs(first.a) + np.abs([v0, vc, vs]).sum()
-    for name, v in vectors.items():
-        put(out, name, np.where(np.abs(v) < ROUND_OFF, 0.0, v))
-    put(out, "links", [(normal.cos, normal.sin) for normal in normals])
-    put(out, "offsets", delta)
-    put(out, "elbow", elbow)
-    return out
+    return {name: np.where(np.abs(v) < ROUND_OFF, 0.0, v) for name, v in vectors.items()} | {
+        "a": first.a, "links": [(normal.cos, normal.sin) for normal in normals], "offsets": delta, "elbow": elbow,
+        "length": abs(first.a) + np.abs([v0, vc, vs]).sum(), "shape": shape, "backwards": int(backwards),
+    }  # fmt: skip
 
 
 def _swing(axes: ScrewAxes, S: Array, origin: Array, basis: Array, delta: float) -> tuple[Array, Array, Array]:
