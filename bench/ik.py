@@ -18,7 +18,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal, point, point_along, pose
-from lrm_math.ik.nominal.solver import solver_of
+from lrm_math.ik.nominal import solver_of
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 

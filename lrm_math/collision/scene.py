@@ -25,6 +25,7 @@ from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import Chain, chain_of
 from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.rotations import rotation_about
 
 Indices = NDArray[np.intp]
 BATCH = 500
@@ -242,17 +243,8 @@ def _box_pose(box: Box, base: Array) -> tuple[Array, Array]:
     """Rotation (3, 3) and centre (3,) of a box in the frame of TCP positions."""
     R, centre = np.eye(3), np.array(box.centre)
     for axis, angle in enumerate(box.rotation):
-        R = R @ _rotation(axis, angle)
+        R = R @ rotation_about(axis, angle)
     return (base[:3, :3] @ R, base[:3, :3] @ centre + base[:3, 3]) if box.in_base else (R, centre)
-
-
-def _rotation(axis: int, angle: float) -> Array:
-    R = np.eye(3)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    R[i, i] = R[j, j] = np.cos(angle)
-    R[j, i] = np.sin(angle)
-    R[i, j] = -R[j, i]
-    return R
 
 
 def _motion_bound(chain: Chain, home: Array, still: int, capsule: Capsule) -> Array:

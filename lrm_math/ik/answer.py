@@ -1,4 +1,4 @@
-"""Answers of nominal inverse kinematics: all branches, or the reason why there are none and the nearest goal."""
+"""Answers of inverse kinematics, nominal and calibrated: all branches, or why there are none and the nearest goal."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from operator import sub
+from typing import ClassVar, NamedTuple, TypeAlias
 
 from lrm_math.arm.joint_limits import JointLimits, Violation
-from lrm_math.arrays import Array
-from lrm_math.ik.goal import Goal, rotation_rows
+from lrm_math.arm.pulse_rounding import RoundedCommand
+from lrm_math.arrays import Array, Vector3
+from lrm_math.ik.goal import CHAR_LENGTH, Goal, Rotation, rotation_rows
+from lrm_math.model.uncertainty import PositionUncertainty
 
 
 class IkVerdict(StrEnum):
@@ -25,27 +27,20 @@ class IkVerdict(StrEnum):
     """No joint angles solve the goal, limits or not."""
 
 
-@dataclass(frozen=True, slots=True)
-class Branch:
-    """One solution of a goal.
+class Branch(NamedTuple):
+    """One solution of a goal; a tuple, as a search makes thousands.
 
     Attributes:
         q: joint angles (rad), within the limits unless the verdict is outside_limits.
+        margin: distance to the nearest joint limit (rad); negative outside.
         number: branch of the closed form, 0 to 7 (see `label`), or -1 where there are no fixed branches.
-        limits: the arm's.
         free: number from 1 of a joint that can turn while the tool stays, others following; None if there is none.
     """
 
     q: tuple[float, ...]
-    number: int
-    limits: JointLimits
+    margin: float
+    number: int = -1
     free: int | None = None
-
-    @property
-    def margin(self) -> float:
-        """Distance to the nearest joint limit (rad); negative outside."""
-        limits = self.limits
-        return float(min(min(map(sub, self.q, limits.lower)), min(map(sub, limits.upper, self.q))))
 
     @property
     def label(self) -> str:
@@ -59,6 +54,11 @@ class Branch:
     def distance(self, q: tuple[float, ...]) -> float:
         """Euclidean distance to q in joint space (rad)."""
         return math.dist(self.q, q)
+
+
+def branch_at(q: tuple[float, ...], limits: JointLimits, free: int | None = None) -> Branch:
+    """A branch that has no number."""
+    return Branch(q, min(limits.margins(q)), free=free)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +77,11 @@ class Nearest:
     distance: float
     angle: float
 
+    @property
+    def error(self) -> float:
+        """m, rotation included."""
+        return math.hypot(self.distance, CHAR_LENGTH * self.angle)
+
     @classmethod
     def at(cls, q: tuple[float, ...], goal: Goal, tcp: Array) -> Nearest:
         """Of joint angles q (rad) that take the tool to a frame (4, 4)."""
@@ -86,7 +91,7 @@ class Nearest:
 
 @dataclass(frozen=True, slots=True)
 class NominalAnswer:
-    """The answer to one goal.
+    """The answer to one goal of an arm that nothing deflects.
 
     Attributes:
         branches: solutions within the limits, best first: nearest to `near`, else furthest from the limits. Empty
@@ -116,21 +121,134 @@ class NominalAnswer:
         return iter(self.branches)
 
     def __str__(self) -> str:
-        lines = [self._headline()]
-        lines += [_line(branch) for branch in self.branches]
-        return "\n".join(lines)
+        if not self.branches:
+            return _why(self.violation, self.nearest, "the nearest reachable goal")
+        families = f"singular: {self.singularity}; {_counted(self.branches)}, of families"
+        headline = families if self.singularity else f"solved: {_counted(self.branches)}"
+        return "\n".join([headline, *map(_line, self.branches)])
 
-    def _headline(self) -> str:
-        count = f"{len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'}"
-        if self.verdict is IkVerdict.SOLVED:
-            return f"solved: {count}"
-        if self.verdict is IkVerdict.SINGULAR:
-            return f"singular: {self.singularity}; {count}, of families"
-        why = "out of reach" if self.violation is None else str(self.violation)
-        if self.nearest is None:
-            return why
-        turn = f" and {math.degrees(self.nearest.angle):.2f} deg" if self.nearest.goal.constraints > 3 else ""
-        return f"{why}; the nearest reachable goal is {1e3 * self.nearest.distance:.2f} mm{turn} away"
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Reply:
+    """Common part of the replies of a deployed model.
+
+    Attributes:
+        method: its name.
+        left_out: effects of the model that are not compensated.
+        elapsed: s.
+    """
+
+    goal: Goal
+    method: str
+    left_out: tuple[str, ...]
+    elapsed: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solved(_Reply):
+    """Commands that reach the goal, according to the model.
+
+    Attributes:
+        q: the commanded angles (rad): the first branch.
+        branches: all that were found within the limits, best first: nearest to `near`, else furthest from the limits.
+        tcp, rotation: predicted tool frame (m).
+        predicted_error: distance from the goal's position (m).
+        predicted_turn: rotation from the goal's orientation or approach (rad).
+        uncertainty: of the prediction, from the parameters' covariance and the joints' repeatability; None if not
+            known.
+        direction: side that each joint has to arrive from for this to hold: -1, 0 (unknown or irrelevant), +1.
+        detours: joints, from 1, that would arrive from the other side if they moved straight from `near`.
+        rounded: after rounding to the servo board's counts; None without a clock.
+        steps: of the method. `cube_error`: m, error before the final Newton's method, for the cube.
+    """
+
+    q: tuple[float, ...]
+    branches: tuple[Branch, ...]
+    tcp: Vector3
+    rotation: Rotation
+    predicted_error: float
+    predicted_turn: float
+    uncertainty: PositionUncertainty | None
+    direction: tuple[int, ...]
+    detours: tuple[int, ...]
+    rounded: RoundedCommand | None
+    steps: int
+    cube_error: float | None
+    verdict: ClassVar[IkVerdict] = IkVerdict.SOLVED
+
+    @property
+    def sd(self) -> float | None:
+        """Standard deviation of the predicted position (m), three-dimensional; None if not known."""
+        return None if self.uncertainty is None else self.uncertainty.sd
+
+    def __str__(self) -> str:
+        angles = " ".join(f"{math.degrees(x):.2f}" for x in self.q)
+        error = f"{1e3 * self.predicted_error:.2g} mm"
+        sure = "" if self.sd is None else f" ± {1e3 * self.sd:.2f} mm"
+        counts = "" if self.rounded is None else f", {1e3 * self.rounded.error:.2f} mm after rounding to counts"
+        found = _counted(self.branches)
+        return f"solved by {self.method}: {angles} deg; predicted error {error}{sure}{counts}; {found}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unsolved(_Reply):
+    """Why there is no command.
+
+    Attributes:
+        verdict: out_of_reach or outside_limits.
+        nearest: the command within the limits that comes nearest, and the goal that it reaches.
+        beyond: commands that would reach the goal but break limits, the least excess first.
+        violation: of the first of them.
+    """
+
+    verdict: IkVerdict
+    nearest: Nearest
+    beyond: tuple[Branch, ...]
+    violation: Violation | None
+
+    def __str__(self) -> str:
+        return _why(self.violation, self.nearest, "the nearest that can be commanded")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotConverged(_Reply):
+    """A method that ended away from the goal, though another one may reach it.
+
+    `last`: its last command (rad), not to be sent. `errors`: m, distance from the goal after each of its steps.
+    """
+
+    last: tuple[float, ...]
+    errors: tuple[float, ...]
+    verdict: ClassVar[str] = "not_converged"
+
+    def __str__(self) -> str:
+        return f"{self.method} stalled {1e3 * self.errors[-1]:.2f} mm from the goal after {len(self.errors)} steps"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoAllowedBranch(_Reply):
+    """Commands that reach the goal within the limits, none of which the caller allows: best first."""
+
+    branches: tuple[Branch, ...]
+
+    def __str__(self) -> str:
+        return f"{_counted(self.branches)} would take the goal, and none is allowed"
+
+
+CalibratedReply: TypeAlias = Solved | Unsolved | NotConverged | NoAllowedBranch
+
+
+def _counted(branches: tuple[Branch, ...]) -> str:
+    return f"{len(branches)} branch{'' if len(branches) == 1 else 'es'}"
+
+
+def _why(violation: Violation | None, nearest: Nearest | None, name: str) -> str:
+    """Reason why there is no solution, and how far away the nearest goal is."""
+    why = "out of reach" if violation is None else str(violation)
+    if nearest is None:
+        return why
+    turn = f" and {math.degrees(nearest.angle):.2f} deg" if nearest.goal.constraints > 3 else ""
+    return f"{why}; {name} is {1e3 * nearest.distance:.2f} mm{turn} away"
 
 
 def _line(branch: Branch) -> str:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,20 @@ from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, r
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import Branch, IkVerdict
+from lrm_math.ik.answer import (
+    Branch,
+    CalibratedReply,
+    IkVerdict,
+    NoAllowedBranch,
+    NotConverged,
+    Solved,
+    Unsolved,
+    branch_at,
+)
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
 from lrm_math.ik.nearest import nearest
-from lrm_math.ik.reply import CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved
 from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
@@ -123,27 +131,31 @@ class CalibratedSolver:
         """
         started = time.perf_counter()
         query = IkQuery(goal, _checked_load(payload), self._angles("near", near))
-        found = method.find(self.arm, query)
+        reply, content = self._answer(query, method.find(self.arm, query), rounding, allowed)
+        elapsed = time.perf_counter() - started
+        return reply(goal=goal, method=method.name, left_out=self.left_out, elapsed=elapsed, **content)
+
+    def _answer(
+        self, query: IkQuery, found: IkSolutions | Stalled | None, rounding: Rounding, allowed: CommandFilter | None
+    ) -> tuple[Callable[..., CalibratedReply], dict[str, Any]]:
+        """Kind of the reply, and what it says: the first command that is allowed and settles, or why there is none."""
         if isinstance(found, Stalled):
-            elapsed = time.perf_counter() - started
-            return NotConverged(goal, found.q, found.errors, method.name, self.left_out, elapsed)
-        if found is not None:
-            order = in_limits = self._ordered(query, found)
-            if allowed is not None and in_limits:
-                q = np.array([self.arm.limits.clipped(command.q) for command in order])
-                sides = np.array([command.direction for command in order], dtype=np.float64)
-                slots = np.array([command.slots for command in order])
-                free = allowed(self.arm.poses(query, q, sides), slots)
-                order = [command for command, may in zip(order, free, strict=True) if may]
-                if not order:
-                    branches, elapsed = self._branches(in_limits), time.perf_counter() - started
-                    return NoAllowedBranch(goal, branches, method.name, self.left_out, elapsed)
-            for k, command in enumerate(order):
-                best_first = [command, *order[:k], *order[k + 1 :]]
-                reply = self._solved(query, found, best_first, method.name, rounding, started)
-                if reply is not None:
-                    return reply
-        return self._unsolved(query, found, method.name, started)
+            return NotConverged, {"last": found.q, "errors": found.errors}
+        order = [] if found is None else self._ordered(query, found)
+        if allowed is not None and order:
+            q = np.array([self.arm.limits.clipped(command.q) for command in order])
+            sides = np.array([command.direction for command in order], dtype=np.float64)
+            free = allowed(self.arm.poses(query, q, sides), np.array([command.slots for command in order]))
+            if not free.any():
+                return NoAllowedBranch, {"branches": self._branches(order)}
+            order = [command for command, may in zip(order, free, strict=True) if may]
+        for k, command in enumerate(order):
+            tool = self.arm.tool_at(query, self.arm.limits.clipped(command.q), command.direction, command.slots)
+            if tool is not None and found is not None:
+                branches = self._branches([command, *order[:k], *order[k + 1 :]])
+                content = {"branches": branches, "steps": found.steps, "cube_error": found.error}
+                return Solved, content | self._first(query, command, branches[0].q, tool, rounding)
+        return Unsolved, self._unsolved(query, [] if found is None else found.beyond)
 
     def forward(self, q: Sequence[float], payload: float = 0.0, near: Sequence[float] | None = None) -> ForwardResult:
         """The tool at commands q (n,) in rad, coming from `near`.
@@ -177,50 +189,33 @@ class CalibratedSolver:
                 kept.append(command)
         return kept
 
-    def _solved(
-        self, query: IkQuery, found: IkSolutions, order: list[IkSolution], method: str, rounding: Rounding,
-        started: float,
-    ) -> Solved | None:  # fmt: skip
-        """The reply, the first branch checked by its equilibrium; None if the arm does not settle there."""
-        first, branches = order[0], self._branches(order)
-        tool = self.arm.tool_at(query, branches[0].q, first.direction, first.slots)
-        if tool is None:
-            return None
+    def _first(
+        self, query: IkQuery, command: IkSolution, q: tuple[float, ...], tool: list[float], rounding: Rounding
+    ) -> dict[str, Any]:
+        """What a reply says of its first branch q, whose equilibrium takes the tool to a frame by columns."""
         ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z = tool
         rotation = (ax, bx, cx), (ay, by, cy), (az, bz, cz)
-        return Solved(
-            goal=query.goal,
-            q=branches[0].q,
-            branches=branches,
-            tcp=(x, y, z),
-            rotation=rotation,
-            predicted_error=math.dist((x, y, z), query.goal.position),
-            predicted_turn=query.goal.angle_from(rotation),
-            uncertainty=self._uncertainty_of(query, branches[0].q, first),
-            direction=first.direction,
-            detours=first.detour,
-            rounded=self._rounded(query, branches[0].q, first, rounding),
-            method=method,
-            steps=found.steps,
-            cube_error=found.error,
-            left_out=self.left_out,
-            elapsed=time.perf_counter() - started,
-        )
+        return {
+            "q": q, "tcp": (x, y, z), "rotation": rotation, "direction": command.direction, "detours": command.detour,
+            "predicted_error": math.dist((x, y, z), query.goal.position),
+            "predicted_turn": query.goal.angle_from(rotation),
+            "uncertainty": self._uncertainty_of(query, q, command),
+            "rounded": self._rounded(query, q, command, rounding),
+        }  # fmt: skip
 
     def _branches(self, commands: Sequence[IkSolution]) -> tuple[Branch, ...]:
         """Without the round-off that leads beyond a limit."""
         limits = self.arm.limits
-        return tuple([Branch(limits.clipped(command.q), -1, limits, command.free) for command in commands])
+        return tuple([branch_at(limits.clipped(command.q), limits, command.free) for command in commands])
 
-    def _unsolved(self, query: IkQuery, found: IkSolutions | None, method: str, started: float) -> Unsolved:
+    def _unsolved(self, query: IkQuery, beyond: list[IkSolution]) -> dict[str, Any]:
         limits = self.arm.limits
-        beyond = [] if found is None else found.beyond
-        branches = tuple(Branch(command.q, -1, limits, command.free) for command in beyond)
-        violation = limits.violation(branches[0].q) if branches else None
-        verdict = IkVerdict.OUTSIDE_LIMITS if branches else IkVerdict.OUT_OF_REACH
-        closest = nearest(self.arm, query, tuple(command.q for command in beyond))
-        elapsed = time.perf_counter() - started
-        return Unsolved(query.goal, verdict, closest, branches, violation, method, self.left_out, elapsed)
+        return {
+            "verdict": IkVerdict.OUTSIDE_LIMITS if beyond else IkVerdict.OUT_OF_REACH,
+            "nearest": nearest(self.arm, query, tuple(command.q for command in beyond)),
+            "beyond": tuple(branch_at(command.q, limits, command.free) for command in beyond),
+            "violation": limits.violation(beyond[0].q) if beyond else None,
+        }
 
     def _equilibrium(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> Equilibrium:
         poses = self.arm.poses(query, np.array([q]), np.array([command.direction], dtype=np.float64))

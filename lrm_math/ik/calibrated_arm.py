@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
-from lrm_math.ik.joint_errors import JointErrorModel
-from lrm_math.ik.kernel.kernel_model import KernelModel, Twelve, frames_as_numbers, packed, with_form, with_laws
-from lrm_math.ik.kernel.moving_slots import Indices
+from lrm_math.ik.equivalent_arm import equivalent_arm
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import KernelFound
-from lrm_math.ik.library import PoseLibrary
-from lrm_math.ik.nominal.equivalent_arm import equivalent_arm
-from lrm_math.ik.nominal.pieper import pieper_form
-from lrm_math.ik.nominal.solver import NominalSolver, solver_of
+from lrm_math.ik.nominal import NominalSolver, solver_of
+from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
 from lrm_math.ik.solutions import AT_LIMIT, IkQuery, IkSolution, IkSolutions, Stalled
-from lrm_math.kinematics.chain import Number
-from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.kinematics.pieper import PieperForm, pieper_form
+from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.screw_axes import screw_axes_of
-from lrm_math.model.batch_equilibrium import batch_equilibrium
-from lrm_math.model.model import CACHED_PAYLOADS, Model
 
 SLACK = 0.4
 """rad: the nominal solutions may break the limits by so much, since the commands then differ from them."""
@@ -51,29 +43,13 @@ class Method(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class EquilibriumBatch:
-    """Those of K commands that settle, `rows` (M,): slot amounts (M, V) and tool frames (M, 12) by columns."""
-
-    rows: Indices
-    slots: Array
-    tcp: Array
-
-
-@dataclass(frozen=True, eq=False)
-class CalibratedArm:
+class CalibratedArm(PackedArm):
     """A deployed model (see `deployed_model`) and what follows from it alone."""
 
-    model: Model
-
     @cached_property
-    def errors(self) -> JointErrorModel:
-        """What the kernel computes, and what is left to Python."""
-        return JointErrorModel(self.model)
-
-    @cached_property
-    def limits(self) -> JointLimits:
-        """Of the commands."""
-        return JointLimits.of(self.model.arm)
+    def form(self) -> PieperForm | None:
+        """The closed form of an arm that looks like this one."""
+        return pieper_form(screw_axes_of(equivalent_arm(self.model)))
 
     @cached_property
     def nominal_solver(self) -> NominalSolver:
@@ -84,39 +60,6 @@ class CalibratedArm:
     def nominal_tool(self, q: Array) -> Array:
         """(4, 4), tool frame of the nominal arm at angles (n,); m."""
         return np.asarray(self.nominal_solver.frames(q[None])[0, -1])
-
-    @cached_property
-    def _bare(self) -> KernelModel:
-        errors, limits = self.errors, self.limits
-        moments = errors.moving.moments(self.model.weights(0.0))
-        arm = packed(errors.moving, moments, self.model.binding.reach, limits.lower, limits.upper)
-        arm = with_form(arm, pieper_form(screw_axes_of(equivalent_arm(self.model))))
-        play, force = errors.axial_play
-        arm = arm.with_springs(errors.constants, errors.compliances).with_(play=play, play_force=force)
-        return with_laws(arm, errors.laws, errors.complete, 0.0)
-
-    @cached_property
-    def library(self) -> PoseLibrary:
-        """Settled poses all over the range."""
-        return PoseLibrary.of(self.errors, self._bare)
-
-    @cached_property
-    def _ready(self) -> KernelModel:
-        """The arm without load, with seeds; effects without formula about the library's mean loads."""
-        errors, library = self.errors, self.library
-        arm = with_laws(self._bare, errors.laws, errors.complete, library.nonlinear_bound(errors))
-        if not errors.complete:
-            arm = arm.with_springs(*errors.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
-        return arm.with_library(library.tcp, library.q, library.slots)
-
-    @cached_property
-    def kernel(self) -> Callable[[float], KernelModel]:
-        """The arm with a payload (kg), cached."""
-
-        def loaded(payload: float) -> KernelModel:
-            return self._ready.with_(moment=self.errors.moving.moments(self.model.weights(payload)))
-
-        return lru_cache(maxsize=CACHED_PAYLOADS)(loaded)
 
     def poses(self, query: IkQuery, q: Array, direction: Array | None = None) -> Poses:
         """Commands q (K, n) with the payload of a query."""
@@ -204,18 +147,7 @@ class CalibratedArm:
 
         `start`: (K, V), slot amounts to begin with; None: those without loads. `tolerance`: m.
         """
-        errors, arm = self.errors, self.kernel(query.payload)
-        if errors.complete:
-            begin = self.unloaded_slots(q) if start is None else start
-            side = np.zeros_like(q) if direction is None else direction
-            slots, tcp, iterations = arm.settle(q, side, begin, tolerance)
-            rows = np.flatnonzero(iterations > 0)
-            return EquilibriumBatch(rows, slots[rows], tcp[rows])
-        first = None if start is None else self.chain_amounts(start)
-        settled, rows = batch_equilibrium(self.model, self.poses(query, q, direction), first, tolerance)
-        slots = np.array([np.broadcast_to(settled.slots[k], len(settled.poses)) for k in errors.moving.slots]).T
-        frames = arm.forward(slots)[0]
-        return EquilibriumBatch(rows, slots, frames_as_numbers(frames[:, :3, 3], frames[:, :3, :3]))
+        return self._settled(self.kernel(query.payload), self.poses(query, q, direction), start, tolerance)
 
     def tool_at(
         self, query: IkQuery, q: tuple[float, ...], direction: tuple[int, ...], start: tuple[float, ...] | None = None
@@ -226,20 +158,7 @@ class CalibratedArm:
             settled = self.equilibria(query, np.array([q]), np.array([direction]), np.array([begin]))
             return settled.tcp[0].tolist() if len(settled.rows) else None
         n, arm, iterations = len(q), self.kernel(query.payload), ctypes.c_int()
-        slots, tcp = (ctypes.c_double * arm.slots)(*begin), Twelve()
+        slots, tcp = (ctypes.c_double * arm.slots)(*begin), (ctypes.c_double * 12)()
         angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*direction)
         kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
         return tcp[:] if iterations.value > 0 else None
-
-    def unloaded_slots(self, q: Array) -> Array:
-        """(K, V), slot amounts of the arm without loads at commands (K, n)."""
-        out = np.tile(self.errors.constants, (len(q), 1))
-        out[:, self.errors.moving.joints] += q
-        return out
-
-    def chain_amounts(self, slots: Array) -> list[Number]:
-        """Amounts of all slots of the chain, from those of the moving ones (K, V); floats for a single pose."""
-        out: list[Number] = list(self.model.binding.constants)
-        for k, amount in zip(self.errors.moving.slots.tolist(), slots.T, strict=True):
-            out[k] = float(amount[0]) if len(slots) == 1 else amount
-        return out

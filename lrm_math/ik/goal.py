@@ -12,11 +12,14 @@ from numpy.typing import ArrayLike
 
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.rotations import rotation_about
 
 Rotation: TypeAlias = tuple[Vector3, Vector3, Vector3]
 
 ROUNDED, ORTHONORMAL = 1e-4, 1e-9
 """Largest deviation of RᵀR from the identity: in input to `pose`, which orthonormalises, and in a goal."""
+CHAR_LENGTH = 0.1
+"""m: weight of a rotation by 1 rad against a distance (characteristic length), as in the kernel."""
 UNIT = 1e-6
 """Largest deviation of an approach direction's length from 1."""
 
@@ -117,15 +120,8 @@ def pose_rpy(position: ArrayLike, roll: float, pitch: float, yaw: float) -> Goal
     for name, angle in (("roll", roll), ("pitch", pitch), ("yaw", yaw)):
         if not math.isfinite(angle):
             raise LrmError(f"goal: {name} = {angle}; should be a finite angle in rad")
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
-    return Goal(
-        _triple("position", position),
-        (
-            (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
-            (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
-            (-sp, cp * sr, cp * cr),
-        ),
-    )
+    matrix = rotation_about(2, yaw) @ rotation_about(1, pitch) @ rotation_about(0, roll)
+    return Goal(_triple("position", position), rotation_rows(matrix))
 
 
 def point(position: ArrayLike) -> Goal:

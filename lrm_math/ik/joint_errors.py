@@ -17,8 +17,8 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.effects.derivatives import by_loads
 from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, plays, springs, without_formula
-from lrm_math.ik.kernel.moving_slots import MovingSlots, moving_slots_of
 from lrm_math.kinematics.chain import Number
+from lrm_math.kinematics.moving_slots import MovingSlots, moving_slots_of
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.effect_binding import BoundEffect, EffectBinding
 from lrm_math.model.equilibrium import effect_loads, rigid_amounts

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 
 import numpy as np
@@ -11,7 +10,6 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Nearest
 from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.kernel.kernel_model import matrices
-from lrm_math.ik.library import CHAR_LENGTH
 from lrm_math.ik.solutions import IkQuery
 
 
@@ -30,8 +28,3 @@ def nearest(arm: CalibratedArm, query: IkQuery, starts: tuple[tuple[float, ...],
         if len(settled.rows):
             return Nearest.at(found[0], query.goal, matrices(settled.tcp)[0])
     raise LrmError("the arm comes to rest in no pose near this goal; its compliances may be wrong")
-
-
-def error_of(found: Nearest) -> float:
-    """m, rotation included."""
-    return math.hypot(found.distance, CHAR_LENGTH * found.angle)

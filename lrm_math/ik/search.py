@@ -10,7 +10,7 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated_arm import CalibratedArm
-from lrm_math.ik.nearest import error_of, nearest
+from lrm_math.ik.nearest import nearest
 from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions
 
 REACHED = 0.01
@@ -39,7 +39,7 @@ def _from_the_nearest(arm: CalibratedArm, query: IkQuery, found: IkSolutions) ->
         closest = nearest(arm, query, tuple(command.q for command in found.beyond))
     except LrmError:
         return ()
-    if error_of(closest) > REACHED:
+    if closest.error > REACHED:
         return ()
     settled = arm.equilibria(query, np.array([closest.q]))
     return tuple(c for slots in settled.slots for c in arm.at_goal(query, slots))

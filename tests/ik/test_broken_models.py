@@ -20,7 +20,7 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import point, pose
 from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
-from lrm_math.ik.nominal.solver import NominalSolver
+from lrm_math.ik.nominal import NominalSolver
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.support.random_arms import random_arm

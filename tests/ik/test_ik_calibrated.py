@@ -18,13 +18,12 @@ from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import IkVerdict
+from lrm_math.ik.answer import IkVerdict, NotConverged, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.reply import NotConverged, Solved, Unsolved
 from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of

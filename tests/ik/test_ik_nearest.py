@@ -17,13 +17,11 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
-from lrm_math.ik.answer import IkVerdict, Nearest
+from lrm_math.ik.answer import IkVerdict, Nearest, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
-from lrm_math.ik.goal import Goal, point, point_along, pose
-from lrm_math.ik.library import CHAR_LENGTH
+from lrm_math.ik.goal import CHAR_LENGTH, Goal, point, point_along, pose
 from lrm_math.ik.nearest import nearest
-from lrm_math.ik.reply import Solved, Unsolved
 from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses

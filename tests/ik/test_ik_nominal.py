@@ -15,9 +15,8 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import IkVerdict, NominalAnswer
-from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
-from lrm_math.ik.library import CHAR_LENGTH
-from lrm_math.ik.nominal.solver import solver_of
+from lrm_math.ik.goal import CHAR_LENGTH, Goal, point, point_along, pose, pose_rpy
+from lrm_math.ik.nominal import solver_of
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.screw_axes import screw_axes_of

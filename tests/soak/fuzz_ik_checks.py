@@ -11,8 +11,8 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance_of
 from lrm_math.ik.goal import Goal
-from lrm_math.ik.kernel.moving_slots import Indices
 from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.equilibrium import TOLERANCE

@@ -18,7 +18,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.errors import LrmError
-from lrm_math.ik.nominal.solver import NominalSolver, solver_of
+from lrm_math.ik.nominal import NominalSolver, solver_of
 
 BATCH = 8000  # goals solved at once: as many as fit into the processor's cache
 

@@ -101,10 +101,12 @@ static double length(const double *x, int n) {
     for (int i = 0; i < n; i++) square += x[i] * x[i];
     return sqrt(square);
 }
-static double distance(const double *a, const double *b) {
-    const double way[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-    return length(way, 3);
+static double square_distance(const double *a, const double *b, int n) {
+    double square = 0;
+    for (int i = 0; i < n; i++) square += (a[i] - b[i]) * (a[i] - b[i]);
+    return square;
 }
+static double distance(const double *a, const double *b) { return sqrt(square_distance(a, b, 3)); }
 static double apart(const double *a, const double *b, int n) {
     double out = 0;
     for (int i = 0; i < n; i++) out = larger(out, fabs(a[i] - b[i]));
@@ -276,8 +278,8 @@ static double spring_rest(const Arm *a, const double *tau, int v) {
     if (a->play[v] != 0) x += 0.5 * a->play[v] * tanh(tau[v] / a->play_force[v]);
     return x;
 }
-static void linear_command(const Arm *a, const State *w, const double *s, double *q) {
-    for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, w->tau, a->joint[j]);
+static void linear_command(const Arm *a, const double *tau, const double *s, double *q) {
+    for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, tau, a->joint[j]);
 }
 
 /* True angles of the joints less their commands: springs, and the laws of laws.py, for commands q under gravity loads;
@@ -293,11 +295,8 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
         const double *p = a->law_p[k], x = q[j], load = tau[a->joint[j]];
         switch (a->law[k]) {
         case SERVO_GAIN: out[j] += (x > 0 ? p[0] : p[1]) * x; break;
-        case ECCENTRICITY: {
-            const double s = sin(x), c = cos(x);
-            out[j] += p[0] * s + p[1] * (c - 1) + 2 * s * (p[2] * c - p[3] * s);
-            break;
-        }
+        case ECCENTRICITY:
+            out[j] += p[0] * sin(x) + p[1] * (cos(x) - 1) + 2 * sin(x) * (p[2] * cos(x) - p[3] * sin(x)); break;
         case BACKLASH: out[j] += 0.5 * p[0] * tanh(load / p[1]); break;
         case NONLINEAR_STIFFNESS: out[j] += load * (p[0] * fabs(load) + p[1] * load * load); break;
         case HYSTERESIS: out[j] += 0.5 * p[0] * side[j]; break;
@@ -325,7 +324,7 @@ static void accelerate(Memory *m, double *x, const double *step, int n) {
 /* Commands that hold the slots at s: 1, or 0 where the laws do not settle. */
 static int command(const Arm *a, const double *tau, const double *s, const int *side, double *q) {
     Memory memory = {.known = 0};
-    for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, tau, a->joint[j]);
+    linear_command(a, tau, s, q);
     if (!a->laws) return 1;
     for (int it = 0; it < 100; it++) {
         double error[MAX_JOINTS], step[MAX_JOINTS];
@@ -484,7 +483,7 @@ static Ending newton(const Arm *a, const double *goal, int rows, double *s, Stat
         const double size = lesser(shortened(turns, a->joints, LONGEST), LONGEST);
         move(a, w, turns, s);
         if (limited && miss > nearly) {
-            linear_command(a, w, s, q);
+            linear_command(a, w->tau, s, q);
             if (excess_of(a, q) > lesser(0.2, a->nonlinear_bound + size)) return BEYOND;
         }
     }
@@ -755,7 +754,7 @@ static int command_from(const Arm *a, const State *w, const double *s, const dou
 static int keep(const Arm *a, const State *w, const double *s, const double *near, double same, Found *found) {
     if (found->count == MAX_FOUND) return 0;
     Solution *new = found->at + found->count;
-    linear_command(a, w, s, new->q);
+    linear_command(a, w->tau, s, new->q);
     if (excess_of(a, new->q) > SLACK || !command_from(a, w, s, near, new)) return 0;
     for (int k = 0; k < found->count; k++) if (apart(new->q, found->at[k].q, a->joints) <= same) return 0;
     new->excess = excess_of(a, new->q) - (a->laws_known ? AT_LIMIT : AT_LIMIT + a->nonlinear_bound);
@@ -840,8 +839,7 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
     Branches b;
     double s[MAX_SLOTS];
     int outside = 0, done = 0;
-    found->count = found->steps = 0;
-    b.exists = 0;
+    found->count = found->steps = b.exists = 0;
     if (a->has_form) {
         const Window all = window_of(a, NULL, 0);
         closed_form(&a->form, goal, &all, INFINITY, 255, &b);
@@ -855,10 +853,8 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
     if (near) start_at(a, near, s), attempt(a, goal, near, s, 1, found);
     for (int k = 0; k < BRANCHES; k++) if (outside >> k & 1) null_space_seeds(a, goal, near, b.q[k], found);
     while (done < found->count) fold_seeds(a, goal, near, done++, found);
-    library_seeds(a, goal, near, a->has_form ? 6 : 96, 0, found);
-    while (done < found->count) fold_seeds(a, goal, near, done++, found);
-    if (!solved(found)) {
-        library_seeds(a, goal, near, 96, 1, found);
+    for (int last = 0; last < 2 && !(last && solved(found)); last++) {
+        library_seeds(a, goal, near, a->has_form && !last ? 6 : 96, last, found);
         while (done < found->count) fold_seeds(a, goal, near, done++, found);
     }
     return solved(found);
@@ -881,7 +877,7 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         forward(a, s, w);
         const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, w);
         if (!(miss < 1e6)) return STUCK;
-        linear_command(a, w, s, q);
+        linear_command(a, w->tau, s, q);
         if (miss <= CLOSE && settled) return REACHED;
         if (a->laws && (step % 8 == 0 || settled)) {
             if (!command(a, w->tau, s, UNKNOWN, by_laws)) COPY(by_laws, q, n);
@@ -891,8 +887,7 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         for (int k = 0; k < found->count && miss < 1e-3; k++)
             if (apart(q, found->at[k].q, n) < ONE_FAMILY) return KNOWN;
         total_jacobian(a, rows, NULL, w);
-        double cost = 0;
-        for (int j = 0; j < n; j++) cost += (towards[j] - q[j]) * (towards[j] - q[j]);
+        const double cost = square_distance(towards, q, n);
         share = cost + 100 * miss > before ? 0.5 * share : lesser(1, 1.5 * share);
         before = cost + 100 * miss;
         for (int j = 0; j < n; j++) wish[j] = settled ? 0 : share * (towards[j] - q[j]);
@@ -931,14 +926,8 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
     const int n = a->joints;
     found->count = found->steps = 0;
     library_distances(a, goal, rows, far);
-    for (int i = 0; i < a->poses; i++) {
-        double motion = 0;
-        for (int j = 0; j < n; j++) {
-            const double turn = a->library_q[n * i + j] - towards[j];
-            motion += turn * turn;
-        }
-        far[i] = (float)(far[i] * 300 + motion);
-    }
+    for (int i = 0; i < a->poses; i++)
+        far[i] = (float)(far[i] * 300 + square_distance(a->library_q + n * i, towards, n));
     const int held = least(far, a->poses, starts, close);
     for (int k = -2; k < held; k++) {
         State w;
@@ -1076,20 +1065,16 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
 API unsigned ik_source(void) { return SOURCE_CRC; }
 API size_t ik_size(int which) { return which ? sizeof(Found) : sizeof(Arm); }
 
-/* Tool frames (K,12) and loads (K,slots) at slot amounts (K,slots). */
-API void ik_forward(const Arm *a, int count, const double *s, double *tcp, double *tau) {
+/* Tool frames (K,12) and loads (K,slots) at slot amounts (K,slots); or, unless NULL, the frames before the first slot
+ * `after` each one (K,slots+1,12) instead. */
+API void ik_forward(const Arm *a, int count, const double *s, double *tcp, double *tau, double *after) {
     State w;
     for (int k = 0; k < count; k++) {
+        if (after) { place(a, s + k * a->slots, &w, after + 12 * (a->slots + 1) * k); continue; }
         forward(a, s + k * a->slots, &w);
         COPY(tcp + 12 * k, w.tcp, 12), COPY(tau + k * a->slots, w.tau, a->slots);
     }
 }
-/* Frames before the first slot and after each one (K,slots+1,12) at slot amounts (K,slots). */
-API void ik_frames(const Arm *a, int count, const double *s, double *after) {
-    State w;
-    for (int k = 0; k < count; k++) place(a, s + k * a->slots, &w, after + 12 * (a->slots + 1) * k);
-}
-
 /* Derivatives of the loads, (slots, slots), at slot amounts. */
 API void ik_load_derivatives(const Arm *a, const double *s, double *out) {
     State w;
@@ -1156,9 +1141,11 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
             if (kind[m] >= 0 && apart(q + 6 * k, q + 6 * m, 6) <= SAME) kind[k] = -1;
     }
 }
+/* All branches of poses (K,12); `margin` (K,8): rad from the nearest limit, negative beyond it. */
 API void ik_nominal(const Arm *a, int count, const double *goals, const double *towards, int limited, double *q,
-                    int *kind) {
+                    int *kind, double *margin) {
     for (int k = 0; k < count; k++) nominal_pose(a, goals + 12 * k, towards, limited, q + 48 * k, kind + 8 * k);
+    for (int k = 0; k < 8 * count; k++) margin[k] = -excess_of(a, q + 6 * k);
 }
 
 /* The nominal branch q nearest to `near` in a window: its number, or -1 if there is none. */

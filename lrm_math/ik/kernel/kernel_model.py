@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,6 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.kernel.laws import KERNEL_LAWS, KernelLaw
-from lrm_math.ik.kernel.moving_slots import MovingSlots
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import (
     MAX_BODIES,
@@ -24,12 +24,13 @@ from lrm_math.ik.kernel.structures import (
     MAX_SLOTS,
     MAX_SPRINGS,
     KernelArm,
-    KernelForm,
     KernelFound,
 )
-from lrm_math.ik.nominal.pieper import AxisPair, PieperForm
+from lrm_math.kinematics.moving_slots import MovingSlots
+from lrm_math.kinematics.pieper import PieperForm
 
 Integers = NDArray[np.int32]
+TWELVE = struct.Struct("12d").pack
 DESCENTS, KEPT = 24, 4
 """Poses of the library from which descents to the nearest goal start, and how many of these go on to the end."""
 BELOW = {
@@ -38,7 +39,6 @@ BELOW = {
     "law": ("", len(KERNEL_LAWS)), "spring_from": ("", MAX_SPRINGS + 1),
 }  # fmt: skip
 """What the numbers of an array, places in other arrays, are below: how many of these the arm has, and a number."""
-SHAPES = (AxisPair.MEETING, AxisPair.PARALLEL, AxisPair.SKEW)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +64,10 @@ class KernelModel:
         """Of the structure."""
         return ctypes.addressof(self.memory)
 
+    def _call(self, name: str, *arguments: Any) -> int:
+        """Result of a function of the kernel for this arm; arrays and structures go by their addresses."""
+        return int(getattr(kernel(), name)(self.address, *map(_address, arguments)) or 0)
+
     def with_(self, **numbers: ArrayLike) -> KernelModel:
         """A copy with other numbers in some fields of the structure."""
         memory = KernelArm.from_buffer_copy(self.memory)
@@ -71,14 +75,21 @@ class KernelModel:
             put(memory, name, values)
         return KernelModel(memory, self.moving, self.kept)
 
+    def with_form(self, form: PieperForm | None) -> KernelModel:
+        """A copy with a closed form: its own, or that of an arm like it."""
+        out = self.with_()
+        for name, values in (form or {}).items():
+            put(out.memory.form, name, values)
+        out.memory.has_form = form is not None
+        return out
+
     def with_library(self, tcp: Array, q: Array, slots: Array) -> KernelModel:
         """A copy with seeds, M poses at rest: tool frames (M, 4, 4), commands (M, n), slot amounts (M, V)."""
         fits("library poses", len(q), MAX_POSES)
         columns = np.ascontiguousarray(frames_as_numbers(tcp[:, :3, 3], tcp[:, :3, :3]).T, dtype=np.float32)
         kept = (np.ascontiguousarray(q), np.ascontiguousarray(slots), columns)
         memory = self.with_(start=slots.mean(axis=0)).memory
-        memory.poses, memory.library_q, memory.library_slots = len(q), _at(kept[0]), _at(kept[1])
-        memory.library_columns = _at(columns)
+        memory.poses, (memory.library_q, memory.library_slots, memory.library_columns) = len(q), map(_address, kept)
         return KernelModel(memory, self.moving, kept)
 
     def with_springs(self, zero: Array, compliances: Array) -> KernelModel:
@@ -94,13 +105,13 @@ class KernelModel:
         """Tool frames (K, 4, 4) and gravity loads (K, V) at slot amounts (K, V)."""
         s = np.ascontiguousarray(slots, dtype=np.float64)
         tcp, tau = np.empty((len(s), 12)), np.empty(s.shape)
-        kernel().ik_forward(self.address, len(s), *map(_at, (s, tcp, tau)))
+        self._call("ik_forward", len(s), s, tcp, tau, None)
         return matrices(tcp), tau
 
     def load_derivatives(self, slots: Array) -> Array:
         """(V, V), derivatives of the loads by the slots at amounts (V,)."""
         s, out = np.ascontiguousarray(slots, dtype=np.float64), np.empty((self.slots, self.slots))
-        kernel().ik_load_derivatives(self.address, _at(s), _at(out))
+        self._call("ik_load_derivatives", s, out)
         return out
 
     def settle(self, q: Array, side: Array, start: Array, tolerance: float) -> tuple[Array, Array, Integers]:
@@ -110,14 +121,13 @@ class KernelModel:
         """
         commands, sides = np.ascontiguousarray(q, dtype=np.float64), np.ascontiguousarray(side, dtype=np.int32)
         slots, tcp, iterations = np.array(start, order="C"), np.empty((len(q), 12)), np.empty(len(q), dtype=np.int32)
-        args = (_at(commands), _at(sides), tolerance, _at(slots), _at(tcp), _at(iterations))
-        kernel().ik_settle(self.address, len(q), *args)
+        self._call("ik_settle", len(q), commands, sides, tolerance, slots, tcp, iterations)
         return slots, tcp, iterations
 
     def frames(self, slots: Array) -> Array:
         """(K, n + 2, 4, 4), frames of the base, after joint 1 … n, and of the tool, at slot amounts (K, V); m."""
         s, after = np.ascontiguousarray(slots, dtype=np.float64), np.empty((len(slots), self.slots + 1, 12))
-        kernel().ik_frames(self.address, len(s), _at(s), _at(after))
+        self._call("ik_forward", len(s), s, None, None, after)
         moved = matrices(after[:, self.moving.frame_inboard].reshape(-1, 12)).reshape(len(s), -1, 4, 4)
         return np.asarray(moved @ self.moving.frames)
 
@@ -134,8 +144,8 @@ class KernelModel:
         if not drawn.memory.has_form:
             return None
         best, there, aim = np.array(q), np.array(slots), np.ascontiguousarray(target)
-        args = (_at(centre), side, points, _at(aim), tolerance, _at(best), _at(there))
-        return (best, there) if kernel().ik_cube(self.address, drawn.address, *args) else None
+        found = self._call("ik_cube", drawn.memory, centre, side, points, aim, tolerance, best, there)
+        return (best, there) if found else None
 
     def search(
         self, goal: Goal, towards: Sequence[float], near: Sequence[float] | None, starts: Sequence[int]
@@ -144,13 +154,12 @@ class KernelModel:
 
         `starts`: numbers of poses of the library that the latter are sought from, each if the one before finds none.
         """
-        found, numbers, numbers_near = KernelFound(), goal_numbers(goal), self._angles(near)
+        found, here = KernelFound(), None if near is None else as_bytes(near)
         if goal.constraints == 6 and self.joints <= 6:
-            kernel().ik_pose(self.address, numbers, numbers_near, ctypes.addressof(found))
+            self._call("ik_pose", goal_numbers(goal), here, found)
             return found
         for count in starts:
-            args = (goal.constraints, self._angles(towards), numbers_near, count, ctypes.addressof(found))
-            if kernel().ik_free(self.address, numbers, *args):
+            if self._call("ik_free", goal_numbers(goal), goal.constraints, as_bytes(towards), here, count, found):
                 break
         return found
 
@@ -159,24 +168,20 @@ class KernelModel:
     ) -> tuple[Array, Array, KernelFound] | None:
         """Slots (V,) at the goal, from slots (V,), the loads, the command coming from `near`; None: not reached."""
         s, tau, found = np.array(slots), np.empty(self.slots), KernelFound()
-        args = (goal_numbers(goal), goal.constraints, self._angles(near), _at(s), _at(tau), ctypes.addressof(found))
-        return (s, tau, found) if kernel().ik_newton(self.address, *args) else None
+        here = None if near is None else as_bytes(near)
+        reached = self._call("ik_newton", goal_numbers(goal), goal.constraints, here, s, tau, found)
+        return (s, tau, found) if reached else None
 
     def nearest(self, goal: Goal, starts: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], Array] | None:
         """The nearest command (n,), rad, and the tool frame (4, 4) there; None if the arm does not settle.
 
         `starts`: commands to start from, beside the closest poses of the library.
         """
-        found, flat = KernelFound(), [angle for start in starts for angle in start]
-        more = (ctypes.c_double * max(len(flat), 1))(*flat)
-        args = (goal.constraints, DESCENTS, KEPT, len(starts), more, ctypes.addressof(found))
-        if not kernel().ik_nearest(self.address, goal_numbers(goal), *args):
+        found, more = KernelFound(), b"".join(map(as_bytes, starts))
+        if not self._call("ik_nearest", goal_numbers(goal), goal.constraints, DESCENTS, KEPT, len(starts), more, found):
             return None
         tcp, _ = self.forward(np.array([found.at[0].slots[: self.slots]]))
         return tuple(found.at[0].q[: self.joints]), tcp[0]
-
-    def _angles(self, q: Sequence[float] | None) -> ctypes.Array[ctypes.c_double] | None:
-        return None if q is None else (ctypes.c_double * self.joints)(*q)
 
 
 def packed(
@@ -186,9 +191,7 @@ def packed(
     V, n, B = len(moving.slots), len(moving.joints), len(moving.inboard)
     for name, count, most in (("moving slots", V, MAX_SLOTS), ("joints", n, MAX_JOINTS), ("bodies", B, MAX_BODIES)):
         fits(name, count, most)
-    memory = KernelArm()
-    memory.slots, memory.joints, memory.others, memory.bodies = V, n, len(moving.others), B
-    memory.laws_known, memory.reach = 1, reach
+    memory = KernelArm(slots=V, joints=n, others=len(moving.others), bodies=B, laws_known=1, reach=reach)
     turned = [not np.array_equal(weld[:3, :3], np.eye(3)) for weld in moving.fixed]
     return KernelModel(memory, moving).with_(
         gravity=moving.gravity, weld=moving.fixed[:, :3].transpose(0, 2, 1), welded_turn=turned, moment=moments,
@@ -208,25 +211,16 @@ def with_laws(arm: KernelModel, laws: Sequence[KernelLaw], complete: bool, nonli
     return out
 
 
-def with_form(arm: KernelModel, form: PieperForm | None) -> KernelModel:
-    """The arm with a closed form, its own or that of one like it."""
-    if form is None:
-        return arm
-    out = arm.with_()
-    memory = KernelForm(a=form.a, length=form.length, shape=SHAPES.index(form.shape), backwards=form.backwards)
-    for name in ("frame", "foot", "centre", "tip_x", "tip_z", "links", "offsets", "v0", "vc", "vs", "elbow"):
-        put(memory, name, getattr(form, name))
-    out.memory.form, out.memory.has_form = memory, 1
-    return out
-
-
 def put(memory: Any, name: str, values: ArrayLike) -> None:
-    """Fills the beginning of an array in a structure. Raises `LrmError` for what the kernel must not read."""
-    field = np.ctypeslib.as_array(getattr(memory, name))
+    """Fills the beginning of a structure's array, or a number. Raises `LrmError` for what the kernel must not read."""
     flat = np.asarray(values).ravel()
-    fits(f"numbers in {name}", flat.size, field.size)
     if not np.isfinite(flat).all():
         raise LrmError(f"the arm's {name} has a number that is not finite")
+    if not isinstance(getattr(memory, name), ctypes.Array):
+        setattr(memory, name, flat[0].item())
+        return
+    field = np.ctypeslib.as_array(getattr(memory, name))
+    fits(f"numbers in {name}", flat.size, field.size)
     count, more = BELOW.get(name, ("", 0))
     below = more + (getattr(memory, count) if count else 0)
     if name in BELOW and flat.size and not 0 <= flat.min() <= flat.max() < below:
@@ -240,15 +234,17 @@ def fits(name: str, count: int, most: int) -> None:
         raise LrmError(f"the model has {count} {name}; the kernel of inverse kinematics has room for {most}")
 
 
-def goal_numbers(goal: Goal) -> ctypes.Array[ctypes.c_double]:
+def as_bytes(numbers: Sequence[float]) -> bytes:
+    """Numbers as the kernel reads them."""
+    return struct.pack(f"{len(numbers)}d", *numbers)
+
+
+def goal_numbers(goal: Goal) -> bytes:
     """A goal as the kernel takes it: columns of the rotation (zeros where free) and position."""
     if goal.rotation is not None:
         (a, d, g), (b, e, h), (c, f, i) = goal.rotation
-        return Twelve(a, b, c, d, e, f, g, h, i, *goal.position)
-    return Twelve(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *(goal.approach or (0.0, 0.0, 0.0)), *goal.position)
-
-
-Twelve = ctypes.c_double * 12
+        return TWELVE(a, b, c, d, e, f, g, h, i, *goal.position)
+    return TWELVE(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *(goal.approach or (0.0, 0.0, 0.0)), *goal.position)
 
 
 def frames_as_numbers(positions: Array, rotations: Array) -> Array:
@@ -265,5 +261,8 @@ def matrices(tcp: Array) -> Array:
     return out
 
 
-def _at(array: NDArray[Any]) -> int:
-    return array.ctypes.data
+def _address(argument: Any) -> Any:
+    """Address of an array or a structure; anything else as it is."""
+    if isinstance(argument, np.ndarray):
+        return argument.ctypes.data
+    return ctypes.addressof(argument) if isinstance(argument, ctypes.Structure) else argument

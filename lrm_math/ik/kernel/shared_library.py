@@ -21,12 +21,11 @@ ARGUMENTS: dict[str, list[type]] = {
     "ik_pose": [Pointer] * 4,
     "ik_free": [Pointer, Pointer, Integer, Pointer, Pointer, Integer, Pointer],
     "ik_nearest": [Pointer, Pointer, Integer, Integer, Integer, Integer, Pointer, Pointer],
-    "ik_forward": [Pointer, Integer, Pointer, Pointer, Pointer],
-    "ik_frames": [Pointer, Integer, Pointer, Pointer],
+    "ik_forward": [Pointer, Integer, Pointer, Pointer, Pointer, Pointer],
     "ik_load_derivatives": [Pointer] * 3,
     "ik_settle": [Pointer, Integer, Pointer, Pointer, Real, Pointer, Pointer, Pointer],
     "ik_newton": [Pointer, Pointer, Integer, Pointer, Pointer, Pointer, Pointer],
-    "ik_nominal": [Pointer, Integer, Pointer, Pointer, Integer, Pointer, Pointer],
+    "ik_nominal": [Pointer, Integer, Pointer, Pointer, Integer, Pointer, Pointer, Pointer],
     "ik_cube": [Pointer, Pointer, Pointer, Real, Integer, Pointer, Real, Pointer, Pointer],
 }
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
-from lrm_math.kinematics.chain import Chain, Slot
+from lrm_math.kinematics.chain import Chain
+from lrm_math.kinematics.rotations import rotation_about
 from lrm_math.kinematics.statics import Weight
 
 Indices = NDArray[np.int64]
@@ -87,18 +88,10 @@ def _fixed(chain: Chain, constants: Sequence[float], start: int, stop: int) -> A
     """(4, 4), product of the slots start … stop − 1 at their constant amounts."""
     out = np.eye(4)
     for k in range(start, stop):
-        out = out @ _motion(chain.slots[k], constants[k])
-    return out
-
-
-def _motion(slot: Slot, amount: float) -> Array:
-    """(4, 4), the motion of one slot by an amount (rad, m)."""
-    out = np.eye(4)
-    if not slot.rotates:
-        out[slot.axis, 3] = amount
-        return out
-    i, j = (slot.axis + 1) % 3, (slot.axis + 2) % 3
-    out[i, i] = out[j, j] = np.cos(amount)
-    out[j, i] = np.sin(amount)
-    out[i, j] = -out[j, i]
+        slot, motion = chain.slots[k], np.eye(4)
+        if slot.rotates:
+            motion[:3, :3] = rotation_about(slot.axis, constants[k])
+        else:
+            motion[slot.axis, 3] = constants[k]
+        out = out @ motion
     return out

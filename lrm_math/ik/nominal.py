@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Sequence
+import struct
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from operator import attrgetter
+from functools import cached_property, lru_cache, partial
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.joint_limits import JointLimits, checked_angles
+from lrm_math.arm.joint_limits import checked_angles
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer
+from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer, branch_at
 from lrm_math.ik.goal import Goal, pose
-from lrm_math.ik.joint_errors import JointErrorModel
-from lrm_math.ik.kernel.kernel_model import KernelModel, frames_as_numbers, goal_numbers, packed, with_form
+from lrm_math.ik.kernel.kernel_model import frames_as_numbers, goal_numbers
 from lrm_math.ik.kernel.shared_library import kernel
-from lrm_math.ik.kernel.structures import BRANCHES
-from lrm_math.ik.library import PoseLibrary
-from lrm_math.ik.nominal.pieper import PieperForm, pieper_form
+from lrm_math.ik.kernel.structures import BRANCHES, Integer, Real
+from lrm_math.ik.packed_arm import PackedArm
 from lrm_math.kinematics.screw_axes import screw_axes_of
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import model_of
 
 Mask = NDArray[np.bool_]
 STARTS = (24, 200)
@@ -33,8 +31,9 @@ REPRESENTATIVES, ELSEWHERE = 4, 0.1
 """Most representatives of the families of such a goal, and their least distance (rad)."""
 MOST_BEYOND = 8
 """Number of branches beyond the limits in an answer."""
-MARGIN = attrgetter("margin")
-Six, Angles, Kinds = ctypes.c_double * 6, ctypes.c_double * (6 * BRANCHES), ctypes.c_int * BRANCHES
+MARGIN = itemgetter(1)
+SIX, EIGHT_KINDS = struct.Struct("6d"), struct.Struct("8i")
+Angles, Margins, Kinds = (kind * size for kind, size in ((Real, 6 * BRANCHES), (Real, BRANCHES), (Integer, BRANCHES)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,20 +57,16 @@ class BatchAnswer:
 
 
 @dataclass(frozen=True, eq=False)
-class NominalSolver:
-    """Joint angles of one arm for goals of any kind.
+class NominalSolver(PackedArm):
+    """Joint angles of an arm that nothing deflects, for goals of any kind.
 
     Without a closed form branches may be missed; those given are exact.
     """
 
-    arm: Arm
-    limits: JointLimits
-    form: PieperForm | None
-
     @classmethod
     def of(cls, arm: Arm) -> NominalSolver:
-        """For any arm that the kernel has room for. Raises `LrmError`."""
-        return cls(arm, JointLimits.of(arm), pieper_form(screw_axes_of(arm)))
+        """For any arm that the kernel has room for; `LrmError` for another one when it is first asked."""
+        return cls(model_of(arm, ()))
 
     def solve(self, goal: Goal, near: Sequence[float] | None = None) -> NominalAnswer:
         """All branches of a pose, or representatives of each family where the goal leaves motion free.
@@ -88,11 +83,11 @@ class NominalSolver:
 
     def branches(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
         """The branches of `solve`, without a diagnosis where there are none."""
-        near = None if near is None else checked_angles("near", near, self.arm.dof)
+        near = None if near is None else checked_angles("near", near, self.model.arm.dof)
         if goal.rotation is None or self.form is None:
             found = self._searched(goal, near)
         else:
-            found = self._closed(goal, near or self.limits.middle, True)
+            found = self._closed(goal, near, True)
         if len(found) < 2:
             return found
         if near is None:
@@ -101,12 +96,12 @@ class NominalSolver:
 
     def frames(self, q: Array) -> Array:
         """(K, n + 2, 4, 4), frames of the base, after joint 1 … n, and of the tool, at angles (K, n); m."""
-        return self.packed.frames(np.array(self.packed.memory.zero[: self.arm.dof]) + q)
+        return self.packed.frames(self.unloaded_slots(q))
 
     @cached_property
     def second_axis(self) -> Vector3:
         """A point on the second joint's axis (m), about the middle of the workspace."""
-        x, y, z = screw_axes_of(self.arm).point[min(1, self.arm.dof - 1)].tolist()
+        x, y, z = screw_axes_of(self.model.arm).point[min(1, self.model.arm.dof - 1)].tolist()
         return x, y, z
 
     def solve_batch(self, positions: ArrayLike, rotations: ArrayLike) -> BatchAnswer:
@@ -115,13 +110,12 @@ class NominalSolver:
         Raises `LrmError`: wrong shapes, numbers that are not finite, or matrices that are no rotations.
         """
         p, R = poses_checked(positions, rotations)
-        n, count = self.arm.dof, len(p)
+        n, count = self.model.arm.dof, len(p)
         q, kind = np.zeros((count, BRANCHES, n)), np.full((count, BRANCHES), -1, dtype=np.int32)
         goals = frames_as_numbers(p, R)
         if self.form is not None:
-            middle = (ctypes.c_double * n)(*self.limits.middle)
-            args = (goals.ctypes.data, middle, 1, q.ctypes.data, kind.ctypes.data)
-            kernel().ik_nominal(self.packed.address, count, *args)
+            out = (q, kind, np.empty((count, BRANCHES)))
+            self._nominal(count, goals.ctypes.data, self._middle, True, *(array.ctypes.data for array in out))
             return BatchAnswer(q, kind >= 0, kind > 0)
         for i in range(count):
             for k, branch in enumerate(self._searched(pose(p[i], R[i]), None)[:BRANCHES]):
@@ -129,43 +123,36 @@ class NominalSolver:
         return BatchAnswer(q, kind >= 0, kind > 0)
 
     @cached_property
-    def _model(self) -> Model:
-        return model_of(self.arm, ())
+    def _nominal(self) -> Callable[..., None]:
+        """The closed form of this arm in the kernel."""
+        return partial(kernel().ik_nominal, self.packed.address)
 
     @cached_property
-    def packed(self) -> KernelModel:
-        """The arm without seeds."""
-        errors = JointErrorModel(self._model)
-        moments = errors.moving.moments(self._model.weights(0.0))
-        arm = packed(errors.moving, moments, self._model.binding.reach, self.limits.lower, self.limits.upper)
-        return with_form(arm.with_springs(errors.constants, errors.compliances), self.form)
-
-    @cached_property
-    def _ready(self) -> KernelModel:
-        """With seeds."""
-        library = PoseLibrary.of(JointErrorModel(self._model), self.packed)
-        return self.packed.with_library(library.tcp, library.q, library.slots)
+    def _middle(self) -> bytes:
+        """Of the limits, as the kernel takes it."""
+        return SIX.pack(*self.limits.middle)
 
     @cached_property
     def _all_round(self) -> NominalSolver:
         """The same arm with joints that turn half a turn either way."""
-        turns = ((0.5 * (j.lower + j.upper) - np.pi, 0.5 * (j.lower + j.upper) + np.pi) for j in self.arm.joints)
-        joints = (replace(j, lower=a, upper=b) for j, (a, b) in zip(self.arm.joints, turns, strict=True))
-        return NominalSolver.of(replace(self.arm, joints=tuple(joints)))
+        arm, middle = self.model.arm, self.limits.middle
+        joints = (replace(j, lower=x - np.pi, upper=x + np.pi) for j, x in zip(arm.joints, middle, strict=True))
+        return NominalSolver.of(replace(arm, joints=tuple(joints)))
 
-    def _closed(self, goal: Goal, towards: Sequence[float], limited: bool) -> tuple[Branch, ...]:
+    def _closed(self, goal: Goal, near: tuple[float, ...] | None, limited: bool) -> tuple[Branch, ...]:
         """The branches by the closed form."""
-        q, kind, limits = Angles(), Kinds(), self.limits
-        kernel().ik_nominal(self.packed.address, 1, goal_numbers(goal), Six(*towards), limited, q, kind)
-        rows = [(k, free) for k, free in enumerate(kind[:]) if free >= 0]
-        return tuple([Branch(tuple(q[6 * k : 6 * k + 6]), k, limits, free or None) for k, free in rows])
+        q, margin, kind, towards = Angles(), Margins(), Kinds(), self._middle if near is None else SIX.pack(*near)
+        self._nominal(1, goal_numbers(goal), towards, limited, q, kind, margin)
+        kinds = enumerate(EIGHT_KINDS.unpack(kind))
+        found = [Branch(SIX.unpack_from(q, SIX.size * k), margin[k], k, free or None) for k, free in kinds if free >= 0]
+        return tuple(found)
 
     def _searched(self, goal: Goal, near: tuple[float, ...] | None) -> tuple[Branch, ...]:
         """Branches by search."""
-        n, towards = self.arm.dof, near or self.limits.middle
-        found, determined = self._ready.search(goal, towards, near, STARTS), goal.constraints >= n
+        n, towards = self.model.arm.dof, near or self.limits.middle
+        found, determined = self.kernel(0.0).search(goal, towards, near, STARTS), goal.constraints >= n
         within = (at for at in found.at[: found.count] if at.excess <= 0.0)
-        branches = [Branch(self.limits.clipped(at.q[:n]), -1, self.limits) for at in within]
+        branches = [branch_at(self.limits.clipped(at.q[:n]), self.limits) for at in within]
         if determined:
             return tuple(branches)
         branches.sort(key=lambda branch: branch.distance(tuple(towards)))
@@ -177,29 +164,25 @@ class NominalSolver:
 
     def _unsolved(self, goal: Goal, near: tuple[float, ...] | None) -> NominalAnswer:
         """Why a goal has no solution within the limits: solved beyond them, or not at all; and the nearest goal."""
-        towards = near or self.limits.middle
         if goal.rotation is not None and self.form is not None:
-            branches = self._closed(goal, towards, False)
+            branches = self._closed(goal, near, False)
         else:
-            branches = tuple(Branch(b.q, -1, self.limits) for b in self._all_round._searched(goal, near))
+            branches = tuple(branch_at(b.q, self.limits) for b in self._all_round._searched(goal, near))
         ordered = tuple(sorted(branches, key=MARGIN, reverse=True))[:MOST_BEYOND]
-        nearest = self._nearest(goal, [towards, *(branch.q for branch in ordered)])
+        found = self.kernel(0.0).nearest(goal, [near or self.limits.middle, *(branch.q for branch in ordered)])
+        nearest = None if found is None else Nearest.at(found[0], goal, found[1])
         if not ordered:
             return NominalAnswer(IkVerdict.OUT_OF_REACH, (), nearest=nearest)
         violation = self.limits.violation(ordered[0].q)
         return NominalAnswer(IkVerdict.OUTSIDE_LIMITS, (), ordered, nearest=nearest, violation=violation)
-
-    def _nearest(self, goal: Goal, starts: Sequence[Sequence[float]]) -> Nearest | None:
-        found = self._ready.nearest(goal, starts)
-        return None if found is None else Nearest.at(found[0], goal, found[1])
 
     def _singularity(self, branches: Sequence[Branch]) -> str:
         """Which axes are aligned, where a branch is one of a family."""
         free = {branch.free for branch in branches if branch.free is not None}
         if not free or self.form is None:
             return ""
-        inner, outer, alone = ("1", "3", {6, 5}) if self.form.backwards else ("4", "6", {1, 2})
-        three = "1, 2 and 3" if self.form.backwards else "4, 5 and 6"
+        inner, outer, alone = ("1", "3", {6, 5}) if self.form["backwards"] else ("4", "6", {1, 2})
+        three = "1, 2 and 3" if self.form["backwards"] else "4, 5 and 6"
         aligned = [f"the point where axes {three} meet lies on axis {joint}" for joint in sorted(free & alone)]
         if free - alone:
             aligned.append(f"axes {inner} and {outer} are in line")

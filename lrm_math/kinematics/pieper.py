@@ -14,62 +14,34 @@ then gives q2. For skew axes both together are a polynomial of degree four.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum
+from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from lrm_math.arrays import Array, Vector3
+from lrm_math.arrays import Array
 from lrm_math.kinematics.screw_axes import ScrewAxes, angle_about, common_normals
 
-CosSin: TypeAlias = tuple[float, float]
+PieperForm: TypeAlias = Mapping[str, ArrayLike]
+"""Constants of the normal form by name; SI, angles counted from the common normals.
 
-FLAT = 1e-9
-"""m, or m²: below it an equation no longer depends on its angle."""
-
-
-class AxisPair(Enum):
-    """Relation of the first two axes."""
-
-    MEETING = "the first two axes meet"
-    PARALLEL = "the first two axes are parallel"
-    SKEW = "the first two axes are skew"
-
-
-@dataclass(frozen=True)
-class PieperForm:
-    """Constants of the closed form; SI, angles counted from the common normals.
-
-    Attributes:
-        backwards: the arm is held by its tool: q1 below is the last joint's, and the goal is inverted.
-        frame: rows x, y, z of the first axis' frame in the goal's (or, backwards, the tool's) frame.
-        foot: origin of that frame, in its own axes (m).
-        centre: wrist centre S in the tool's (backwards: the goal's) frame (m).
-        tip_x, tip_z: last common normal and last axis there.
-        a: length of the first common normal (m).
-        links: (cos, sin) of the angles between consecutive axes, five; the last sine is positive.
-        offsets: angles of the joints 2 to 5 at q = 0, counted between common normals (rad).
-        v0, vc, vs: S beyond axis 2, see above (m).
-        elbow: (constant, amplitude, phase) of the equation that gives q3; amplitude 0 for SKEW.
-        length: size of the arm (m).
-    """
-
-    backwards: bool
-    shape: AxisPair
-    frame: tuple[Vector3, Vector3, Vector3]
-    foot: Vector3
-    centre: Vector3
-    tip_x: Vector3
-    tip_z: Vector3
-    a: float
-    links: tuple[CosSin, CosSin, CosSin, CosSin, CosSin]
-    offsets: tuple[float, float, float, float]
-    v0: Vector3
-    vc: Vector3
-    vs: Vector3
-    elbow: tuple[float, float, float]
-    length: float
+frame: rows x, y, z of the first axis' frame in the goal's (or, backwards, the tool's) frame.
+foot: origin of that frame, in its own axes (m).
+centre: wrist centre S in the tool's (backwards: the goal's) frame (m).
+tip_x, tip_z: last common normal and last axis there.
+a: length of the first common normal (m).
+links: (cos, sin) of the angles between consecutive axes, five; the last sine is positive.
+offsets: angles of the joints 2 to 5 at q = 0, counted between common normals (rad).
+v0, vc, vs: S beyond axis 2, see above (m).
+elbow: (constant, amplitude, phase) of the equation that gives q3; amplitude 0 for SKEW.
+length: size of the arm (m).
+shape: of the first two axes, MEETING, PARALLEL or SKEW.
+backwards: the arm is held by its tool: q1 is the last joint's, and the goal is inverted.
+"""
+MEETING, PARALLEL, SKEW = range(3)
+FLAT, ROUND_OFF = 1e-9, 1e-15
+"""m, or m²: below it an equation no longer depends on its angle; and a component is zero."""
 
 
 def pieper_form(axes: ScrewAxes) -> PieperForm | None:
@@ -91,28 +63,19 @@ def _outward(axes: ScrewAxes, backwards: bool) -> PieperForm | None:
     second = np.array([normals[1].normal, np.cross(h[1], normals[1].normal), h[1]])
     delta = [angle_about(h[i], normals[i - 1].normal, normals[i].normal) for i in range(1, 5)]
     v0, vc, vs = _swing(axes, S, first.next_foot, second, delta[1])
-    shape = AxisPair.MEETING if first.a == 0.0 else AxisPair.PARALLEL if first.sin == 0.0 else AxisPair.SKEW
+    shape = MEETING if first.a == 0.0 else PARALLEL if first.sin == 0.0 else SKEW
     elbow = _elbow(shape, first.cos, v0, vc, vs)
     if elbow is None or np.linalg.norm(vc) < FLAT:
         return None
     R = axes.rotation
-    return PieperForm(
-        backwards=backwards,
-        shape=shape,
-        frame=(_three(frame[0]), _three(frame[1]), _three(frame[2])),
-        foot=_three(frame @ first.foot),
-        centre=_three(R.T @ (S - axes.position)),
-        tip_x=_three(R.T @ normals[4].normal),
-        tip_z=_three(R.T @ h[5]),
-        a=first.a,
-        links=tuple((k.cos, k.sin) for k in normals),  # type: ignore[arg-type]
-        offsets=tuple(delta),  # type: ignore[arg-type]
-        v0=_three(v0),
-        vc=_three(vc),
-        vs=_three(vs),
-        elbow=elbow,
-        length=float(abs(first.a) + np.abs([v0, vc, vs]).sum()),
-    )
+    vectors = {
+        "frame": frame, "foot": frame @ first.foot, "centre": R.T @ (S - axes.position),
+        "tip_x": R.T @ normals[4].normal, "tip_z": R.T @ h[5], "v0": v0, "vc": vc, "vs": vs,
+    }  # fmt: skip
+    return {name: np.where(np.abs(v) < ROUND_OFF, 0.0, v) for name, v in vectors.items()} | {
+        "a": first.a, "links": [(normal.cos, normal.sin) for normal in normals], "offsets": delta, "elbow": elbow,
+        "length": abs(first.a) + np.abs([v0, vc, vs]).sum(), "shape": shape, "backwards": int(backwards),
+    }  # fmt: skip
 
 
 def _swing(axes: ScrewAxes, S: Array, origin: Array, basis: Array, delta: float) -> tuple[Array, Array, Array]:
@@ -125,19 +88,13 @@ def _swing(axes: ScrewAxes, S: Array, origin: Array, basis: Array, delta: float)
     return basis @ (along - origin), basis @ (c * out - s * side), basis @ (s * out + c * side)
 
 
-def _elbow(shape: AxisPair, cos: float, v0: Array, vc: Array, vs: Array) -> tuple[float, float, float] | None:
+def _elbow(shape: int, cos: float, v0: Array, vc: Array, vs: Array) -> tuple[float, float, float] | None:
     """Constant, amplitude and phase of |v|² (MEETING) or cos α1 v_z (PARALLEL) as functions of q3."""
-    if shape is AxisPair.SKEW:
+    if shape == SKEW:
         return 0.0, 0.0, 0.0
-    if shape is AxisPair.MEETING:
+    if shape == MEETING:
         constant, c, s = v0 @ v0 + vc @ vc, 2 * v0 @ vc, 2 * v0 @ vs
     else:
         constant, c, s = cos * v0[2], cos * vc[2], cos * vs[2]
     amplitude = math.hypot(c, s)
     return None if amplitude < FLAT else (float(constant), amplitude, math.atan2(s, c))
-
-
-def _three(v: Array) -> Vector3:
-    """Three floats, round-off about zero removed."""
-    x, y, z = (0.0 if abs(c) < 1e-15 else c for c in v.tolist())
-    return x, y, z
