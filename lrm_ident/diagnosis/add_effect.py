@@ -77,7 +77,7 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) 
             return fitted
         free = tuple(key for key in model.keys if key in (*model.free, *found))
         try:
-            fitted = fit(replace(model, free=free), data, loss=loss)
+            fitted = fit(model.with_free(free), data, loss=loss)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return fitted
     return fitted

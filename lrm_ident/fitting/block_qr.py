@@ -78,5 +78,7 @@ def _weighted(
     """(n, R, P + 1), scaled Jacobian and residual of some poses, whitened and weighted."""
     typical = np.array([rest.model.parameters[rest.model.position(key)].typical for key in keys])
     scale = weight if len(weight) == 1 else weight[rows]
-    J = whitening.take(rows).jacobian(rest.take(rows), keys) * typical
+    if not np.array_equal(rows, np.arange(len(rest.poses))):
+        rest, whitening = rest.take(rows), whitening.take(rows)
+    J = whitening.jacobian(rest, keys) * typical
     return np.asarray(np.concatenate([J, residual[rows][:, :, None]], axis=2) * scale[:, :, None])

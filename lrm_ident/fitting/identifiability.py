@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
 
@@ -277,4 +277,4 @@ def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:
     values = model.values.copy()
     for key in set(keys) - set(kept):
         values[model.position(key)] = 0.0
-    return replace(model.with_values(values), free=tuple(kept))
+    return model.with_values(values).with_free(kept)

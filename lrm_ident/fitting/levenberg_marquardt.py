@@ -262,7 +262,7 @@ class _LevenbergMarquardt:
             sigma = objective.residual_sd(iterate, parameters)
             covariance[np.ix_(free, free)] = (now.sigma or sigma) ** 2 * inverse
         return Fit(
-            model=replace(iterate.rest.model, free=objective.model.free),
+            model=iterate.rest.model,
             rest=iterate.rest,
             residual=data.position_error(iterate.rest),
             covariance=covariance * np.outer(objective.typical, objective.typical),

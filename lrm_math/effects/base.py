@@ -191,12 +191,7 @@ class LinearEffect(Effect):
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ p_i f_i for each target."""
-        out: list[Number] = [0.0] * len(self.targets)
-        for value, functions in zip(p, self.basis(poses, tau), strict=True):
-            for k, function in enumerate(functions):
-                if not is_zero(function):
-                    out[k] = value * function if is_zero(out[k]) else out[k] + value * function
-        return tuple(out)
+        return linear_combination(p, self.basis(poses, tau), len(self.targets))
 
 
 class JointEffect(Effect):
@@ -236,6 +231,16 @@ class LoadedJointEffect(JointEffect):
     def load_slots(self) -> tuple[str, ...]:
         """The joint's torque."""
         return self.targets
+
+
+def linear_combination(p: Sequence[float], basis: Sequence[Amounts], targets: int) -> Amounts:
+    """Σ p_i f_i for each of so many targets, where `basis` has each parameter's f_i at each of them."""
+    out: list[Number] = [0.0] * targets
+    for value, functions in zip(p, basis, strict=True):
+        for k, function in enumerate(functions):
+            if not is_zero(function):
+                out[k] = value * function if is_zero(out[k]) else out[k] + value * function
+    return tuple(out)
 
 
 @lru_cache(maxsize=256)

@@ -35,8 +35,8 @@ def friction_states(q: Array, moves: Array, start: Array | None) -> Array:
         start: (n,), angles before the first pose, if known.
     """
     lengths = np.abs(np.diff(q, axis=0, prepend=q[:1] if start is None else np.asarray(start)[None]))
+    lengths[moves == 0.0] = np.inf  # where the last move is not known, nor is what was before it
     states = np.repeat(moves[:, :, None], len(TRAVELS_DEG), axis=2)
-    kept[moves == 0.0] = 0.0  # where the last move is not known, nor is what was before it
     for row in range(1, len(q)):
         states[row] = turned_over(states[row - 1], lengths[row], moves[row])
     return states

@@ -18,7 +18,7 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.effects.base import Amounts
-from lrm_math.effects.derivatives import by_angles, by_loads, by_parameters
+from lrm_math.effects.derivatives import by_angles, by_loads
 from lrm_math.effects.targets import Kind
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
@@ -124,13 +124,12 @@ def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, 
     model, response = settled.model, respond(settled, sensed)
     position = {key: column for column, key in enumerate(model.keys if keys is None else keys)}
     out = np.zeros((len(position), response.slots.shape[1], len(settled.poses)))
-    for effect, span in zip(model.effects, model.spans, strict=True):
+    for bound, span in zip(model.binding.bound, model.spans, strict=True):
         columns = [position.get(key) for key in model.keys[span]]
         if any(column is not None for column in columns):
-            moved = effect_columns(effect, model.values[span].tolist(), response)
-            for column, motion in zip(columns, moved, strict=True):
+            for column, amounts in zip(columns, bound.by_parameters(settled.poses, settled.tau), strict=True):
                 if column is not None:
-                    out[column] = motion
+                    _add_response(out[column], bound, amounts, response)
     return out.transpose(2, 1, 0)
 
 
@@ -138,7 +137,7 @@ def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Ar
     """∂TCP/∂p of one effect at parameter values p: (P, R, N), SI. The model's `load_slots` must hold the effect's."""
     settled, model = response.equilibrium, response.equilibrium.model
     bound = bind_effect(model.chain, effect, p, model.load_slots)
-    rows = by_parameters(effect, settled.poses, bound.felt(settled.tau), p)
+    rows = bound.by_parameters(settled.poses, settled.tau)
     out = np.zeros((len(p), response.slots.shape[1], len(settled.poses)))
     for moved, amounts in zip(out, rows, strict=True):
         _add_response(moved, bound, amounts, response)

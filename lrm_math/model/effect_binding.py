@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects import constant
-from lrm_math.effects.base import Amounts, Effect
+from lrm_math.effects.base import Amounts, Effect, LinearEffect, linear_combination
+from lrm_math.effects.derivatives import Rows, by_parameters
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME_ENTRIES, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.statics import WeightChange
+
+
+class Bases(WeakKeyDictionary[Poses, Rows]):
+    """An effect's basis at poses, as long as these exist; it stays in its process."""
+
+    def __reduce__(self) -> tuple[type[Bases], tuple[()]]:
+        return Bases, ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +37,8 @@ class BoundEffect:
         slots: numbers of the chain's slots that it moves or loads, in the order of its targets.
         encoders: numbers from 0 of the joints whose encoder reads what it moves, for each of them; else None.
         loads: index into `Model.load_slots` of each load that enters its amounts.
+        constant: whether it moves slots by the same amounts whatever the pose, load and direction.
+        bases: the basis of a linear effect at poses that it was computed for, as long as these exist.
     """
 
     effect: Effect
@@ -35,10 +47,30 @@ class BoundEffect:
     slots: tuple[int, ...]
     encoders: tuple[int | None, ...]
     loads: tuple[int, ...]
+    constant: bool
+    bases: Bases = field(default_factory=Bases, repr=False)
 
     def amounts(self, poses: Poses, tau: Sequence[Number]) -> Iterable[tuple[int, Number]]:
         """Slots that it moves or loads, and the amounts, where `tau` are the loads on `Model.load_slots` (N·m)."""
-        return zip(self.slots, self.effect.amounts(poses, self.felt(tau), self.p), strict=True)
+        if not isinstance(self.effect, LinearEffect):
+            return zip(self.slots, self.effect.amounts(poses, self.felt(tau), self.p), strict=True)
+        if not any(self.p):
+            return zip(self.slots, (0.0,) * len(self.slots), strict=True)
+        return zip(self.slots, linear_combination(self.p, self._basis(poses, tau), len(self.slots)), strict=True)
+
+    def by_parameters(self, poses: Poses, tau: Sequence[Number]) -> Rows:
+        """∂amount/∂p: for each parameter one number or (N,) for each target."""
+        if isinstance(self.effect, LinearEffect):
+            return self._basis(poses, tau)
+        return by_parameters(self.effect, poses, self.felt(tau), self.p)
+
+    def _basis(self, poses: Poses, tau: Sequence[Number]) -> Rows:
+        """The basis of a linear effect; where it follows from the poses alone, computed once for them."""
+        if self.loads:
+            return by_parameters(self.effect, poses, self.felt(tau), self.p)
+        if poses not in self.bases:
+            self.bases[poses] = by_parameters(self.effect, poses, (), self.p)
+        return self.bases[poses]
 
     def felt(self, tau: Sequence[Number]) -> Amounts:
         """The loads that enter its amounts, from those on `Model.load_slots`."""
@@ -54,6 +86,7 @@ class EffectBinding:
     """A model's effects by what their amounts depend on and act on.
 
     Attributes:
+        bound: all of them, in the model's order.
         constants: amount of every slot with all joints at zero: the nominal arm and the effects that are constant.
         rigid: effects that move slots with the command but with no load.
         elastic: effects that move slots by loads.
@@ -63,6 +96,7 @@ class EffectBinding:
         reach: m; the most that a rotation by 1 rad can move the TCP (the stretched nominal arm, with a margin).
     """
 
+    bound: tuple[BoundEffect, ...]
     constants: tuple[float, ...]
     rigid: tuple[BoundEffect, ...]
     elastic: tuple[BoundEffect, ...]
@@ -74,16 +108,14 @@ class EffectBinding:
     reach: float
 
 
-def bind_effects(
-    chain: Chain, parts: Iterable[tuple[Effect, list[float]]], load_slots: tuple[int, ...]
-) -> EffectBinding:
-    """Binds effects and their parameters (SI) to a chain; `load_slots`: slots whose load some effect depends on."""
-    bound = [bind_effect(chain, effect, p, load_slots) for effect, p in parts]
+def bind_effects(chain: Chain, bound: tuple[BoundEffect, ...]) -> EffectBinding:
+    """The binding of a model's effects, each bound to the chain."""
     of_kind = {kind: tuple(b for b in bound if b.kind is kind) for kind in Kind}
     motions = of_kind[Kind.MOTION]
     return EffectBinding(
+        bound=bound,
         constants=_constants(chain, motions),
-        rigid=tuple(b for b in motions if not (b.loads or constant(b.effect))),
+        rigid=tuple(b for b in motions if not (b.loads or b.constant)),
         elastic=tuple(b for b in motions if b.loads),
         loading=of_kind[Kind.LOAD],
         weighing=of_kind[Kind.WEIGHT],
@@ -104,7 +136,7 @@ def bind_effect(chain: Chain, effect: Effect, p: Sequence[float], load_slots: Se
     slots = tuple(chain.index[key] for key in keys)
     encoders = tuple(chain.slots[k].joint if t.endswith(SERVO) else None for k, t in zip(slots, targets, strict=False))
     loads = tuple(load_slots.index(chain.index[key]) for key in effect.load_slots)
-    return BoundEffect(effect, tuple(p), kind, slots, encoders, loads)
+    return BoundEffect(effect, tuple(p), kind, slots, encoders, loads, constant(effect))
 
 
 def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightChange]]:
@@ -127,14 +159,19 @@ def anchor_shift(effect: Effect, amounts: Amounts) -> Array:
     return np.array([float(known.get(axis, 0.0)) for axis in "xyz"])
 
 
+@lru_cache(maxsize=16)
+def _pose_at_zero(dof: int) -> Poses:
+    return poses_of([0.0] * dof)
+
+
 def _constants(chain: Chain, motions: Iterable[BoundEffect]) -> tuple[float, ...]:
-    at_zero = poses_of([0.0] * chain.dof)
+    at_zero = _pose_at_zero(chain.dof)
     out = [float(value) for value in chain.values([0.0] * chain.dof)]
     for place in {chain.slots[k].place for bound in motions for k in bound.slots}:
         for k, length in chain.hinges.get(place, ()):
             out[k] = length
     for bound in motions:
-        if constant(bound.effect):
+        if bound.constant:
             for k, amount in bound.amounts(at_zero, []):
                 out[k] += float(amount)
     return tuple(out)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +12,13 @@ from numpy.typing import ArrayLike
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, Parameter
-from lrm_math.effects.targets import links_bent_at_ends
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import Chain, Number, chain_of
+from lrm_math.kinematics.chain import Chain, Number
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.statics import Weight
 from lrm_math.model.effect_binding import EffectBinding, bind_effects
+from lrm_math.model.model_structure import ModelStructure
 
 CACHED_PAYLOADS = 16
 
@@ -39,37 +38,40 @@ class Model:
     free: tuple[str, ...] = ()
 
     @cached_property
+    def structure(self) -> ModelStructure:
+        """What does not depend on the parameters' values."""
+        return ModelStructure(self.arm, self.effects)
+
+    @cached_property
     def chain(self) -> Chain:
         """The arm's kinematic chain."""
-        return chain_of(self.arm, frozenset().union(*map(links_bent_at_ends, self.effects)))
+        return self.structure.chain
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """`effect.place.name_unit` of every parameter."""
-        return tuple(key for effect in self.effects for key in effect.keys)
+        return self.structure.keys
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Every parameter, in the order of `keys`."""
-        return tuple(p for e in self.effects for p in e.parameters)
+        return self.structure.parameters
 
     @cached_property
     def spans(self) -> tuple[slice, ...]:
         """The slice of `values` that holds each effect's parameters."""
-        ends = np.cumsum([0, *(len(e.parameters) for e in self.effects)]).tolist()
-        return tuple(slice(a, b) for a, b in pairwise(ends))
+        return self.structure.spans
 
     @cached_property
     def load_slots(self) -> tuple[int, ...]:
         """Slots whose load some effect depends on, ascending."""
-        return tuple(
-            sorted({self.chain.index[key] for e in self.effects for key in e.load_slots if key in self.chain.index})
-        )
+        return self.structure.load_slots
 
     @cached_property
     def binding(self) -> EffectBinding:
         """The effects, bound to the chain's slots."""
-        return bind_effects(self.chain, self.parts(), self.load_slots)
+        parts = zip(self.structure.bound, self.spans, strict=True)
+        return bind_effects(self.chain, tuple(replace(b, p=tuple(self.values[span].tolist())) for b, span in parts))
 
     def parts(self) -> Iterator[tuple[Effect, list[float]]]:
         """Every effect with its parameters' values (SI)."""
@@ -91,7 +93,16 @@ class Model:
 
     def with_values(self, values: ArrayLike) -> Model:
         """The same model with other parameter values (SI)."""
-        return replace(self, values=np.asarray(values, dtype=np.float64))
+        return self._alike(replace(self, values=np.asarray(values, dtype=np.float64)))
+
+    def with_free(self, free: Iterable[str]) -> Model:
+        """The same model with other free parameters."""
+        return self._alike(replace(self, free=tuple(free)))
+
+    def _alike(self, other: Model) -> Model:
+        """A model of the same effects, which shares this one's structure."""
+        vars(other)["structure"] = self.structure
+        return other
 
     def value(self, key: str) -> float:
         """One parameter's value (SI). Raises `UnknownName`."""
@@ -100,8 +111,8 @@ class Model:
     def position(self, key: str) -> int:
         """Index of one parameter in `values`. Raises `UnknownName`."""
         try:
-            return self.keys.index(key)
-        except ValueError:
+            return self.structure.positions[key]
+        except KeyError:
             raise UnknownName("parameter", key, self.keys) from None
 
 

@@ -153,7 +153,8 @@ class CalibratedRobot(Robot):
         if missing:
             arm = self.correction.model.arm.name
             have = ", ".join(key.removesuffix(SUFFIX) for key in known if key.endswith(SUFFIX))
-            what = f"a model of the arm '{arm}', whose '{missing[0].removesuffix(SUFFIX)}' {self.robot.name} does not have"
+            first = missing[0].removesuffix(SUFFIX)
+            what = f"a model of the arm '{arm}', whose '{first}' {self.robot.name} does not have"
             raise LrmError(f"{self.config.model}: {what}; it has {have}")
 
     def _tell_what_is_left(self) -> None:
@@ -161,7 +162,7 @@ class CalibratedRobot(Robot):
         if correction.left_out:
             self._tell(f"not corrected, since no command can know it beforehand: {', '.join(correction.left_out)}")
         if not correction.arm.complete:
-            self._tell("an effect of the model has no formula in the compiled kernel; a command takes some milliseconds")
+            self._tell("an effect of the model has no formula in the kernel; a command takes some milliseconds")
 
     def _tell(self, what: str) -> None:
         """Says something once."""

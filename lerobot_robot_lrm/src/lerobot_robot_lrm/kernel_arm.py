@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from lrm_math.ik.kernel.moving_slots import Indices
 
 from lerobot_robot_lrm.motion import Motion
 from lrm_math.arrays import Array
@@ -15,7 +16,6 @@ from lrm_math.ik.goal import point
 from lrm_math.ik.joint_errors import JointErrorModel
 from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
 from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, without_formula
-from lrm_math.ik.kernel.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.effect_binding import EffectBinding
 from lrm_math.model.equilibrium import effect_loads

@@ -7,10 +7,10 @@ goal can be met it is met, and at singular poses, or beyond the reach, the answe
 from __future__ import annotations
 
 import numpy as np
+from lrm_math.ik.library import CHAR_LENGTH
 
 from lrm_math.arrays import Array
 from lrm_math.ik.kernel.kernel_model import KernelModel
-from lrm_math.ik.library import CHAR_LENGTH
 
 DAMPING = 2e-3
 """m/rad: a joint's deviation of 1 rad weighs as much as one of the tool by so much."""
