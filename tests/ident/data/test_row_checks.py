@@ -61,6 +61,15 @@ def test_zeros_of_a_lost_tracker_are_left_out_and_said(lab: Arm, tmp_path: Path)
     np.testing.assert_array_equal(data.poses.direction, whole.poses.direction)  # the arm was there all the same
 
 
+def test_a_frozen_tracker_is_left_out_and_said(lab: Arm, tmp_path: Path) -> None:
+    rows = rows_of(80)
+    for stale in (10, 11):
+        rows[stale][-3:] = rows[9][-3:]
+    data = load_checked(example(tmp_path, rows), lab)
+    assert data.left_out == (11, 12)
+    assert any("stands still" in words and "11, 12" in words for words in data.notices)
+
+
 def test_nothing_but_zeros(lab: Arm, tmp_path: Path) -> None:
     with pytest.raises(FileError, match="every position is 0, 0, 0"):
         load_measurements(example(tmp_path, [[*row[:-3], "0", "0", "0"] for row in rows_of(20)]), lab)
