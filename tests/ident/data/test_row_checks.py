@@ -33,7 +33,7 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.sensed import tool_rotation
 from tests.conftest import EXAMPLE
-from tests.support.commands import run_command, stdout_of
+from tests.support.commands import run_command, stderr_of, stdout_of
 
 
 def example(folder: Path, rows: list[list[str]], header: list[str] | None = None) -> Path:
@@ -84,6 +84,13 @@ def test_a_fit_that_loses_parameters_to_a_few_rows_says_which(tmp_path: Path) ->
     assert "more parameters could be told" in out
     assert "--leave-out 11,51,91" in out
     assert "more parameters could be told" not in stdout_of("fit", path, "--leave-out", "11,51,91")
+
+
+def test_a_fit_that_loses_all_parameters_to_a_few_rows_says_which(tmp_path: Path) -> None:
+    rows = rows_of(60)
+    rows[20][-1] = "90000"
+    path = example(tmp_path, rows)
+    assert "--leave-out 21" in stderr_of("fit", path)
 
 
 @given(st.lists(st.booleans(), min_size=2, max_size=25), st.integers(0, 100))
