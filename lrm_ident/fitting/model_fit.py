@@ -10,8 +10,9 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.registration.degenerate_fit import CHECK
 from lrm_ident.data.weights.model_error import with_model_error
-from lrm_ident.fitting.identifiability import IdentifiedFit, fit_identifiable
-from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.data.wording import enumerate_words
+from lrm_ident.fitting.identifiability import FEW, IdentifiedFit, fit_identifiable
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, no_bounds, select_parameters
 from lrm_ident.fitting.priors import Prior
@@ -21,6 +22,7 @@ from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 
 SETTLED = 1.1  # ratio of the model's error to that before, which is worth another fit
+LISTED = 8  # poses in a message
 DEFAULT_EFFECTS = ("offsets", "compliance")
 
 
@@ -53,9 +55,18 @@ def fit_model(
     if weighed.model_sd > SETTLED * data.model_sd:
         return fit_model(model, weighed, parameters, loss, unbounded, prior)
     if not result.fit.model.free:
-        left = error_stats(result.fit.residual).rms * 1e3
-        raise LrmError(f"nothing can be fitted: no parameter helps, and {left:.1f} mm RMS are left; {CHECK}")
+        raise LrmError(f"nothing can be fitted: no parameter helps, and {_left(result.fit, data)}")
     return result
+
+
+def _left(found: Fit, data: Measurements) -> str:
+    """What a fit without parameters leaves, and of which poses, if few are far from what the others show."""
+    stats, far = error_stats(found.residual), data.pose[list(found.outliers)].tolist()
+    left = f"{stats.rms * 1e3:.1f} mm RMS are left"
+    if not 0 < len(far) < FEW * len(data):
+        return f"{left}; {CHECK}"
+    which = f"{stats.max * 1e3:.0f} mm at most, of pose: {enumerate_words([str(pose) for pose in far], LISTED)}"
+    return f"{left}, {which}; try --leave-out {','.join(map(str, far))}, or --loss cauchy"
 
 
 def _fit_named(

@@ -93,7 +93,7 @@ def sign(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
     row, place = _one(files, rng), files.column(name)
     rows = [list(cells) for cells in files.rows]
     rows[row][place] = f"{-float(rows[row][place]):g}"
-    return FileChange(f"-{name} in one row", files.with_rows(rows), (_named(files, row), name))
+    return FileChange(f"-{name} in one row", files.with_rows(rows), (*_named(files, row), name))
 
 
 def order(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
@@ -123,7 +123,7 @@ def order(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
         for place in places:
             rows[row][place], rows[row + 1][place] = rows[row + 1][place], rows[row][place]
         return FileChange(
-            "positions of two rows swapped", files.with_rows(rows), (_named(files, row), _named(files, row + 1))
+            "positions of two rows swapped", files.with_rows(rows), (*_named(files, row), *_named(files, row + 1))
         )
     turned = [int(k) for k in rng.permutation(len(files.header))]
     moved = [[cells[k] for k in turned] for cells in rows]
@@ -194,7 +194,7 @@ def duplicate(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
     for later in range(row + 1, min(row + 1 + int(rng.integers(1, 4)), len(rows))):
         for name in POSITION:
             rows[later][files.column(name)] = rows[row][files.column(name)]
-    named = tuple(_named(files, k) for k in range(row, min(row + 4, len(rows))))
+    named = [word for k in range(row, min(row + 4, len(rows))) for word in _named(files, k)]
     return FileChange("position stands still", files.with_rows(rows), (*named, "stands still"))
 
 
@@ -224,8 +224,9 @@ def _one(files: NewcomerFiles, rng: np.random.Generator, last: bool = True) -> i
     return int(rng.integers(len(files.rows) - (0 if last else 1)))
 
 
-def _named(files: NewcomerFiles, row: int) -> str:
-    return f"pose {files.rows[row][0]}:"
+def _named(files: NewcomerFiles, row: int) -> tuple[str, ...]:
+    number = files.rows[row][0]
+    return f"pose {number}:", f"pose: {number}", f"pose: {number},", f"--leave-out {number}", f",{number} "
 
 
 CHANGES: Mapping[str, Change] = {

@@ -17,11 +17,14 @@ from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import reach
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
 
 LISTED = 8
 FINEST = 1e-5
 """Share of the reach: no tracker that arms are measured with is so exact."""
 SAME_POSE = 1.0  # deg
+MOVED = 0.05  # share of the reach
 
 
 def without_lost(data: Measurements, table: NumberTable) -> Measurements:
@@ -37,6 +40,20 @@ def without_lost(data: Measurements, table: NumberTable) -> Measurements:
     count = f"{int(lost.sum())} positions are exactly 0, 0, 0, as of a lost tracker"
     words = f"{count}, and left out: {_poses(data.pose[lost])}"
     return replace(data.without(data.pose[lost].tolist()), notices=(*data.notices, words))
+
+
+def without_frozen(arm: Arm, data: Measurements) -> Measurements:
+    """The measurements without positions that are, to the last digit, those of the row before, while the arm moved."""
+    same = np.flatnonzero((np.diff(data.tcp, axis=0) == 0.0).all(axis=1)) + 1
+    if not len(same):
+        return data
+    drawn = equilibrium(model_of(arm, ()), data.poses.take(np.concatenate([same - 1, same]))).tcp
+    away = np.linalg.norm(drawn[len(same) :] - drawn[: len(same)], axis=1) > MOVED * reach(arm)
+    if not away.any():
+        return data
+    frozen = data.pose[same[away]]
+    words = f"the position stands still while the arm moves, as of a frozen tracker; left out: {_poses(frozen)}"
+    return replace(data.without(frozen.tolist()), notices=(*data.notices, words))
 
 
 def doubtful(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:

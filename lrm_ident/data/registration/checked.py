@@ -11,6 +11,7 @@ import numpy as np
 from lrm_ident.data.apply_reading import frame_table, rigid_motion
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.metadata import metadata_of
+from lrm_ident.data.measurement_file.row_checks import without_frozen
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import BeyondLimits
 from lrm_ident.data.registration.attitude_check import check_attitude
@@ -50,7 +51,7 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
     """
     how = reading.over(metadata_of(path)).over(usual)
     try:
-        data = load_measurements(path, arm, how)
+        data = without_frozen(arm, load_measurements(path, arm, how))
     except BeyondLimits:
         _check(arm, load_measurements(path, without_limits(arm), how))
         raise

@@ -33,7 +33,7 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.sensed import tool_rotation
 from tests.conftest import EXAMPLE
-from tests.support.commands import run_command, stdout_of
+from tests.support.commands import run_command, stderr_of, stdout_of
 
 
 def example(folder: Path, rows: list[list[str]], header: list[str] | None = None) -> Path:
@@ -61,6 +61,15 @@ def test_zeros_of_a_lost_tracker_are_left_out_and_said(lab: Arm, tmp_path: Path)
     np.testing.assert_array_equal(data.poses.direction, whole.poses.direction)  # the arm was there all the same
 
 
+def test_a_frozen_tracker_is_left_out_and_said(lab: Arm, tmp_path: Path) -> None:
+    rows = rows_of(80)
+    for stale in (10, 11):
+        rows[stale][-3:] = rows[9][-3:]
+    data = load_checked(example(tmp_path, rows), lab)
+    assert data.left_out == (11, 12)
+    assert any("stands still" in words and "11, 12" in words for words in data.notices)
+
+
 def test_nothing_but_zeros(lab: Arm, tmp_path: Path) -> None:
     with pytest.raises(FileError, match="every position is 0, 0, 0"):
         load_measurements(example(tmp_path, [[*row[:-3], "0", "0", "0"] for row in rows_of(20)]), lab)
@@ -75,6 +84,13 @@ def test_a_fit_that_loses_parameters_to_a_few_rows_says_which(tmp_path: Path) ->
     assert "more parameters could be told" in out
     assert "--leave-out 11,51,91" in out
     assert "more parameters could be told" not in stdout_of("fit", path, "--leave-out", "11,51,91")
+
+
+def test_a_fit_that_loses_all_parameters_to_a_few_rows_says_which(tmp_path: Path) -> None:
+    rows = rows_of(60)
+    rows[20][-1] = "90000"
+    path = example(tmp_path, rows)
+    assert "--leave-out 21" in stderr_of("fit", path)
 
 
 @given(st.lists(st.booleans(), min_size=2, max_size=25), st.integers(0, 100))
