@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -72,6 +73,10 @@ class EffectBinding:
     anchoring: tuple[BoundEffect, ...]
     moving: tuple[int, ...]
     reach: float
+
+    def of_class(self, kind: type[Any]) -> list[BoundEffect]:
+        """The elastic effects of one class, such as springs."""
+        return [bound for bound in self.elastic if isinstance(bound.effect, kind)]
 
 
 def bind_effects(
