@@ -195,16 +195,19 @@ class Unsolved(_Reply):
     """Why there is no command.
 
     Attributes:
-        verdict: out_of_reach or outside_limits.
         nearest: the command within the limits that comes nearest, and the goal that it reaches.
         beyond: commands that would reach the goal but break limits, the least excess first.
         violation: of the first of them.
     """
 
-    verdict: IkVerdict
     nearest: Nearest
     beyond: tuple[Branch, ...]
     violation: Violation | None
+
+    @property
+    def verdict(self) -> IkVerdict:
+        """Out of reach, or outside the limits."""
+        return IkVerdict.OUTSIDE_LIMITS if self.beyond else IkVerdict.OUT_OF_REACH
 
     def __str__(self) -> str:
         return _why(self.violation, self.nearest, "the nearest that can be commanded")

@@ -16,20 +16,11 @@ from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, r
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import (
-    Branch,
-    CalibratedReply,
-    IkVerdict,
-    NoAllowedBranch,
-    NotConverged,
-    Solved,
-    Unsolved,
-    branch_at,
-)
+from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved, branch_at
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
-from lrm_math.ik.nearest import nearest
+from lrm_math.ik.search import nearest
 from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
@@ -211,7 +202,6 @@ class CalibratedSolver:
     def _unsolved(self, query: IkQuery, beyond: list[IkSolution]) -> dict[str, Any]:
         limits = self.arm.limits
         return {
-            "verdict": IkVerdict.OUTSIDE_LIMITS if beyond else IkVerdict.OUT_OF_REACH,
             "nearest": nearest(self.arm, query, tuple(command.q for command in beyond)),
             "beyond": tuple(branch_at(command.q, limits, command.free) for command in beyond),
             "violation": limits.violation(beyond[0].q) if beyond else None,

@@ -69,7 +69,7 @@ class CalibratedArm(PackedArm):
         """All branches of a pose; commands nearest to `near`, or to the middle of the limits, of any other goal."""
         arm, near = self.kernel(query.payload), query.near
         found, V = arm.search(query.goal, near or self.limits.middle, near, FREE_STARTS), arm.slots
-        if self.errors.complete:
+        if self.complete:
             return IkSolutions(tuple(self._unpacked(found, query.goal.constraints >= arm.joints)), found.steps)
         states = [(np.array(x.slots[:V]), np.array(x.tau[:V])) for x in found.at[: found.count]]
         return IkSolutions(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), found.steps)
@@ -87,7 +87,7 @@ class CalibratedArm(PackedArm):
     def at_goal(self, query: IkQuery, slots: Array) -> list[IkSolution]:
         """The command at the goal by Newton's method from slot amounts (V,); none if it does not lead there."""
         arm = self.kernel(query.payload)
-        if not self.errors.complete:
+        if not self.complete:
             return self._corrected(query, slots, arm.forward(slots[None])[1][0])
         state = arm.newton(query.goal, slots, query.near)
         return [] if state is None else self._unpacked(state[2], query.goal.constraints >= self.model.arm.dof)
@@ -154,7 +154,7 @@ class CalibratedArm(PackedArm):
     ) -> list[float] | None:
         """Tool frame by columns, twelve numbers, of a command's equilibrium; None if it has none. `start`: slots."""
         begin = self.unloaded_slots(np.array([q]))[0].tolist() if start is None else start
-        if not self.errors.complete:
+        if not self.complete:
             settled = self.equilibria(query, np.array([q]), np.array([direction]), np.array([begin]))
             return settled.tcp[0].tolist() if len(settled.rows) else None
         n, arm, iterations = len(q), self.kernel(query.payload), ctypes.c_int()

@@ -59,13 +59,6 @@ class Goal:
             return 6
         return 3 if self.approach is None else 5
 
-    @property
-    def freedom(self) -> str:
-        """Unconstrained degrees of freedom, in words."""
-        return {6: "nothing is free", 5: "the turn about the approach direction is free", 3: "the orientation is free"}[
-            self.constraints
-        ]
-
     def angle_from(self, rotation: Rotation) -> float:
         """Angle (rad) from a tool frame's orientation to this one, or to the approach; 0 for a position alone."""
         (ax, bx, cx), (ay, by, cy), (az, bz, cz) = rotation
@@ -91,14 +84,14 @@ class Goal:
 
     def __str__(self) -> str:
         x, y, z = (1e3 * v for v in self.position)
-        return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm, {self.freedom}"
+        free = {6: "nothing", 5: "the turn about the approach direction", 3: "the orientation"}[self.constraints]
+        return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm, {free} is free"
 
 
 def pose(position: ArrayLike, rotation: ArrayLike) -> Goal:
     """A full pose: position (3,) in m and rotation matrix (3, 3), whose numbers may be rounded. Raises `LrmError`."""
     matrix = _numbers("rotation", rotation, (3, 3))
-    off = float(np.abs(matrix.T @ matrix - np.eye(3)).max())
-    if off > ROUNDED:
+    if (off := _skew(matrix)) > ROUNDED:
         raise _no_rotation(off, ROUNDED)
     if off > ORTHONORMAL / 1e3:
         left, _, right = np.linalg.svd(matrix)
@@ -166,20 +159,18 @@ def _check_numbers(name: str, value: Sequence[float]) -> None:
 def _check_rotation(rotation: Rotation) -> None:
     for row in rotation:
         _check_numbers("a row of rotation", row)
-    a, b, c = rotation
-    off = max(*(abs(_dot(row, row) - 1.0) for row in rotation), *(abs(_dot(u, v)) for u, v in ((a, b), (b, c), (c, a))))
-    if off > ORTHONORMAL:
+    matrix = np.array(rotation)
+    if (off := _skew(matrix)) > ORTHONORMAL:
         raise _no_rotation(off, ORTHONORMAL)
-    cross = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    if _dot(cross, c) < 0.0:
+    if np.linalg.det(matrix) < 0.0:
         raise LrmError("goal: rotation has determinant -1: a mirror image; should be a right-handed rotation matrix")
+
+
+def _skew(matrix: Array) -> float:
+    return float(np.abs(matrix.T @ matrix - np.eye(3)).max())
 
 
 def _no_rotation(off: float, allowed: float) -> LrmError:
     return LrmError(
         f"goal: rotation is off orthonormal by {off:.3g} (RᵀR against the identity); should be at most {allowed:g}"
     )
-
-
-def _dot(u: Vector3, v: Vector3) -> float:
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]

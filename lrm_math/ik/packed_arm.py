@@ -11,14 +11,15 @@ import numpy as np
 from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.joint_errors import JointErrorModel
 from lrm_math.ik.kernel.kernel_model import KernelModel, frames_as_numbers, packed, with_laws
+from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, without_formula
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import Poses, poses_of, roberts_sequence
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.batch_equilibrium import batch_equilibrium
+from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import CACHED_PAYLOADS, Model
 from lrm_math.model.reach_ball import ReachBall, reach_ball
 
@@ -60,8 +61,18 @@ class PackedArm:
 
     @cached_property
     def errors(self) -> JointErrorModel:
-        """What the kernel computes, and what is left to Python."""
+        """What effects add to commands."""
         return JointErrorModel(self.model)
+
+    @cached_property
+    def complete(self) -> bool:
+        """Whether the kernel has a formula for every effect of the model."""
+        return not without_formula(self.model.binding, self.model.load_slots, self.model.chain.joint_slots)
+
+    @cached_property
+    def laws(self) -> tuple[KernelLaw, ...]:
+        """The laws that the kernel computes: all or, so that commands are computed in one place, none."""
+        return kernel_laws(self.model.binding, self.model.chain.joint_slots) if self.complete else ()
 
     @cached_property
     def limits(self) -> JointLimits:
@@ -80,7 +91,7 @@ class PackedArm:
         moments, (play, force) = errors.moving.moments(self.model.weights(0.0)), errors.axial_play
         arm = packed(errors.moving, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = arm.with_springs(errors.constants, errors.compliances).with_(play=play, play_force=force)
-        return with_laws(arm.with_form(self.form), errors.laws, errors.complete, 0.0)
+        return with_laws(arm.with_form(self.form), self.laws, self.complete, 0.0)
 
     @cached_property
     def library(self) -> PoseLibrary:
@@ -101,8 +112,8 @@ class PackedArm:
         errors, library, joints = self.errors, self.library, self.errors.moving.joints
         linear = library.slots[:, joints] - errors.constants[joints] - library.tau @ errors.compliances[joints].T
         bound = 2.0 * float(np.abs(linear - library.q).max())
-        arm = with_laws(self.packed, errors.laws, errors.complete, bound)
-        if not errors.complete:
+        arm = with_laws(self.packed, self.laws, self.complete, bound)
+        if not self.complete:
             arm = arm.with_springs(*errors.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
         return arm.with_library(library.tcp, library.q, library.slots)
 
@@ -117,7 +128,7 @@ class PackedArm:
 
     def _settled(self, arm: KernelModel, poses: Poses, start: Array | None, tolerance: float) -> EquilibriumBatch:
         """Equilibria of those of K poses that settle, the arm packed with their payload; see `equilibria`."""
-        if self.errors.complete:
+        if self.complete:
             begin = self.unloaded_slots(poses.q) if start is None else start
             side = np.zeros_like(poses.q) if poses.direction is None else poses.direction
             slots, tcp, iterations = arm.settle(poses.q, side, begin, tolerance)

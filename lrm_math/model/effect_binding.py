@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -106,6 +107,10 @@ class EffectBinding:
     anchoring: tuple[BoundEffect, ...]
     moving: tuple[int, ...]
     reach: float
+
+    def of_class(self, kind: type[Any]) -> list[BoundEffect]:
+        """The elastic effects of one class, such as springs."""
+        return [bound for bound in self.elastic if isinstance(bound.effect, kind)]
 
 
 def bind_effects(chain: Chain, bound: tuple[BoundEffect, ...]) -> EffectBinding:

@@ -21,7 +21,7 @@ from lrm_math.ik.answer import IkVerdict, Nearest, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import CHAR_LENGTH, Goal, point, point_along, pose
-from lrm_math.ik.nearest import nearest
+from lrm_math.ik.search import nearest
 from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses

@@ -24,11 +24,11 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.equivalent_arm import equivalent_arm
 from lrm_math.ik.goal import point, pose
-from lrm_math.ik.joint_errors import JointErrorModel
 from lrm_math.ik.kernel import shared_library
 from lrm_math.ik.kernel.kernel_model import KernelModel, packed, with_laws
 from lrm_math.ik.kernel.laws import KERNEL_LAWS
 from lrm_math.ik.kernel.structures import KernelArm
+from lrm_math.ik.packed_arm import PackedArm
 from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
@@ -37,6 +37,7 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms, random_arm
 
@@ -56,10 +57,10 @@ def random_model(arm: Arm, names: tuple[str, ...], seed: int, size: float = 0.3)
 
 def flat(model: Model, payload: float) -> KernelModel:
     """The packed model, without closed form and library."""
-    laws, joints = JointErrorModel(model), model.arm.joints
+    laws, joints, whole = JointErrorModel(model), model.arm.joints, PackedArm(model)
     moments = laws.moving.moments(model.weights(payload))
     arm = packed(laws.moving, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
-    return with_laws(arm.with_springs(laws.constants, laws.compliances), laws.laws, laws.complete, 0.0)
+    return with_laws(arm.with_springs(laws.constants, laws.compliances), whole.laws, whole.complete, 0.0)
 
 
 def moving(model: Model, slots: tuple[float | Array, ...], count: int) -> Array:
@@ -191,8 +192,8 @@ def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
     """True joint angles at rest under any commands, sides of arrival and loads."""
     arm, rng = load_arm("lrm-rover"), np.random.default_rng(seed)
     model = random_model(arm, ("compliance", name), seed, 1.5)
-    laws, payload = JointErrorModel(model), rng.uniform(0.0, 0.3)
-    assert laws.complete
+    payload = rng.uniform(0.0, 0.3)
+    assert PackedArm(model).complete
     q, side = rng.uniform(-1.7, 1.7, (5, 6)), rng.integers(-1, 2, (5, 6))
     rest = equilibrium(model, Poses(q, np.full(5, payload), side.astype(float)), tolerance=1e-14)
     expected = moving(model, rest.slots, 5)

@@ -1,4 +1,4 @@
-"""The effects that the kernel has a formula for, by class; what it has none for is computed in Python (`joint_errors`).
+"""The effects that the kernel has a formula for, by class; the rest is computed in Python (`model.joint_errors`).
 
 Springs and axial play act on any slot, the laws here on joints alone; a test compares each law with its effect.
 """
@@ -35,16 +35,6 @@ def acting(binding: EffectBinding) -> tuple[BoundEffect, ...]:
     return (*binding.rigid, *binding.elastic, *binding.loading)
 
 
-def springs(binding: EffectBinding) -> list[BoundEffect]:
-    """The effects that are linear springs."""
-    return [bound for bound in binding.elastic if isinstance(bound.effect, Spring)]
-
-
-def plays(binding: EffectBinding) -> list[BoundEffect]:
-    """The effects that are play of a slot which slides."""
-    return [bound for bound in binding.elastic if isinstance(bound.effect, AxialPlay)]
-
-
 def without_formula(
     binding: EffectBinding, load_slots: Sequence[int], joint_slots: Sequence[int]
 ) -> tuple[BoundEffect, ...]:
@@ -52,7 +42,7 @@ def without_formula(
 
     In the kernel a load that an effect puts on a joint acts on joints alone.
     """
-    known = {id(bound) for bound in (*springs(binding), *plays(binding))}
+    known = {id(bound) for bound in (*binding.of_class(Spring), *binding.of_class(AxialPlay))}
     elsewhere = {load_slots[i] for b in binding.elastic if not {*b.slots} <= {*joint_slots} for i in b.loads}
     for bound in acting(binding):
         alone = bound.kind is Kind.MOTION or elsewhere.isdisjoint(bound.slots)

@@ -15,12 +15,13 @@ from functools import cached_property
 import numpy as np
 
 from lrm_math.arrays import Array
+from lrm_math.effects.backlash import AxialPlay
+from lrm_math.effects.compliance import Spring
 from lrm_math.effects.derivatives import by_loads
-from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, plays, springs, without_formula
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.moving_slots import MovingSlots, moving_slots_of
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.effect_binding import BoundEffect, EffectBinding
+from lrm_math.model.effect_binding import BoundEffect
 from lrm_math.model.equilibrium import effect_loads, rigid_amounts
 from lrm_math.model.model import Model
 
@@ -61,27 +62,15 @@ class JointErrorModel:
     @cached_property
     def compliances(self) -> Array:
         """(V, V), response of the springs to loads on the moving slots (rad/N·m, m/N·m)."""
-        return self._responses(poses_of([0.0] * self.model.arm.dof), np.zeros(len(self._row)), springs(self._binding))
-
-    @property
-    def _binding(self) -> EffectBinding:
-        return self.model.binding
-
-    @cached_property
-    def complete(self) -> bool:
-        """Whether the kernel has a formula for every effect of the model."""
-        return not without_formula(self._binding, self.model.load_slots, self.model.chain.joint_slots)
-
-    @cached_property
-    def laws(self) -> tuple[KernelLaw, ...]:
-        """The laws that the kernel computes: all or, so that commands are computed in one place, none."""
-        return kernel_laws(self._binding, self.model.chain.joint_slots) if self.complete else ()
+        return self._responses(
+            poses_of([0.0] * self.model.arm.dof), np.zeros(len(self._row)), self.model.binding.of_class(Spring)
+        )
 
     @cached_property
     def axial_play(self) -> tuple[Array, Array]:
         """Play of the moving slots from end to end (V,), m, zero of most, and the force that takes it up (V,), N."""
         play, force = np.zeros(len(self._row)), np.ones(len(self._row))
-        for bound in plays(self._binding):
+        for bound in self.model.binding.of_class(AxialPlay):
             play[self._row[bound.slots[0]]], force[self._row[bound.slots[0]]] = bound.p
         return play, force
 
@@ -121,8 +110,8 @@ class JointErrorModel:
 
         Of slots that are no joints, by value and derivative about one pose and loads (V,); of joints, the springs.
         """
-        others, sliding = self.moving.others, plays(self._binding)
-        response = self._responses(poses, tau, self._binding.elastic, effect_loads(self.model, poses))
+        others, sliding = self.moving.others, self.model.binding.of_class(AxialPlay)
+        response = self._responses(poses, tau, self.model.binding.elastic, effect_loads(self.model, poses))
         compliances = self.compliances.copy()
         compliances[others] = (response - self._responses(poses, tau, sliding))[others]
         due = self.slots_at(poses, tau[None])[0] - compliances @ tau
