@@ -77,7 +77,7 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) 
             return fitted
         free = tuple(key for key in model.keys if key in (*model.free, *found))
         try:
-            fitted = fit(model.with_free(free), data, loss=loss)
+            fitted = fit(model.with_free(free), data, loss=loss, near=fitted.rest)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return fitted
     return fitted
@@ -108,7 +108,7 @@ def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], h
         values = best.model.values.copy()
         values[best.model.position(key)] = np.exp(log_value)
         try:
-            tried = fit(best.model.with_values(values), data, loss=how)
+            tried = fit(best.model.with_values(values), data, loss=how, near=best.rest)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return np.inf
         rms = error_stats(tried.residual).rms
