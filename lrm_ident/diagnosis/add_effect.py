@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
@@ -97,6 +96,8 @@ def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], h
 
     Of thousands of poses a part is searched, then all are fitted.
     """
+    from scipy.optimize import minimize_scalar  # takes a quarter of a second to load
+
     part = data.take(some_rows(len(data)))
     if len(part) < len(data):
         found = _fit_shape(fit(best.model, part, loss=how), part, key, scan, how)
