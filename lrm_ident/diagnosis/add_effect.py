@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
@@ -77,7 +76,7 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) 
             return fitted
         free = tuple(key for key in model.keys if key in (*model.free, *found))
         try:
-            fitted = fit(model.with_free(free), data, loss=loss)
+            fitted = fit(model.with_free(free), data, loss=loss, near=fitted.rest)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return fitted
     return fitted
@@ -97,6 +96,8 @@ def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], h
 
     Of thousands of poses a part is searched, then all are fitted.
     """
+    from scipy.optimize import minimize_scalar  # takes a quarter of a second to load
+
     part = data.take(some_rows(len(data)))
     if len(part) < len(data):
         found = _fit_shape(fit(best.model, part, loss=how), part, key, scan, how)
@@ -108,7 +109,7 @@ def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], h
         values = best.model.values.copy()
         values[best.model.position(key)] = np.exp(log_value)
         try:
-            tried = fit(best.model.with_values(values), data, loss=how)
+            tried = fit(best.model.with_values(values), data, loss=how, near=best.rest)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return np.inf
         rms = error_stats(tried.residual).rms

@@ -213,7 +213,7 @@ def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]]
 def _fold(A: Array, test: NDArray[np.int64]) -> Split:
     """The part that predicts test rows (poses, R)."""
     absent = test.reshape(-1)
-    inverse_factor = _svd(A[np.setdiff1d(np.arange(len(A)), absent)])[1]
+    inverse_factor = _svd(np.asarray(np.linalg.qr(np.delete(A, absent, axis=0), mode="r")))[1]
     return Split(absent, absent, A[absent] @ inverse_factor)
 
 

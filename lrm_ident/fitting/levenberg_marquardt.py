@@ -106,6 +106,7 @@ def fit(
     bounds: Bounds | None = None,
     loss: Loss = SQUARED,
     prior: Prior | None = None,
+    near: Equilibrium | None = None,
 ) -> Fit:
     """Fits the model's free parameters, starting from their current values.
 
@@ -113,6 +114,7 @@ def fit(
         bounds: of the free parameters; None: those that the effects state.
         prior: of every free parameter; with one, a third of the poses suffices. None: none, unless the fit does not
             converge without one; then weak ones (`Fit.damped`).
+        near: a known equilibrium at the data's poses (to `EQUILIBRIUM_TOLERANCE`) of the same effects.
 
     Raises:
         LrmError: fewer poses than free parameters (with a prior: than a third), no convergence (`FitNotConverged`), or
@@ -123,7 +125,8 @@ def fit(
     limits = bounds or bounds_of(model, model.free)
     objective = Objective(model, data, loss, prior)
     idle = MAX_STEPS_WITH_PRIOR if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
-    plain = _LevenbergMarquardt(objective, limits.lower / objective.typical, limits.upper / objective.typical, idle)
+    lower, upper = limits.lower / objective.typical, limits.upper / objective.typical
+    plain = _LevenbergMarquardt(objective, lower, upper, idle, near)
     try:
         found = plain.solve(MAX_STEPS if prior is None else MAX_STEPS_WITH_PRIOR)
     except FitNotConverged:
@@ -154,12 +157,13 @@ class _LevenbergMarquardt:
     lower: Array
     upper: Array
     idle_steps: int
+    near: Equilibrium | None
 
     def solve(self, most_steps: int) -> Fit:
         """Iterates until no decrease is predicted. Raises `FitNotConverged`."""
         objective, model = self.objective, self.objective.model
         z = model.values[objective.columns] / objective.typical
-        iterate = objective.at(np.clip(z, self.lower, self.upper), None)
+        iterate = objective.at(np.clip(z, self.lower, self.upper), self.near)
         held = np.zeros(len(model.free), dtype=np.bool_)
         noise = objective.noise_scale(iterate, None, ~held)
         before: NoiseUpdate | None = None
@@ -253,7 +257,7 @@ class _LevenbergMarquardt:
     def _result(self, iterate: Iterate, columns: Array, held: NDArray[np.bool_], steps: int, noise: NoiseScale) -> Fit:
         """The fit at the last iterate; `columns`: compressed Jacobian before the last step, which changed nothing."""
         objective, data, free, distance = self.objective, self.objective.data, ~held, iterate.distance
-        covariance = np.zeros((len(held), len(held)))
+        covariance, model = np.zeros((len(held), len(held))), iterate.rest.model.with_free(objective.model.free)
         parameters, sigma = 0.0, objective.residual_sd(iterate)
         if free.any():
             now = NoiseScale(objective.noise_scale(iterate, None, free).scale, noise.sigma)
@@ -262,8 +266,8 @@ class _LevenbergMarquardt:
             sigma = objective.residual_sd(iterate, parameters)
             covariance[np.ix_(free, free)] = (now.sigma or sigma) ** 2 * inverse
         return Fit(
-            model=iterate.rest.model,
-            rest=iterate.rest,
+            model=model,
+            rest=replace(iterate.rest, model=model),
             residual=data.position_error(iterate.rest),
             covariance=covariance * np.outer(objective.typical, objective.typical),
             effective_parameters=parameters,

@@ -25,6 +25,7 @@ SLOW, LARGEST_CHANGE = 0.5, 2.0  # a contraction worth accelerating; the most th
 SCALE_TOLERANCE = 1e-3  # relative change at which the noise scale has converged
 MIN_SCALE = 1e-9  # m, or of the stated noise
 EQUILIBRIUM_TOLERANCE = 1e-11  # m: with a larger one the objective is too rough for its last steps
+ROUND_OFF = 1e-15
 MIN_SIGMA = 1e-5  # m: below any tracker's noise; at much smaller values the prior is lost in round-off
 
 
@@ -131,11 +132,12 @@ class Objective:
         return self._prior_root.T @ self._prior_root
 
     def at(self, z: Array, near: Equilibrium | None) -> Iterate:
-        """The iterate at scaled parameters. Raises `NoEquilibrium`."""
+        """The iterate at scaled parameters; `near`: an equilibrium to start from. Raises `NoEquilibrium`."""
         values = self.model.values.copy()
         values[self.columns] = z * self.typical
-        rest = equilibrium(self.model.with_values(values), self.data.poses, near, EQUILIBRIUM_TOLERANCE)
-        return Iterate(z, rest, self.data.whitening(self.data.residual(rest)))
+        if near is None or near.poses is not self.data.poses or not _same(values, near.model.values):
+            near = equilibrium(self.model.with_values(values), self.data.poses, near, EQUILIBRIUM_TOLERANCE)
+        return Iterate(z, near, self.data.whitening(self.data.residual(near)))
 
     def value(self, iterate: Iterate, noise: NoiseScale) -> float:
         """The objective."""
@@ -205,3 +207,8 @@ class Objective:
 
     def _scale(self, iterate: Iterate) -> float:
         return 1.0 if self.loss.name == "squared" else max(robust_scale(iterate.distance), MIN_SCALE)
+
+
+def _same(values: Array, others: Array) -> bool:
+    """Whether parameters are the same but for having been scaled and scaled back."""
+    return bool(np.allclose(values, others, rtol=ROUND_OFF, atol=0.0))

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.linalg.lapack import dpotri
-from scipy.optimize import Bounds, minimize
 
 from lrm_math.arrays import Array
 
@@ -106,6 +105,8 @@ def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
         """Negative log marginal likelihood per row."""
         value, gradient = log_marginal_likelihood(Kernel.of_log(log_values), inputs, output)
         return -value / len(output), -gradient / len(output)
+
+    from scipy.optimize import Bounds, minimize  # takes a quarter of a second to load
 
     found = minimize(
         loss,

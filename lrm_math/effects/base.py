@@ -176,7 +176,7 @@ class Effect(ABC):
         """`id@place`."""
         return f"{self.id}@{self.place}"
 
-    @property
+    @cached_property
     def keys(self) -> tuple[str, ...]:
         """Names of its parameters in model files: `id.place.parameter`."""
         return tuple(f"{self.id}.{self.place}.{parameter.name}" for parameter in self.parameters)

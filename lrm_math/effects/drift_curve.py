@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import log1p
 
 import numpy as np
@@ -41,7 +42,7 @@ class DriftCurve(LinearEffect):
         """The joint's angle, or the base's tilts."""
         return ("base.alpha", "base.beta") if self.place == BASE else (f"{self.place}.theta",)
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """One coefficient for each B-spline and angle."""
         count = spline_count(0.0, log1p(LONGEST_S / FAST_S), SPACING)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -55,6 +56,7 @@ class Response:
     sensed: Sensed = TCP_ONLY
 
 
+@lru_cache(maxsize=2)  # what is identifiable, and the fit that follows, ask at the same equilibrium
 def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     """The response at an equilibrium."""
     model, chain = settled.model, settled.model.chain
@@ -196,6 +198,8 @@ def _elastic_compliance(settled: Equilibrium) -> Array:
     model, moving = settled.model, settled.model.binding.moving
     D = np.zeros((len(moving), len(model.load_slots), len(settled.poses)))
     for bound in model.binding.elastic:
+        if bound.idle:
+            continue
         rows = by_loads(bound.effect, settled.poses, bound.felt(settled.tau), bound.p)
         for i, amounts in zip(bound.loads, rows, strict=True):
             for k, amount in zip(bound.slots, amounts, strict=True):

@@ -51,12 +51,17 @@ class BoundEffect:
     constant: bool
     bases: Bases = field(default_factory=Bases, repr=False)
 
+    @property
+    def idle(self) -> bool:
+        """Whether it adds nothing, since it is linear in its parameters and these are zero."""
+        return isinstance(self.effect, LinearEffect) and not any(self.p)
+
     def amounts(self, poses: Poses, tau: Sequence[Number]) -> Iterable[tuple[int, Number]]:
         """Slots that it moves or loads, and the amounts, where `tau` are the loads on `Model.load_slots` (N·m)."""
+        if self.idle:
+            return zip(self.slots, (0.0,) * len(self.slots), strict=True)
         if not isinstance(self.effect, LinearEffect):
             return zip(self.slots, self.effect.amounts(poses, self.felt(tau), self.p), strict=True)
-        if not any(self.p):
-            return zip(self.slots, (0.0,) * len(self.slots), strict=True)
         return zip(self.slots, linear_combination(self.p, self._basis(poses, tau), len(self.slots)), strict=True)
 
     def by_parameters(self, poses: Poses, tau: Sequence[Number]) -> Rows:
