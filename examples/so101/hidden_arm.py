@@ -42,7 +42,7 @@ HIDDEN: dict[str, Callable[[float], HiddenEffect]] = {
 
 
 def hidden_truth(arm: ArmDescription, effect: str, seed: int) -> GroundTruth:
-    """Random errors of the joints' geometry, springs in base and joints, and one of `HIDDEN` within a fifth of its size.
+    """Random errors of the joints' geometry, springs in base and joints, one of `HIDDEN` within a fifth of its size.
 
     Base and tool are as drawn: where a tracker's targets sit on them is known.
     """

@@ -1,4 +1,4 @@
-"""Memory table of a Feetech STS3215: where its registers are, which are signed, which can be written (its data sheet)."""
+"""Memory table of a Feetech STS3215: its registers, which are signed, which can be written (data sheet)."""
 
 from __future__ import annotations
 

@@ -64,10 +64,8 @@ def perfect_commands(arm: ArmDescription, truth: GroundTruth, path: Array, tips:
         q = wish.copy()
         for _ in range(STEPS):
             here = tip_after(arm, truth, np.array([*done[-REMEMBERED:], q]))
-            J = np.stack(
-                [(tip_after(arm, truth, np.array([*done[-REMEMBERED:], q + e])) - here) / NUDGE for e in NUDGE * np.eye(JOINTS)],
-                axis=1,
-            )
+            nudged = [np.array([*done[-REMEMBERED:], q + e]) for e in NUDGE * np.eye(JOINTS)]
+            J = np.stack([(tip_after(arm, truth, way) - here) / NUDGE for way in nudged], axis=1)
             q = q + np.linalg.pinv(J) @ (tip - here)
         done.append(q)
     return np.array(done[1:])

@@ -24,8 +24,9 @@ from lrm_math.errors import FileError
 ARM = load_arm("lrm-lab")
 NUMBERS = TargetNumbers(1, None)
 POSES = tuple(
-    PlannedPose(k, tuple(np.random.default_rng(k).uniform(-1.5, 1.5, 6).tolist()), 0.0, 0, k if k < 16 else k - 15)
+    PlannedPose(k, tuple(np.random.default_rng(of).uniform(-1.5, 1.5, 6).tolist()), 0.0, 0, of)
     for k in range(1, 21)
+    for of in (k if k < 16 else k - 15,)
 )
 
 
