@@ -18,7 +18,7 @@ from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import Poses, poses_of, roberts_sequence
 from lrm_math.kinematics.screw_axes import screw_axes_of
-from lrm_math.model.batch_equilibrium import batch_equilibrium
+from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import CACHED_PAYLOADS, Model
 from lrm_math.model.reach_ball import ReachBall, reach_ball

@@ -160,3 +160,18 @@ def _measured(model: Model, poses: Poses, tcp: Array) -> Array:
         matrix = frame_matrix(bound.effect, bound.effect.amounts(poses, (), bound.p))
         measured = measured + tcp @ matrix.T
     return measured
+
+
+def batch_equilibrium(
+    model: Model, poses: Poses, start: Sequence[Number] | None = None, tolerance: float = TOLERANCE
+) -> tuple[Equilibrium, NDArray[np.int64]]:
+    """Equilibria of the poses that settle, and their rows; arguments as of `equilibrium`."""
+    rows = np.arange(len(poses))
+    while True:
+        try:
+            some = poses.take(rows)
+            begin = None if start is None else [amounts_at(a, rows) for a in start]
+            return equilibrium(model, some, begin, tolerance), rows
+        except NoEquilibrium as error:
+            names = some.names(np.arange(len(rows)))
+            rows = rows[~np.isin(names, error.poses)]

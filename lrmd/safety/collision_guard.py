@@ -23,7 +23,7 @@ from lrm_math.collision.straight_move import ArmBodies, MotionClearance, check_b
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.batch_equilibrium import batch_equilibrium
+from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
 Guard = Callable[[Sequence[Sequence[float]], float], None]

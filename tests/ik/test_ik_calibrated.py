@@ -27,10 +27,9 @@ from lrm_math.ik.iterative import Iterative
 from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import COMPENSATED
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import batch_equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2

@@ -25,8 +25,8 @@ from lrm_math.ik.search import nearest
 from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.batch_equilibrium import batch_equilibrium
 from lrm_math.model.deployed_model import COMPENSATED
+from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrm_math.model.reach_ball import reach_ball

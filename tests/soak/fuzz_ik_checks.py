@@ -14,8 +14,7 @@ from lrm_math.ik.goal import Goal
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.batch_equilibrium import batch_equilibrium
-from lrm_math.model.equilibrium import TOLERANCE
+from lrm_math.model.equilibrium import TOLERANCE, batch_equilibrium
 from lrm_math.model.model import Model
 from lrmd.ik.service import goal_of
 from lrmd.messages.kinematics import IkAnswer, IkRequest

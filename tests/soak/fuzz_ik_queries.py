@@ -16,7 +16,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.batch_equilibrium import batch_equilibrium
+from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrmd.config import Config
