@@ -114,8 +114,7 @@ class NominalSolver(PackedArm):
         q, kind = np.zeros((count, BRANCHES, n)), np.full((count, BRANCHES), -1, dtype=np.int32)
         goals = frames_as_numbers(p, R)
         if self.form is not None:
-            out = (q, kind, np.empty((count, BRANCHES)))
-            self._nominal(count, goals.ctypes.data, self._middle, True, *(array.ctypes.data for array in out))
+            self._nominal(count, goals.ctypes.data, self._middle, True, q.ctypes.data, kind.ctypes.data, None)
             return BatchAnswer(q, kind >= 0, kind > 0)
         for i in range(count):
             for k, branch in enumerate(self._searched(pose(p[i], R[i]), None)[:BRANCHES]):

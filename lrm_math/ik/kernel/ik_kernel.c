@@ -1141,11 +1141,11 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
             if (kind[m] >= 0 && apart(q + 6 * k, q + 6 * m, 6) <= SAME) kind[k] = -1;
     }
 }
-/* All branches of poses (K,12); `margin` (K,8): rad from the nearest limit, negative beyond it. */
+/* All branches of poses (K,12); `margin` (K,8), or NULL: rad from the nearest limit, negative beyond it. */
 API void ik_nominal(const Arm *a, int count, const double *goals, const double *towards, int limited, double *q,
                     int *kind, double *margin) {
     for (int k = 0; k < count; k++) nominal_pose(a, goals + 12 * k, towards, limited, q + 48 * k, kind + 8 * k);
-    for (int k = 0; k < 8 * count; k++) margin[k] = -excess_of(a, q + 6 * k);
+    for (int k = 0; margin && k < 8 * count; k++) margin[k] = -excess_of(a, q + 6 * k);
 }
 
 /* The nominal branch q nearest to `near` in a window: its number, or -1 if there is none. */
