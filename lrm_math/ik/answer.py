@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar, NamedTuple, TypeAlias
 
-from lrm_math.arm.joint_limits import JointLimits, Violation
+from lrm_math.arm.joint_limits import Violation
 from lrm_math.arm.pulse_rounding import RoundedCommand
 from lrm_math.arrays import Array, Vector3
 from lrm_math.ik.goal import CHAR_LENGTH, Goal, Rotation, rotation_rows
@@ -54,11 +54,6 @@ class Branch(NamedTuple):
     def distance(self, q: tuple[float, ...]) -> float:
         """Euclidean distance to q in joint space (rad)."""
         return math.dist(self.q, q)
-
-
-def branch_at(q: tuple[float, ...], limits: JointLimits, free: int | None = None) -> Branch:
-    """A branch that has no number."""
-    return Branch(q, min(limits.margins(q)), free=free)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, r
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved, branch_at
+from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
@@ -140,12 +140,13 @@ class CalibratedSolver:
             if not free.any():
                 return NoAllowedBranch, {"branches": self._branches(order)}
             order = [command for command, may in zip(order, free, strict=True) if may]
+        branches = self._branches(order)
         for k, command in enumerate(order):
-            tool = self.arm.tool_at(query, self.arm.limits.clipped(command.q), command.direction, command.slots)
+            tool = self.arm.tool_at(query, branches[k].q, command.direction, command.slots)
             if tool is not None and found is not None:
-                branches = self._branches([command, *order[:k], *order[k + 1 :]])
-                content = {"branches": branches, "steps": found.steps, "cube_error": found.error}
-                return Solved, content | self._first(query, command, branches[0].q, tool, rounding)
+                best_first = (branches[k], *branches[:k], *branches[k + 1 :])
+                content = {"branches": best_first, "steps": found.steps, "cube_error": found.error}
+                return Solved, content | self._first(query, command, branches[k].q, tool, rounding)
         return Unsolved, self._unsolved(query, [] if found is None else found.beyond)
 
     def forward(self, q: Sequence[float], payload: float = 0.0, near: Sequence[float] | None = None) -> ForwardResult:
@@ -197,13 +198,13 @@ class CalibratedSolver:
     def _branches(self, commands: Sequence[IkSolution]) -> tuple[Branch, ...]:
         """Without the round-off that leads beyond a limit."""
         limits = self.arm.limits
-        return tuple([branch_at(limits.clipped(command.q), limits, command.free) for command in commands])
+        return tuple([Branch(limits.clipped(c.q), max(c.margin, 0.0), free=c.free) for c in commands])
 
     def _unsolved(self, query: IkQuery, beyond: list[IkSolution]) -> dict[str, Any]:
         limits = self.arm.limits
         return {
             "nearest": nearest(self.arm, query, tuple(command.q for command in beyond)),
-            "beyond": tuple(branch_at(command.q, limits, command.free) for command in beyond),
+            "beyond": tuple(Branch(command.q, command.margin, free=command.free) for command in beyond),
             "violation": limits.violation(beyond[0].q) if beyond else None,
         }
 

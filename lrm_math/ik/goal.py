@@ -91,7 +91,8 @@ class Goal:
 def pose(position: ArrayLike, rotation: ArrayLike) -> Goal:
     """A full pose: position (3,) in m and rotation matrix (3, 3), whose numbers may be rounded. Raises `LrmError`."""
     matrix = _numbers("rotation", rotation, (3, 3))
-    if (off := _skew(matrix)) > ROUNDED:
+    off = float(np.abs(matrix.T @ matrix - np.eye(3)).max())
+    if off > ROUNDED:
         raise _no_rotation(off, ROUNDED)
     if off > ORTHONORMAL / 1e3:
         left, _, right = np.linalg.svd(matrix)
@@ -159,15 +160,17 @@ def _check_numbers(name: str, value: Sequence[float]) -> None:
 def _check_rotation(rotation: Rotation) -> None:
     for row in rotation:
         _check_numbers("a row of rotation", row)
-    matrix = np.array(rotation)
-    if (off := _skew(matrix)) > ORTHONORMAL:
+    a, b, c = rotation
+    off = max(*(abs(_dot(row, row) - 1.0) for row in rotation), *(abs(_dot(u, v)) for u, v in ((a, b), (b, c), (c, a))))
+    if off > ORTHONORMAL:
         raise _no_rotation(off, ORTHONORMAL)
-    if np.linalg.det(matrix) < 0.0:
+    cross = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    if _dot(cross, c) < 0.0:
         raise LrmError("goal: rotation has determinant -1: a mirror image; should be a right-handed rotation matrix")
 
 
-def _skew(matrix: Array) -> float:
-    return float(np.abs(matrix.T @ matrix - np.eye(3)).max())
+def _dot(u: Vector3, v: Vector3) -> float:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 def _no_rotation(off: float, allowed: float) -> LrmError:

@@ -15,7 +15,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.joint_limits import checked_angles
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer, branch_at
+from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.kernel.kernel_model import frames_as_numbers, goal_numbers
 from lrm_math.ik.kernel.shared_library import kernel
@@ -114,8 +114,7 @@ class NominalSolver(PackedArm):
         q, kind = np.zeros((count, BRANCHES, n)), np.full((count, BRANCHES), -1, dtype=np.int32)
         goals = frames_as_numbers(p, R)
         if self.form is not None:
-            out = (q, kind, np.empty((count, BRANCHES)))
-            self._nominal(count, goals.ctypes.data, self._middle, True, *(array.ctypes.data for array in out))
+            self._nominal(count, goals.ctypes.data, self._middle, True, q.ctypes.data, kind.ctypes.data, None)
             return BatchAnswer(q, kind >= 0, kind > 0)
         for i in range(count):
             for k, branch in enumerate(self._searched(pose(p[i], R[i]), None)[:BRANCHES]):
@@ -147,12 +146,15 @@ class NominalSolver(PackedArm):
         found = [Branch(SIX.unpack_from(q, SIX.size * k), margin[k], k, free or None) for k, free in kinds if free >= 0]
         return tuple(found)
 
+    def _branch(self, q: tuple[float, ...]) -> Branch:
+        return Branch(q, min(self.limits.margins(q)))
+
     def _searched(self, goal: Goal, near: tuple[float, ...] | None) -> tuple[Branch, ...]:
         """Branches by search."""
         n, towards = self.model.arm.dof, near or self.limits.middle
         found, determined = self.kernel(0.0).search(goal, towards, near, STARTS), goal.constraints >= n
         within = (at for at in found.at[: found.count] if at.excess <= 0.0)
-        branches = [branch_at(self.limits.clipped(at.q[:n]), self.limits) for at in within]
+        branches = [self._branch(self.limits.clipped(at.q[:n])) for at in within]
         if determined:
             return tuple(branches)
         branches.sort(key=lambda branch: branch.distance(tuple(towards)))
@@ -167,7 +169,7 @@ class NominalSolver(PackedArm):
         if goal.rotation is not None and self.form is not None:
             branches = self._closed(goal, near, False)
         else:
-            branches = tuple(branch_at(b.q, self.limits) for b in self._all_round._searched(goal, near))
+            branches = tuple(self._branch(b.q) for b in self._all_round._searched(goal, near))
         ordered = tuple(sorted(branches, key=MARGIN, reverse=True))[:MOST_BEYOND]
         found = self.kernel(0.0).nearest(goal, [near or self.limits.middle, *(branch.q for branch in ordered)])
         nearest = None if found is None else Nearest.at(found[0], goal, found[1])

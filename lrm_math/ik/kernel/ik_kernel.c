@@ -64,6 +64,7 @@ typedef struct {
 } Found;
 
 static const int UNKNOWN[MAX_JOINTS] = {0}; /* sides of arrival */
+static const double NOTHING[MAX_SLOTS] = {0};
 typedef double Row[MAX_JOINTS + 1]; /* of a matrix whose columns are joints, and at last what is lacking */
 typedef struct { /* what belongs to one set of slot amounts */
     double tcp[12], axis[MAX_SLOTS][3], origin[MAX_SLOTS][3], tau[MAX_SLOTS];
@@ -96,16 +97,12 @@ static double largest(const double *x, int n) {
     for (int i = 0; i < n; i++) out = larger(out, fabs(x[i]));
     return out;
 }
-static double length(const double *x, int n) {
-    double square = 0;
-    for (int i = 0; i < n; i++) square += x[i] * x[i];
-    return sqrt(square);
-}
 static double square_distance(const double *a, const double *b, int n) {
     double square = 0;
     for (int i = 0; i < n; i++) square += (a[i] - b[i]) * (a[i] - b[i]);
     return square;
 }
+static double length(const double *x, int n) { return sqrt(square_distance(x, NOTHING, n)); }
 static double distance(const double *a, const double *b) { return sqrt(square_distance(a, b, 3)); }
 static double apart(const double *a, const double *b, int n) {
     double out = 0;
@@ -198,10 +195,8 @@ static void swept(const Arm *a, const State *w, int v, int body, double *out) {
     else for (int i = 0; i < 3; i++) out[i] = w->mass[body] * w->axis[v][i];
 }
 static void sweep(const Arm *a, State *w) {
-    for (int v = 0; v < a->slots; v++) {
-        swept(a, w, v, a->moved[v], w->by_moved[v]);
-        swept(a, w, v, a->counted[v], w->by_counted[v]);
-    }
+    for (int v = 0; v < a->slots; v++)
+        swept(a, w, v, a->moved[v], w->by_moved[v]), swept(a, w, v, a->counted[v], w->by_counted[v]);
 }
 
 /* d tau_u / d s_v, (slots,) added `by` times to out: the Hessian of gravity's potential; less what u counts although v,
@@ -362,9 +357,9 @@ static int settle(const Arm *a, const double *q, const int *side, double toleran
 }
 /* Whether a slot deflects by more than the effects' formulas hold for (0.5 rad, equilibrium.py). */
 static int too_soft(const Arm *a, const double *q, const int *side, const double *s) {
-    double stiff[MAX_SLOTS], nothing[MAX_SLOTS] = {0}, error[MAX_JOINTS];
+    double stiff[MAX_SLOTS], error[MAX_JOINTS];
     COPY(stiff, a->zero, a->slots);
-    joint_errors(a, nothing, q, side, error);
+    joint_errors(a, NOTHING, q, side, error);
     for (int j = 0; j < a->joints; j++) stiff[a->joint[j]] = q[j] + error[j];
     for (int v = 0; v < a->slots; v++) if (a->axis[v] < 3 && fabs(s[v] - stiff[v]) > 0.5) return 1;
     return 0;
@@ -442,11 +437,20 @@ static void move(const Arm *a, const State *w, const double *step, double *s) {
     }
 }
 
-/* Least-squares step of the joints to w->e (Levenberg 1944), damping in m^2. */
+/* Least-squares step of the joints to w->e (Levenberg 1944), damping in m^2. Of more joints than constraints
+ * it is taken through J J^T: J^T J is singular, and round-off would move the joints along what the goal leaves free. */
 static void damped_step(const Arm *a, const State *w, int rows, double damping, double *step) {
-    Row N[MAX_JOINTS];
-    gram(w->total, rows, a->joints, damping, N), transposed_times(w->total, rows, a->joints, w->e, step);
-    factorise(N, a->joints), substitute(N, step, a->joints);
+    const int n = a->joints;
+    Row N[MAX_JOINTS], T[MAX_JOINTS];
+    double y[6];
+    if (rows >= n) {
+        gram(w->total, rows, n, damping, N), transposed_times(w->total, rows, n, w->e, step);
+        factorise(N, n), substitute(N, step, n);
+        return;
+    }
+    for (int k = 0; k < n * rows; k++) T[k / rows][k % rows] = w->total[k % rows][k / rows];
+    gram(T, n, rows, damping, N), COPY(y, w->e, rows);
+    factorise(N, rows), substitute(N, y, rows), times(T, n, rows, y, step);
 }
 
 /* Scales a step (n,) down to a largest element; returns the largest that it had. */
@@ -798,8 +802,7 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
     const double slope = slowest(a, &w, along, direction);
     found->at[k].slope = slope, found->at[k].free = most_moving(a, along);
     if (slope > near_fold) return;
-    COPY(s, old, a->slots);
-    move_joints(a, along, nudge, s);
+    COPY(s, old, a->slots), move_joints(a, along, nudge, s);
     forward(a, s, &w), jacobian(a, &w);
     times(w.total, 6, a->joints, along, moved);
     const double then = dot(direction, moved) + dot(direction + 3, moved + 3), bend = (then - slope) / nudge;
@@ -810,9 +813,7 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
         for (int j = 0; j < a->joints; j++) there[j] = q[j] + x * along[j];
         for (int m = 0; m < found->count; m++) nearest = lesser(nearest, apart(there, found->at[m].q, a->joints));
         if (fabs(x) > 1.5 || nearest <= 0.35 * fabs(x) || excess_of(a, there) > 0.2) continue;
-        COPY(s, old, a->slots);
-        move_joints(a, along, x, s);
-        attempt(a, goal, near, s, 1, found);
+        COPY(s, old, a->slots), move_joints(a, along, x, s), attempt(a, goal, near, s, 1, found);
     }
 }
 /* Seeds for a branch that the closed form has outside the limits although the deflected arm has it within: where axes
@@ -826,9 +827,8 @@ static void null_space_seeds(const Arm *a, const double *goal, const double *nea
     for (double x = -4; x <= 4; x += 0.8) {
         double there[MAX_JOINTS];
         COPY(there, q, a->joints), add(x, along, a->joints, there);
-        if (excess_of(a, there) > 0.1) continue;
         COPY(s, at, a->slots), move_joints(a, along, x, s);
-        attempt(a, goal, near, s, 1, found);
+        if (excess_of(a, there) <= 0.1) attempt(a, goal, near, s, 1, found);
     }
 }
 
@@ -1141,11 +1141,11 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
             if (kind[m] >= 0 && apart(q + 6 * k, q + 6 * m, 6) <= SAME) kind[k] = -1;
     }
 }
-/* All branches of poses (K,12); `margin` (K,8): rad from the nearest limit, negative beyond it. */
+/* All branches of poses (K,12); `margin` (K,8), or NULL: rad from the nearest limit, negative beyond it. */
 API void ik_nominal(const Arm *a, int count, const double *goals, const double *towards, int limited, double *q,
                     int *kind, double *margin) {
     for (int k = 0; k < count; k++) nominal_pose(a, goals + 12 * k, towards, limited, q + 48 * k, kind + 8 * k);
-    for (int k = 0; k < 8 * count; k++) margin[k] = -excess_of(a, q + 6 * k);
+    for (int k = 0; margin && k < 8 * count; k++) margin[k] = -excess_of(a, q + 6 * k);
 }
 
 /* The nominal branch q nearest to `near` in a window: its number, or -1 if there is none. */

@@ -58,7 +58,7 @@ class KernelModel:
 
     def _call(self, name: str, *arguments: Any) -> int:
         """Result of a function of the kernel for this arm; arrays and structures go by their addresses."""
-        return int(getattr(kernel(), name)(self.address, *map(_address, arguments)) or 0)
+        return getattr(kernel(), name)(self.address, *map(_address, arguments))  # type: ignore[no-any-return]
 
     def with_(self, **numbers: ArrayLike) -> KernelModel:
         """A copy with other numbers in some fields of the structure."""
