@@ -109,7 +109,7 @@ def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], h
         values = best.model.values.copy()
         values[best.model.position(key)] = np.exp(log_value)
         try:
-            tried = fit(best.model.with_values(values), data, loss=how, near=best.rest)
+            tried = fit(best.model.with_values(values), data, loss=how)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return np.inf
         rms = error_stats(tried.residual).rms

@@ -15,7 +15,6 @@ from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.fitting.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, check_enough, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
-from lrm_ident.fitting.objective import EQUILIBRIUM_TOLERANCE
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import chain_geometry
@@ -246,9 +245,9 @@ def fit_identifiable(
     by_key = {key: (low, high) for key, low, high in zip(keys, limits.lower, limits.upper, strict=True)}
     if len(data) > MOST_AT_ONCE:
         coarse = fit_identifiable(model, data.take(some_rows(len(data))), keys, loss, signed).fit
-        rest, noise = equilibrium(coarse.model, data.poses, None, EQUILIBRIUM_TOLERANCE), coarse.sigma
+        rest, noise = equilibrium(coarse.model, data.poses), coarse.sigma
     else:
-        rest = equilibrium(model, data.poses, None, EQUILIBRIUM_TOLERANCE)
+        rest = equilibrium(model, data.poses)
         noise = expected_noise(rest, keys, data)
     seen: list[tuple[str, ...]] = []
     for _ in range(MAX_ITERATIONS):
@@ -258,7 +257,7 @@ def fit_identifiable(
         check_enough(len(data), len(selected.kept))
         start = _holding(rest.model, keys, selected.kept)
         low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
-        result = fit(start, data, Bounds(low, high), loss, near=rest)
+        result = fit(start, data, Bounds(low, high), loss)
         if selected.kept in seen:
             break
         seen.append(selected.kept)
