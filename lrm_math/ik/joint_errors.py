@@ -15,7 +15,6 @@ from functools import cached_property
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.effects.derivatives import by_loads
 from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, plays, springs, without_formula
 from lrm_math.ik.kernel.moving_slots import MovingSlots, moving_slots_of
 from lrm_math.kinematics.chain import Number
@@ -144,7 +143,7 @@ class JointErrorModel:
         """(V, V), derivatives of some effects by the loads, at one pose and gravity loads (V,)."""
         out, felt = np.zeros((len(self._row), len(self._row))), self._felt(tau[None], pushed or {})
         for bound in effects:
-            rows = by_loads(bound.effect, pose, bound.felt(felt), bound.p)
+            rows = bound.by_loads(pose, bound.felt(felt))
             for i, responses in zip(bound.loads, rows, strict=True):
                 for k, response in zip(bound.slots, responses, strict=True):
                     out[self._row[k], self._load_rows[i]] += response

@@ -10,6 +10,8 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.effects import constant
 from lrm_math.effects.base import Amounts, Effect
+from lrm_math.effects.derivatives import Rows, amounts_within, by_angles, by_loads, by_parameters
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME_ENTRIES, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number
@@ -27,6 +29,7 @@ class BoundEffect:
         slots: numbers of the chain's slots that it moves or loads, in the order of its targets.
         encoders: numbers from 0 of the joints whose encoder reads what it moves, for each of them; else None.
         loads: index into `Model.load_slots` of each load that enters its amounts.
+        within: range of the fit, at whose edge a held effect stays; None where it is not known.
     """
 
     effect: Effect
@@ -35,10 +38,27 @@ class BoundEffect:
     slots: tuple[int, ...]
     encoders: tuple[int | None, ...]
     loads: tuple[int, ...]
+    within: MeasuredRange | None = None
 
     def amounts(self, poses: Poses, tau: Sequence[Number]) -> Iterable[tuple[int, Number]]:
         """Slots that it moves or loads, and the amounts, where `tau` are the loads on `Model.load_slots` (N·m)."""
-        return zip(self.slots, self.effect.amounts(poses, self.felt(tau), self.p), strict=True)
+        return zip(self.slots, self.at(poses, self.felt(tau)), strict=True)
+
+    def at(self, poses: Poses, felt: Amounts = ()) -> Amounts:
+        """Amount added to each target, where the loads on the effect's own `load_slots` are `felt`."""
+        return amounts_within(self.effect, poses, felt, self.p, self.within)
+
+    def by_parameters(self, poses: Poses, felt: Amounts) -> Rows:
+        """∂`at`/∂p."""
+        return by_parameters(self.effect, poses, felt, self.p, self.within)
+
+    def by_loads(self, poses: Poses, felt: Amounts) -> Rows:
+        """∂`at`/∂loads."""
+        return by_loads(self.effect, poses, felt, self.p, self.within)
+
+    def by_angles(self, poses: Poses, felt: Amounts) -> Rows:
+        """∂`at`/∂q, of the commanded angles."""
+        return by_angles(self.effect, poses, felt, self.p, self.within)
 
     def felt(self, tau: Sequence[Number]) -> Amounts:
         """The loads that enter its amounts, from those on `Model.load_slots`."""
@@ -46,7 +66,7 @@ class BoundEffect:
 
     def weight_changes(self, poses: Poses) -> Iterator[tuple[int, WeightChange]]:
         """Numbers of the bodies whose weight it changes, and the changes."""
-        return changes_of(self.effect, self.effect.amounts(poses, (), self.p))
+        return changes_of(self.effect, self.at(poses))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +95,13 @@ class EffectBinding:
 
 
 def bind_effects(
-    chain: Chain, parts: Iterable[tuple[Effect, list[float]]], load_slots: tuple[int, ...]
+    chain: Chain,
+    parts: Iterable[tuple[Effect, list[float]]],
+    load_slots: tuple[int, ...],
+    within: MeasuredRange | None = None,
 ) -> EffectBinding:
     """Binds effects and their parameters (SI) to a chain; `load_slots`: slots whose load some effect depends on."""
-    bound = [bind_effect(chain, effect, p, load_slots) for effect, p in parts]
+    bound = [bind_effect(chain, effect, p, load_slots, within) for effect, p in parts]
     of_kind = {kind: tuple(b for b in bound if b.kind is kind) for kind in Kind}
     motions = of_kind[Kind.MOTION]
     return EffectBinding(
@@ -94,7 +117,9 @@ def bind_effects(
     )
 
 
-def bind_effect(chain: Chain, effect: Effect, p: Sequence[float], load_slots: Sequence[int]) -> BoundEffect:
+def bind_effect(
+    chain: Chain, effect: Effect, p: Sequence[float], load_slots: Sequence[int], within: MeasuredRange | None = None
+) -> BoundEffect:
     """One effect, bound."""
     kind, targets = kind_of(effect), effect.targets
     keys = [slot_of(target) for target in targets] if kind in (Kind.MOTION, Kind.LOAD) else []
@@ -104,7 +129,7 @@ def bind_effect(chain: Chain, effect: Effect, p: Sequence[float], load_slots: Se
     slots = tuple(chain.index[key] for key in keys)
     encoders = tuple(chain.slots[k].joint if t.endswith(SERVO) else None for k, t in zip(slots, targets, strict=False))
     loads = tuple(load_slots.index(chain.index[key]) for key in effect.load_slots)
-    return BoundEffect(effect, tuple(p), kind, slots, encoders, loads)
+    return BoundEffect(effect, tuple(p), kind, slots, encoders, loads, within)
 
 
 def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightChange]]:
