@@ -6,7 +6,7 @@ it, and counts only if the held-out error falls by more than its standard error 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,22 +75,27 @@ class Judgement:
 
 
 def judge(
-    diagnosis: Diagnosis, blocks: tuple[HeldOutBlock, ...] = (), on_progress: Callable[[str], object] = str
+    diagnosis: Diagnosis,
+    blocks: tuple[HeldOutBlock, ...] = (),
+    on_progress: Callable[[str], object] = str,
+    refused: Collection[str] = (),
 ) -> Judgement:
     """Refits the supported effects in turn until one predicts better.
 
     Args:
         blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
         on_progress: called with what is being done.
+        refused: effects (`effect@place`) that are out, since a model with them could not be gone on with.
     """
     if not blocks:
         on_progress("cross-validating the model as it is")
         blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
-    for number, scored in enumerate(diagnosis.supported):
+    supported = tuple(scored for scored in diagnosis.supported if scored.name not in refused)
+    for number, scored in enumerate(supported):
         on_progress(f"refitting with {scored.name}")
         refit = _refit(diagnosis, scored)
         if refit is not None and _predicts_better(decisive_rows(refit.blocks), decisive_rows(blocks)):
-            return Judgement(diagnosis, blocks, refit, diagnosis.supported[number:])
+            return Judgement(diagnosis, blocks, refit, supported[number:])
     return Judgement(diagnosis, blocks, None, ())
 
 
