@@ -31,6 +31,9 @@ JOINTS = 5
 GRIPPER = 6
 """Id of the gripper's servo, which no tip depends on; the joints' are 1 to 5."""
 GEOMETRY_SD = {"theta_rad": 0.02, "d_m": 0.001, "a_m": 0.001, "alpha_rad": 0.01}
+COMPLIANCE_RAD_PER_NM = (0.03, 0.06)
+"""Of the joints: with them the stretched arm sags by the 2 to 3 degrees that owners report."""
+BASE_COMPLIANCE_RAD_PER_NM = 0.005
 LONGEST_HISTORY = 100
 """Turning points that friction may remember."""
 HIDDEN: dict[str, Callable[[float], HiddenEffect]] = {
@@ -42,7 +45,7 @@ HIDDEN: dict[str, Callable[[float], HiddenEffect]] = {
 
 
 def hidden_truth(arm: ArmDescription, effect: str, seed: int) -> GroundTruth:
-    """Random errors of the joints' geometry, springs in base and joints, and one of `HIDDEN` within a fifth of its size.
+    """Random errors of the joints' geometry, springs of base and joints, one of `HIDDEN` within a fifth of its size.
 
     Base and tool are as drawn: where a tracker's targets sit on them is known.
     """
@@ -53,9 +56,14 @@ def hidden_truth(arm: ArmDescription, effect: str, seed: int) -> GroundTruth:
         for number in range(1, JOINTS + 1)
         for key, sd in GEOMETRY_SD.items()
     }
-    sprung = GroundTruth.random(arm, seed, (hidden,))
-    nominal = GroundTruth.nominal(arm)
-    return replace(sprung, deviations=Deviations.named(JOINTS, errors), displacements=nominal.displacements)
+    springs = tuple(round(float(k), 5) for k in rng.uniform(*COMPLIANCE_RAD_PER_NM, size=JOINTS))
+    return replace(
+        GroundTruth.nominal(arm),
+        deviations=Deviations.named(JOINTS, errors),
+        base_compliance_rad_per_nm=BASE_COMPLIANCE_RAD_PER_NM,
+        joint_compliance_rad_per_nm=springs,
+        effects=(hidden,),
+    )
 
 
 def tip_after(arm: ArmDescription, truth: GroundTruth, path: Array) -> Array:

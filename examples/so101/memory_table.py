@@ -1,4 +1,4 @@
-"""Memory table of a Feetech STS3215: where its registers are, which are signed, which can be written (its data sheet)."""
+"""Memory table of a Feetech STS3215 (its data sheet): where registers are, which are signed, which can be written."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ SEEDS = (1, 2, 3)
 
 def main() -> None:
     """Prints a table."""
-    print("| hidden | seed | without (mm) | calibrated (mm) | perfect commands (mm) | ratio | observed off wish (deg) |")
+    print("| hidden | seed | without (mm) | calibrated (mm) | perfect (mm) | ratio | observed off wish (deg) |")
     print("|---|---|---|---|---|---|---|")
     for effect in HIDDEN:
         for seed in SEEDS:

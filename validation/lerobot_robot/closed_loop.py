@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth, tip_after
+from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth
 from lrm_math.arrays import Array
 from validation.lerobot_robot.fitted_model import fit_hidden
-from validation.lerobot_robot.simulated_follower import angles_of, follower, rest_at, simulated_so101
-from validation.synthetic import ArmDescription, GroundTruth, load_arm, random_poses, true_state
+from validation.lerobot_robot.simulated_follower import angles_of, follower, patiently, rest_at, simulated_so101
+from validation.synthetic import ArmDescription, GroundTruth, Schedule, load_arm, random_poses, true_state
 
 GOALS, LIMIT_DEG = 8, 50.0
 BESIDE = np.radians(12.0)
 """Every joint comes from so far below, and then from so far above."""
-NUDGE, STEPS, REMEMBERED = 1e-5, 4, 12
+NUDGE, STEPS = 1e-5, 12
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def closed_loop(effect: str, seed: int, folder: Path) -> TipErrors:
             rests, seen = [], []
             for q in path:
                 rests.append(rest_at(robot, link, q)[1])
-                seen.append(angles_of(robot.get_observation()) - q)
+                seen.append(angles_of(patiently(robot, robot.get_observation)) - q)
     goals = slice(1, None, 2)
     errors = (_rms(np.array(tips) - drawn, goals) for tips in (without, rests, floor))
     return TipErrors(*errors, float(np.sqrt(np.mean(np.square(seen)[goals]))))
@@ -58,19 +58,15 @@ def both_sides(goals: Array) -> Array:
 
 
 def perfect_commands(arm: ArmDescription, truth: GroundTruth, path: Array, tips: Array) -> Array:
-    """(P, n), commands whose true tips are `tips` (P, 3), m, each after those before; Newton's method on the truth."""
-    done: list[Array] = [np.zeros(JOINTS)]  # where the bus starts
-    for wish, tip in zip(path, tips, strict=True):
-        q = wish.copy()
-        for _ in range(STEPS):
-            here = tip_after(arm, truth, np.array([*done[-REMEMBERED:], q]))
-            J = np.stack(
-                [(tip_after(arm, truth, np.array([*done[-REMEMBERED:], q + e])) - here) / NUDGE for e in NUDGE * np.eye(JOINTS)],
-                axis=1,
-            )
-            q = q + np.linalg.pinv(J) @ (tip - here)
-        done.append(q)
-    return np.array(done[1:])
+    """(P, n), commands whose true tips, one after the other, are `tips` (P, 3), m: Newton's method on the truth."""
+    nominal = GroundTruth.nominal(arm)
+    nudged = [true_state(arm, nominal, path + e).tcp_m - tips for e in NUDGE * np.eye(JOINTS)]
+    back = np.linalg.pinv(np.stack(nudged, axis=2) / NUDGE)
+    schedule = Schedule(np.arange(1.0, len(path) + 1.0), np.ones(len(path)), np.zeros(JOINTS))
+    q = path.copy()
+    for _ in range(STEPS):
+        q = q + np.einsum("pij,pj->pi", back, tips - true_state(arm, truth, q, 0.0, schedule).tcp_m)
+    return q
 
 
 def _rms(errors: Array, rows: slice) -> float:

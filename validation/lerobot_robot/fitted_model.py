@@ -22,5 +22,5 @@ def fit_hidden(truth: GroundTruth, effect: str, seed: int, folder: Path) -> Path
     data = lrm.load(table, "so101")
     joints = [f"offsets@joint{number}" for number in range(1, JOINTS + 1)]
     model = folder / "model.toml"
-    lrm.save(lrm.fit(data, [*joints, "compliance", "base_compliance", NAMED[effect]]), data, model)
+    lrm.save(lrm.fit(data, [*joints, "compliance", NAMED[effect]]), data, model)
     return model

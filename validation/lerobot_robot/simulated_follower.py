@@ -64,30 +64,33 @@ def follower(link: Path, kind: str, **options: str) -> Iterator[Any]:
     given = {"type": kind, "port": str(link), "id": ROBOT_ID, "calibration_dir": str(link.parent), **options}
     config = draccus.parse(Parsed, args=[f"--robot.{name}={value}" for name, value in given.items()]).robot
     robot = make_robot_from_config(config)
-    patiently(lambda: _connect(robot))
-    robot.bus.write_calibration(robot.calibration)
+    patiently(robot, lambda: _connect(robot))
+    patiently(robot, lambda: robot.bus.write_calibration(robot.calibration))
     try:
         yield robot
     finally:
-        patiently(robot.disconnect)
+        patiently(robot, robot.disconnect)
 
 
 def rest_at(robot: Any, link: Path, angles: Array) -> tuple[dict[str, Any], Array]:
     """Sends joint angles (n,), rad, waits until nothing moves; what was sent, and the true tip (3,), m."""
     action = {f"{name}.pos": float(q) for name, q in zip(MOTORS, np.degrees(angles), strict=False)}
-    sent = patiently(lambda: robot.send_action({**action, "gripper.pos": 50.0}))
+    sent = patiently(robot, lambda: robot.send_action({**action, "gripper.pos": 50.0}))
+    patiently(robot, robot.get_observation)  # on the same wire: the goal has arrived
     while query_board(link, "joints")["moving"]:
         time.sleep(0.02)
     return sent, np.array(query_board(link, "tip")["tip_m"])
 
 
-def patiently(ask: Callable[[], Answer]) -> Answer:
-    """Asks again where a busy machine made LeRobot's 50 ms for an answer too short."""
+def patiently(robot: Any, ask: Callable[[], Answer]) -> Answer:
+    """Asks again where a busy machine made LeRobot's 50 ms for an answer too short, without what came too late."""
     for _ in range(TRIES - 1):
         try:
             return ask()
         except (ConnectionError, RuntimeError):
             time.sleep(0.2)
+            if robot.bus.port_handler.is_open:
+                robot.bus.port_handler.ser.reset_input_buffer()
     return ask()
 
 

@@ -39,7 +39,7 @@ class CalibratedRobot(Robot):
         self.keys = tuple(f"{name}{SUFFIX}" for name in self.correction.names)
         self._check_names()
         _ = self.correction.arm, self.correction.drawn  # packed before the first command
-        self._scale: Array | None = None
+        self._scale: Array = np.empty(0)
         self._motion: Motion | None = None
         self._told: set[str] = set()
         self._tell_what_is_left()
@@ -128,11 +128,11 @@ class CalibratedRobot(Robot):
 
     def _forget(self) -> None:
         self._motion = None
-        self._scale = radians_per_unit(self.robot, self.correction.names) if self.robot.is_connected else None
+        self._scale = radians_per_unit(self.robot, self.correction.names)
 
     def _angles(self, values: Mapping[str, Any], what: str) -> Array:
         """(n,), rad, of the joints in an action or an observation."""
-        if self._scale is None:
+        if not len(self._scale):
             raise LrmError("the robot is not connected; call connect() first")
         missing = [key for key in self.keys if key not in values]
         if missing:
@@ -153,15 +153,15 @@ class CalibratedRobot(Robot):
         if missing:
             arm = self.correction.model.arm.name
             have = ", ".join(key.removesuffix(SUFFIX) for key in known if key.endswith(SUFFIX))
-            what = f"a model of the arm '{arm}', whose '{missing[0].removesuffix(SUFFIX)}' {self.robot.name} does not have"
-            raise LrmError(f"{self.config.model}: {what}; it has {have}")
+            what = f"a model of the arm '{arm}', whose '{missing[0].removesuffix(SUFFIX)}'"
+            raise LrmError(f"{self.config.model}: {what} {self.robot.name} does not have; it has {have}")
 
     def _tell_what_is_left(self) -> None:
         correction = self.correction
         if correction.left_out:
             self._tell(f"not corrected, since no command can know it beforehand: {', '.join(correction.left_out)}")
         if not correction.arm.complete:
-            self._tell("an effect of the model has no formula in the compiled kernel; a command takes some milliseconds")
+            self._tell("some effect has no formula in the compiled kernel; a command takes some milliseconds")
 
     def _tell(self, what: str) -> None:
         """Says something once."""

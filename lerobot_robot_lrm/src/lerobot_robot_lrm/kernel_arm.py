@@ -17,7 +17,6 @@ from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
 from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, without_formula
 from lrm_math.ik.kernel.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.effect_binding import EffectBinding
 from lrm_math.model.equilibrium import effect_loads
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import before_encoders
@@ -110,13 +109,13 @@ class KernelArmModel:
                 break
             slots = found[0]
             if self.complete and not self._encoders_move:
-                return slots
+                return np.asarray(slots)
             tau, poses = kernel.forward(found)[1], self._poses(q, motion.side, motion.friction)
             lacking = self.errors.slots_at(poses, tau)[0] - slots if not self.complete else np.zeros_like(slots)
             felt = self.errors.felt(tau, effect_loads(self.model, poses))
             left = encoders - before_encoders(self.model, poses, felt)[0] - q
             if max(np.abs(lacking).max(), np.abs(left).max()) < SETTLED:
-                return slots
+                return np.asarray(slots)
             q, added = q + left, added + lacking
         raise NoEquilibrium([1], "the arm does not settle at the angles that its encoders read")
 
@@ -141,9 +140,8 @@ def _known_laws(model: Model) -> tuple[KernelLaw, ...]:
     """The laws of joints that the kernel has a formula for."""
     binding, joint_slots = model.binding, model.chain.joint_slots
     unknown = {id(bound) for bound in without_formula(binding, model.load_slots, joint_slots)}
-    kept = {
-        name: tuple(bound for bound in getattr(binding, name) if id(bound) not in unknown)
-        for name in ("rigid", "elastic", "loading")
-    }
-    known: EffectBinding = replace(binding, **kept)
-    return kernel_laws(known, joint_slots)
+    rigid, elastic, loading = (
+        tuple(bound for bound in bounds if id(bound) not in unknown)
+        for bounds in (binding.rigid, binding.elastic, binding.loading)
+    )
+    return kernel_laws(replace(binding, rigid=rigid, elastic=elastic, loading=loading), joint_slots)

@@ -42,4 +42,4 @@ def _of_motor(bus: Any, name: str) -> float:
     steps = bus.model_resolution_table[motor.model] - 1
     half = 0.5 * (swept.range_max - swept.range_min) * 2.0 * math.pi / steps
     inverted = bus.apply_drive_mode and swept.drive_mode
-    return (-half if inverted else half) / 100.0
+    return float(-half if inverted else half) / 100.0
