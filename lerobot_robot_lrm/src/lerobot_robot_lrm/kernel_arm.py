@@ -11,7 +11,7 @@ from lerobot_robot_lrm.motion import Motion
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
 from lrm_math.ik.calibrated_arm import CalibratedArm
-from lrm_math.ik.goal import point
+from lrm_math.ik.goal import Goal, point
 from lrm_math.ik.joint_errors import JointErrorModel
 from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
 from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, without_formula
@@ -23,7 +23,7 @@ from lrm_math.model.sensed import before_encoders
 
 FAR = 1e3
 """rad: a joint that comes from so far away arrives from that side, whatever the command."""
-SETTLED, MOST_STEPS = 1e-7, 30
+SETTLED, MOST_STEPS = 1e-6, 30
 """rad; iterations for effects that the kernel has no formula for."""
 TOLERANCE = 1e-9
 """m, of an equilibrium."""
@@ -69,7 +69,7 @@ class KernelArmModel:
         out = self.errors.constants.copy()
         out[self.joints] = amounts
         if len(self.errors.moving.others):
-            settled, _, _ = self._held(self.kernel, out, np.full(len(amounts), np.nan))
+            settled, _, _ = _held(self.kernel, self._tool(out), out, np.full(len(amounts), np.nan))
             settled[self.joints] = amounts
             return settled
         return out
@@ -81,14 +81,15 @@ class KernelArmModel:
         `NoEquilibrium`.
         """
         near = np.where(side == 0.0, np.nan, motion.q - FAR * side)
+        tool = self._tool(slots)
         if self.complete:
-            return self._held(self.kernel, slots, near)[2]
+            return _held(self.kernel, tool, slots, near)[2]
         added, before = np.zeros_like(slots), None
         for _ in range(MOST_STEPS):
             kernel = self.kernel.with_(zero=self.errors.constants + added)
-            held, tau, q = self._held(kernel, slots, near)
+            slots, tau, q = _held(kernel, tool, slots, near)
             poses = self._poses(q, side, motion.turned(q, side))
-            lacking = self.errors.slots_at(poses, tau[None])[0] - held
+            lacking = self.errors.slots_at(poses, tau[None])[0] - slots
             if np.abs(lacking).max() < SETTLED:
                 return q
             step, now = lacking, (added, lacking)
@@ -127,13 +128,17 @@ class KernelArmModel:
     def _poses(self, q: Array, side: Array, friction: Array) -> Poses:
         return Poses(q[None], np.array([self.payload]), side[None], friction=friction[None])
 
-    def _held(self, kernel: KernelModel, slots: Array, near: Array) -> tuple[Array, Array, Array]:
-        """Slot amounts (V,) with the same tool position, all settled; their loads (V,), and the command (n,)."""
-        tool = kernel.forward(slots[None])[0][0, :3, 3]
-        state = kernel.newton(point(tool), slots, near.tolist())
-        if state is None or not state[2].count:
-            raise NoEquilibrium([1], "no command holds these angles within the limits")
-        return state[0], state[1], np.array(state[2].at[0].q[: kernel.joints])
+    def _tool(self, slots: Array) -> Goal:
+        """The tool's position at slot amounts (V,)."""
+        return point(self.kernel.forward(slots[None])[0][0, :3, 3])
+
+
+def _held(kernel: KernelModel, tool: Goal, slots: Array, near: Array) -> tuple[Array, Array, Array]:
+    """Slot amounts (V,) with the tool at its place, all settled; their loads (V,), and the command (n,)."""
+    state = kernel.newton(tool, slots, near.tolist())
+    if state is None or not state[2].count:
+        raise NoEquilibrium([1], "no command holds these angles within the limits")
+    return state[0], state[1], np.array(state[2].at[0].q[: kernel.joints])
 
 
 def _known_laws(model: Model) -> tuple[KernelLaw, ...]:
