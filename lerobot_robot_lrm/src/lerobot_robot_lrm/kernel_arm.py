@@ -9,6 +9,7 @@ import numpy as np
 
 from lerobot_robot_lrm.motion import Motion
 from lrm_math.arrays import Array
+from lrm_math.effects.targets import Kind
 from lrm_math.errors import NoEquilibrium
 from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.goal import Goal, point
@@ -17,6 +18,7 @@ from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
 from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, without_formula
 from lrm_math.ik.kernel.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.effect_binding import BoundEffect
 from lrm_math.model.equilibrium import effect_loads
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import before_encoders
@@ -89,7 +91,7 @@ class KernelArmModel:
             kernel = self.kernel.with_(zero=self.errors.constants + added)
             slots, tau, q = _held(kernel, tool, slots, near)
             poses = self._poses(q, side, motion.turned(q, side))
-            lacking = self.errors.slots_at(poses, tau[None])[0] - slots
+            lacking = self._lacking(poses, tau[None], slots, added)
             if np.abs(lacking).max() < SETTLED:
                 return q
             step, now = lacking, (added, lacking)
@@ -112,7 +114,7 @@ class KernelArmModel:
             if self.complete and not self._encoders_move:
                 return np.asarray(slots)
             tau, poses = kernel.forward(found)[1], self._poses(q, motion.side, motion.friction)
-            lacking = self.errors.slots_at(poses, tau)[0] - slots if not self.complete else np.zeros_like(slots)
+            lacking = self._lacking(poses, tau, slots, added)
             felt = self.errors.felt(tau, effect_loads(self.model, poses))
             left = encoders - before_encoders(self.model, poses, felt)[0] - q
             if max(np.abs(lacking).max(), np.abs(left).max()) < SETTLED:
@@ -124,6 +126,26 @@ class KernelArmModel:
     def _encoders_move(self) -> bool:
         bound = (*self.model.binding.rigid, *self.model.binding.elastic)
         return any(encoder is not None for effect in bound for encoder in effect.encoders)
+
+    @cached_property
+    def _missing(self) -> tuple[BoundEffect, ...]:
+        """The effects that the kernel has no formula for."""
+        return without_formula(self.model.binding, self.model.load_slots, self.model.chain.joint_slots)
+
+    def _lacking(self, poses: Poses, tau: Array, slots: Array, added: Array) -> Array:
+        """(V,), what slot amounts in equilibrium under loads (1, V) lack of the model's, `added` (V,) being in them."""
+        if any(bound.kind is not Kind.MOTION for bound in self._missing):  # loads, which all effects feel
+            return np.asarray(self.errors.slots_at(poses, tau)[0] - slots)
+        pushed = effect_loads(self.model, poses) if self.model.binding.loading else {}
+        felt, out = self.errors.felt(tau, pushed), -added
+        for bound in self._missing:
+            for k, amount in bound.amounts(poses, felt):
+                out[self._row[k]] += amount
+        return out
+
+    @cached_property
+    def _row(self) -> dict[int, int]:
+        return {int(k): v for v, k in enumerate(self.errors.moving.slots)}
 
     def _poses(self, q: Array, side: Array, friction: Array) -> Poses:
         return Poses(q[None], np.array([self.payload]), side[None], friction=friction[None])
