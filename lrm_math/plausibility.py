@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
-class Quantity:
+class PlausibleRange:
     """Sizes that a quantity has on arms, in the unit of its key or column.
 
     Attributes:
@@ -41,7 +41,7 @@ def times(**factors: float) -> Mapping[str, tuple[float, float]]:
     return {unit: (factor, 0.0) for unit, factor in factors.items()}
 
 
-def doubt(quantity: Quantity, values: ArrayLike) -> Doubt | None:
+def doubt(quantity: PlausibleRange, values: ArrayLike) -> Doubt | None:
     """The first value (N,) of no plausible size; None if all are plausible, zero or NaN."""
     sizes = np.abs(np.atleast_1d(np.asarray(values, dtype=np.float64)))
     bad = (sizes > 0.0) & ~((sizes >= quantity.low) & (sizes <= quantity.high)) & ~np.isnan(sizes)

@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 from lrm_ident.data.csv_table import CsvTable
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
-from lrm_math.plausibility import Quantity, doubt, times
+from lrm_math.plausibility import PlausibleRange, doubt, times
 
 ABOVE_ZERO = ("sd_mm", "sx_mm", "sy_mm", "sz_mm", "srot_deg", "distance_mm", "distance_sd_mm")
 WHOLE = ("pose", "repeat_of")
 SIDES = (-1.0, 0.0, 1.0)
 DATES = "seconds since the start, or dates as 2024-07-15T10:15:00"
-TIME = Quantity("time since the start", "s", 0.0, 1e10, times(milliseconds=1e-3), DATES)
-SD = Quantity("standard deviation of a position", "mm", 0.0, 100.0, times(micrometres=1e-3))
-TURN_SD = Quantity("standard deviation of an angle", "deg", 0.0, 45.0)
+TIME = PlausibleRange("time since the start", "s", 0.0, 1e10, times(milliseconds=1e-3), DATES)
+SD = PlausibleRange("standard deviation of a position", "mm", 0.0, 100.0, times(micrometres=1e-3))
+TURN_SD = PlausibleRange("standard deviation of an angle", "deg", 0.0, 45.0)
 PLAUSIBLE = {
     "t_s": TIME,
-    "temp_c": Quantity("temperature", "degC", 0.0, 150.0, {"kelvin": (1.0, -273.15)}),
-    "supply_v": Quantity("supply voltage", "V", 0.5, 500.0, times(millivolts=1e-3)),
+    "temp_c": PlausibleRange("temperature", "degC", 0.0, 150.0, {"kelvin": (1.0, -273.15)}),
+    "supply_v": PlausibleRange("supply voltage", "V", 0.5, 500.0, times(millivolts=1e-3)),
     **dict.fromkeys(("sd_mm", "sx_mm", "sy_mm", "sz_mm", "noise_sd_mm", "distance_sd_mm"), SD),
     **dict.fromkeys(("srot_deg", "feedback_sd_deg"), TURN_SD),
 }
@@ -64,7 +64,7 @@ class NumberTable:
         """Raises `FileError` at the first row where `bad` (N,) holds."""
         self.cells.reject(bad, name, what, right)
 
-    def reject_implausible(self, name: str, quantity: Quantity) -> None:
+    def reject_implausible(self, name: str, quantity: PlausibleRange) -> None:
         """Raises `FileError` at the first row whose value is of no plausible size."""
         found = doubt(quantity, self.columns[name])
         if found:

@@ -15,7 +15,7 @@ from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import AS_NAMED, Reading
-from lrm_math.plausibility import Quantity, times
+from lrm_math.plausibility import PlausibleRange, times
 
 LEAST_LOAD, MOST_LOAD = 1e-3, 10.0
 """Loads over the mass of the arm."""
@@ -60,11 +60,11 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
     )
 
 
-def _payload(arm: Arm) -> Quantity:
+def _payload(arm: Arm) -> PlausibleRange:
     """Sizes that a load has on an arm: of one much lighter than the arm nothing can be seen, so zero says it better."""
     mass = total_mass(arm) / GRAM
     low, high = (LEAST_LOAD * mass, MOST_LOAD * mass) if mass else NO_MASSES
-    return Quantity(f"load of {arm.name}", "g", low, high, times(kg=1e3, mg=1e-3))
+    return PlausibleRange(f"load of {arm.name}", "g", low, high, times(kg=1e3, mg=1e-3))
 
 
 def _running(t: Array, session: Array) -> Array:

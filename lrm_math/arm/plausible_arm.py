@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lrm_math.arm.arm import Arm
-from lrm_math.plausibility import Quantity, doubt, times
+from lrm_math.plausibility import PlausibleRange, doubt, times
 
 LEAST_REACH, MOST_REACH = 0.06, 10.0  # m
 LEAST_MASS, MOST_MASS = 0.05, 1500.0  # kg, of all bodies, per cubed metre of reach
@@ -24,7 +24,7 @@ NEAREST_COM, FARTHEST_COM = 1e-4, 10.0
 """Shares of the reach between which the farthest centre of mass is from its frame."""
 RIGHT_ANGLE, CLOSE = math.pi / 2.0, 2e-3
 NO_TURN = 7.0  # deg: of limits that are all smaller, the unit is rad
-GRAVITY = Quantity("gravity", "m/s2", 1.3, 30.0, times(**{"mm/s2": 1e-3, "cm/s2": 1e-2, "g": 9.81}))
+GRAVITY = PlausibleRange("gravity", "m/s2", 1.3, 30.0, times(**{"mm/s2": 1e-3, "cm/s2": 1e-2, "g": 9.81}))
 
 
 def reach(arm: Arm) -> float:

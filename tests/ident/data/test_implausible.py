@@ -22,7 +22,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arm.plausible_arm import implausible
 from lrm_math.errors import FileError
-from lrm_math.plausibility import Quantity, doubt, times
+from lrm_math.plausibility import PlausibleRange, doubt, times
 from tests.conftest import EXAMPLE
 from tests.support.commands import run_command, stderr_of, stdout_of
 
@@ -160,7 +160,7 @@ def test_ranges_of_poses_that_cannot_be_left_out(poses: str, said: str) -> None:
     st.lists(st.floats(-1e6, 1e6, allow_nan=False), min_size=1, max_size=8),
 )
 def test_a_value_is_doubted_exactly_outside_its_range(low: float, width: float, values: list[float]) -> None:
-    quantity = Quantity("length", "mm", low, low * width, times(m=1e3))
+    quantity = PlausibleRange("length", "mm", low, low * width, times(m=1e3))
     outside = [row for row, value in enumerate(values) if value and not low <= abs(value) <= low * width]
     found = doubt(quantity, values)
     assert (found is None) == (not outside)

@@ -23,10 +23,9 @@ from lrm_math.errors import FileError
 
 ARM = load_arm("lrm-lab")
 NUMBERS = TargetNumbers(1, None)
-POSES = tuple(
-    PlannedPose(k, tuple(np.random.default_rng(k).uniform(-1.5, 1.5, 6).tolist()), 0.0, 0, k if k < 16 else k - 15)
-    for k in range(1, 21)
-)
+ANGLES = {k: tuple(np.random.default_rng(k).uniform(-1.5, 1.5, 6).tolist()) for k in range(1, 16)}
+FIRST = {k: k if k < 16 else k - 15 for k in range(1, 21)}
+POSES = tuple(PlannedPose(k, ANGLES[first], 0.0, 0, first) for k, first in FIRST.items())
 
 
 class KilledMidway(BaseException):
