@@ -93,13 +93,13 @@ def test_unreachable_goals_have_no_branches() -> None:
 def test_solutions_on_any_arm_reach_the_goal_and_are_distinct(arm: Arm) -> None:
     """With and without a closed form, with fewer and more joints than six."""
     model = model_of(arm, effects_at(arm, "compliance"), {})
-    arm = CalibratedSolver.of(model).arm
+    calibrated = CalibratedSolver.of(model).arm
     _, tools = reachable(model, 3, 34, PAYLOAD)
     for tool in tools:
-        found = Direct().find(arm, IkQuery(goal_of(tool), PAYLOAD))
+        found = Direct().find(calibrated, IkQuery(goal_of(tool), PAYLOAD))
         assert found is not None
         assert found.within
         q = np.array([command.q for command in found.commands])
-        at, _ = arm.kernel(PAYLOAD).forward(np.array([command.slots for command in found.commands]))
+        at, _ = calibrated.kernel(PAYLOAD).forward(np.array([command.slots for command in found.commands]))
         np.testing.assert_allclose(at, np.broadcast_to(tool, at.shape), atol=1e-9)
         assert all(np.abs(q[:k] - row).max(axis=1).min() > 1e-7 for k, row in enumerate(q) if k)

@@ -108,7 +108,8 @@ def follow_advice(task: AutoTask, send: Send) -> None:
             study.save(kept)
             _send_step(replace(task.files, model=kept), send)
 
-    _study(task.files, send).auto(on_step=on_step)
+    study = replace(_study(task.files, send), progress=_bars(send, "auto: "))
+    study.auto(on_step=on_step)
 
 
 @run_task.register
@@ -145,8 +146,8 @@ def _send_step(files: OpenFiles, send: Send) -> None:
     send(WorkResult(step_found(files, quick_report(study))))
 
 
-def _bars(send: Send) -> Progress:
-    return lambda what, done, of: send(WorkProgress(what, done, of))
+def _bars(send: Send, task: str = "") -> Progress:
+    return lambda what, done, of: send(WorkProgress(f"{task}{what}", done, of))
 
 
 def _screened(files: OpenFiles, study: Study) -> Diagnosis:
