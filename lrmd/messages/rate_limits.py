@@ -1,10 +1,9 @@
-"""Limits of what one client may send, in the router itself: wildcards that match the emergency stop's keys, commands.
+"""Limit of the messages whose wildcards match the emergency stop's keys, per client, in the router itself.
 
 A put on `lrm/**` matches the subscriber of `cmd/estop`, so that each one would call it. zenoh's downsampling limits
 every message whose key expression intersects one of a rule. The rules here are keys next to the emergency stop's: with
 a chunk or a letter put in somewhere. A wildcard that matches the stop's key matches one of these as well, since what it
 leaves open may be longer, too. The stop's key itself, and that of all robots, match none: they are never limited.
-Commands have a limit of their own, above what any client needs: a flood of them would keep the api process busy.
 """
 
 from __future__ import annotations
@@ -16,8 +15,6 @@ import zenoh
 
 RATE_HZ = 10.0
 """Messages per second and client that pass each rule, so that their sender is still told what is wrong."""
-COMMANDS, COMMAND_RATE_HZ = ("lrm/*/cmd/target", "lrm/*/cmd/jog"), 200.0
-"""Keys of commands, and commands per second and client that pass: four times as many as the api process has cycles."""
 MESSAGES = {"cmd/estop": ["put", "delete"], "rpc/estop": ["query"]}
 FILLER = "-"
 
@@ -43,7 +40,5 @@ def with_rate_limits(config: zenoh.Config) -> zenoh.Config:
         }
         for tail, messages in MESSAGES.items()
     ]  # fmt: skip
-    commands = [{"key_expr": key, "freq": COMMAND_RATE_HZ} for key in COMMANDS]
-    rules.append({"id": "lrm commands", "flows": ["ingress"], "messages": ["put"], "rules": commands})
     config.insert_json5("downsampling", json.dumps([*json.loads(config.get_json("downsampling")), *rules]))
     return config
