@@ -46,7 +46,7 @@ class FrameTable(StrictSchema):
 
 
 class Reading(StrictSchema):
-    """Conventions by which a measurement file's numbers become positions and joint angles of the arm; None: as the columns say.
+    """Conventions by which a file's numbers become positions and joint angles of the arm; None: as the columns say.
 
     Attributes:
         axes: the file's axes that are the arm's x, y and z, for instance "x,y,-z".
