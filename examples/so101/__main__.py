@@ -39,7 +39,10 @@ def run(link: Path, effect: str, seed: int, speed: float) -> None:
         if question == "tip":
             return {"tip_m": arm.tip().tolist()}
         moving = any(servo.moving for servo in arm.servos)
-        return {"q_rad": arm.q.tolist(), "moving": moving, "temperature_c": [s.rise + 25.0 for s in arm.servos]}
+        return {
+            "q_rad": arm.q.tolist(), "moving": moving, "goals": arm.bus.goals,
+            "temperature_c": [s.rise + 25.0 for s in arm.servos],
+        }  # fmt: skip
 
     with ExitStack() as things, selectors.DefaultSelector() as waiting:
         control = things.enter_context(closing(ControlServer(link)))

@@ -15,7 +15,7 @@ ALL = 1
 
 
 class FeetechBus:
-    """Servos on one wire.
+    """Servos on one wire. `goals`: how many goals it has taken so far.
 
     `on_change`: called whenever the servos stand still after a move, and before each instruction that may change where
     they go: between two calls every shaft turns one way only.
@@ -24,6 +24,7 @@ class FeetechBus:
     def __init__(self, servos: Sequence[FeetechServo], on_change: Callable[[], None] = lambda: None) -> None:
         self.servos = tuple(servos)
         self.now = 0.0
+        self.goals = 0
         self._on_change = on_change
         self._reader = PacketReader()
         self._rested = True
@@ -89,6 +90,7 @@ class FeetechBus:
     def _sync_write(self, given: bytes) -> None:
         """Start, length, then id and data of each; nobody answers."""
         start, length = given[0], given[1]
+        self.goals += start <= table.GOAL_POSITION.address < start + length
         for at in range(2, len(given) - length, length + 1):
             for servo in self.servos:
                 if servo.id == given[at]:

@@ -74,21 +74,26 @@ def follower(link: Path, kind: str, **options: str) -> Iterator[Any]:
 
 def rest_at(robot: Any, link: Path, angles: Array) -> tuple[dict[str, Any], Array]:
     """Sends joint angles (n,), rad, waits until nothing moves; what was sent, and the true tip (3,), m."""
+    goals = query_board(link, "joints")["goals"]
     action = {f"{name}.pos": float(q) for name, q in zip(MOTORS, np.degrees(angles), strict=False)}
     sent = patiently(robot, lambda: robot.send_action({**action, "gripper.pos": 50.0}))
-    patiently(robot, robot.get_observation)  # on the same wire: the goal has arrived
-    while query_board(link, "joints")["moving"]:
+    while (joints := query_board(link, "joints"))["moving"] or joints["goals"] == goals:
         time.sleep(0.02)
     return sent, np.array(query_board(link, "tip")["tip_m"])
 
 
 def patiently(robot: Any, ask: Callable[[], Answer]) -> Answer:
-    """Asks again where a busy machine made LeRobot's 50 ms for an answer too short, without what came too late."""
+    """Asks again where a busy machine made LeRobot's 50 ms for an answer too short, without what came too late.
+
+    The simulated bus answers one request after the other: once it has answered two at its other door, all that
+    were sent on the wire before are answered.
+    """
     for _ in range(TRIES - 1):
         try:
             return ask()
         except (ConnectionError, RuntimeError):
-            time.sleep(0.2)
+            for _ in range(2):
+                query_board(Path(robot.bus.port), "joints")
             if robot.bus.port_handler.is_open:
                 robot.bus.port_handler.ser.reset_input_buffer()
     return ask()
