@@ -39,7 +39,7 @@ def total_mass(arm: Arm) -> float:
 
 
 def implausible(arm: Arm, written: str = "millimetres") -> Iterator[tuple[str, str]]:
-    """What cannot be as it is written, and what would be right. `written`: the unit of lengths in the arm's file."""
+    """Implausible quantities of an arm, and what would be right. `written`: the unit of lengths in the arm's file."""
     length = reach(arm)
     if length and not LEAST_REACH <= length <= MOST_REACH:
         like = [unit for unit, mm in LENGTHS.items() if LEAST_REACH <= length * mm / LENGTHS[written] <= MOST_REACH]

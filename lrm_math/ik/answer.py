@@ -79,7 +79,7 @@ class Nearest:
 
     @classmethod
     def at(cls, q: tuple[float, ...], goal: Goal, tcp: Array) -> Nearest:
-        """Of joint angles q (rad) that take the tool to a frame (4, 4)."""
+        """The answer with joint angles q (rad) that take the tool to a frame (4, 4)."""
         reached, angle = goal.same_kind_at(tcp), goal.angle_from(rotation_rows(tcp[:3, :3]))
         return cls(q, reached, math.dist(goal.position, reached.position), angle)
 

@@ -184,7 +184,7 @@ class CalibratedSolver:
     def _first(
         self, query: IkQuery, command: IkSolution, q: tuple[float, ...], tool: list[float], rounding: Rounding
     ) -> dict[str, Any]:
-        """What a reply says of its first branch q, whose equilibrium takes the tool to a frame by columns."""
+        """Reply part of the first branch q, whose equilibrium takes the tool to a frame given by columns."""
         ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z = tool
         rotation = (ax, bx, cx), (ay, by, cy), (az, bz, cz)
         return {

@@ -54,7 +54,7 @@ class Goal:
 
     @property
     def constraints(self) -> int:
-        """How many of the tool's six degrees of freedom the goal fixes: 6, 5 or 3."""
+        """Number of the tool's six degrees of freedom that the goal fixes: 6, 5 or 3."""
         if self.rotation is not None:
             return 6
         return 3 if self.approach is None else 5

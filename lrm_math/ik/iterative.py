@@ -31,7 +31,7 @@ class Iterative:
     name: str = "iterative"
 
     def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | Stalled | None:
-        """Where it ended; None if the arm does not settle at the start."""
+        """The last iterate; None if the arm does not settle at the start."""
         q, errors = next(initial_guesses(arm, query)), list[float]()
         drawn, goal = arm.nominal_tool(q), np.array(query.goal.position)
         start = arm.unloaded_slots(q[None])

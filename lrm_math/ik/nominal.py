@@ -65,7 +65,7 @@ class NominalSolver(PackedArm):
 
     @classmethod
     def of(cls, arm: Arm) -> NominalSolver:
-        """For any arm that the kernel has room for; `LrmError` for another one when it is first asked."""
+        """Solver of any arm that the kernel has room for; `LrmError` for another one when it is first asked."""
         return cls(model_of(arm, ()))
 
     def solve(self, goal: Goal, near: Sequence[float] | None = None) -> NominalAnswer:
@@ -128,7 +128,7 @@ class NominalSolver(PackedArm):
 
     @cached_property
     def _middle(self) -> bytes:
-        """Of the limits, as the kernel takes it."""
+        """Middle of the limits, as the kernel takes it."""
         return SIX.pack(*self.limits.middle)
 
     @cached_property

@@ -61,7 +61,7 @@ class PackedArm:
 
     @cached_property
     def errors(self) -> JointErrorModel:
-        """What effects add to commands."""
+        """Amounts that effects add to commands."""
         return JointErrorModel(self.model)
 
     @cached_property
@@ -76,7 +76,7 @@ class PackedArm:
 
     @cached_property
     def limits(self) -> JointLimits:
-        """Of the joints."""
+        """Limits of the joints."""
         return JointLimits.of(self.model.arm)
 
     @cached_property

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 
@@ -17,6 +18,8 @@ from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions
 
 REACHED = 0.01
 """m: a goal that the nearest command misses by less is tried once more from there."""
+SAME = 1e-6
+"""rad: commands that differ by no more are one."""
 RETRACTIONS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 """Shares of the distance to the second joint by which goals beyond the nominal arm's reach are retracted."""
 
@@ -25,26 +28,41 @@ def commands(arm: CalibratedArm, query: IkQuery) -> IkSolutions | None:
     """All branches that the seeds lead to, or commands nearest to `near`; None if no seed leads to the goal.
 
     Seeds are the branches of an equivalent arm's closed form, null-space and fold seeds, and poses of the library (see
-    section 9 of `kernel/ik_kernel.c`). Where they lead to nothing within the limits, the nearest reachable goal is
-    sought, and if it is the goal itself, Newton's method started there.
+    section 9 of `kernel/ik_kernel.c`). Where they lead to nothing within the limits, Newton's method starts from the
+    nearest command, if it is within 1 cm, and from the nominal arm's branches.
     """
     if not arm.library.reach_ball.contains(query.goal.position):
         return None
     found = arm.branches(query)
     if not found.within:
-        found = replace(found, commands=(*_from_the_nearest(arm, query, found), *found.commands))
+        more = _from_elsewhere(arm, query, found)
+        found = replace(found, commands=(*more, *(c for c in found.commands if not _among(c, more))))
     return found if found.commands else None
 
 
-def _from_the_nearest(arm: CalibratedArm, query: IkQuery, found: IkSolutions) -> tuple[IkSolution, ...]:
-    try:
+def _from_elsewhere(arm: CalibratedArm, query: IkQuery, found: IkSolutions) -> tuple[IkSolution, ...]:
+    """Newton's method from the nearest command to the goal, or else from the nominal arm's branches."""
+    out: tuple[IkSolution, ...] = ()
+    with suppress(LrmError):
         closest = nearest(arm, query, tuple(command.q for command in found.beyond))
-    except LrmError:
+        if closest.error <= REACHED:
+            out = _from_commands(arm, query, [closest.q])
+    branches = () if out else arm.nominal_solver.branches(query.goal, query.near)
+    return out or _from_commands(arm, query, [branch.q for branch in branches])
+
+
+def _from_commands(arm: CalibratedArm, query: IkQuery, starts: Sequence[tuple[float, ...]]) -> tuple[IkSolution, ...]:
+    if not starts:
         return ()
-    if closest.error > REACHED:
-        return ()
-    settled = arm.equilibria(query, np.array([closest.q]))
-    return tuple(c for slots in settled.slots for c in arm.at_goal(query, slots))
+    out: list[IkSolution] = []
+    for slots in arm.equilibria(query, np.array(starts)).slots:
+        out.extend(c for c in arm.at_goal(query, slots) if not _among(c, out))
+    return tuple(out)
+
+
+def _among(command: IkSolution, others: Sequence[IkSolution]) -> bool:
+    """Whether a command is one of others up to the kernel's tolerance."""
+    return any(np.abs(np.subtract(command.q, other.q)).max() <= SAME for other in others)
 
 
 @lru_cache(maxsize=4)

@@ -39,7 +39,7 @@ class Model:
 
     @cached_property
     def structure(self) -> ModelStructure:
-        """What does not depend on the parameters' values."""
+        """The part that does not depend on the parameters' values."""
         return ModelStructure(self.arm, self.effects)
 
     @cached_property

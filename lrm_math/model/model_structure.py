@@ -1,4 +1,4 @@
-"""What a model's effects settle whatever their parameters' values: shared by all iterates of a fit."""
+"""Structure of a model that its effects determine without their parameters' values: shared by all iterates of a fit."""
 
 from __future__ import annotations
 

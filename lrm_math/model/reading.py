@@ -1,4 +1,4 @@
-"""How the numbers of a measurement file are read: units, axes, frame, and the joints' signs and order."""
+"""Conventions of a measurement file: units, axes, frame, and the joints' signs and order."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class FrameTable(StrictSchema):
 
 
 class Reading(StrictSchema):
-    """How a measurement file's numbers become positions and joint angles of the arm; None: as the columns say.
+    """Conventions by which a file's numbers become positions and joint angles of the arm; None: as the columns say.
 
     Attributes:
         axes: the file's axes that are the arm's x, y and z, for instance "x,y,-z".

@@ -12,7 +12,7 @@ from lrmd.control.events import ControllerEvent
 BURST, WINDOW = 10, SECOND
 """Events of one code that pass within a window (ns) which begins with the first of them."""
 KEPT_EVENTS = 500
-"""Of each code."""
+"""Events kept of each code."""
 
 
 @dataclass

@@ -29,7 +29,7 @@ from lrmd.ramp.shared_memory import SharedRecords
 
 HEARTBEAT_S = 0.2
 HEARTBEAT_KEY = "@lrmd/heartbeat"
-"""Of a put that no `**` receives: it passes zenoh's routing tables, and raises after a thread panicked in them."""
+"""Key of a put that no `**` receives: it passes zenoh's routing tables, and raises after a thread panicked in them."""
 CONFIRM_S, POLL_S = 0.1, 0.001
 """s: how long the ramp may take to confirm, 15 of its ticks, and how often that is looked for."""
 READERS = "(rx: (worker_threads: 16))"

@@ -113,4 +113,4 @@ TABLE: dict[tuple[str, BoardPulses], Callable[[ArmingSituation], dict[int, int]]
     ("stored", BoardPulses.OWN): _from_store,
     ("stored", BoardPulses.LEFT): _still_pulsing,
 }
-"""Where the pose comes from, by the request's `where` and the board's pulses."""
+"""Source of the pose, by the request's `where` and the board's pulses."""

@@ -43,7 +43,7 @@ FAULT_RESPONSES = {
         Trigger.FAILED, "order_refused", "the ramp refused an order outside the limits: a software fault"
     ),
 }
-"""For every fault of the ramp but the emergency stop, which a client requested."""
+"""Response to every fault of the ramp but the emergency stop, which a client requested."""
 
 
 def fault_response(report: RampReport, ordered: int) -> FaultResponse:

@@ -21,7 +21,7 @@ SAMPLES = 40
 MARGIN_STEP, MAX_REJECTED = 0.002, 12
 """m: increase of the margin after a path that violates it between the samples; number of such paths to give up."""
 ROUNDS_OUT, POSES_OUT, CHECKS_OUT = 40, 150, 20
-"""Of the search for a way out of the margin: rounds, random poses in each, moves checked to those not clear."""
+"""Limits of the search for a way out of the margin: rounds, random poses in each, moves checked to those not clear."""
 MERGE = 1e-6
 """Fraction of a move: corners closer together are merged."""
 

@@ -24,7 +24,7 @@ TEXT, ITEMS = 4096, 256
 """Bytes of a text, and items of an array or a map, that have no limit of their own."""
 
 LIMITS = {"string": ("maxLength", "enum", "const"), "array": ("maxItems",), "object": ("maxProperties", "properties")}
-"""Of the types of a schema that have a size; one of them is needed."""
+"""Types of a schema that have a size; one of them is needed."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class MessageBounds:
 
 
 ANYTHING = MessageBounds(16 * TEXT, 4 * ITEMS, ITEMS, ITEMS, TEXT)
-"""Of a JSON value, as in the `detail` of an event."""
+"""Bounds of a JSON value, as in the `detail` of an event."""
 ANY_MESSAGE = MessageBounds(LONGEST, LONGEST // PART, ITEMS, LONGEST // PART, LONGEST)
-"""Of a message whose kind is not known yet."""
+"""Bounds of a message whose kind is not known yet."""
 
 
 @cache

@@ -26,7 +26,7 @@ SHORT_MESSAGES = {"transport/link/rx/max_message_size": LARGEST_MESSAGE}
 GONE_KEY = "@lrmd/gone"
 """Prefix of the keys `<GONE_KEY>/<zenoh id>` of puts that tell of a client whose session ended."""
 OWN_TIMEOUT_MS = 5000
-"""For the daemon's own processes to reach its router."""
+"""Timeout of the daemon's own processes for reaching its router."""
 
 
 def key(robot: str, tail: str) -> str:
@@ -82,6 +82,7 @@ def serve(
     """
 
     def work(query: zenoh.Query) -> Send:
+        """Answers one query."""
         try:
             content = query.payload.to_bytes() if query.payload and kind else b""
             replies = answer(query, unpack(kind or Message, content))
@@ -110,6 +111,7 @@ def subscribe(
     """Declares a subscriber on the key `own`: as `serve`, for commands, which have no reply."""
 
     def work(sample: zenoh.Sample) -> Send:
+        """Takes one command."""
         try:
             take(sample, unpack(kind, sample.payload.to_bytes()))
         except Exception as error:

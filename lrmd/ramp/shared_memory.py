@@ -20,9 +20,9 @@ U8, U16, U32, U64 = ctypes.c_uint8, ctypes.c_uint16, ctypes.c_uint32, ctypes.c_u
 SERVOS = 16
 NONE = (0,) * SERVOS
 HOLD_PULSE = -(2**31)
-"""As a target: keep the present pulse."""
+"""Target that keeps the present pulse."""
 AT_ONCE = 2**32 - 1
-"""As `branch_at`: wherever the servos are."""
+"""`branch_at` of an order from wherever the servos are."""
 
 
 class RampFault(IntEnum):

@@ -787,7 +787,7 @@ static void library_seeds(const Arm *a, const double *goal, const double *near, 
     const int held = least(far, a->poses, count, close);
     for (int k = 0; k < held && !(last && solved(found)); k++) {
         COPY(s, a->library_slots + close[k] * a->slots, a->slots);
-        attempt(a, goal, near, s, !last || k >= 12, found);
+        attempt(a, goal, near, s, !last, found);
     }
 }
 

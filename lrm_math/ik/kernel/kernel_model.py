@@ -30,7 +30,7 @@ BELOW = {
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
     "law": ("", len(KERNEL_LAWS)), "spring_from": ("", structures.MAX_SPRINGS + 1),
 }  # fmt: skip
-"""What the numbers of an array, places in other arrays, are below: how many of these the arm has, and a number."""
+"""Bounds of an array's indices into other arrays: a count of the arm's, and a number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class KernelModel:
 
     @property
     def address(self) -> int:
-        """Of the structure."""
+        """Address of the structure."""
         return ctypes.addressof(self.memory)
 
     def _call(self, name: str, *arguments: Any) -> int:
@@ -127,7 +127,7 @@ class KernelModel:
         self, drawn: KernelModel, centre: Array, side: float, points: int, target: Array, tolerance: float, q: Array,
         slots: Array,
     ) -> tuple[Array, Array] | None:  # fmt: skip
-        """Of a cube of goals of the arm as drawn, the command (n,) whose equilibrium is nearest to `target` (3,), m.
+        """The command (n,), of a cube of goals of the arm as drawn, whose equilibrium is nearest to `target` (3,), m.
 
         `centre`: (1, 12), frame by columns. `side`: m, of `points` goals. `q`, `slots`: a command (n,) and amounts (V,)
         at rest to begin with. `tolerance`: m, of the equilibria. Returns slot amounts too; None if there is none, as of

@@ -18,6 +18,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from tests.soak.hostile.estop_client import EstopClient
 from tests.soak.hostile.flood import FLOODS, flooded
 from tests.soak.hostile.trial import Trial, trial
 from tests.support.daemon.daemon_process import WaitTimeout, wait_for
@@ -56,11 +57,11 @@ def stops_of(t: Trial, count: int, seconds: float) -> tuple[float, ...]:
     Raises `AssertionError` if a law is broken.
     """
     rng, end = random.Random(count), time.monotonic() + seconds
-    with suppress(ArmingTimeout):
+    with suppress(ArmingTimeout), EstopClient(t.setup.endpoint, t.setup.key("cmd/estop")) as client:
         while len(t.estops_at) < count and time.monotonic() < end:
             armed(t)
             time.sleep(rng.uniform(0.0, 0.2))
-            t.estop()
+            t.estop_by(client)
     return t.result("").estops_ms
 
 

@@ -114,11 +114,14 @@ class Trial:
 
     def estop(self) -> None:
         """Stops the arm as a stranger would, if it has pulses; waits until they are off. Measured in `result`."""
+        with EstopClient(self.setup.endpoint, self.setup.key("cmd/estop")) as client:
+            self.estop_by(client)
+
+    def estop_by(self, client: EstopClient) -> None:
+        """The same by a client that is connected already."""
         self._pause.set()
         try:
-            with EstopClient(self.setup.endpoint, self.setup.key("cmd/estop")) as client:
-                if not self.board.pulses():
-                    return
+            if self.board.pulses():
                 self.estops_at.append(client.stop())
                 wait_for(lambda: not self.board.pulses(), "the pulses stop", seconds=5.0)
         finally:
