@@ -87,10 +87,10 @@ def _text(own: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]]) -> s
             for first in ahead[name]:
                 body.remove(joints[first])
                 body.insert(list(body).index(joints[name]), joints[first])
-    if output.parent.resolve() != own.path.parent.resolve():
-        compiler = tree.find("compiler")
-        for folder in ("meshdir", "texturedir") if compiler is not None else ():
-            compiler.set(folder, relpath(own.path.parent / getattr(own.spec, folder), output.parent))
+    for compiler in tree.findall("compiler"):
+        if output.parent.resolve() != own.path.parent.resolve():
+            for folder in ("meshdir", "texturedir"):
+                compiler.set(folder, relpath(own.path.parent / getattr(own.spec, folder), output.parent))
     return ElementTree.tostring(tree, encoding="unicode") + "\n"
 
 
