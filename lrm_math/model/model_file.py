@@ -136,7 +136,7 @@ def _own_effects(tables: ModelFile) -> str:
         return ""
     gone = "" if Path(known.effects_file).exists() else ", which is gone"
     where = f"{known.effects_file}{gone} (sha256 {known.effects_sha256})"
-    return f"the model has effects of its own, from {where}; give that file with --effects-file"
+    return f"the model has effects of its own, from {where}; give that file with --effects-file, in Python as read_study's third argument"
 
 
 def parameter_tables(model: Model) -> dict[str, float]:
