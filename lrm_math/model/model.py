@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -78,6 +79,10 @@ class Model:
         for effect, span in zip(self.effects, self.spans, strict=True):
             yield effect, self.values[span].tolist()
 
+    def __getstate__(self) -> dict[str, object]:
+        """The model alone: what was computed from it stays in its process."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
     def weights(self, carried: Number) -> tuple[Weight, ...]:
         """Every body's mass and centre of mass with a payload (kg), effects included; cached for the last payloads."""
         return self._cached_weights(carried) if isinstance(carried, float) else self._weights(carried)
@@ -124,9 +129,9 @@ def model_of(arm: Arm, effects: Iterable[Effect], values: Mapping[str, float] | 
         LrmError: an effect given twice, or a value that is not finite.
     """
     model = Model(arm, tuple(effects), np.empty(0))
-    twice = {key for key in model.keys if model.keys.count(key) > 1}
+    twice = [key for key, count in Counter(model.keys).items() if count > 1]
     if twice:
-        raise LrmError(f"effect given twice: {sorted(twice)[0].rsplit('.', 1)[0]}")
+        raise LrmError(f"effect given twice: {min(twice).rsplit('.', 1)[0]}")
     filled = np.array([parameter.default for parameter in model.parameters], dtype=np.float64)
     for key, value in (values or {}).items():
         if not np.isfinite(value):
