@@ -17,7 +17,7 @@ from lrm_ident.data.registration.degenerate_fit import check_arm
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.objective import Iterate, NoiseScale, NoiseUpdate, Objective
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
-from lrm_ident.fitting.priors import WEAK_SD, Prior, weak_prior
+from lrm_ident.fitting.priors import WEAK, WEAK_SD, Prior, weak_prior
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import Equilibrium
@@ -124,7 +124,8 @@ def fit(
     check_enough(len(data), len(model.free), prior)
     limits = bounds or bounds_of(model, model.free)
     objective = Objective(model, data, loss, prior)
-    idle = MAX_STEPS_WITH_PRIOR if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
+    stated = prior is not None and prior.name != WEAK  # the top of such a posterior is wanted, however flat it is
+    idle = MAX_STEPS_WITH_PRIOR if stated else IDLE_STEPS
     lower, upper = limits.lower / objective.typical, limits.upper / objective.typical
     plain = _LevenbergMarquardt(objective, lower, upper, idle, near)
     try:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import tomli_w
@@ -13,11 +13,11 @@ import tomli_w
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import enumerate_words
-from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.fitting.effect_plugins import file_of, sha256_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.priors import WEAK
 from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.tool_version import tool_version
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
@@ -31,15 +31,10 @@ from lrm_math.model.model_file import (
     to_model,
 )
 
+if TYPE_CHECKING:
+    from lrm_ident.diagnosis.auto import AutoStep
+
 LEFT_OUT_SHOWN, RIVALS_NAMED = 12, 30
-
-
-def tool_version() -> str:
-    """`lrm-ident` and its version."""
-    try:
-        return f"lrm-ident {version('lrm-arm')}"
-    except PackageNotFoundError:
-        return "lrm-ident (not installed)"
 
 
 def model_file(
