@@ -7,7 +7,7 @@ from lrm_ident.cli import identifiability, design, fit, component_tests, workspa
 from lrm_ident.cli.groups import fleet  # isort: skip
 from lrm_ident.cli.page import report, workbench  # isort: skip
 from lrm_ident.cli import campaign  # isort: skip
-from lrm_ident.cli.groups import arm, camera  # isort: skip
+from lrm_ident.cli.groups import arm, camera, checkup  # isort: skip
 from lrm_ident.cli.application import app, main
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "arm",
     "camera",
     "campaign",
+    "checkup",
     "component_tests",
     "design",
     "diagnosis",
