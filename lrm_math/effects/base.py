@@ -17,6 +17,7 @@ import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number, is_zero
 from lrm_math.kinematics.poses import Poses
 
@@ -59,8 +60,11 @@ class Parameter:
 
     @property
     def unit(self) -> str:
-        """The unit in the name, for instance `rad_per_Nm`."""
-        return max((unit for unit in UNIT_IN_SI if self.name.endswith("_" + unit)), key=len)
+        """The unit in the name, for instance `rad_per_Nm`. Raises `LrmError` for a name without one."""
+        units = [unit for unit in UNIT_IN_SI if self.name.endswith("_" + unit)]
+        if not units:
+            raise LrmError(f"parameter '{self.name}': its name must end in its unit, one of {', '.join(UNIT_IN_SI)}")
+        return max(units, key=len)
 
     @property
     def si(self) -> float:

@@ -136,7 +136,8 @@ def _own_effects(tables: ModelFile) -> str:
         return ""
     gone = "" if Path(known.effects_file).exists() else ", which is gone"
     where = f"{known.effects_file}{gone} (sha256 {known.effects_sha256})"
-    return f"the model has effects of its own, from {where}; give that file with --effects-file"
+    right = "give that file with --effects-file, in Python as read_study's third argument"
+    return f"the model has effects of its own, from {where}; {right}"
 
 
 def parameter_tables(model: Model) -> dict[str, float]:
