@@ -84,7 +84,7 @@ def test_what_is_no_such_dataset(so101: Arm, tmp_path: Path) -> None:
     assert "no joint 'joint1'" in stderr_of("import", "lerobot", folder, "--arm", "ur5", "-o", out)
     assert "never rests for 60 s" in stderr_of("import", "lerobot", folder, "--dwell", "60", "-o", out)
     info = folder / "meta" / "info.json"
-    info.write_text(info.read_text().replace("v3.0", "v2.1"))
-    assert "v2.1; v3.0" in stderr_of("import", "lerobot", folder, "-o", out)
+    info.write_text(info.read_text().replace("v3.0", "v1.6"))
+    assert "v1.6; v2.1 or v3.0" in stderr_of("import", "lerobot", folder, "-o", out)
     assert "no such file" in stderr_of("import", "lerobot", tmp_path / "none", "-o", out)
     assert not out.exists()
