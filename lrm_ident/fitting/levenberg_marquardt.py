@@ -17,10 +17,10 @@ from lrm_ident.data.registration.degenerate_fit import check_arm
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.objective import Iterate, NoiseScale, NoiseUpdate, Objective
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
-from lrm_ident.fitting.priors import WEAK_SD, Prior, weak_prior
+from lrm_ident.fitting.priors import WEAK_SD, Prior, weak_prior, with_smoothness
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.equilibrium import Equilibrium, measured_range
 from lrm_math.model.model import Model
 
 MAX_STEPS = 60
@@ -122,8 +122,9 @@ def fit(
         NoEquilibrium: the start has no elastic equilibrium.
     """
     check_enough(len(data), len(model.free), prior)
+    model = replace(model, within=measured_range(model, data.poses))
     limits = bounds or bounds_of(model, model.free)
-    objective = Objective(model, data, loss, prior)
+    objective = Objective(model, data, loss, with_smoothness(prior, model))
     idle = MAX_STEPS_WITH_PRIOR if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
     lower, upper = limits.lower / objective.typical, limits.upper / objective.typical
     plain = _LevenbergMarquardt(objective, lower, upper, idle, near)
@@ -132,7 +133,7 @@ def fit(
     except FitNotConverged:
         if prior is not None:
             raise
-        weakly = replace(objective, prior=weak_prior(model))
+        weakly = replace(objective, prior=with_smoothness(weak_prior(model), model))
         found = replace(replace(plain, objective=weakly).solve(MAX_STEPS_WITH_PRIOR), damped=True)
     check_arm(found.rest, model.free)
     return found
@@ -179,7 +180,7 @@ class _LevenbergMarquardt:
             predicted = float(descent @ (trial.z - iterate.z)) / noise.scale**2
             least = max(GAIN_TOLERANCE * objective.value(iterate, noise), POSTERIOR_TOLERANCE * noise.prior_weight)
             idle = idle + 1 if self._gains_nothing(iterate, trial, noise) else 0
-            if idle >= self.idle_steps and not self._well_known(columns[:, ~held], iterate, noise):
+            if idle >= self.idle_steps and not self._well_known(columns, ~held, iterate, noise):
                 raise FitNotConverged(steps, step)
             done = step < STEP_TOLERANCE or predicted < least or idle >= self.idle_steps
             iterate = trial
@@ -195,11 +196,11 @@ class _LevenbergMarquardt:
         before, after = (self.objective.value(each, noise) for each in (iterate, trial))
         return before - after <= min(IDLE_GAIN, IDLE_LIKELIHOOD / iterate.residual.size) * before
 
-    def _well_known(self, J: Array, iterate: Iterate, noise: NoiseScale) -> bool:
+    def _well_known(self, J: Array, free: NDArray[np.bool_], iterate: Iterate, noise: NoiseScale) -> bool:
         """Whether the data, or a prior, know every direction better than the weak priors do."""
-        if self.objective.prior is not None or not J.shape[1]:
+        if self.objective.has_full_prior or not free.any():
             return True
-        least = float(np.linalg.eigvalsh(J.T @ J)[0])
+        least = float(np.linalg.eigvalsh(self.objective.gauss_newton(J, noise)[np.ix_(free, free)])[0])
         return least * WEAK_SD**2 > self.objective.residual_sd(iterate) ** 2
 
     def _step(
