@@ -125,8 +125,8 @@ def _error(model: Model, data: Measurements) -> ErrorStats:
 def table(outcomes: Sequence[Outcome]) -> str:
     """The table as Markdown, mm."""
     head = (
-        "| arm | parameters, with forms | other half, RMS (mm) | with forms | ratio | anywhere, worst (mm) | with forms "
-        "| nominal | with forms over nominal |"
+        "| arm | parameters, with forms | other half, RMS (mm) | with forms | ratio | anywhere, worst (mm) | "
+        "with forms | nominal | with forms over nominal |"
     )
     lines = [head, "|" + "---|" * 9]
     for one in outcomes:

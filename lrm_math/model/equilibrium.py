@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -118,7 +118,7 @@ def equilibrium(
 
 def measured_range(model: Model, poses: Poses) -> MeasuredRange:
     """The range of some poses and of the loads that a model finds at them. Raises `NoEquilibrium`."""
-    rest, chain = equilibrium(replace(model, within=None), poses), model.chain
+    rest, chain = equilibrium(model, poses), model.chain
     slots = sorted({*model.load_slots, *chain.joint_slots})
     loads = {chain.slots[k].key: _ends(column) for k, column in zip(slots, rest.loads_on(slots).T, strict=True)}
     for k, load in zip(model.load_slots, rest.tau, strict=True):
