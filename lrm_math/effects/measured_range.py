@@ -73,6 +73,16 @@ class MeasuredRange:
         """Numbers from 1 of the joints that stand outside their range at one command q (n,) (rad)."""
         return tuple((np.flatnonzero(self.outside(np.atleast_2d(q))[0]) + 1).tolist())
 
+    def sentence(self, q: Array) -> str:
+        """How many of some commands q (N, n) (rad) lie outside, by which joints; empty if none does."""
+        outside = self.outside(q)
+        poses, beyond = int(outside.any(axis=1).sum()), np.flatnonzero(outside.any(axis=0)) + 1
+        if not poses:
+            return ""
+        joints = ", ".join(map(str, beyond.tolist()))
+        what = f"{poses} of {len(q)} poses lie outside the range that the model was fitted on (joint {joints})"
+        return f"{what}: there its curves stay as at the range's edge, and its error is not known"
+
     def poses(self, poses: Poses) -> Poses:
         """The poses as a held form sees them."""
         lower, upper = self._ends
