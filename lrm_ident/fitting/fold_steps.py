@@ -17,7 +17,7 @@ from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.objective import Objective
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
-from lrm_ident.fitting.priors import Prior, with_smoothness
+from lrm_ident.fitting.priors import Prior
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
@@ -35,7 +35,7 @@ def models_without(
     """Models for each block (rows of `data`), as a fit to the other blocks leaves it. Raises as `fit`."""
     fitted = fit(model, data, bounds, loss, prior)
     limits = bounds or bounds_of(model, model.free)
-    objective = Objective(fitted.model, data, loss, with_smoothness(prior, fitted.model))
+    objective = Objective(fitted.model, data, loss, fitted.prior)
     typical = objective.typical
     iterate = objective.at(fitted.model.values[objective.columns] / typical, fitted.rest)
     free = np.array([key not in fitted.at_bound for key in model.free])

@@ -17,7 +17,8 @@ from lrm_ident.data.registration.degenerate_fit import check_arm
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.objective import Iterate, NoiseScale, NoiseUpdate, Objective
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
-from lrm_ident.fitting.priors import WEAK_SD, Prior, weak_prior, with_smoothness
+from lrm_ident.fitting.priors import WEAK_SD, Prior, weak_prior
+from lrm_ident.fitting.smoothness import weighed
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import Equilibrium, measured_range
@@ -60,6 +61,7 @@ class Fit:
         weight: (N,), the weight of each pose, 1 for least squares.
         outliers: rows farther than `OUTLIER_DISTANCE` robust standard deviations.
         steps: Levenberg–Marquardt steps taken.
+        prior: what weighed against the data: a stated or weak prior, and the penalties of forms.
         loss: what it minimises. damped: whether it converged only with weak priors (`weak_prior`).
     """
 
@@ -75,6 +77,7 @@ class Fit:
     steps: int
     loss: Loss = SQUARED
     damped: bool = False
+    prior: Prior | None = None
 
     def take(self, rows: NDArray[np.int64]) -> Fit:
         """This fit, seen at some of its poses."""
@@ -124,19 +127,29 @@ def fit(
     check_enough(len(data), len(model.free), prior)
     model = replace(model, within=measured_range(model, data.poses))
     limits = bounds or bounds_of(model, model.free)
-    objective = Objective(model, data, loss, with_smoothness(prior, model))
+    objective = Objective(model, data, loss, prior)
     idle = MAX_STEPS_WITH_PRIOR if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
     lower, upper = limits.lower / objective.typical, limits.upper / objective.typical
     plain = _LevenbergMarquardt(objective, lower, upper, idle, near)
     try:
-        found = plain.solve(MAX_STEPS if prior is None else MAX_STEPS_WITH_PRIOR)
+        found = _solve_smooth(plain, MAX_STEPS if prior is None else MAX_STEPS_WITH_PRIOR)
     except FitNotConverged:
         if prior is not None:
             raise
-        weakly = replace(objective, prior=with_smoothness(weak_prior(model), model))
-        found = replace(replace(plain, objective=weakly).solve(MAX_STEPS_WITH_PRIOR), damped=True)
+        weakly = replace(objective, prior=weak_prior(model))
+        found = replace(_solve_smooth(replace(plain, objective=weakly), MAX_STEPS_WITH_PRIOR), damped=True)
     check_arm(found.rest, model.free)
     return found
+
+
+def _solve_smooth(plain: _LevenbergMarquardt, most_steps: int) -> Fit:
+    """The fit, its free forms kept smooth and small."""
+
+    def solved(model: Model, prior: Prior | None) -> Fit:
+        """The fit from a model on, with a prior."""
+        return replace(plain, objective=replace(plain.objective, model=model, prior=prior)).solve(most_steps)
+
+    return weighed(solved, plain.objective.model, plain.objective.prior)
 
 
 def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
@@ -278,6 +291,7 @@ class _LevenbergMarquardt:
             outliers=tuple(np.flatnonzero(distance > OUTLIER_DISTANCE * robust_scale(distance)).tolist()),
             steps=steps,
             loss=objective.loss,
+            prior=objective.prior,
         )
 
 

@@ -176,55 +176,6 @@ def weak_prior(model: Model) -> Prior:
     return Prior(WEAK, model.free, np.zeros(len(typical)), np.diag((WEAK_SD * np.array(typical)) ** 2))
 
 
-def with_smoothness(prior: Prior | None, model: Model) -> Prior | None:
-    """A prior, if there is one, and that of the model's free forms: their curves are smooth, their size is typical."""
-    forms = [smooth for effect in model.effects if (smooth := smoothness(effect, model.free)) is not None]
-    known = forms if prior is None else [_of_free(prior, model.free), *forms]
-    return _product(known) if forms else prior
-
-
-def smoothness(effect: Effect, free: Sequence[str]) -> Prior | None:
-    """The prior of a form's free coefficients (P-splines, Eilers & Marx 1996), None of an effect of the catalogue.
-
-    Second differences of the coefficients of a curve scatter by their typical size, coefficients by three. In the fit
-    these are weighed against the noise that is left, as every prior is: nothing is tuned.
-    """
-    if not effect.variant_of:
-        return None
-    keys = [key for key in effect.keys if key in free]
-    if not keys:
-        return None
-    typical = {p.name: p.typical for p in effect.parameters}
-    place = {key: row for row, key in enumerate(effect.keys)}
-    sizes = np.array(list(typical.values()))
-    precision = np.diag((WEAK_SD * sizes) ** -2.0)
-    names = list(typical)
-    for curve in effect.curves:
-        rows = [names.index(name) for name in curve]
-        bend = np.diff(np.eye(len(rows)), 2, axis=0) / sizes[rows]
-        precision[np.ix_(rows, rows)] += bend.T @ bend
-    chosen = [place[key] for key in keys]
-    covariance = np.asarray(np.linalg.inv(precision))[np.ix_(chosen, chosen)]
-    return Prior("smooth", tuple(keys), np.zeros(len(keys)), covariance)
-
-
-def _of_free(prior: Prior, free: Sequence[str]) -> Prior:
-    keys = tuple(key for key in prior.keys if key in free)
-    return Prior(prior.name, keys, prior.mean_of(keys), prior.covariance_of(keys))
-
-
-def _product(priors: Sequence[Prior]) -> Prior:
-    """The normalised product of normal distributions: precisions add."""
-    keys = tuple(dict.fromkeys(key for prior in priors for key in prior.keys))
-    precision, along = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
-    for prior in priors:
-        rows, own = [keys.index(key) for key in prior.keys], np.linalg.inv(prior.covariance)
-        precision[np.ix_(rows, rows)] += own
-        along[rows] += own @ prior.mean
-    covariance = np.asarray(np.linalg.inv(precision))
-    return Prior(priors[0].name, keys, covariance @ along, covariance)
-
-
 def prior_name_for(name_or_path: str) -> str:
     """Name of a shipped prior, or absolute path of a prior file, for the provenance of a model file."""
     return name_or_path if name_or_path in shipped_priors() else Path(name_or_path).resolve().as_posix()

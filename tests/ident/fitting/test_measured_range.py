@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting.fold_steps import models_without
+from lrm_ident.fitting.cross_validation import models_without
 from lrm_ident.fitting.levenberg_marquardt import fit
-from lrm_ident.fitting.priors import smoothness, weak_prior, with_smoothness
+from lrm_ident.fitting.priors import weak_prior
+from lrm_ident.fitting.smoothness import LEAST, MOST, likelier_weights, penalties, with_penalties
 from lrm_ident.report.fit import comparison_document
 from lrm_ident.residual.error_breakdown import compare
 from lrm_ident.study.model_history import as_written
@@ -27,12 +28,12 @@ from lrm_math.model.model_file import ModelFile, RangeTable, parameter_tables, r
 CURVE = "angle_curve@joint2"
 
 
-def wavy(arm: Arm, count: int = 70, upper: float = 0.1, seed: int = 1) -> Measurements:
+def wavy(arm: Arm, count: int = 70, upper: float = 0.1, seed: int = 1, size: float = 0.01) -> Measurements:
     """An arm without other errors whose second joint has waves, measured where that joint is below `upper` (rad)."""
     rng = np.random.default_rng(seed)
     q = rng.uniform(-1.4, 1.4, (count, arm.dof))
     q[:, 1] = rng.uniform(-1.4, upper, count)
-    true = q + 0.01 * np.sin(5.0 * q) * (np.arange(arm.dof) == 1)
+    true = q + size * np.sin(5.0 * q) * (np.arange(arm.dof) == 1)
     tcp = equilibrium(model_of(arm, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(count, 3))
     number = np.arange(1, count + 1)
     return Measurements(poses_of(q), number, tcp, None, 2e-4, number, Path("waves.csv"), "", arm=arm)
@@ -64,23 +65,35 @@ def test_coefficients_that_nothing_determines_follow_their_neighbours(lab: Arm) 
     assert np.abs(values).max() < 0.2
 
 
-def test_smoothness_is_a_prior_of_forms_only(lab: Arm) -> None:
-    model = replace(curved(lab), free=("offsets.joint2.theta_rad",))
-    assert with_smoothness(None, model) is None
-    prior = weak_prior(model)
-    assert with_smoothness(prior, model) is prior
-    curve = AngleCurve(lab, "joint2")
-    known = smoothness(curve, curve.keys)
-    assert known is not None
-    bend = np.diff(np.eye(len(curve.keys)), 2, axis=0)
-    typical = curve.parameters[0].typical
-    assert (np.sqrt(np.diag(bend @ known.covariance @ bend.T)) <= typical).all()
-    both = with_smoothness(weak_prior(curved(lab)), curved(lab))
+def test_penalties_are_of_forms_only(lab: Arm) -> None:
+    plain = replace(curved(lab), free=("offsets.joint2.theta_rad",))
+    assert penalties(plain) == ()
+    prior = weak_prior(plain)
+    assert with_penalties(prior, (), np.ones(0)) is prior
+    known, curve = penalties(curved(lab)), AngleCurve(lab, "joint2")
+    assert [penalty.keys for penalty in known] == [curve.keys] * 2
+    line = 0.01 * np.arange(len(curve.keys))
+    assert line @ known[1].S @ line == pytest.approx(0.0, abs=1e-12)
+    both = with_penalties(weak_prior(curved(lab)), known, np.ones(2))
     assert both is not None
     assert set(both.keys) == set(curved(lab).free)
-    assert (both.sd_of(curve.keys) <= known.sd_of(curve.keys)).all()
-    of_two = CableCurve(lab, "joint2+joint3").curves
-    assert [names[0][0] for names in of_two] == ["s", "d"]
+    assert (both.sd_of(curve.keys) <= curve.parameters[0].typical).all()
+    assert [names[0][0] for names in CableCurve(lab, "joint2+joint3").curves] == ["s", "d"]
+
+
+def test_a_curve_of_which_the_data_show_nothing_is_drawn_to_zero(lab: Arm) -> None:
+    """And one of which they do is not: weights by the marginal likelihood."""
+    there = wavy(lab, 150, 1.4)
+    nothing = replace(there, tcp=wavy(lab, 150, 1.4, size=0.0).tcp)
+    keys = effects_at(lab, CURVE)[0].keys
+    sizes = []
+    for data in (there, nothing):
+        found = fit(curved(lab), data)
+        sizes.append(np.ptp([found.model.value(key) for key in keys]))
+        now = likelier_weights(penalties(found.model), np.ones(2), found.model, found.covariance)
+        assert ((now >= LEAST) & (now <= MOST)).all()
+    assert sizes[0] > 0.015
+    assert sizes[1] < 5e-4
 
 
 def test_the_range_goes_into_the_file_and_back(lab: Arm) -> None:
@@ -127,7 +140,7 @@ def test_a_step_of_a_fold_that_runs_away_is_fitted_instead(lab: Arm, monkeypatch
     data = wavy(lab)
     blocks = [np.arange(k, 70, 5) for k in range(5)]
     steps = list(models_without(curved(lab), data, blocks))
-    monkeypatch.setattr("lrm_ident.fitting.fold_steps._settles", lambda *_: False)
+    monkeypatch.setattr("lrm_ident.fitting.cross_validation._settles", lambda *_: False)
     for rows, stepped, refitted in zip(blocks, steps, models_without(curved(lab), data, blocks), strict=True):
         errors = [np.linalg.norm(data.position_error(equilibrium(m, data.poses))[rows]) for m in (stepped, refitted)]
         assert errors[0] == pytest.approx(errors[1], rel=0.3)
