@@ -29,7 +29,7 @@ from validation import synthetic
 from validation.synthetic.generate import directions
 
 ARM_FILE = Path(__file__).resolve().parent / "hidden_effects" / "arms" / "ur5-like.toml"
-ARMS, POSES, NOISE = 10, 400, 2e-4
+ARMS, POSES, NOISE = 10, 250, 2e-4
 WAVES, WAVE_RAD = (3, 7), (0.002, 0.006)
 PLACES = ("base", "link2", "link3", "joint2", "joint4", "joint3<-joint2", "joint5<-joint4", "joint2+joint3")
 PLAIN = ("offsets", "compliance")
