@@ -17,6 +17,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, check_enough, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_math.arrays import Array
+from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
@@ -257,7 +258,10 @@ def fit_identifiable(
         check_enough(len(data), len(selected.kept))
         start = _holding(rest.model, keys, selected.kept)
         low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
-        result = _fit_from_part(start, data, Bounds(low, high), loss)
+        try:
+            result = _fit_from_part(start, data, Bounds(low, high), loss)
+        except NoEquilibrium:  # what is held now balanced what is not: begin anew
+            result = _fit_from_part(_holding(model, keys, selected.kept), data, Bounds(low, high), loss)
         if selected.kept in seen:
             break
         seen.append(selected.kept)

@@ -17,7 +17,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.fitting.block_qr import CompressedRows, compress, compress_each
 from lrm_ident.fitting.loss import Loss, robust_scale
-from lrm_ident.fitting.priors import Prior
+from lrm_ident.fitting.priors import SET_UP, Prior
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
@@ -118,6 +118,12 @@ class Objective:
     def _with_prior(self) -> list[int]:
         """The K free parameters that have a prior."""
         return [] if self.prior is None else [j for j, key in enumerate(self.model.free) if key in self.prior.keys]
+
+    @property
+    def has_full_prior(self) -> bool:
+        """Whether a prior knows every free parameter, but for where an instrument stood."""
+        known = set(self._with_prior)
+        return all(j in known or key.startswith(SET_UP) for j, key in enumerate(self.model.free))
 
     @cached_property
     def _prior_mean(self) -> Array:

@@ -28,6 +28,7 @@ from lrm_math.model.model_file import (
     ProvenanceTable,
     as_tables,
     parameter_tables,
+    range_table,
     to_model,
 )
 
@@ -64,6 +65,7 @@ def model_file(
         parameters=parameter_tables(model),
         sigma=sigma_table(fit),
         covariance=covariance_table_of(fit),
+        range=range_table(model),
         provenance=ProvenanceTable(
             data=data.path.name,
             data_sha256=data.sha256,
@@ -104,6 +106,7 @@ def _file_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
         parameters=last.parameters,
         sigma=last.sigma,
         covariance=last.covariance,
+        range=last.range,
         history=list(history),
         provenance=last.provenance,
     )
@@ -156,7 +159,9 @@ def auto_step_name(step: AutoStep) -> str:
 def as_written(model: Model, arm: str) -> Model:
     """A model as it is read again from its own file: effects in the file's order, values through the file's units."""
     effects, parameters = effect_names(model.effects), parameter_tables(model)
-    file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters)
+    file = ModelFile(
+        schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters, range=range_table(model)
+    )
     return to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
 
 
