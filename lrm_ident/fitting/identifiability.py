@@ -280,11 +280,12 @@ def _fit_from_part(model: Model, data: Measurements, bounds: Bounds, loss: Loss)
     return replace(fit(part.model, data, bounds, loss, part.weak_prior), damped=True)
 
 
-def some_rows(count: int, most: int = MOST_AT_ONCE) -> NDArray[np.int64]:
-    """At most so many rows drawn from `count` without replacement, ascending, always the same."""
-    if count <= most:
+def some_rows(count: int, most: int | None = None) -> NDArray[np.int64]:
+    """At most so many rows (`MOST_AT_ONCE`) drawn from `count` without replacement, ascending, always the same."""
+    size = MOST_AT_ONCE if most is None else most
+    if count <= size:
         return np.arange(count)
-    return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
+    return np.sort(np.random.default_rng(0).choice(count, size, replace=False))
 
 
 def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:
