@@ -46,7 +46,7 @@ from lrm_ident.study.inputs import arm_from
 from lrm_ident.study.model_history import fit_words, undo_step
 from lrm_ident.study.study import MAX_EFFECTS, Study, write_model
 from lrm_math.arm.arm_file import MM, load_arm
-from lrm_math.effects import FREE_FORMS
+from lrm_math.effects import FREE_FORMS, OWN_EFFECT
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -62,7 +62,7 @@ def effects(
     catalogue = (*catalogue_with(effects_file), *FREE_FORMS)
     chosen = [kind for kind in catalogue if name in (None, kind.id)]
     if not chosen:
-        raise UnknownName("effect", str(name), [kind.id for kind in catalogue])
+        raise UnknownName("effect", str(name), [kind.id for kind in catalogue], OWN_EFFECT)
     for kind in chosen:
         show(*effect_blocks(kind, in_full=name is not None))
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, Parameter
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number
@@ -31,12 +32,15 @@ class Model:
     Attributes:
         values: (P,), parameters of all effects in the order of `keys`, SI.
         free: keys of the parameters that a fit may change; all others are fixed.
+        within: range of what the parameters were fitted on, beyond which held effects stay as at its edge; None: not
+            known, and nothing is held.
     """
 
     arm: Arm
     effects: tuple[Effect, ...]
     values: Array
     free: tuple[str, ...] = ()
+    within: MeasuredRange | None = None
 
     @cached_property
     def structure(self) -> ModelStructure:
@@ -72,7 +76,8 @@ class Model:
     def binding(self) -> EffectBinding:
         """The effects, bound to the chain's slots."""
         parts = zip(self.structure.bound, self.spans, strict=True)
-        return bind_effects(self.chain, tuple(replace(b, p=tuple(self.values[span].tolist())) for b, span in parts))
+        bound = (replace(b, p=tuple(self.values[span].tolist()), within=self.within) for b, span in parts)
+        return bind_effects(self.chain, tuple(bound))
 
     def parts(self) -> Iterator[tuple[Effect, list[float]]]:
         """Every effect with its parameters' values (SI)."""
