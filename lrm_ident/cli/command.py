@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_type_hints
 from pydantic import ValidationError
 from typer import Option, Typer
 
-from lrm_ident.cli.application import app
+from lrm_ident.cli.app import app
 from lrm_ident.cli.arguments import Beside
 from lrm_ident.data.output_files import check_outputs, is_something_else
 from lrm_math.errors import LrmError

@@ -129,7 +129,11 @@ def predict(
         )
     rest = equilibrium(the_model, load_poses(poses, the_model.arm, how))
     table = _predictions(rest)
-    publish(Document([], "lrm/prediction/1", {"poses": table.records()}), json)
+    within, q = the_model.within, rest.poses.q
+    if within is not None and (said := within.sentence(q)):
+        notice(said)
+    beyond = [] if within is None else (np.flatnonzero(within.outside(q).any(axis=1)) + 1).tolist()
+    publish(Document([], "lrm/prediction/1", {"poses": table.records(), "outside_range": beyond}), json)
     write_text(output, table.csv())
     show(f"{len(rest.tcp)} predictions written to {output}")
 

@@ -6,7 +6,7 @@ it, and counts only if the held-out error falls by more than its standard error 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
@@ -73,22 +73,27 @@ class ConfirmedDiagnosis:
 
 
 def confirm(
-    diagnosis: Diagnosis, blocks: tuple[HeldOutBlock, ...] = (), on_progress: Callable[[str], object] = str
+    diagnosis: Diagnosis,
+    blocks: tuple[HeldOutBlock, ...] = (),
+    on_progress: Callable[[str], object] = str,
+    refused: Collection[str] = (),
 ) -> ConfirmedDiagnosis:
     """Refits the supported effects in turn until one predicts better.
 
     Args:
         blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
         on_progress: called with what is being done.
+        refused: effects (`effect@place`) that are out, since a model with them could not be gone on with.
     """
     if not blocks:
         on_progress("cross-validating the model as it is")
         blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
-    for number, scored in enumerate(diagnosis.supported):
+    supported = tuple(scored for scored in diagnosis.supported if scored.name not in refused)
+    for number, scored in enumerate(supported):
         on_progress(f"refitting with {scored.name}")
         refit = _refit(diagnosis, scored)
         if refit is not None and predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
-            return ConfirmedDiagnosis(diagnosis, blocks, refit, diagnosis.supported[number:])
+            return ConfirmedDiagnosis(diagnosis, blocks, refit, supported[number:])
     return ConfirmedDiagnosis(diagnosis, blocks, None, ())
 
 

@@ -10,7 +10,7 @@ Of thousands of poses a part is screened, drawn at random, with those that the f
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -35,7 +35,7 @@ from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE, SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
-from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.derivatives import Response, parameter_jacobian
 from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
@@ -123,7 +123,7 @@ def diagnose(
         LrmError: too few poses, or the fit does not converge.
     """
     kinds = tuple(catalogue)
-    found = _diagnose(model, data, kinds, progress, loss, rates)
+    found = _score(model, data, kinds, progress, loss)
     left_out: tuple[int, ...] = ()
     for _ in range(MOST_ROUNDS):
         numbers = tuple(int(found.data.pose[row]) for row in _outliers(found))
@@ -132,18 +132,32 @@ def diagnose(
         left_out += numbers
         before, rest = found.fit.model, found.data.without(numbers)
         del found  # it holds the columns of every candidate
-        found = _diagnose(before, rest, kinds, progress, loss, rates)
-    return replace(found, outliers=tuple(sorted(left_out)))
+        found = _score(before, rest, kinds, progress, loss)
+    return _select(found, progress, rates, tuple(sorted(left_out)))
 
 
-def _diagnose(
-    model: Model,
-    data: Measurements,
-    kinds: tuple[type[Effect], ...],
-    progress: OnProgress,
-    loss: Loss,
-    rates: EffectRates | None,
-) -> Diagnosis:
+@dataclass(frozen=True, eq=False)
+class _Scores:
+    """Every candidate alone on what a fit leaves; attributes as of `Diagnosis`.
+
+    Attributes:
+        weigh, linear: relative weights of the screened rows, and the fit linearised there.
+        response: of the model with every candidate in it. ranked: the testable candidates, best first.
+    """
+
+    fit: Fit
+    data: Measurements
+    screened: NDArray[np.int64]
+    weigh: RowWeights
+    linear: LinearisedFit
+    response: Response
+    ranked: list[ScoredCandidate]
+    not_testable: tuple[tuple[Effect, str], ...]
+
+
+def _score(
+    model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: OnProgress, loss: Loss
+) -> _Scores:
     whole = fit(model, data, loss=loss)
     screened = rows_to_screen(whole)
     fitted, part = whole.take(screened), data.take(screened)
@@ -154,14 +168,20 @@ def _diagnose(
     response, found = differentiate_candidates(fitted.model, part.poses, testable, sensed)
     scored, undetectable = score_candidates(found, linear, weigh, progress)
     ranked = sorted(scored, key=lambda one: one.alone.rms)
+    return _Scores(whole, data, screened, weigh, linear, response, ranked, (*not_testable, *undetectable))
+
+
+def _select(scores: _Scores, progress: OnProgress, rates: EffectRates | None, outliers: tuple[int, ...]) -> Diagnosis:
+    whole, data, linear, ranked = scores.fit, scores.data, scores.linear, scores.ranked
+    fitted, part = whole.take(scores.screened), data.take(scores.screened)
     floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
     quiet = _like_noise(whole, data, floor, structure)
     tried = [one for one in ranked if not quiet or one.candidate.standing == REFINEMENT]
     weights = None if rates is None else rates.weights([one.name for one in tried])
     selection = forward_select(tried, linear, progress, weights, [one for one in ranked if one not in tried])
     selected = selection.effects
-    joint_jacobian = response.slots[list(response.equilibrium.model.chain.joint_slots)]
-    before = lagged(whole.rest.joint_torque)[screened]
+    joint_jacobian = scores.response.slots[list(scores.response.equilibrium.model.chain.joint_slots)]
+    before = lagged(whole.rest.joint_torque)[scores.screened]
     functions = free_functions(joint_jacobian, part, fitted.rest, before)
     return Diagnosis(
         fit=whole,
@@ -173,11 +193,12 @@ def _diagnose(
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
         selected=selected,
         equivalent={one.name: equivalent_effects(selection, i, ranked) for i, one in enumerate(selected)},
-        unexplained=unexplained_structure(selection, functions, weigh),
-        not_testable=(*not_testable, *undetectable),
+        unexplained=unexplained_structure(selection, functions, scores.weigh),
+        not_testable=scores.not_testable,
         joint_jacobian=joint_jacobian[:, :3],
-        screened=screened,
-        loss=loss,
+        screened=scores.screened,
+        outliers=outliers,
+        loss=whole.loss,
     )
 
 
@@ -206,16 +227,15 @@ def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> Linearised
     return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma)
 
 
-def _outliers(diagnosis: Diagnosis) -> list[int]:
+def _outliers(scores: _Scores) -> list[int]:
     """Rows farther out than twice the outlier distance of a fit, with the best single candidate and without it.
 
     Twice, because an effect that is still missing may put whole groups of poses far out. As measured: a robust loss
     gives a pose the less weight the farther out it is, which would hide it here.
     """
-    squared = diagnosis.squared_held_out
-    best = min(diagnosis.scored, key=lambda one: one.alone.rms, default=None)
-    if best is not None:
-        squared = np.minimum(squared, best.alone.held_out)
-    distance = np.sqrt(squared / diagnosis.fit.weight[diagnosis.screened])
+    squared = scores.linear.now.held_out
+    if scores.ranked:
+        squared = np.minimum(squared, scores.ranked[0].alone.held_out)
+    distance = np.sqrt(squared / scores.fit.weight[scores.screened])
     far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance)
-    return [int(row) for row in diagnosis.screened[far]]
+    return [int(row) for row in scores.screened[far]]

@@ -240,8 +240,8 @@ def orthonormal_basis(columns: Array) -> Array:
 
 def projected_rank(columns: Array, original: Array) -> int:
     """Number of directions of projected columns (3 N, m) that are more than a thousandth of the original ones."""
-    scale = np.maximum(np.linalg.norm(original, axis=0), 1e-300)
-    return int(np.count_nonzero(np.linalg.svd(columns / scale, compute_uv=False) > 1e-3))
+    scaled = columns / np.maximum(np.linalg.norm(original, axis=0), 1e-300)
+    return int(np.count_nonzero(np.linalg.eigvalsh(scaled.T @ scaled) > 1e-6))
 
 
 def principal_cosine(a: Array, b: Array) -> float:

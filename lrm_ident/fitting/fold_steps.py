@@ -18,6 +18,9 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.objective import Objective
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.priors import Prior
+from lrm_math.errors import NoEquilibrium
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
 
@@ -32,7 +35,7 @@ def models_without(
     """Models for each block (rows of `data`), as a fit to the other blocks leaves it. Raises as `fit`."""
     fitted = fit(model, data, bounds, loss, prior)
     limits = bounds or bounds_of(model, model.free)
-    objective = Objective(fitted.model, data, loss, prior)
+    objective = Objective(fitted.model, data, loss, fitted.prior)
     typical = objective.typical
     iterate = objective.at(fitted.model.values[objective.columns] / typical, fitted.rest)
     free = np.array([key not in fitted.at_bound for key in model.free])
@@ -49,4 +52,17 @@ def models_without(
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         values = fitted.model.values.copy()
         values[objective.columns] = np.clip(z * typical, limits.lower, limits.upper)
-        yield fitted.model.with_values(values)
+        stepped = fitted.model.with_values(values)
+        if _settles(stepped, data.poses, fitted.rest):
+            yield stepped
+        else:  # too far for the effects' formulas: the fit shortens its steps
+            kept = np.setdiff1d(np.arange(len(data)), blocks[left_out])
+            yield fit(fitted.model, data.take(kept), bounds, loss, prior).model
+
+
+def _settles(model: Model, poses: Poses, near: Equilibrium) -> bool:
+    try:
+        equilibrium(model, poses, near)
+    except NoEquilibrium:
+        return False
+    return True

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from lrm_ident.data import wording
-from lrm_ident.data.error_stats import ErrorStats
+from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals
 from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_outliers
@@ -114,6 +114,7 @@ def comparison_document(found: ModelComparison) -> Document:
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
     blocks = [
         *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
+        *([said] if (said := _outside(found)) else []),
         *([] if found.predictable is None else [found.predictable.sentence]),
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *(_group_table(factor) for factor in found.factors[:2]),
@@ -122,6 +123,7 @@ def comparison_document(found: ModelComparison) -> Document:
     values = {
         "poses": len(data),
         "parameters": free,
+        "outside_range": [data.pose[row] for row in _rows_outside(found)],
         "error": errors,
         "factors": [
             {"kind": f.kind, "name": f.name, "share": f.share, "groups": [_group(group) for group in f.groups]}
@@ -139,6 +141,23 @@ def comparison_document(found: ModelComparison) -> Document:
         ],
     }
     return Document(blocks, "lrm/comparison/1", values)
+
+
+def _rows_outside(found: ModelComparison) -> list[int]:
+    """Rows of poses outside the range that the model was fitted on."""
+    within = found.rest.model.within
+    return [] if within is None else np.flatnonzero(within.outside(found.data.poses.q).any(axis=1)).tolist()
+
+
+def _outside(found: ModelComparison) -> str:
+    """How many poses lie outside that range, and the error there and within; empty if none does."""
+    within, rows = found.rest.model.within, _rows_outside(found)
+    if within is None or not rows:
+        return ""
+    there, rest = error_stats(found.residual[rows]), np.delete(found.residual, rows, axis=0)
+    inside = f", {error_stats(rest).rms * 1e3:.2f} mm within" if len(rest) else ""
+    error = f"Error of the model as it is: RMS {there.rms * 1e3:.2f} mm there{inside}"
+    return f"{within.sentence(found.data.poses.q)}. {error}"
 
 
 def _worst_table(found: ModelComparison) -> ResultTable:

@@ -20,7 +20,6 @@ from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.better_prediction import saves, vuong_z
 from lrm_ident.residual.covariates import covariates
-from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
@@ -106,6 +105,8 @@ def predictable_error(
     Each kernel is searched on at most `SEARCH_ROWS` of the training poses, from the last block's, and the process
     conditioned on at most `MOST_ROWS`; both spread evenly over the order of measurement.
     """
+    from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel  # loads half of scipy
+
     known = pose_covariates(data)
     names, x = tuple(known), np.stack(list(known.values()), axis=1)
     named, left = held_out_rows(blocks), np.empty_like(data.tcp)

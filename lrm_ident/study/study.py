@@ -7,18 +7,13 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.model_error import model_error_words
-from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.diagnosis.auto import AutoRun, AutoStep, run_auto
-from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
-from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
-from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
-from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal, propose_law
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -41,6 +36,12 @@ from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, to_model
+
+if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
+    from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+    from lrm_ident.diagnosis.diagnose import Diagnosis
+    from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+    from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 MAX_EFFECTS = 20
 
@@ -113,11 +114,15 @@ class Study:
         Args:
             rates: how often arms of this kind have each effect, where that is known.
         """
+        from lrm_ident.diagnosis.diagnose import diagnose
+
         own, tick = self.identifiable(), partial(self.progress, "trying every effect at every place")
         return diagnose(own.model, own.data, own.catalogue, tick, own.loss, rates)
 
     def diagnose(self, rates: EffectRates | None = None, screened: Diagnosis | None = None) -> DiagnosisReport:
         """Finds which effect the model misses. `screened`: what `screen` gives, where that is known."""
+        from lrm_ident.diagnosis.diagnosis_report import build_report
+
         return build_report(screened or self.screen(rates), self._say)
 
     def add(self, effect: str, screened: Diagnosis | None = None) -> Study:
@@ -126,6 +131,8 @@ class Study:
         Args:
             screened: what `screen` gives, where that is known. Raises `LrmError`.
         """
+        from lrm_ident.diagnosis.add_effect import add_effects
+
         own = self.identifiable()
         added = effects_at(own.model.arm, effect, own.catalogue)
         found = screened or own.screen()
@@ -146,6 +153,8 @@ class Study:
         Args:
             on_step: called with the start, and with every step as soon as it is taken.
         """
+        from lrm_ident.diagnosis.auto import run_auto
+
         own, now = self.identifiable(), self
 
         def taken(step: AutoStep) -> None:
@@ -164,6 +173,8 @@ class Study:
         self, executor: Executor, max_effects: int = MAX_EFFECTS, rates: EffectRates | None = None
     ) -> HeldOutResidual:
         """Held-out residual of `auto` itself, effects chosen anew in every fold; folds side by side on `executor`."""
+        from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
+
         own, tick = self.identifiable(), partial(self.progress, "choosing anew in every fold")
         return nested_held_out(own.model, own.data, executor, max_effects, own.catalogue, tick, own.loss, rates)
 
@@ -177,6 +188,8 @@ class Study:
 
     def propose(self) -> LawProposal:
         """Proposes a law where no known effect fits: a small grammar searched at every joint."""
+        from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
+
         own, tick = self.identifiable(), partial(self.progress, "trying every law at every joint")
         return propose_law(own.model, own.data, tick, self._say, own.loss)
 

@@ -8,6 +8,7 @@ from importlib import import_module
 from lrm_math.arm.arm import Arm
 from lrm_math.effects.base import (
     AngleDependentEffect,
+    Beyond,
     Description,
     Effect,
     JointEffect,
@@ -123,6 +124,7 @@ __all__ = [
     "CATALOGUE",
     "FREE_FORMS",
     "AngleDependentEffect",
+    "Beyond",
     "Description",
     "Effect",
     "JointEffect",

@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
@@ -34,6 +35,7 @@ UNIT_IN_SI = {
     "rad_per_Nm3": 1.0,
     "rad_per_rad": 1.0,
     "rad_per_K": 1.0,
+    "mm_per_K": 1e-3,
     "Nm_per_rad": 1.0,
     "mm_per_m": 1e-3,
 }
@@ -123,6 +125,17 @@ class Description:
     needs: str = ""
 
 
+class Beyond(Enum):
+    """How far an effect's formula is believed beyond the range that it was fitted on.
+
+    Amounts are those of any parameters. `HELD`: they stay what they are at the range's edge (`measured_range`).
+    """
+
+    HELD = "constant: a description of what was measured"
+    PROPORTIONAL = "as stated, growing no faster than in proportion: a linear law, a saturation, a constant"
+    PERIODIC = "as stated, the same after every turn"
+
+
 @dataclass(frozen=True)
 class Effect(ABC):
     """A physical cause at one `place` of one `arm`."""
@@ -140,6 +153,9 @@ class Effect(ABC):
     variant_of: ClassVar[tuple[str, ...]] = ()
     """Ids of the effects of which this is another form, fitted beside them (`variants` gives their names); empty for an
     effect of its own."""
+
+    beyond: ClassVar[Beyond] = Beyond.HELD
+    """How its formula goes on beyond the measured range. A law of physics says so; what says nothing is held."""
 
     @classmethod
     @abstractmethod
@@ -170,6 +186,11 @@ class Effect(ABC):
             tau: gravity's load on each of `load_slots`, N·m (N along a translation), each (N,).
             p: the parameters' values in SI.
         """
+
+    @property
+    def curves(self) -> tuple[tuple[str, ...], ...]:
+        """Names of parameters that are neighbouring coefficients of one curve, for each curve: fits keep it smooth."""
+        return ()
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Why the effect is not identifiable from these poses, or None if it may be."""

@@ -10,7 +10,7 @@ import numpy as np
 from typer import Argument, Option, Typer
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.application import app
+from lrm_ident.cli.app import app
 from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import notice, one_of, parse_numbers, publish, read_model, show
 from lrm_ident.cli.groups.arm_export import writer_for
