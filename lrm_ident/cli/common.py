@@ -133,7 +133,7 @@ def read_measurements(
 
 def notice(words: str) -> None:
     """Tells a person something, on stderr."""
-    log.print(f"notice: {words}")
+    log.print(f"notice: {words}", markup=False, highlight=False)
 
 
 def parse_numbers(option: str, text: str, example: str) -> list[float]:

@@ -80,6 +80,11 @@ def column_name(text: str, joints: Sequence[str] = ()) -> ColumnName | None:
     return None
 
 
+def unit_word(text: str) -> str | None:
+    """The unit that a cell names, bare or in brackets; None if it names none."""
+    return UNIT_WORDS.get(text.strip().lower().strip("[]()"))
+
+
 def joint_names(joints: Sequence[str]) -> dict[str, str]:
     """Our names of the columns of joints by the arm's own, squeezed."""
     return {_squeezed(name.lower()): f"q{number}_deg" for number, name in enumerate(joints, start=1)}

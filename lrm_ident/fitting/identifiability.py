@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.fitting.block_qr import compress
-from lrm_ident.fitting.levenberg_marquardt import Fit, check_enough, fit
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
-from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_told
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.forward import chain_geometry
@@ -255,7 +255,7 @@ def fit_identifiable(
         selected = select_identifiable(rest, keys, noise, data.whitening)
         if seen and selected.kept == seen[-1]:
             break
-        check_enough(len(data), len(selected.kept))
+        check_told(model, data.poses, len(selected.kept), len(keys))
         start = _holding(rest.model, keys, selected.kept)
         low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
         try:
@@ -280,11 +280,12 @@ def _fit_from_part(model: Model, data: Measurements, bounds: Bounds, loss: Loss)
     return replace(fit(part.model, data, bounds, loss, part.weak_prior), damped=True)
 
 
-def some_rows(count: int, most: int = MOST_AT_ONCE) -> NDArray[np.int64]:
-    """At most so many rows drawn from `count` without replacement, ascending, always the same."""
-    if count <= most:
+def some_rows(count: int, most: int | None = None) -> NDArray[np.int64]:
+    """At most so many rows (`MOST_AT_ONCE`) drawn from `count` without replacement, ascending, always the same."""
+    size = MOST_AT_ONCE if most is None else most
+    if count <= size:
         return np.arange(count)
-    return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
+    return np.sort(np.random.default_rng(0).choice(count, size, replace=False))
 
 
 def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:

@@ -200,7 +200,7 @@ class _LevenbergMarquardt:
             iterate = trial
             if done:
                 update = NoiseUpdate(noise, objective.noise_scale(iterate, noise, ~held))
-                if update.estimated.close_to(noise):
+                if update.estimated.close_to(noise, objective.sigma_tolerance):
                     return self._result(iterate, columns, held, steps, noise)
                 noise, before, damping = update.accelerated(before), update, min(damping, FIRST_DAMPING)
         raise FitNotConverged(most_steps, step)

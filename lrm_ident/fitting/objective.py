@@ -25,6 +25,7 @@ from lrm_math.model.model import Model
 
 SLOW, LARGEST_CHANGE = 0.5, 2.0  # a contraction worth accelerating; the most that log σ may change at once
 SCALE_TOLERANCE = 1e-3  # relative change at which the noise scale has converged
+PENALTY_TOLERANCE = 0.05  # of the noise that weighs penalties against the data
 MIN_SCALE = 1e-9  # m, or of the stated noise
 EQUILIBRIUM_TOLERANCE = 1e-11  # m: with a larger one the objective is too rough for its last steps
 ROUND_OFF = 1e-15
@@ -66,10 +67,10 @@ class NoiseScale:
         """Change of the objective per unit of the log-posterior; zero without a prior."""
         return (self.sigma / self.scale) ** 2
 
-    def close_to(self, other: NoiseScale) -> bool:
-        """Whether both agree to `SCALE_TOLERANCE`."""
+    def close_to(self, other: NoiseScale, sigma_tolerance: float) -> bool:
+        """Whether both agree: the scale to `SCALE_TOLERANCE`, σ to a part of itself."""
         scale_change, sigma_change = abs(self.scale - other.scale), abs(self.sigma - other.sigma)
-        return scale_change < SCALE_TOLERANCE * other.scale and sigma_change <= SCALE_TOLERANCE * other.sigma
+        return scale_change < SCALE_TOLERANCE * other.scale and sigma_change <= sigma_tolerance * other.sigma
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,11 @@ class Objective:
         """Whether a prior knows every free parameter, but for where an instrument stood."""
         known = set(self._with_prior)
         return all(j in known or key.startswith(SET_UP) for j, key in enumerate(self.model.free))
+
+    @property
+    def sigma_tolerance(self) -> float:
+        """Part of σ to which it must be known: penalties of forms are no better known than to a third themselves."""
+        return SCALE_TOLERANCE if self.has_full_prior else PENALTY_TOLERANCE
 
     @cached_property
     def _prior_mean(self) -> Array:

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from lrm_ident.data.table_text.workbook import sheet_text
 from lrm_math.errors import FileError
 
 DELIMITERS = (";", "\t", ",")
@@ -18,6 +19,9 @@ COMMENT = ("#", "%", "//")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """A number with commas that may divide thousands as well."""
+OLD_EXCEL = b"\xd0\xcf\x11\xe0"
+NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\ufffd]")
+TOOL_SCHEMA = re.compile(r"""^\s*"?schema"?\s*[=:]\s*"(lrm/\w+)/""", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -29,26 +33,53 @@ class RawTable:
 
 
 def read_text(path: Path) -> str:
-    """Text of a file in UTF-8, or in UTF-16 if it begins with its byte order mark. Raises `FileError`."""
+    """Text of a file in one of the encodings of `encoding_of`, or of a workbook's first sheet. Raises `FileError`."""
     try:
         content = path.read_bytes()
-        return content.decode("utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except FileNotFoundError:
         raise FileError(path, "", "no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(path, "", f"cannot be read as text ({error})") from None
+    except OSError as error:
+        raise FileError(path, "", f"cannot be read ({error})") from None
+    if is_workbook(content):
+        return sheet_text(path, content)
+    if content.startswith(OLD_EXCEL):
+        raise FileError(path, "", "an Excel file of before 2007", "save it as .xlsx or as CSV")
+    text = content.decode(encoding_of(content), errors="replace")
+    if NO_TEXT.search(text):
+        raise FileError(path, "", "is no text", "a table: CSV, or an Excel workbook (.xlsx)")
+    return text
+
+
+def is_workbook(content: bytes) -> bool:
+    """Whether these are the bytes of a packed file, as .xlsx is."""
+    return content.startswith(b"PK\x03\x04")
+
+
+def encoding_of(content: bytes) -> str:
+    """UTF-16 if its byte order mark is there; else UTF-8, or Windows-1252 (Latin-1 and more) if it is not that."""
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    try:
+        content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
 
 
 def parse_table(path: Path, text: str) -> RawTable:
     """Header and rows; blank lines, comment lines and empty columns at the right are left out.
 
-    Raises `FileError`: a row with more or fewer cells than the header, or commas that may mean two things.
+    Raises `FileError`: nothing in it, another kind of file, a row with more or fewer cells than the header, or commas
+    that may mean two things.
     """
+    if schema := TOOL_SCHEMA.search(text):
+        what = f"is a file of the schema {schema[1]}, no table"
+        raise FileError(path, "", what, "the data are a CSV: do the arguments stand in another order?")
     lines = text.splitlines()
     delimiter = _stated_delimiter(lines)
     kept = [(number, line) for number, line in enumerate(lines, start=1) if _tells(line)]
     if not kept:
-        return RawTable(((),), (1,))
+        raise FileError(path, "", "is empty", "a header that names the columns (pose, q1_deg, …), and a row per pose")
     delimiter = delimiter or next((mark for mark in DELIMITERS if mark in kept[0][1]), ",")
     if all(_is_number(cell.replace(",", ".")) for cell in kept[0][1].split(delimiter)):
         kept.insert(0, _header_in_comment(path, lines, *kept[0], delimiter))
