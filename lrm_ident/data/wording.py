@@ -20,6 +20,13 @@ def in_mm(value: float) -> str:
     return f"{mm:.{decimals(mm)}f}"
 
 
+def in_minutes(seconds: float) -> str:
+    """A rough time in words."""
+    if seconds < 90.0:
+        return f"{max(seconds, 1.0):.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
 def enumerate_words(names: Sequence[str], most: int) -> str:
     """The first names, and how many more there are."""
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
