@@ -156,14 +156,14 @@ def auto(
     together with the prior.
     """
     study = identifiable(read_study(model, data, effects_file, reading))
-    numbers, begun, taken = count(), monotonic(), list[Study]()
+    numbers, begun, taken = count(), monotonic(), list[AutoStep]()
     rates = None if prior is None else load_rates(prior)
 
     def on_step(step: AutoStep, now: Study) -> None:
         """Prints a step as soon as it is taken; the model of the last one is on disk whatever comes then."""
-        show(*step_blocks(next(numbers), step))
+        taken.append(step)
+        show(*step_blocks(next(numbers), step, taken[0]))
         now.save(output)
-        taken.append(now)
 
     with kept_when_interrupted(output, taken):
         course, after = study.auto(max_effects, rates, on_step)
@@ -193,7 +193,7 @@ def auto(
 
 
 @contextmanager
-def kept_when_interrupted(output: Path, taken: Sequence[Study]) -> Iterator[None]:
+def kept_when_interrupted(output: Path, taken: Sequence[AutoStep]) -> Iterator[None]:
     """Ends with exit code 130 and one line where a person interrupts: the model of the last step is written already."""
     try:
         yield

@@ -199,7 +199,5 @@ class Measurements:
         """The poses of these numbers alone. Raises `FileError` if there are none."""
         chosen = np.isin(self.pose, numbers)
         if not chosen.any():
-            raise FileError(
-                self.path, "", "no poses that the fit left out", "--left-out is of the fit's own data"
-            )
+            raise FileError(self.path, "", "no poses that the fit left out", "--left-out is of the fit's own data")
         return self.take(chosen)
