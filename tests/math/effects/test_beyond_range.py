@@ -44,6 +44,7 @@ class Driven:
 
     def at(self, share: Array, factor: float = 1.0) -> Array:
         """(N, targets), amounts at shares (N,) of the range, 0 … 1 within it; `factor`: of all values."""
+
         def along(lower: Array, upper: Array) -> Array:
             return np.asarray(factor * (lower + share[:, None] * (upper - lower)))
 

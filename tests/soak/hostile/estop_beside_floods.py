@@ -21,9 +21,9 @@ from pathlib import Path
 
 from tests.soak.hostile.estop_client import EstopClient
 from tests.soak.hostile.flood import FLOODS, flooded
-from tests.soak.hostile.pulse_ends import PulseEnds, delays_until
 from tests.soak.hostile.trial import Trial, trial
 from tests.support.daemon.daemon_process import WaitTimeout, wait_for
+from tests.support.daemon.pulse_ends import PulseEnds, delays_until
 
 NONE = "none"
 HEAD = (

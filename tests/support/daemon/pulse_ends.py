@@ -1,4 +1,4 @@
-"""Times at which the ramp switched all outputs off: `python -m tests.soak.hostile.pulse_ends DESCRIPTOR`.
+"""Times at which the ramp switched all outputs off: `python -m tests.support.daemon.pulse_ends DESCRIPTOR`.
 
 Read from the daemon's shared memory, so without the way of the bytes through a pseudo-terminal, which a worker thread
 of the kernel carries at ordinary priority: the frame has been handed to the serial port by then.
@@ -52,7 +52,7 @@ class PulseEnds:
     """That watch of a daemon (`pid`) as a process of its own, from `with` to its end."""
 
     def __init__(self, pid: int) -> None:
-        command = [sys.executable, "-m", "tests.soak.hostile.pulse_ends", shared_memory_of(pid)]
+        command = [sys.executable, "-m", "tests.support.daemon.pulse_ends", shared_memory_of(pid)]
         self._process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
 
     def stop(self) -> list[int]:
