@@ -159,9 +159,7 @@ def auto_step_name(step: AutoStep) -> str:
 def as_written(model: Model, arm: str) -> Model:
     """A model as it is read again from its own file: effects in the file's order, values through the file's units."""
     effects, parameters = effect_names(model.effects), parameter_tables(model)
-    file = ModelFile(
-        schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters, range=range_table(model)
-    )
+    file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters, range=range_table(model))
     return to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
 
 

@@ -72,9 +72,7 @@ def test_a_tracker_that_creeps_is_a_drifting_base(lab: Arm) -> None:
 
 
 @pytest.mark.slow
-def test_auto_goes_on_without_an_effect_that_cannot_be_gone_on_with(
-    lab: Arm, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_auto_goes_on_without_an_effect_that_cannot_be_gone_on_with(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
     """Before: the run ended with the error of the equilibrium, and no model was written."""
     gain = OneSidedGain(joint=1, side=1, gain=0.03, corner_rad=0.02)
     data = measured(4, SoftPlay(2, np.radians(2.4), 0.03), gain)
