@@ -22,7 +22,7 @@ from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.better_prediction import predicts_better
-from lrm_ident.residual.thresholds import MIN_GAIN, WITHIN_TWO_DEVIATIONS
+from lrm_ident.residual.thresholds import EQUIVALENT_GAIN, MIN_GAIN, WITHIN_TWO_DEVIATIONS
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
@@ -87,6 +87,8 @@ def confirm(
 ) -> ConfirmedDiagnosis:
     """Refits the supported effects in turn until one predicts better.
 
+    What saves far less than one that was refused had promised is no name for it: that is structure.
+
     Args:
         blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
         on_progress: called with what is being done.
@@ -97,6 +99,7 @@ def confirm(
         blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
     supported = tuple(scored for scored in diagnosis.supported if scored.name not in refused)
     reasons = dict.fromkeys(refused, "a model with it could not be gone on with")
+    promised, of = 0.0, ""
     for number, scored in enumerate(supported):
         on_progress(f"refitting with {scored.name}")
         try:
@@ -105,9 +108,12 @@ def confirm(
             reasons[scored.name] = f"it could not be refitted: {error}"
             continue
         reason = _objection(scored, refit, blocks)
-        if not reason:
+        if not reason and _share_saved(squared(refit.blocks), squared(blocks)) >= EQUIVALENT_GAIN * promised:
             return ConfirmedDiagnosis(diagnosis, blocks, refit, supported[number:], reasons)
-        reasons[scored.name] = reason
+        reasons[scored.name] = reason or f"it saves far less than {of} promised, which its refit refused"
+        saved = _share_saved(scored.alone.held_out, diagnosis.squared_held_out)
+        if reason and saved > promised:
+            promised, of = saved, scored.name
     return ConfirmedDiagnosis(diagnosis, blocks, None, (), reasons)
 
 
@@ -116,6 +122,11 @@ def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit:
     effect, data, loss = scored.candidate.effect, diagnosis.data, diagnosis.loss
     fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
     return Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
+
+
+def _share_saved(then: Array, now: Array) -> float:
+    """Share of the mean square (N,) that is saved."""
+    return 1.0 - float(then.mean() / now.mean())
 
 
 def _objection(scored: ScoredCandidate, refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> str:
