@@ -83,7 +83,7 @@ def _pushed(taken: Taken) -> Array:
 
 
 def _moved_between(taken: Taken) -> tuple[Array, Array | None]:
-    session = 1.0 + (np.arange(len(taken.q)) >= len(taken.q) // 2)
+    session: Array = np.repeat([1.0, 2.0], [len(taken.q) // 2, len(taken.q) - len(taken.q) // 2])
     return np.where((session == 2.0)[:, None], _pushed(taken), taken.tcp), session
 
 
