@@ -10,7 +10,7 @@ Of thousands of poses a part is screened, drawn at random, with those that the f
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
