@@ -39,7 +39,7 @@ QUIET, HONEST = ("nothing_missing",), ("unexplained_structure", "unpredictable")
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class HealthyMeasurement:
     """A healthy measurement: commands q (N, 6) (rad), positions tcp (N, 3) (m); `at`: those of other joint angles."""
 
     q: Array
@@ -48,7 +48,7 @@ class Taken:
     rng: np.random.Generator
 
 
-Fault = Callable[[Taken], tuple[Array, Array | None]]
+Fault = Callable[[HealthyMeasurement], tuple[Array, Array | None]]
 """Positions (N, 3) (m) as the fault leaves them, and every pose's session where sessions are known."""
 
 
@@ -63,59 +63,59 @@ class FaultCase:
     noise_known: bool = True
 
 
-def _block(taken: Taken) -> tuple[Array, Array | None]:
+def _block(taken: HealthyMeasurement) -> tuple[Array, Array | None]:
     first, tcp = int(taken.rng.integers(20, len(taken.q) - 40)), taken.tcp.copy()
     rows = np.arange(first, first + int(taken.rng.integers(8, 18)))
     tcp[rows] = taken.tcp[rows - 1]
     return tcp, None
 
 
-def _swapped(taken: Taken) -> tuple[Array, Array | None]:
+def _swapped(taken: HealthyMeasurement) -> tuple[Array, Array | None]:
     tcp = taken.tcp.copy()
     for row in taken.rng.choice(len(tcp) - 1, 4, replace=False):
         tcp[[row, row + 1]] = tcp[[row + 1, row]]
     return tcp, None
 
 
-def _pushed(taken: Taken) -> Array:
+def _pushed(taken: HealthyMeasurement) -> Array:
     turn = rotation_matrix(np.radians(taken.rng.uniform(-0.3, 0.3, 3)))
     return np.asarray(taken.tcp @ np.asarray(turn).T + taken.rng.uniform(-0.003, 0.003, 3))
 
 
-def _moved_between(taken: Taken) -> tuple[Array, Array | None]:
+def _moved_between(taken: HealthyMeasurement) -> tuple[Array, Array | None]:
     session: Array = np.repeat([1.0, 2.0], [len(taken.q) // 2, len(taken.q) - len(taken.q) // 2])
     return np.where((session == 2.0)[:, None], _pushed(taken), taken.tcp), session
 
 
-def _moved_meanwhile(taken: Taken) -> tuple[Array, Array | None]:
+def _moved_meanwhile(taken: HealthyMeasurement) -> tuple[Array, Array | None]:
     when = taken.rng.uniform(0.3, 0.7) * len(taken.q)
     return np.where((np.arange(len(taken.q)) >= when)[:, None], _pushed(taken), taken.tcp), None
 
 
-def _skipped_tooth(taken: Taken) -> tuple[Array, Array | None]:
+def _skipped_tooth(taken: HealthyMeasurement) -> tuple[Array, Array | None]:
     q, when = taken.q.copy(), int(taken.rng.uniform(0.3, 0.7) * len(taken.q))
     q[when:, int(taken.rng.integers(1, 4))] += np.radians(taken.rng.uniform(0.6, 1.5))
     return taken.at(q), None
 
 
-def _loose(taken: Taken) -> tuple[Array, Array | None]:
+def _loose(taken: HealthyMeasurement) -> tuple[Array, Array | None]:
     """A screw that lets a joint rest at either of two angles, whatever the pose."""
     q, size = taken.q.copy(), np.radians(taken.rng.uniform(0.4, 0.9))
     q[:, int(taken.rng.integers(1, 4))] += size * taken.rng.choice([-0.5, 0.5], len(q))
     return taken.at(q), None
 
 
-def _grows(taken: Taken) -> tuple[Array, Array | None]:
+def _grows(taken: HealthyMeasurement) -> tuple[Array, Array | None]:
     """All lengths grow as the room warms up."""
     return taken.tcp * (1.0 + 0.006 * np.linspace(0.0, 1.0, len(taken.q)) ** 2)[:, None], None
 
 
-def _heavy_tails(taken: Taken) -> tuple[Array, Array | None]:
+def _heavy_tails(taken: HealthyMeasurement) -> tuple[Array, Array | None]:
     noise = taken.rng.standard_t(3.0, taken.tcp.shape) / np.sqrt(3.0)
     return taken.at(taken.q) + 0.3 * NOISE_M * noise, None
 
 
-def _healthy(taken: Taken) -> tuple[Array, Array | None]:
+def _healthy(taken: HealthyMeasurement) -> tuple[Array, Array | None]:
     return taken.tcp, None
 
 
@@ -182,7 +182,7 @@ def spoiled(case: FaultCase, seed: int, count: int) -> Measurements:
     def at(angles: Array) -> Array:
         return measure(described, truth, angles, load, NOISE_M, seed, plan)
 
-    tcp, session = case.spoil(Taken(q, at(q), at, rng))
+    tcp, session = case.spoil(HealthyMeasurement(q, at(q), at, rng))
     poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s, session)
     noise, pose = NOISE_M if case.noise_known else None, np.arange(1, count + 1)
     return Measurements(poses, pose, tcp, None, noise, pose, Path("simulated.csv"), "")
