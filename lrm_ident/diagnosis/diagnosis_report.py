@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.data.wording import in_mm
+from lrm_ident.data.wording import fall, in_mm, quantity
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.score_test import ScoredCandidate
@@ -137,9 +137,9 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     why = f"alone it would leave {in_mm(rms)} mm, but {confirmed.refused.get(scored.name, other)}"
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
-        fall = f"the held-out error falls from {in_mm(before.rms)} to {in_mm(rms)} mm"
+        better = f"the held-out error falls {fall(before.rms, rms)} mm"
         unsure = f"; these data cannot tell it from {', '.join(equivalent[:4])}" if equivalent else ""
-        why = f"{_describe_effect(scored, estimates)}: {fall}{unsure}"
+        why = f"{_describe_effect(scored, estimates)}: {better}{unsure}"
     elif scored.implausible:
         why = scored.implausible
     elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
@@ -178,13 +178,14 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     if any(name in sentence for name in words):
         return claim
     surest = sorted(estimates, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
-    surest_values = ", ".join(f"{name} {words[name]}" for name in words if name in {one[0] for one in surest})
+    shown = [name for name in words if name in {one[0] for one in surest}]
+    surest_values = ", ".join(f"{name.removesuffix('_rad')} {words[name]}" for name in shown)
     return f"{claim} ({surest_values}{f' and {len(words) - MOST_WORDS} more' if len(words) > MOST_WORDS else ''})"
 
 
 def _with_unit(value: float, error: float, unit: str) -> str:
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
-    return f"{value * scale:.3g} ± {error * scale:.1g}{symbol}"
+    return f"{quantity(value * scale, error * scale)}{symbol}"
 
 
 def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:

@@ -14,7 +14,7 @@ from lrm_ident.data.wording import enumerate_words, in_mm
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
-from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.predictable_residual import PredictableResidual
@@ -22,7 +22,7 @@ from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import Effect, compensable
 
-SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED = 8, 4, 4, 30
+SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED, BAR = 8, 4, 4, 30, 24
 VERDICTS = {
     "effect_missing": "An effect is missing.",
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
@@ -102,7 +102,9 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
     blocks += [f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in found.shifted]
     blocks += section("\nHints that are no effects", report.hints)
     blocks += section("\nWhat these data cannot show", report.limitations)
-    blocks += section("\nNot testable", _untestable(found.not_testable))
+    if refused := tuple(_untestable(found.not_testable)):
+        names = ", ".join(dict.fromkeys(effect.id for effect, _ in found.not_testable))
+        blocks.append(FoldedSection("\nNot testable", refused, f"{names}; --all says where and why"))
     return [*blocks, f"\nNext poses: {report.hint}"]
 
 
@@ -191,10 +193,10 @@ def _untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
         yield f"{name} at {', '.join(places)}: {reason}"
 
 
-def step_blocks(number: int, step: AutoStep) -> Iterator[Block]:
-    """One step of `lrm-ident auto`: errors, the effects that explain the data equally well, and what was freed."""
-    held_out = error_stats(step.held_out).rms * 1e3
-    bar = "█" * int(np.clip(round(held_out * 3), 1, 24))
+def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]:
+    """One step of `auto`: errors, rival effects, and what was freed; its bar is relative to that of the `start`."""
+    held_out, before = (error_stats(one.held_out).rms * 1e3 for one in (step, start))
+    bar = "█" * int(np.clip(round(BAR * held_out / max(before, 1e-9)), 1, 2 * BAR))
     errors = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}   held out {in_mm(held_out * 1e-3):>5s} mm  {bar}"
     yield f"{number:3d}  {step.added or 'start':28s} {len(step.fit.model.free):3d} parameters   {errors}"
     if step.equivalent:

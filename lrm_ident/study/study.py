@@ -20,7 +20,13 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.fitting.priors import WEAK, EffectRates, Prior, load_prior, prior_name_for, prior_of_file
 from lrm_ident.fitting.progress import Progress, unheard
-from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, compare, try_held_out
+from lrm_ident.residual.error_breakdown import (
+    HeldOutResidual,
+    ModelComparison,
+    compare,
+    compare_unseen,
+    try_held_out,
+)
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.model_history import (
     arm_name_for,
@@ -105,8 +111,21 @@ class Study:
         return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
 
     def compare(self) -> ModelComparison:
-        """Compares the model as it is with the data: error, held-out error, and what it may depend on."""
+        """Compares the model as it is with the data: error, held-out error, and what it may depend on.
+
+        On poses that no fit of the model saw, its error is a held-out one, and nothing is refitted.
+        """
+        if self.unseen:
+            return compare_unseen(self.model, self.data, partial(self.progress, "what is left to find"))
         return compare(self.model, self.data, partial(self.progress, "held-out error"), self.prior, self.loss)
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the model file says that its fit saw none of these poses: it was of other data, or left them out."""
+        known = None if self.source is None else self.source.provenance
+        if known is None:
+            return False
+        return known.data_sha256 != self.data.sha256 or {*self.data.pose.tolist()} <= {*known.left_out}
 
     def screen(self, rates: EffectRates | None = None) -> Diagnosis:
         """Tries every effect at every place by the linearised fit, and finds outliers.

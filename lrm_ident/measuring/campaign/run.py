@@ -21,7 +21,9 @@ class Unreachable(LrmError):
 
 
 class CampaignArm(Protocol):
-    """The arm as a campaign sees it."""
+    """The arm as a campaign sees it. `session`: of the servos' power, for the rows."""
+
+    session: int
 
     def go(self, pose: PlannedPose) -> ArmState:
         """Moves there and waits. Raises `Unreachable`; other `LrmError`s end the campaign."""

@@ -51,6 +51,13 @@ def test_a_misspelt_command_is_asked_back() -> None:
     assert "Did you mean 'diagnose'" in found.stderr
 
 
+def test_a_shell_completes_commands_and_their_options() -> None:
+    for words, expected in (("lrm-ident ch", "checkup"), ("lrm-ident arm export --m", "--mjcf")):
+        asked = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" ")), "_LRM_IDENT_COMPLETE": "complete_bash"}
+        shown = CliRunner().invoke(app, env=asked, prog_name="lrm-ident").stdout
+        assert expected in shown.split()
+
+
 def test_the_version_is_that_of_the_package() -> None:
     assert CliRunner().invoke(app, ["--version"]).stdout.startswith("lrm-ident ")
 
