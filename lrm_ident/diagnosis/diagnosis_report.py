@@ -102,10 +102,11 @@ def report_of(confirmed: ConfirmedDiagnosis) -> DiagnosisReport:
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks)
     before = error_stats(confirmed.held_out)
-    more = confirmed.verdict in ("nothing_missing", "unpredictable") and left.predictable.more_to_find
+    quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
+    more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")
     return DiagnosisReport(
         diagnosis=diagnosis,
-        verdict="unexplained_structure" if more else confirmed.verdict,
+        verdict="unexplained_structure" if more or (quiet and left.regimes) else confirmed.verdict,
         fit=error_stats(diagnosis.fit.residual),
         held_out=before,
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
@@ -132,8 +133,8 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    refused = "with the effects above there is no need of it" if supported else "no refit confirmed what was selected"
-    why = f"alone it would leave {in_mm(rms)} mm, but {refused}"
+    other = "with the effects above there is no need of it" if supported else "no refit confirmed what was selected"
+    why = f"alone it would leave {in_mm(rms)} mm, but {confirmed.refused.get(scored.name, other)}"
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
         better = f"the held-out error falls {fall(before.rms, rms)} mm"
