@@ -112,7 +112,7 @@ def run_auto(
 
 @dataclass(frozen=True, eq=False)
 class _Added:
-    """What a step adds: its name, what it cannot be told from, what it refines, and all keys that are then free."""
+    """Addition of a step: its name, what it cannot be told from, what it refines, and all keys that are then free."""
 
     name: str
     equivalent: tuple[str, ...]

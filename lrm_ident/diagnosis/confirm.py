@@ -141,7 +141,7 @@ def _objection(scored: ScoredCandidate, refit: Refit, blocks: tuple[HeldOutBlock
 
 
 def zero_p_value(fitted: Fit, keys: Collection[str]) -> float:
-    """How probable such estimates of some parameters are if all of them are zero (Wald 1943); 1 if none was fitted."""
+    """Probability of such estimates of some parameters if all of them are zero (Wald 1943); 1 if none was fitted."""
     rows = [row for row, key in enumerate(fitted.model.free) if key in keys and key not in fitted.at_bound]
     if not rows:
         return 1.0

@@ -48,7 +48,7 @@ Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What a model misses on measurements.
+    """Diagnosis of a model on measurements: the effects that it misses.
 
     Attributes:
         fit, data: of all N poses. screened: (n,), rows of those that were screened, all of few; below for these only.

@@ -81,7 +81,7 @@ class DiagnosisReport:
 
     @property
     def far_rows(self) -> tuple[int, ...]:
-        """Where more than noise is left without a name: rows far from what the others show, the farthest first."""
+        """Rows with more than noise left and no name: those far from what the others show, the farthest first."""
         if self.verdict not in ("unexplained_structure", "unpredictable"):
             return ()
         fit = self.diagnosis.fit
