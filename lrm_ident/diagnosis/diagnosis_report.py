@@ -170,7 +170,7 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     """The effect's claim with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`."""
     effect = scored.candidate.effect
     units = {p.name: p.unit for p in effect.parameters}
-    words = {name: _with_unit(value, error, units[name]) for name, value, error in estimates}
+    words = {name: with_unit(value, error, units[name]) for name, value, error in estimates}
     numbers = {p.name: words.get(p.name, "0") for p in effect.parameters}
     sentence = effect.about.claim
     claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
@@ -181,9 +181,10 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     return f"{claim} ({surest_values}{f' and {len(words) - MOST_WORDS} more' if len(words) > MOST_WORDS else ''})"
 
 
-def _with_unit(value: float, error: float, unit: str) -> str:
+def with_unit(value: float, error: float | None, unit: str) -> str:
+    """An estimate with its standard error, if it has one, in the unit that is shown, for instance `2.3 ± 0.1°`."""
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
-    return f"{value * scale:.3g} ± {error * scale:.1g}{symbol}"
+    return f"{value * scale:.3g}{'' if error is None else f' ± {error * scale:.1g}'}{symbol}"
 
 
 def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:

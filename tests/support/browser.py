@@ -84,7 +84,7 @@ class RunningWorkbench:
 def workbench(*words: object, cwd: Path) -> Iterator[RunningWorkbench]:
     """`lrm-ident workbench WORDS`, until the block ends."""
     command = [sys.executable, "-m", "lrm_ident", "workbench", "--no-open", *map(str, words)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    environment = {**os.environ, "XDG_STATE_HOME": str(cwd / "state"), "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
     started = time.monotonic()
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package is compiled
     environment.pop("PYTEST_CURRENT_TEST", None)  # NiceGUI would take itself to be under test
