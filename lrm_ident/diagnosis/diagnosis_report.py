@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
@@ -58,7 +59,7 @@ class RankedCandidate:
 
 
 @dataclass(frozen=True, eq=False)
-class DiagnosisReport:
+class DiagnosisReport(ShownInNotebook):
     """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
 
     `left`: what could be predicted without names. `hints`: what the estimates look like together, no effects.

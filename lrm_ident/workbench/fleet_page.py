@@ -43,8 +43,7 @@ hollow: one of several causes that this arm's data cannot tell apart</p>
 </main>
 """
 START = """
-document.getElementById("lrm-theme").onclick = () =>
-  lrmFleet.theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+document.getElementById("lrm-theme").onclick = () => lrmFleet.theme(lrmTheme());
 window.addEventListener("beforeprint", () => { lrmFleet.theme("light"); lrmChart.onPaper(true); });
 window.addEventListener("afterprint", () => lrmChart.onPaper(false));
 """

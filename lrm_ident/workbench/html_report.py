@@ -75,8 +75,7 @@ BODY = """<header>
 </main>
 """
 START = """
-document.getElementById("lrm-theme").onclick = () =>
-  lrm.theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+document.getElementById("lrm-theme").onclick = () => lrm.theme(lrmTheme());
 lrm.show(lrmValues);
 lrmGlossary(document.querySelector("main"));
 """

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from lrm_ident.report.document import Document
-from lrm_ident.report.plots.interactive.assets import LIBRARY, STYLE, text_of
+from lrm_ident.report.plots.interactive.assets import LIBRARY, STYLE, THEME, text_of
 
 PAGE = """<!doctype html>
 <html lang="en">
@@ -18,7 +18,7 @@ PAGE = """<!doctype html>
  style-src 'unsafe-inline'; img-src data: blob:">
 <title>{title}</title>
 <script>
-document.documentElement.dataset.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+{theme}
 </script>
 <style>
 {style}
@@ -68,6 +68,7 @@ def standalone_page(
     library = LIBRARY.read_text(encoding="utf-8")
     return PAGE.format(
         title=escape(title),
+        theme=THEME.read_text(encoding="utf-8"),
         style=STYLE.read_text(encoding="utf-8"),
         own_style=OWN_STYLE,
         body=body,

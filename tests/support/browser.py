@@ -102,6 +102,20 @@ def workbench(*words: object, cwd: Path) -> Iterator[RunningWorkbench]:
             process.kill()
 
 
+def opened(
+    browser: Any, running: RunningWorkbench, size: dict[str, int], seen: BrowserLog | None = None, scheme: str = "light"
+) -> Any:
+    """A new tab. `scheme`: of colours, that the browser asks for."""
+    context = browser.new_context(viewport=size, color_scheme=scheme)
+    context.set_default_timeout(PATIENCE_MS)
+    page = context.new_page()
+    if seen:
+        seen.listen(page)
+    page.goto(running.address)
+    wait_for(page, "window.lrm && lrm.state.values")
+    return page
+
+
 def idle(page: Any, also: str = "true") -> None:
     """Waits until the workbench has done its work and `also` holds in the page."""
     wait_for(page, f"document.querySelector('#lrm-work')?.checkVisibility() === false && ({also})")

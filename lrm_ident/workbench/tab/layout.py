@@ -51,7 +51,7 @@ class WorkbenchPage:
 
     def _build_header(self) -> None:
         with ui.element("header").classes("lrm-head"):
-            ui.label("lrm-ident workbench").classes("lrm-title")
+            ui.html('<h1 class="lrm-title">lrm-ident workbench</h1>', sanitize=False)
             self.files = ui.label().classes("lrm-files")
             ui.element("div").classes("lrm-grow")
             self._button("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both; or drop them")

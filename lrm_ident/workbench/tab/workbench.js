@@ -52,9 +52,8 @@
   window.lrmAnswered = () => asked("");
 
   window.lrmTurnDark = () => {
-    const dark = document.documentElement.dataset.theme !== "dark";
-    lrm.theme(dark ? "dark" : "light");
-    Quasar.Dark.set(dark);
+    lrm.theme(lrmTheme());
+    Quasar.Dark.set(document.documentElement.dataset.theme === "dark");
   };
 
   window.lrmTour = (id) => {

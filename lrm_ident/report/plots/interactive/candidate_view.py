@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,9 +117,12 @@ def drivers_of(
     first = next(i for i, ratio in enumerate(ratios) if ratio <= 1.05 * least + 1e-9)
     if ratios[first] <= NO_FUNCTION or len(shown) < 2:
         return (order[first],)
-    pairs = [(_roughness_over(shown, seen[first], values), i) for i, values in enumerate(seen) if i != first]
-    best, second = min(pairs, default=(np.inf, first))
-    return (order[first], order[second]) if best < MUCH_BETTER * ratios[first] else (order[first],)
+    pairs = list(combinations(range(len(seen)), 2))
+    over = [_roughness_over(shown, seen[i], seen[j]) for i, j in pairs]
+    if not pairs or min(over) > MUCH_BETTER * least:
+        return (order[first],)
+    i, j = pairs[int(np.argmin(over))]
+    return order[i], order[j]
 
 
 def _roughness(form: Array, values: Array) -> float:
