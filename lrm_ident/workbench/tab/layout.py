@@ -64,7 +64,9 @@ class WorkbenchPage:
 
     def _button(self, text: str, action: Callable[[], object], hint: str, name: str = "") -> ui.button:
         button = ui.button(text, on_click=lambda: self._do(action)).props("no-caps unelevated dense outline")
-        return button.props(f'aria-label="{name or text}" data-name="{(name or text).lower()}" title="{hint}"')
+        return button.props(
+            f'data-name="{(name or text).lower()}" title="{hint}"' + (f' aria-label="{name}"' if name else "")
+        )
 
     # ---- refreshing
 
