@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.wording import fall, in_mm, quantity
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
@@ -58,7 +59,7 @@ class RankedCandidate:
 
 
 @dataclass(frozen=True, eq=False)
-class DiagnosisReport:
+class DiagnosisReport(ShownInNotebook):
     """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
 
     `left`: what could be predicted without names. `hints`: what the estimates look like together, no effects.
@@ -171,7 +172,7 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     """The effect's claim with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`."""
     effect = scored.candidate.effect
     units = {p.name: p.unit for p in effect.parameters}
-    words = {name: _with_unit(value, error, units[name]) for name, value, error in estimates}
+    words = {name: with_unit(value, error, units[name]) for name, value, error in estimates}
     numbers = {p.name: words.get(p.name, "0") for p in effect.parameters}
     sentence = effect.about.claim
     claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
@@ -183,9 +184,11 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     return f"{claim} ({surest_values}{f' and {len(words) - MOST_WORDS} more' if len(words) > MOST_WORDS else ''})"
 
 
-def _with_unit(value: float, error: float, unit: str) -> str:
+def with_unit(value: float, error: float | None, unit: str) -> str:
+    """An estimate with its standard error, if it has one, in the unit that is shown, for instance `2.3 ± 0.1°`."""
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
-    return f"{quantity(value * scale, error * scale)}{symbol}"
+    number = f"{value * scale:.3g}" if error is None else quantity(value * scale, error * scale)
+    return f"{number}{symbol}"
 
 
 def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:
