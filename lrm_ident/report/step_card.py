@@ -10,7 +10,7 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.document import Document
-from lrm_ident.report.plain_names import place_words, step_title
+from lrm_ident.report.names.plain_names import place_words, step_title
 from lrm_ident.report.plots.interactive.candidate_view import SHARE, drivers_of, own_joint
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.error_field import ErrorField

@@ -21,7 +21,7 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.document import ListSection, ResultTable, heading
 from lrm_ident.report.document_html import blocks_html
-from lrm_ident.report.plain_names import PLAIN, plain_name
+from lrm_ident.report.names.plain_names import PLAIN, plain_name
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view, drivers_of
 from lrm_ident.report.plots.interactive.values import values_text
 from lrm_ident.residual.covariates import Covariate, covariates

@@ -13,7 +13,7 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.report.diagnosis import MARKS
 from lrm_ident.report.history import data_of
 from lrm_ident.report.model_report import ModelReport
-from lrm_ident.report.plain_names import plain_name, step_title
+from lrm_ident.report.names.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import CandidateView
 from lrm_ident.report.step_card import StepCard, error_fall, of_data, rivals
 from lrm_ident.residual.error_field import COLOURS
