@@ -15,7 +15,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop fleet install uninstall clean
+.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop fleet lerobot install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -25,7 +25,7 @@ setup: $(VENV)/.ready ## a virtual environment with everything but the peers of 
 $(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel/ik_kernel.c
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "needs Python 3.11 or later; set PYTHON=")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,cluster,xacro,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,mujoco,cluster,xacro,dev]'
 	@touch $@
 
 demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; or on your own DATA= (ARM=)
@@ -116,6 +116,10 @@ camera: setup ## 60 rendered photos of a board on an SO-101 with a hidden effect
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects.unfamiliar --half tune --jobs 2
 	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws --half tune
+
+lerobot: ## the plug-in's tests with LeRobot itself, and its follower over the simulated bus from both sides (PYTHON= of an environment with lerobot, feetech-servo-sdk, pytest, hypothesis and both packages)
+	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101
+	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m validation.lerobot_robot
 
 install: ## the daemon on this rover, as root (DESTDIR=, PYTHON=)
 	PYTHON=$(PYTHON) DESTDIR=$(DESTDIR) systemd/install.sh

@@ -33,7 +33,7 @@ KINDS = ("direct", "cube", "position", "approach", "unreachable")
 
 def answer(solver: Any, kind: str, tool: Array) -> tuple[float, list[tuple[float, ...]], float]:
     """Processor time (s), branches (rad), and distance of the nearest command (m) where there are none."""
-    from lrm_math.ik.calibrated import CUBE
+    from lrm_math.ik.cube import Cube
     from lrm_math.ik.direct import Direct
     from lrm_math.ik.goal import point, point_along, pose
 
@@ -45,7 +45,7 @@ def answer(solver: Any, kind: str, tool: Array) -> tuple[float, list[tuple[float
     elif kind == "unreachable":
         goal = pose(1.7 * tool[:3, 3], tool[:3, :3])
     started = time.thread_time()
-    reply = solver.solve(goal, PAYLOAD, method=CUBE if kind == "cube" else Direct())
+    reply = solver.solve(goal, PAYLOAD, method=Cube() if kind == "cube" else Direct())
     took = time.thread_time() - started
     nearest = getattr(reply, "nearest", None)
     branches = [branch.q for branch in getattr(reply, "branches", ())]
@@ -115,17 +115,17 @@ def compare(
     solver, tools = CalibratedSolver.of(model), goals(model, max(counts.values()), seed=7)
     print(name)
     for kind in KINDS:
-        goals = tools[: counts[kind]]
+        chosen = tools[: counts[kind]]
         got: list[list[tuple[float, list[tuple[float, ...]], float]]] = [[], []]
-        for start in range(0, len(goals), TURN):
+        for start in range(0, len(chosen), TURN):
             for rows, checkout in zip(got, (before, after), strict=True):
-                rows += checkout.ask(name, kind, goals[start : start + TURN])
+                rows += checkout.ask(name, kind, chosen[start : start + TURN])
         line = f"  {kind:12s}{ratios([t for t, _, _ in got[0]], [t for t, _, _ in got[1]])}"
         solved = [100.0 * np.mean([bool(branches) for _, branches, _ in rows]) for rows in got]
         line += f"   solved {solved[0]:.2f} -> {solved[1]:.2f} %"
         if kind in ("direct", "cube"):
             found, known = [0, 0], 0
-            for k, tool in enumerate(goals[: counts["cube"]]):
+            for k, tool in enumerate(chosen[: counts["cube"]]):
                 mine = [[np.array(q) for q in rows[k][1]] for rows in got]
                 query = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
                 every = distinct([*mine[1], *mine[0], *exhaustive(solver, query)])
@@ -133,7 +133,7 @@ def compare(
                 for i, answered in enumerate(mine):
                     found[i] += sum(any(np.abs(q - row).max() < 1e-3 for row in answered) for q in every)
             line += f"   branches {100 * found[0] / known:.1f} -> {100 * found[1] / known:.1f} %"
-            line += f"   worst {1e3 * worst(model, goals, [branches for _, branches, _ in got[1]]):.1e} mm"
+            line += f"   worst {1e3 * worst(model, chosen, [branches for _, branches, _ in got[1]]):.1e} mm"
         if kind == "unreachable":
             nearer = np.array([[d for _, _, d in rows] for rows in got])
             line += f"   nearer in {np.sum(nearer[1] < nearer[0] - 1e-4)}, further in "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from importlib import import_module
 
 OFFLINE = {"matplotlib", "rich", "scipy", "tomli_w", "typer"}
 """Import names of the packages of the extra `ident`, which a rover does not need."""
@@ -11,14 +10,14 @@ OFFLINE = {"matplotlib", "rich", "scipy", "tomli_w", "typer"}
 
 def main() -> None:
     """Runs the command line; a missing package of the extra `ident` is one line on stderr and exit code 2."""
-    opens_page = sys.argv[1:2] == ["workbench"] and "--help" not in sys.argv
     try:
-        if opens_page:
+        if sys.argv[1:2] == ["workbench"] and "--help" not in sys.argv:
             from lrm_ident.workbench.work.worker import start_early
 
             start_early()
-        import_module("lrm_ident.cli.page.workbench" if opens_page else "lrm_ident.cli.app")
-        from lrm_ident.cli.application import main as run
+        from lrm_ident.cli.app import main as run
+
+        run()
     except ModuleNotFoundError as error:
         if error.name not in OFFLINE:
             raise
@@ -27,7 +26,6 @@ def main() -> None:
             file=sys.stderr,
         )
         sys.exit(2)
-    run()
 
 
 if __name__ == "__main__":

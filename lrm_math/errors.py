@@ -50,11 +50,12 @@ def raise_faults(path: object, faults: Sequence[FileError]) -> None:
 
 
 class UnknownName(LrmError):
-    """A name that is not in the list of valid ones; carries `name` and `valid`."""
+    """A name that is not in the list of valid ones; carries `name` and `valid`. `more`: what else may be wrong."""
 
-    def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, valid: Iterable[str], more: str = "") -> None:
         self.name, self.valid = name, tuple(valid)
-        super().__init__(f"unknown {kind} '{name}'; {name_suggestion(name, self.valid)}")
+        hints = filter(None, (name_suggestion(name, self.valid), more))
+        super().__init__(f"unknown {kind} '{name}'; {'; '.join(hints)}")
 
 
 class NoEquilibrium(LrmError):
@@ -70,9 +71,18 @@ class NoEquilibrium(LrmError):
 
 
 def name_suggestion(name: str, valid: Sequence[str]) -> str:
-    """A hint for a wrong name: the closest valid ones first, then the whole list if it is short."""
-    close = difflib.get_close_matches(name, valid, n=3, cutoff=0.6)
+    """A hint for a wrong name: the closest valid ones first, then the whole list if it is short.
+
+    Names that differ in a number only are in no way closer than others of the list.
+    """
+    numbered = [other for other in valid if _without_digits(other) == _without_digits(name)]
+    others = [other for other in valid if len(valid) > 12 or other not in numbered]
+    close = difflib.get_close_matches(name, others, n=3, cutoff=0.6)
     if close:
         hint = "did you mean " + " or ".join(close) + "?"
         return hint if len(valid) > 12 else f"{hint} valid: {', '.join(valid)}"
     return "valid: " + ", ".join(valid)
+
+
+def _without_digits(name: str) -> str:
+    return "".join(c for c in name if not c.isdigit())

@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+FAR = 5.0
+"""Typical sizes of a parameter that no assembled arm exceeds."""
+
 
 @dataclass(frozen=True)
 class PlausibleSize:
@@ -61,3 +64,9 @@ def doubt(quantity: PlausibleSize, values: ArrayLike) -> Doubt | None:
 
 def _figure(value: float) -> str:
     return f"{value:.4g}" if value < 1e6 else f"{value:.15g}"
+
+
+def far_from_typical(value: float, typical: float) -> str:
+    """Says that a parameter is many times as large as on assembled arms (SI); empty if it is not."""
+    times_typical = abs(value) / typical
+    return f"{times_typical:.0f} times what is typical" if times_typical > FAR else ""

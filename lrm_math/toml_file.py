@@ -14,6 +14,8 @@ from lrm_math.errors import FileError, name_suggestion
 
 LARGEST = 32 << 20
 """Bytes of a file that are read: a device has no end."""
+TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".xls")
+OTHER_ORDER = "do the arguments stand in another order?"
 DEPTH = 32
 DEEP_KEY = re.compile(rf"""(?:[\w"'-][ \t]*\.[ \t]*(?=[\w"'-])[^.,={{}}\[\]\n]*){{{DEPTH}}}""")
 """Parts of a key, joined by dots: tomllib takes memory that grows with the square of their number."""
@@ -47,10 +49,11 @@ def parse_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(text.replace("\r\n", "\n"))
     except FileNotFoundError:
         raise FileError(path, "", "no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(path, "", f"cannot be read ({error})") from None
-    except tomllib.TOMLDecodeError as error:
-        raise FileError(path, "", f"not valid TOML: {error}") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        if path.suffix.lower() in TABLES:
+            raise FileError(path, "", f"a {path.suffix} is a table, no TOML", OTHER_ORDER) from None
+        what = "not valid TOML: " if isinstance(error, tomllib.TOMLDecodeError) else "cannot be read: "
+        raise FileError(path, "", f"{what}{error}") from None
     except RecursionError:
         raise FileError(path, "", "arrays or tables nest too deeply", "a few levels are meant") from None
 
@@ -90,7 +93,9 @@ def _other_kind(path: Path, tables: dict[str, Any], schema: type[BaseModel]) -> 
     stated = tables.get("schema")
     if not expected or not isinstance(stated, str) or stated in expected or not stated.startswith("lrm/"):
         return None
-    return FileError(path, "", f"schema = '{stated}'", f"should be '{expected[0]}'")
+    model_of = tables.get("arm") if stated.startswith("lrm/model/") and expected[0].startswith("lrm/arm/") else None
+    hint = f"it is a model of {model_of}: name that arm" if model_of else OTHER_ORDER
+    return FileError(path, "", f"schema = '{stated}'", f"should be '{expected[0]}'; {hint}")
 
 
 def _file_error(path: Path, fault: Mapping[str, Any], schema: type[BaseModel]) -> FileError:

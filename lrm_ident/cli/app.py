@@ -1,29 +1,111 @@
-"""`lrm-ident` with every command."""
+"""The application `lrm-ident`: commands loaded when called for, and one clear line for every expected error."""
 
 from __future__ import annotations
 
-# Commands stand in the help in the order in which their modules are loaded.
-from lrm_ident.cli import identifiability, design, fit, component_tests, workspace, diagnosis, laws  # isort: skip
-from lrm_ident.cli.groups import fleet  # isort: skip
-from lrm_ident.cli.page import report, workbench  # isort: skip
-from lrm_ident.cli import campaign  # isort: skip
-from lrm_ident.cli.groups import arm, camera  # isort: skip
-from lrm_ident.cli.application import app, main
+import sys
+from importlib import import_module
+from traceback import extract_tb
+from typing import Annotated, Any
 
-__all__ = [
-    "app",
-    "arm",
-    "camera",
-    "campaign",
-    "component_tests",
-    "design",
-    "diagnosis",
-    "fit",
-    "fleet",
-    "identifiability",
-    "laws",
-    "main",
-    "report",
-    "workbench",
-    "workspace",
-]
+import typer
+from typer.core import TyperGroup
+from typer.main import get_command_from_info, get_command_name, get_group
+
+from lrm_ident.cli.command_list import COMMANDS, SECTIONS
+from lrm_math.errors import LrmError
+
+
+class LazyGroup(TyperGroup):
+    """The listed commands, each imported at its first use: the help needs none of them."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = dict.fromkeys(COMMANDS)  # type: ignore[assignment]  # names; built by `get_command`
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of a name, from its module; None if there is none."""
+        if cmd_name not in COMMANDS:
+            return None
+        if self.commands[cmd_name] is None:
+            import_module(f"lrm_ident.cli.{COMMANDS[cmd_name].module}")
+            self.commands[cmd_name] = _registered(cmd_name)
+        return self.commands[cmd_name]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Lists the commands by what they are for."""
+        for title, section in SECTIONS.items():
+            with formatter.section(title):
+                formatter.write_dl([(f"{command.name:<{_WIDEST}}", command.summary) for command in section])
+
+
+_WIDEST = max(map(len, COMMANDS))
+app = typer.Typer(
+    cls=LazyGroup,
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"max_content_width": 110},
+    help="Identify the model of a robot arm from measured TCP positions, see where it fails, find what is missing.\n\n"
+    "Start with: lrm-ident fit DATA.csv --arm lrm-lab -o model.toml, then lrm-ident diagnose model.toml DATA.csv",
+)
+
+
+def _registered(name: str) -> Any:
+    """The click command of a command or group that its module has registered."""
+    for group in app.registered_groups:
+        if group.name == name and group.typer_instance is not None:
+            return get_group(group.typer_instance)
+    for command in app.registered_commands:
+        if command.callback is not None and (command.name or get_command_name(command.callback.__name__)) == name:
+            return get_command_from_info(command, pretty_exceptions_short=True, rich_markup_mode="rich")
+    raise LookupError(f"{COMMANDS[name].module} registers no command '{name}'")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from lrm_ident.study.tool_version import tool_version
+
+        print(tool_version())
+        raise typer.Exit
+
+
+@app.callback()
+def group(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of the application itself; without them it would be a single command."""
+
+
+def main() -> None:
+    """Runs the command of `lrm-ident`."""
+    run(app)
+
+
+def run(application: typer.Typer) -> None:
+    """Runs the command; every expected error is one line on stderr and exit code 2."""
+    try:
+        application()
+    except LrmError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except Exception as error:
+        if not is_numerical(error):
+            raise
+        print(f"error: a computation failed: {_where(error)}; please report the command and its files", file=sys.stderr)
+        sys.exit(2)
+
+
+def _where(error: Exception) -> str:
+    frames = [frame for frame in extract_tb(error.__traceback__) if "lrm_" in frame.filename]
+    at = f" in {frames[-1].name}" if frames else ""
+    return f"{type(error).__name__}{at}{f' ({error})' if str(error) else ''}"
+
+
+def is_numerical(error: Exception) -> bool:
+    """Whether an exception comes from arithmetic rather than from the code: no traceback helps who meets it."""
+    from numpy.linalg import LinAlgError
+
+    return isinstance(error, LinAlgError | ArithmeticError | MemoryError)

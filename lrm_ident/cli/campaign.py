@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -16,7 +18,7 @@ from typer import Argument, Exit, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command, stated_reading
 from lrm_ident.cli.common import notice, one_of, publish, show
-from lrm_ident.cli.groups.lerobot import LEROBOT, import_lerobot
+from lrm_ident.cli.groups.lerobot import LEROBOT, LEROBOT_ROBOT, SO101, import_lerobot
 from lrm_ident.data.apply_reading import LENGTH_UNITS
 from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
     from lrm_ident.measuring.campaign.run import CampaignProgress, CampaignResult
 
 RobotName = Annotated[str, Option(help="Whose daemon.")]
+AnyRobot = Annotated[
+    str, Option(help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine.")
+]
 Connect = Annotated[
     str | None, Option(metavar="ENDPOINT", help="zenoh endpoint. Default: LRM_CONNECT, or tcp/127.0.0.1:7447.")
 ]
@@ -60,7 +65,7 @@ def measure(
         Option("-o", "--output", metavar="DATA", help="Measurements; an interrupted file goes on."),
         arg.Beside(appended=True),
     ],
-    robot: RobotName = "rover",
+    robot: AnyRobot = "rover",
     connect: Connect = None,
     arm: arg.ArmName = None,
     tool: ToolTarget = 1,
@@ -83,13 +88,16 @@ def measure(
     The arm must be armed. It takes planned ways, and pauses when a servo is warm. A rest in which a target is hidden,
     the tracker is frozen, or a frame lies far off is repeated. Interrupted, it holds; the same command goes on.
 
+    With LeRobot (put the arm down before: connecting switches torque off for a moment) ways are straight, at 30 deg/s:
+    keep them free of anything.
+
     Adaptive (--until, --explain), it takes the most informative of POSES: after every batch it fits, diagnoses, and
     chooses the next ones, until that is enough; some are measured twice.
     """
     from lrm_ident.design.adaptive_batch import StoppingGoal
     from lrm_ident.measuring.campaign.plan import load_plan
     from lrm_ident.measuring.campaign.run import PoseTiming
-    from lrm_ident.measuring.campaign.session import CampaignOrder
+    from lrm_ident.measuring.campaign.session import CampaignOrder, by_daemon, by_lerobot, connected
     from lrm_ident.measuring.campaign.session import measure as run
     from lrm_ident.measuring.tracker.frames import TargetNumbers
     from lrmd.client import Rover
@@ -97,12 +105,15 @@ def measure(
     signal.signal(signal.SIGTERM, _stop)
     goal = StoppingGoal(None if until is None else _length(until), explain) if until or explain else None
     numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
-    with Rover(robot, connect.split(",") if connect else None) as rover:
-        name = arm or rover.info().arm
+    daemon = None if robot.startswith(LEROBOT_ROBOT) else Rover(robot, connect.split(",") if connect else None)
+    with daemon or nullcontext():
+        name = arm or (SO101 if daemon is None else daemon.info().arm)
         the_arm = load_arm(name)
         plan = load_plan(poses, the_arm)
+        drive = by_lerobot(robot, the_arm) if daemon is None else by_daemon(daemon, take)
+        track = partial(connected, daemon, tracker, numbers)
         timing = PoseTiming(pause, settle, dwell)
-        order = CampaignOrder(rover, tracker, numbers, the_arm, name, timing, _loads(load_command), _say, show, take)
+        order = CampaignOrder(drive, track, tracker, numbers, the_arm, name, timing, _loads(load_command), _say, show)
         try:
             result = run(order, plan, output, goal)
         except (KeyboardInterrupt, SystemExit):

@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_type_hints
 from pydantic import ValidationError
 from typer import Option, Typer
 
-from lrm_ident.cli.application import app
+from lrm_ident.cli.app import app
 from lrm_ident.cli.arguments import Beside
 from lrm_ident.data.output_files import check_outputs, is_something_else
 from lrm_math.errors import LrmError
@@ -26,6 +26,7 @@ READING_OPTIONS: dict[str, Any] = {
     "frame": Option("--frame", help="unknown: find the frame of the positions too. arm: that of the arm file."),
     "joint_sign": Option("--joint-sign", help="1 or -1 for each joint, for instance 1,1,-1,1,1,1."),
     "joint_order": Option("--joint-order", help="For each joint of the arm, its number in the file: 1,3,2,4,5,6."),
+    "bad_rows": Option("--bad-rows", help="Rows with a cell that is no number: refuse (default), or skip them."),
 }
 """Options that a parameter `reading` of a command stands for."""
 

@@ -72,10 +72,15 @@ def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model]:
 
 
 def read_study(
-    model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED, progress: Progress = unheard
+    model: Path,
+    data: Path,
+    effects_file: Path | None,
+    reading: Reading = AS_NAMED,
+    progress: Progress = unheard,
+    part: Callable[[Measurements, Sequence[int]], Measurements] = Measurements.without,
 ) -> Study:
     """A study from its files; notices go to stderr."""
-    study = inputs.read_study(model, data, effects_file, reading, progress)
+    study = inputs.read_study(model, data, effects_file, reading, progress, part)
     tell(study.notices)
     return study
 
@@ -133,7 +138,7 @@ def read_measurements(
 
 def notice(words: str) -> None:
     """Tells a person something, on stderr."""
-    log.print(f"notice: {words}")
+    log.print(f"notice: {words}", markup=False, highlight=False)
 
 
 def parse_numbers(option: str, text: str, example: str) -> list[float]:

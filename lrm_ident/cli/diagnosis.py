@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from itertools import count
+from pathlib import Path
+from time import monotonic
 from typing import Annotated
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
@@ -15,6 +19,7 @@ from lrm_ident.cli.common import (
     LISTED,
     bars,
     identifiable,
+    notice,
     opened,
     progress,
     publish,
@@ -23,21 +28,22 @@ from lrm_ident.cli.common import (
     tell,
 )
 from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.wording import in_minutes
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnosis_report import report_of
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.effect_plugins import catalogue_with
-from lrm_ident.fitting.executors import executor_for
+from lrm_ident.fitting.executors import executor_for, rounds_of
 from lrm_ident.fitting.priors import load_rates
 from lrm_ident.report.diagnosis import (
     course_document,
     diagnosis_document,
-    effect_blocks,
     selftest_document,
     step_blocks,
     step_document,
 )
+from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import HeldOutResidual
@@ -46,11 +52,14 @@ from lrm_ident.study.inputs import arm_from
 from lrm_ident.study.model_history import fit_words, undo_step
 from lrm_ident.study.study import MAX_EFFECTS, Study, write_model
 from lrm_math.arm.arm_file import MM, load_arm
-from lrm_math.effects import FREE_FORMS
+from lrm_math.effects import FREE_FORMS, OWN_EFFECT
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
+
+UNASKED_S = 120.0
+"""Time that choosing the effects anew in every fold may take without being asked for."""
 
 
 @command
@@ -62,7 +71,7 @@ def effects(
     catalogue = (*catalogue_with(effects_file), *FREE_FORMS)
     chosen = [kind for kind in catalogue if name in (None, kind.id)]
     if not chosen:
-        raise UnknownName("effect", str(name), [kind.id for kind in catalogue])
+        raise UnknownName("effect", str(name), [kind.id for kind in catalogue], OWN_EFFECT)
     for kind in chosen:
         show(*effect_blocks(kind, in_full=name is not None))
 
@@ -127,8 +136,13 @@ def auto(
     output: arg.NewModel,
     max_effects: Annotated[int, Option(min=0, help="Stop after this many.")] = MAX_EFFECTS,
     nested: Annotated[
-        bool, Option("--nested/--no-nested", help="Also choose the effects anew in every fold: honest, but longer.")
-    ] = True,
+        bool | None,
+        Option(
+            "--nested/--no-nested",
+            help="Also choose the effects anew in every fold: honest, but some ten times longer. Default: where that "
+            "takes no more than two minutes.",
+        ),
+    ] = None,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
@@ -142,14 +156,17 @@ def auto(
     together with the prior.
     """
     study = identifiable(read_study(model, data, effects_file, reading))
-    numbers = count()
+    numbers, begun, taken = count(), monotonic(), list[AutoStep]()
     rates = None if prior is None else load_rates(prior)
 
-    def on_step(step: AutoStep, _: Study) -> None:
-        """Prints a step as soon as it is taken."""
-        show(*step_blocks(next(numbers), step))
+    def on_step(step: AutoStep, now: Study) -> None:
+        """Prints a step as soon as it is taken; the model of the last one is on disk whatever comes then."""
+        taken.append(step)
+        show(*step_blocks(next(numbers), step, taken[0]))
+        now.save(output)
 
-    course, after = study.auto(max_effects, rates, on_step)
+    with kept_when_interrupted(output, taken):
+        course, after = study.auto(max_effects, rates, on_step)
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
     show(*error_blocks(after.errors, title))
     with_prior: ErrorSummary | None = None
@@ -161,14 +178,28 @@ def auto(
     final.save(output)
     show(f"Model written to {output}")
     whole = HeldOutResidual(None, "not requested (--no-nested)")
-    if nested:
-        with executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
+    expected = (monotonic() - begun) * (1 if cluster else rounds_of(FOLDS))
+    if nested is None and expected > UNASKED_S:
+        whole = HeldOutResidual(None, f"it would take about {in_minutes(expected)}; ask for it with --nested")
+    elif nested is not False:
+        notice(f"choosing the effects anew in every fold: about {in_minutes(expected)}; Ctrl-C ends it")
+        with kept_when_interrupted(output, taken), executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
             whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
     publish(
         course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior),
         json,
         most=None if show_all else LISTED,
     )
+
+
+@contextmanager
+def kept_when_interrupted(output: Path, taken: Sequence[AutoStep]) -> Iterator[None]:
+    """Ends with exit code 130 and one line where a person interrupts: the model of the last step is written already."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        notice(f"interrupted; {f'the model of the last step is in {output}' if taken else 'no step was taken'}")
+        raise Exit(130) from None
 
 
 @command

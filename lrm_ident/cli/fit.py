@@ -17,16 +17,17 @@ from lrm_ident.cli.common import (
     bars,
     leave_out_poses,
     notice,
-    opened,
     publish,
     read_measurements,
     read_model,
+    read_study,
     show,
     tell,
 )
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import arm_for, metadata_of
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model
@@ -129,7 +130,11 @@ def predict(
         )
     rest = equilibrium(the_model, load_poses(poses, the_model.arm, how))
     table = _predictions(rest)
-    publish(Document([], "lrm/prediction/1", {"poses": table.records()}), json)
+    within, q = the_model.within, rest.poses.q
+    if within is not None and (said := within.sentence(q)):
+        notice(said)
+    beyond = [] if within is None else (np.flatnonzero(within.outside(q).any(axis=1)) + 1).tolist()
+    publish(Document([], "lrm/prediction/1", {"poses": table.records(), "outside_range": beyond}), json)
     write_text(output, table.csv())
     show(f"{len(rest.tcp)} predictions written to {output}")
 
@@ -141,14 +146,18 @@ def compare(
     json: arg.JsonFile = None,
     figure: arg.FigureFile = None,
     show_all: arg.ShowAll = False,
+    left_out: Annotated[bool, Option("--left-out", help="Only the poses that the model's fit left out.")] = False,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
     """Show where a model fails on measurements: by joint angle, torque, load, order, region; the worst poses.
 
-    The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses.
+    The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses; on poses that the
+    fit did not see, the model's own error is one.
     """
-    with opened(model, data, effects_file, reading) as study:
+    part = Measurements.only if left_out else Measurements.without
+    with bars() as progress:
+        study = read_study(model, data, effects_file, reading, progress, part)
         known = study.file.provenance
         if known and known.data_sha256 != study.data.sha256:
             notice(f"the model was fitted to {known.data}; its error here is on poses it never saw")

@@ -80,13 +80,18 @@ def column_name(text: str, joints: Sequence[str] = ()) -> ColumnName | None:
     return None
 
 
+def unit_word(text: str) -> str | None:
+    """The unit that a cell names, bare or in brackets; None if it names none."""
+    return UNIT_WORDS.get(text.strip().lower().strip("[]()"))
+
+
 def joint_names(joints: Sequence[str]) -> dict[str, str]:
     """Our names of the columns of joints by the arm's own, squeezed."""
     return {_squeezed(name.lower()): f"q{number}_deg" for number, name in enumerate(joints, start=1)}
 
 
 def bare_names(text: str) -> Iterator[str]:
-    """What a column may be called, without its unit and the word for a position."""
+    """Names that a column may have, without its unit and the word for a position."""
     for words, _ in _readings(text):
         yield from (words, words.removesuffix("pos"))
 

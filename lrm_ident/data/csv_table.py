@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.csv_dialect import parse_table, read_text
+from lrm_ident.data.table_text.csv_dialect import parse_table, read_text
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
@@ -39,11 +39,10 @@ class CsvTable:
 
         Raises `FileError`.
         """
+        for row, what in self.faults(column, may_be_empty):
+            raise FileError(self.path, self.at(row, column), what)
         j = self.header.index(column)
-        values = [
-            math.nan if may_be_empty and not row[j].strip() else self._number(i, column, row[j])
-            for i, row in enumerate(self.rows)
-        ]
+        values = [float(row[j]) if row[j].strip() else math.nan for row in self.rows]
         return np.array(values, dtype=np.float64) * self.factors.get(column, 1.0)
 
     def with_factors(self, factors: Mapping[str, float]) -> CsvTable:
@@ -59,15 +58,26 @@ class CsvTable:
         if bad.any():
             raise FileError(self.path, self.at(int(np.argmax(bad)), column), what, right)
 
-    def _number(self, row: int, column: str, cell: str) -> float:
-        try:
-            value = float(cell)
-        except ValueError:
-            what = f"'{cell}' is not a number" if cell.strip() else "the cell is empty"
-            raise FileError(self.path, self.at(row, column), what) from None
-        if not math.isfinite(value):
-            raise FileError(self.path, self.at(row, column), f"'{cell}' is not a finite number")
-        return value
+    def faults(self, column: str, may_be_empty: bool = False) -> Iterator[tuple[int, str]]:
+        """Rows whose cell is no finite number, and why; an empty one counts unless it may be empty."""
+        j = self.header.index(column)
+        for i, row in enumerate(self.rows):
+            if what := _fault(row[j], may_be_empty):
+                yield i, what
+
+    def take(self, rows: Sequence[int]) -> CsvTable:
+        """The table of the given rows."""
+        return replace(self, rows=tuple(self.rows[i] for i in rows), lines=tuple(self.lines[i] for i in rows))
+
+
+def _fault(cell: str, may_be_empty: bool) -> str:
+    """Why a cell is no finite number; empty if it is one."""
+    if not cell.strip():
+        return "" if may_be_empty else "the cell is empty"
+    try:
+        return "" if math.isfinite(float(cell)) else f"'{cell}' is not a finite number"
+    except ValueError:
+        return f"'{cell}' is not a number"
 
 
 def read_csv(path: Path, required: Sequence[str]) -> CsvTable:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from lrm_math.arrays import Array
 
@@ -78,14 +77,14 @@ class ErrorDistribution:
 
     def cumulative(self, at: Array) -> Array:
         """Part of the Gaussian below (0 to 1)."""
-        return np.asarray(ndtr((at - self.mean) / self.sd))
+        return _gaussian_cdf((at - self.mean) / self.sd)
 
 
 def error_distribution(residual: Array) -> ErrorDistribution:
     """Distribution of the norms of residuals (N, 3) in m; at least three, not all equal."""
     distance = np.sort(np.linalg.norm(residual, axis=1))
     mean, sd, n = float(distance.mean()), float(distance.std(ddof=1)), len(distance)
-    cumulative = ndtr((distance - mean) / sd).clip(1e-16, 1 - 1e-16)
+    cumulative = _gaussian_cdf((distance - mean) / sd).clip(1e-16, 1 - 1e-16)
     weight = 2 * np.arange(1, n + 1) - 1
     a_squared = float(-n - np.mean(weight * (np.log(cumulative) + np.log1p(-cumulative[::-1]))))
     return ErrorDistribution(
@@ -94,5 +93,11 @@ def error_distribution(residual: Array) -> ErrorDistribution:
         sd=sd,
         skewness=float(np.mean((distance - mean) ** 3) / np.mean((distance - mean) ** 2) ** 1.5),
         misfit=a_squared * (1 + 0.75 / n + 2.25 / n**2),
-        below_zero=float(ndtr(-mean / sd)),
+        below_zero=float(_gaussian_cdf(np.array(-mean / sd))),
     )
+
+
+def _gaussian_cdf(z: Array) -> Array:
+    from scipy.special import ndtr  # a quarter of a second to load: not at the start of every command
+
+    return np.asarray(ndtr(z))

@@ -9,13 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
-from lrm_ident.data.column_names import ColumnName, bare_names, column_name, joint_names
+from lrm_ident.data.column_names import ColumnName, bare_names, column_name, joint_names, unit_word
 from lrm_ident.data.csv_table import CsvTable, read_table
 from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
 
 POSITION = ("x_mm", "y_mm", "z_mm")
+NO_UNIT = ("-", "1", "#")
+"""Cells of a row of units below columns that have none."""
 ANGLES = re.compile(r"q\d+_deg")
 
 
@@ -27,7 +29,7 @@ def read_measurement_table(path: Path, how: Reading = AS_NAMED, joints: Sequence
 
     Raises `FileError`: two columns that are the same by name.
     """
-    table = _numbered(_from_zero(_named(read_table(path), joints)))
+    table = _numbered(_from_zero(_named(_with_units(read_table(path), joints), joints)))
     factors: dict[str, float] = {}
     if how.unit:
         factors |= dict.fromkeys((*POSITION, "distance_mm"), LENGTH_UNITS[how.unit] / MM)
@@ -62,6 +64,26 @@ def _named(table: CsvTable, joints: Sequence[str]) -> CsvTable:
         stated={c.name: name for c, name in zip(columns, table.header, strict=True) if c and c.name != name},
         factors={column.name: column.factor for column in columns if column and column.factor != 1.0},
     )
+
+
+def _with_units(table: CsvTable, joints: Sequence[str]) -> CsvTable:
+    """The table with the units of a first row of nothing but units in the names of its columns.
+
+    Raises `FileError`: a name states another unit.
+    """
+    words = ["" if cell.strip("[]()") in NO_UNIT else cell for cell in table.rows[0]] if table.rows else []
+    units = [unit_word(word) for word in words]
+    if not any(units) or any(word and not unit for word, unit in zip(words, units, strict=True)):
+        return table
+    header = []
+    for name, unit in zip(table.header, units, strict=True):
+        known = column_name(name, joints)
+        own = known.unit if known else unit_word(name.rpartition("_")[2])
+        if unit and own and own != unit:
+            right = "leave the row of units out, or correct it"
+            raise FileError(table.path, f"line {table.lines[0]}, column {name}", f"its unit is stated as {unit}", right)
+        header.append(f"{name} [{unit}]" if unit and not own else name)
+    return replace(table, header=tuple(header), rows=table.rows[1:], lines=table.lines[1:])
 
 
 def _numbered(table: CsvTable) -> CsvTable:

@@ -15,6 +15,7 @@ from lrm_ident.data.weights.rotations import rotation_vectors, turned_covariance
 from lrm_ident.data.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
+from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -193,3 +194,10 @@ class Measurements:
         """Without the poses of these numbers, which `left_out` then names too."""
         gone = np.isin(self.pose, numbers)
         return replace(self.take(~gone), left_out=tuple(sorted({*self.left_out, *self.pose[gone].tolist()})))
+
+    def only(self, numbers: Sequence[int]) -> Measurements:
+        """The poses of these numbers alone. Raises `FileError` if there are none."""
+        chosen = np.isin(self.pose, numbers)
+        if not chosen.any():
+            raise FileError(self.path, "", "no poses that the fit left out", "--left-out is of the fit's own data")
+        return self.take(chosen)

@@ -76,8 +76,8 @@ def _running(t: Array, session: Array) -> Array:
 
 
 def read_angles(table: NumberTable, arm: Arm, how: Reading = AS_NAMED) -> Array:
-    """(N, n) joint angles (rad), every one within the arm's limits. Raises `BeyondLimits`."""
-    q = np.radians(read_joints(how, table.stack(angle_columns(arm))))
+    """(N, n) joint angles (rad), all within the arm's limits, by a full turn if need be. Raises `BeyondLimits`."""
+    q = full_turns(np.radians(read_joints(how, table.stack(angle_columns(arm)))), arm)[0]
     order = how.joint_order or range(1, arm.dof + 1)
     for i, joint in enumerate(arm.joints):
         outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
@@ -87,6 +87,15 @@ def read_angles(table: NumberTable, arm: Arm, how: Reading = AS_NAMED) -> Array:
             what = f"{np.degrees(q[row, i]):g} deg is beyond the limits of joint {i + 1}"
             raise BeyondLimits(cells.path, cells.at(row, f"q{order[i]}_deg"), what, f"{low:g} to {high:g} deg")
     return q
+
+
+def full_turns(q: Array, arm: Arm) -> tuple[Array, NDArray[np.bool_]]:
+    """Angles (N, n) beyond the limits that are within them a full turn away are that (260 deg: -100); and which."""
+    low = np.array([joint.lower for joint in arm.joints]) - LIMIT_TOLERANCE
+    high = np.array([joint.upper for joint in arm.joints]) + LIMIT_TOLERANCE
+    other = q - np.sign(q) * 2.0 * np.pi
+    turned = ((q < low) | (q > high)) & (other >= low) & (other <= high)
+    return np.where(turned, other, q), turned
 
 
 def _approach(table: NumberTable, moves: Array, how: Reading) -> Array:

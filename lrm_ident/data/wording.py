@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 
 LEAST, MOST = 2, 6  # decimals
+SENSELESS = 1e5
+"""Standard error, in units for a person (deg, mm, rad/Nm), beyond which nothing at all is known."""
 
 
 def decimals(*values: float) -> int:
@@ -18,6 +20,35 @@ def in_mm(value: float) -> str:
     """A length (m) in mm, without the unit."""
     mm = value * 1e3
     return f"{mm:.{decimals(mm)}f}"
+
+
+def with_error(value: float, error: float) -> tuple[str, str]:
+    """A value and its standard error, two significant digits of the error; "unknown" where that is beyond all sense."""
+    if not math.isfinite(error) or error <= 0.0:
+        return f"{value:.4g}", "0" if error == 0.0 else "unknown"
+    if error >= SENSELESS:
+        return f"{value:.3g}", "unknown"
+    places = max(0, 1 - math.floor(math.log10(float(f"{error:.1e}"))))
+    return f"{value:.{places}f}", f"{error:.{places}f}"
+
+
+def quantity(value: float, error: float) -> str:
+    """`2.667 ± 0.093`."""
+    return " ± ".join(with_error(value, error))
+
+
+def fall(before: float, after: float) -> str:
+    """`from 0.1135 to 0.1128`: lengths (m) in mm, with two significant digits of what lies between them."""
+    low, high = sorted((before * 1e3, after * 1e3))
+    places = decimals(low, high, high - low)
+    return f"from {before * 1e3:.{places}f} to {after * 1e3:.{places}f}"
+
+
+def in_minutes(seconds: float) -> str:
+    """A rough time in words."""
+    if seconds < 90.0:
+        return f"{max(seconds, 1.0):.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
 def enumerate_words(names: Sequence[str], most: int) -> str:

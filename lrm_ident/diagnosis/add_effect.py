@@ -88,7 +88,7 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
         return model
     if shape is not None:
         known |= dict(zip(effect.keys, shape, strict=True))
-    return replace(model_of(model.arm, (*model.effects, effect), known), free=model.free)
+    return replace(model_of(model.arm, (*model.effects, effect), known), free=model.free, within=model.within)
 
 
 def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], how: Loss) -> Fit:

@@ -18,6 +18,7 @@ from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, variants
+from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
 
 
@@ -82,21 +83,29 @@ def run_auto(
 ) -> AutoRun:
     """Stepwise selection: diagnoses, adds the first supported effect as it was confirmed, and again.
 
+    An effect with which the model cannot be diagnosed any more is out, and the next one is tried.
+
     Args:
         rates: how often arms of this kind have each effect, where that is known (`diagnose`).
 
     Raises:
-        LrmError: a diagnosis fails.
+        LrmError: the first diagnosis fails.
     """
     kinds = tuple(catalogue)
     now = confirm(diagnose(model, data, kinds, progress, loss, rates))
+    refused: tuple[str, ...] = ()
     steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
     on_step(steps[0])
     while now.first is not None and now.refit is not None and len(steps) <= max_effects:
-        added, refit, poses = _added(now, now.first), now.refit, now.diagnosis.data.pose
+        added, refit, poses, before = _added(now, now.first), now.refit, now.diagnosis.data.pose, now.blocks
         del now  # a diagnosis holds the columns of every candidate: one at a time
-        found = diagnose(refit.fit.model, data, kinds, progress, loss, rates)
-        now = confirm(found, refit.blocks if np.array_equal(found.data.pose, poses) else ())
+        try:
+            found = diagnose(refit.fit.model, data, kinds, progress, loss, rates)
+            now = confirm(found, refit.blocks if np.array_equal(found.data.pose, poses) else (), refused=refused)
+        except LrmError:  # nothing can be built on it: it is out, and what was found before stays
+            refused = (*refused, added.name)
+            now = confirm(diagnose(steps[-1].fit.model, data, kinds, progress, loss, rates), before, refused=refused)
+            continue
         steps.append(_step(added, now))
         on_step(steps[-1])
     return AutoRun(tuple(steps), now)
@@ -104,7 +113,7 @@ def run_auto(
 
 @dataclass(frozen=True, eq=False)
 class _Added:
-    """What a step adds: its name, what it cannot be told from, what it refines, and all keys that are then free."""
+    """Addition of a step: its name, what it cannot be told from, what it refines, and all keys that are then free."""
 
     name: str
     equivalent: tuple[str, ...]

@@ -117,7 +117,7 @@ def differentiate_candidates(
     present = _present(model)
     added = [effect for effect, _ in effects if effect.name not in present]
     known = {key: model.value(key) for key in model.keys}
-    extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free)
+    extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free, within=model.within)
     response = respond(equilibrium(extended, poses), sensed)
     found = (_candidate(extended, effect, rows, response, _standing(effect, present)) for effect, rows in effects)
     return response, list(found)

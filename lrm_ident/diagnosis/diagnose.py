@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.diagnosis.add_effect import free_base_parameters
 from lrm_ident.diagnosis.candidates import REFINEMENT, differentiate_candidates, split_testable, unfitted_effects
 from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.score_test import ScoredCandidate, score_candidates
+from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_ident.fitting.identifiability import some_rows
@@ -35,17 +37,18 @@ from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE, SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
-from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.derivatives import Response, parameter_jacobian
+from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
 MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
-Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable"]
+Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable", "noise_unknown"]
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What a model misses on measurements.
+    """Diagnosis of a model on measurements: the effects that it misses.
 
     Attributes:
         fit, data: of all N poses. screened: (n,), rows of those that were screened, all of few; below for these only.
@@ -54,7 +57,8 @@ class Diagnosis:
         selected: by forward selection, in that order, spurious ones included.
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
         joint_jacobian: (joints, 3, n), motion of the TCP for a unit rotation of each joint (m/rad).
-        outliers: numbers of the poses left out. loss: of every fit.
+        outliers: numbers of the poses left out. shifted: rows that carry another row's position.
+        loss: of every fit.
     """
 
     fit: Fit
@@ -71,6 +75,7 @@ class Diagnosis:
     joint_jacobian: Array
     screened: NDArray[np.int64]
     outliers: tuple[int, ...] = ()
+    shifted: tuple[ShiftedRows, ...] = ()
     loss: Loss = SQUARED
 
     @property
@@ -95,6 +100,8 @@ class Diagnosis:
         matters = structure.moran_i > MORAN_THRESHOLD if floor is None else self.fit.sigma > FLOOR_RATIO * floor
         if significant and matters:
             return "unexplained_structure"
+        if floor is None:
+            return "noise_unknown"
         return "unpredictable" if self.above_floor else "nothing_missing"
 
     @property
@@ -116,6 +123,8 @@ def diagnose(
 ) -> Diagnosis:
     """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
 
+    Without outliers the data may tell more: what they tell then is freed before any effect is tried.
+
     Args:
         rates: how often arms of this kind have each effect, where that is known.
 
@@ -123,7 +132,7 @@ def diagnose(
         LrmError: too few poses, or the fit does not converge.
     """
     kinds = tuple(catalogue)
-    found = _diagnose(model, data, kinds, progress, loss, rates)
+    found = _score(model, data, kinds, progress, loss)
     left_out: tuple[int, ...] = ()
     for _ in range(MOST_ROUNDS):
         numbers = tuple(int(found.data.pose[row]) for row in _outliers(found))
@@ -132,18 +141,36 @@ def diagnose(
         left_out += numbers
         before, rest = found.fit.model, found.data.without(numbers)
         del found  # it holds the columns of every candidate
-        found = _diagnose(before, rest, kinds, progress, loss, rates)
-    return replace(found, outliers=tuple(sorted(left_out)))
+        before = free_base_parameters(fit(before, rest, loss=loss), rest, loss).model  # before any name
+        found = _score(before, rest, kinds, progress, loss)
+    selected = _select(found, progress, rates)
+    if not left_out:
+        return selected
+    return replace(selected, outliers=tuple(sorted(left_out)), shifted=_shifted(selected, data))
 
 
-def _diagnose(
-    model: Model,
-    data: Measurements,
-    kinds: tuple[type[Effect], ...],
-    progress: OnProgress,
-    loss: Loss,
-    rates: EffectRates | None,
-) -> Diagnosis:
+@dataclass(frozen=True, eq=False)
+class _Scores:
+    """Every candidate alone on what a fit leaves; attributes as of `Diagnosis`.
+
+    Attributes:
+        weigh, linear: relative weights of the screened rows, and the fit linearised there.
+        response: of the model with every candidate in it. ranked: the testable candidates, best first.
+    """
+
+    fit: Fit
+    data: Measurements
+    screened: NDArray[np.int64]
+    weigh: RowWeights
+    linear: LinearisedFit
+    response: Response
+    ranked: list[ScoredCandidate]
+    not_testable: tuple[tuple[Effect, str], ...]
+
+
+def _score(
+    model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: OnProgress, loss: Loss
+) -> _Scores:
     whole = fit(model, data, loss=loss)
     screened = rows_to_screen(whole)
     fitted, part = whole.take(screened), data.take(screened)
@@ -154,14 +181,20 @@ def _diagnose(
     response, found = differentiate_candidates(fitted.model, part.poses, testable, sensed)
     scored, undetectable = score_candidates(found, linear, weigh, progress)
     ranked = sorted(scored, key=lambda one: one.alone.rms)
+    return _Scores(whole, data, screened, weigh, linear, response, ranked, (*not_testable, *undetectable))
+
+
+def _select(scores: _Scores, progress: OnProgress, rates: EffectRates | None) -> Diagnosis:
+    whole, data, linear, ranked = scores.fit, scores.data, scores.linear, scores.ranked
+    fitted, part = whole.take(scores.screened), data.take(scores.screened)
     floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
     quiet = _like_noise(whole, data, floor, structure)
     tried = [one for one in ranked if not quiet or one.candidate.standing == REFINEMENT]
     weights = None if rates is None else rates.weights([one.name for one in tried])
     selection = forward_select(tried, linear, progress, weights, [one for one in ranked if one not in tried])
     selected = selection.effects
-    joint_jacobian = response.slots[list(response.equilibrium.model.chain.joint_slots)]
-    before = lagged(whole.rest.joint_torque)[screened]
+    joint_jacobian = scores.response.slots[list(scores.response.equilibrium.model.chain.joint_slots)]
+    before = lagged(whole.rest.joint_torque)[scores.screened]
     functions = free_functions(joint_jacobian, part, fitted.rest, before)
     return Diagnosis(
         fit=whole,
@@ -173,12 +206,21 @@ def _diagnose(
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
         selected=selected,
         equivalent={one.name: equivalent_effects(selection, i, ranked) for i, one in enumerate(selected)},
-        unexplained=unexplained_structure(selection, functions, weigh),
-        not_testable=(*not_testable, *undetectable),
+        unexplained=unexplained_structure(selection, functions, scores.weigh),
+        not_testable=scores.not_testable,
         joint_jacobian=joint_jacobian[:, :3],
-        screened=screened,
-        loss=loss,
+        screened=scores.screened,
+        loss=whole.loss,
     )
+
+
+def _shifted(found: Diagnosis, data: Measurements) -> tuple[ShiftedRows, ...]:
+    """The blocks of all measured rows that carry the position of a neighbouring row."""
+    predicted = np.full((len(data), 3), np.nan)
+    rest, rows = batch_equilibrium(found.fit.model, data.poses)
+    predicted[rows] = rest.tcp
+    limit = 2 * OUTLIER_DISTANCE * robust_scale(np.linalg.norm(found.fit.residual, axis=1))
+    return shifted_rows(data.pose, data.tcp, predicted, limit)
 
 
 def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
@@ -206,16 +248,15 @@ def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> Linearised
     return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma)
 
 
-def _outliers(diagnosis: Diagnosis) -> list[int]:
+def _outliers(scores: _Scores) -> list[int]:
     """Rows farther out than twice the outlier distance of a fit, with the best single candidate and without it.
 
     Twice, because an effect that is still missing may put whole groups of poses far out. As measured: a robust loss
     gives a pose the less weight the farther out it is, which would hide it here.
     """
-    squared = diagnosis.squared_held_out
-    best = min(diagnosis.scored, key=lambda one: one.alone.rms, default=None)
-    if best is not None:
-        squared = np.minimum(squared, best.alone.held_out)
-    distance = np.sqrt(squared / diagnosis.fit.weight[diagnosis.screened])
+    squared = scores.linear.now.held_out
+    if scores.ranked:
+        squared = np.minimum(squared, scores.ranked[0].alone.held_out)
+    distance = np.sqrt(squared / scores.fit.weight[scores.screened])
     far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance)
-    return [int(row) for row in diagnosis.screened[far]]
+    return [int(row) for row in scores.screened[far]]

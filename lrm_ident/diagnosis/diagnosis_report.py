@@ -10,7 +10,7 @@ import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.notebook import ShownInNotebook
-from lrm_ident.data.wording import in_mm
+from lrm_ident.data.wording import fall, in_mm, quantity
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.score_test import ScoredCandidate
@@ -82,7 +82,7 @@ class DiagnosisReport(ShownInNotebook):
 
     @property
     def far_rows(self) -> tuple[int, ...]:
-        """Where more than noise is left without a name: rows far from what the others show, the farthest first."""
+        """Rows with more than noise left and no name: those far from what the others show, the farthest first."""
         if self.verdict not in ("unexplained_structure", "unpredictable"):
             return ()
         fit = self.diagnosis.fit
@@ -103,10 +103,11 @@ def report_of(confirmed: ConfirmedDiagnosis) -> DiagnosisReport:
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks)
     before = error_stats(confirmed.held_out)
-    more = confirmed.verdict in ("nothing_missing", "unpredictable") and left.predictable.more_to_find
+    quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
+    more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")
     return DiagnosisReport(
         diagnosis=diagnosis,
-        verdict="unexplained_structure" if more else confirmed.verdict,
+        verdict="unexplained_structure" if more or (quiet and left.regimes) else confirmed.verdict,
         fit=error_stats(diagnosis.fit.residual),
         held_out=before,
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
@@ -133,13 +134,13 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    refused = "with the effects above there is no need of it" if supported else "no refit confirmed what was selected"
-    why = f"alone it would leave {in_mm(rms)} mm, but {refused}"
+    other = "with the effects above there is no need of it" if supported else "no refit confirmed what was selected"
+    why = f"alone it would leave {in_mm(rms)} mm, but {confirmed.refused.get(scored.name, other)}"
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
-        fall = f"the held-out error falls from {in_mm(before.rms)} to {in_mm(rms)} mm"
+        better = f"the held-out error falls {fall(before.rms, rms)} mm"
         unsure = f"; these data cannot tell it from {', '.join(equivalent[:4])}" if equivalent else ""
-        why = f"{_describe_effect(scored, estimates)}: {fall}{unsure}"
+        why = f"{_describe_effect(scored, estimates)}: {better}{unsure}"
     elif scored.implausible:
         why = scored.implausible
     elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
@@ -178,14 +179,16 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     if any(name in sentence for name in words):
         return claim
     surest = sorted(estimates, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
-    surest_values = ", ".join(f"{name} {words[name]}" for name in words if name in {one[0] for one in surest})
+    shown = [name for name in words if name in {one[0] for one in surest}]
+    surest_values = ", ".join(f"{name.removesuffix('_rad')} {words[name]}" for name in shown)
     return f"{claim} ({surest_values}{f' and {len(words) - MOST_WORDS} more' if len(words) > MOST_WORDS else ''})"
 
 
 def with_unit(value: float, error: float | None, unit: str) -> str:
     """An estimate with its standard error, if it has one, in the unit that is shown, for instance `2.3 ± 0.1°`."""
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
-    return f"{value * scale:.3g}{'' if error is None else f' ± {error * scale:.1g}'}{symbol}"
+    known = f"{value * scale:.3g}" if error is None else quantity(value * scale, error * scale)
+    return f"{known}{symbol}"
 
 
 def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:

@@ -99,10 +99,15 @@ def _try(file: Path, effect: Effect) -> None:
         rows = effect.basis(poses, tau) if isinstance(effect, LinearEffect) else (effect.amounts(poses, tau, p),)
         if linear and len(rows) != len(parameters):
             raise FileError(file, where, f"basis gives {len(rows)} rows", right)
-        if not all(isinstance(row, tuple) and len(row) == size for row in rows):
+        shaped = all(isinstance(row, tuple) and len(row) == size for row in rows)
+        if not shaped or any(np.shape(amount) not in ((), (2,)) for row in rows for amount in row):
             raise FileError(file, where, "gives amounts of another shape", right)
+        for parameter in parameters:
+            parameter.unit  # noqa: B018 - raises for a name without one
         model_of(effect.arm, [effect]).binding  # noqa: B018 - raises for slots that the arm has not
     except (FileError, LrmError) as error:
         raise error if isinstance(error, FileError) else FileError(file, where, str(error)) from None
     except Exception as error:
+        if isinstance(error, IndexError) and not tau:
+            right = "load_slots: the slots whose loads it reads in tau; it has none"
         raise FileError(file, where, f"fails at two poses of {effect.arm.name}: {error!r}", right) from None

@@ -67,9 +67,18 @@ def executor_for(
         with _on_cluster(cluster) as executor:
             yield executor
     else:
-        workers = max(1, min(os.cpu_count() or 1, most or 10**6))
+        workers = _workers(most or 10**6)
         with _environment(ONE_THREAD), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
             yield executor
+
+
+def _workers(most: int) -> int:
+    return max(1, min(os.cpu_count() or 1, most))
+
+
+def rounds_of(tasks: int) -> int:
+    """Ratio of the time of some equal tasks on this machine to that of one of them."""
+    return -(-tasks // _workers(tasks))
 
 
 def as_finished(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 
@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.fitting.block_qr import compress
-from lrm_ident.fitting.levenberg_marquardt import Fit, check_enough, fit
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
-from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_told
 from lrm_math.arrays import Array
+from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
@@ -254,10 +255,13 @@ def fit_identifiable(
         selected = select_identifiable(rest, keys, noise, data.whitening)
         if seen and selected.kept == seen[-1]:
             break
-        check_enough(len(data), len(selected.kept))
+        check_told(model, data.poses, len(selected.kept), len(keys))
         start = _holding(rest.model, keys, selected.kept)
         low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
-        result = fit(start, data, Bounds(low, high), loss)
+        try:
+            result = _fit_from_part(start, data, Bounds(low, high), loss)
+        except NoEquilibrium:  # what is held now balanced what is not: begin anew
+            result = _fit_from_part(_holding(model, keys, selected.kept), data, Bounds(low, high), loss)
         if selected.kept in seen:
             break
         seen.append(selected.kept)
@@ -265,11 +269,23 @@ def fit_identifiable(
     return IdentifiedFit(result, data, selected)
 
 
-def some_rows(count: int) -> NDArray[np.int64]:
-    """At most `MOST_AT_ONCE` rows drawn from `count` without replacement, ascending, always the same."""
-    if count <= MOST_AT_ONCE:
+def _fit_from_part(model: Model, data: Measurements, bounds: Bounds, loss: Loss) -> Fit:
+    """Fits the free parameters; of many poses to a fifth of them first, and so on: it ends close to the end of all and
+    tells whether they need weak priors, too. Every step costs as many Jacobians as there are poses."""
+    if len(data) <= MOST_AT_ONCE:
+        return fit(model, data, bounds, loss)
+    part = _fit_from_part(model, data.take(some_rows(len(data), max(MOST_AT_ONCE, len(data) // 5))), bounds, loss)
+    if not part.damped:
+        return fit(part.model, data, bounds, loss)
+    return replace(fit(part.model, data, bounds, loss, part.weak_prior), damped=True)
+
+
+def some_rows(count: int, most: int | None = None) -> NDArray[np.int64]:
+    """At most so many rows (`MOST_AT_ONCE`) drawn from `count` without replacement, ascending, always the same."""
+    size = MOST_AT_ONCE if most is None else most
+    if count <= size:
         return np.arange(count)
-    return np.sort(np.random.default_rng(0).choice(count, MOST_AT_ONCE, replace=False))
+    return np.sort(np.random.default_rng(0).choice(count, size, replace=False))
 
 
 def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:

@@ -18,10 +18,11 @@ from lrm_ident.data.registration.degenerate_fit import check_arm
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.objective import Iterate, NoiseScale, NoiseUpdate, Objective
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
-from lrm_ident.fitting.priors import WEAK_SD, Prior, weak_prior
+from lrm_ident.fitting.priors import WEAK, WEAK_SD, Prior, weak_prior
+from lrm_ident.fitting.smoothness import weighed
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.equilibrium import Equilibrium, measured_range
 from lrm_math.model.model import Model
 
 MAX_STEPS = 60
@@ -61,6 +62,7 @@ class Fit(ShownInNotebook):
         weight: (N,), the weight of each pose, 1 for least squares.
         outliers: rows farther than `OUTLIER_DISTANCE` robust standard deviations.
         steps: Levenberg–Marquardt steps taken.
+        prior: what weighed against the data: a stated or weak prior, and the penalties of forms.
         loss: what it minimises. damped: whether it converged only with weak priors (`weak_prior`).
     """
 
@@ -76,6 +78,7 @@ class Fit(ShownInNotebook):
     steps: int
     loss: Loss = SQUARED
     damped: bool = False
+    prior: Prior | None = None
 
     def take(self, rows: NDArray[np.int64]) -> Fit:
         """This fit, seen at some of its poses."""
@@ -123,20 +126,32 @@ def fit(
         NoEquilibrium: the start has no elastic equilibrium.
     """
     check_enough(len(data), len(model.free), prior)
+    model = replace(model, within=measured_range(model, data.poses))
     limits = bounds or bounds_of(model, model.free)
     objective = Objective(model, data, loss, prior)
-    idle = MAX_STEPS_WITH_PRIOR if prior else IDLE_STEPS  # the top of a stated posterior is wanted, however flat it is
+    stated = prior is not None and prior.name != WEAK  # the top of such a posterior is wanted, however flat it is
+    idle = MAX_STEPS_WITH_PRIOR if stated else IDLE_STEPS
     lower, upper = limits.lower / objective.typical, limits.upper / objective.typical
     plain = _LevenbergMarquardt(objective, lower, upper, idle, near)
     try:
-        found = plain.solve(MAX_STEPS if prior is None else MAX_STEPS_WITH_PRIOR)
+        found = _solve_smooth(plain, MAX_STEPS if prior is None else MAX_STEPS_WITH_PRIOR)
     except FitNotConverged:
         if prior is not None:
             raise
         weakly = replace(objective, prior=weak_prior(model))
-        found = replace(replace(plain, objective=weakly).solve(MAX_STEPS_WITH_PRIOR), damped=True)
+        found = replace(_solve_smooth(replace(plain, objective=weakly), MAX_STEPS_WITH_PRIOR), damped=True)
     check_arm(found.rest, model.free)
     return found
+
+
+def _solve_smooth(plain: _LevenbergMarquardt, most_steps: int) -> Fit:
+    """The fit, its free forms kept smooth and small."""
+
+    def solved(model: Model, prior: Prior | None) -> Fit:
+        """The fit from a model on, with a prior."""
+        return replace(plain, objective=replace(plain.objective, model=model, prior=prior)).solve(most_steps)
+
+    return weighed(solved, plain.objective.model, plain.objective.prior)
 
 
 def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
@@ -180,13 +195,13 @@ class _LevenbergMarquardt:
             predicted = float(descent @ (trial.z - iterate.z)) / noise.scale**2
             least = max(GAIN_TOLERANCE * objective.value(iterate, noise), POSTERIOR_TOLERANCE * noise.prior_weight)
             idle = idle + 1 if self._gains_nothing(iterate, trial, noise) else 0
-            if idle >= self.idle_steps and not self._well_known(columns[:, ~held], iterate, noise):
+            if idle >= self.idle_steps and not self._well_known(columns, ~held, iterate, noise):
                 raise FitNotConverged(steps, step)
             done = step < STEP_TOLERANCE or predicted < least or idle >= self.idle_steps
             iterate = trial
             if done:
                 update = NoiseUpdate(noise, objective.noise_scale(iterate, noise, ~held))
-                if update.estimated.close_to(noise):
+                if update.estimated.close_to(noise, objective.sigma_tolerance):
                     return self._result(iterate, columns, held, steps, noise)
                 noise, before, damping = update.accelerated(before), update, min(damping, FIRST_DAMPING)
         raise FitNotConverged(most_steps, step)
@@ -196,11 +211,11 @@ class _LevenbergMarquardt:
         before, after = (self.objective.value(each, noise) for each in (iterate, trial))
         return before - after <= min(IDLE_GAIN, IDLE_LIKELIHOOD / iterate.residual.size) * before
 
-    def _well_known(self, J: Array, iterate: Iterate, noise: NoiseScale) -> bool:
+    def _well_known(self, J: Array, free: NDArray[np.bool_], iterate: Iterate, noise: NoiseScale) -> bool:
         """Whether the data, or a prior, know every direction better than the weak priors do."""
-        if self.objective.prior is not None or not J.shape[1]:
+        if self.objective.has_full_prior or not free.any():
             return True
-        least = float(np.linalg.eigvalsh(J.T @ J)[0])
+        least = float(np.linalg.eigvalsh(self.objective.gauss_newton(J, noise)[np.ix_(free, free)])[0])
         return least * WEAK_SD**2 > self.objective.residual_sd(iterate) ** 2
 
     def _step(
@@ -278,6 +293,7 @@ class _LevenbergMarquardt:
             outliers=tuple(np.flatnonzero(distance > OUTLIER_DISTANCE * robust_scale(distance)).tolist()),
             steps=steps,
             loss=objective.loss,
+            prior=objective.prior,
         )
 
 

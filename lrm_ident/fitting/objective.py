@@ -14,19 +14,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.wording import enumerate_words
 from lrm_ident.fitting.block_qr import CompressedRows, compress, compress_each
 from lrm_ident.fitting.loss import Loss, robust_scale
-from lrm_ident.fitting.priors import Prior
+from lrm_ident.fitting.priors import SET_UP, Prior
 from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
 SLOW, LARGEST_CHANGE = 0.5, 2.0  # a contraction worth accelerating; the most that log σ may change at once
 SCALE_TOLERANCE = 1e-3  # relative change at which the noise scale has converged
+PENALTY_TOLERANCE = 0.05  # of the noise that weighs penalties against the data
 MIN_SCALE = 1e-9  # m, or of the stated noise
 EQUILIBRIUM_TOLERANCE = 1e-11  # m: with a larger one the objective is too rough for its last steps
 ROUND_OFF = 1e-15
 MIN_SIGMA = 1e-5  # m: below any tracker's noise; at much smaller values the prior is lost in round-off
+
+
+class Untold(LrmError):
+    """Parameters to fit that nothing at these poses depends on; carries their `keys`."""
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        self.keys = tuple(keys)
+        which = f"{enumerate_words(keys, 3)}: {'it' if len(keys) == 1 else 'they'} cannot be fitted to these data"
+        super().__init__(f"nothing at these poses depends on {which}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +67,10 @@ class NoiseScale:
         """Change of the objective per unit of the log-posterior; zero without a prior."""
         return (self.sigma / self.scale) ** 2
 
-    def close_to(self, other: NoiseScale) -> bool:
-        """Whether both agree to `SCALE_TOLERANCE`."""
+    def close_to(self, other: NoiseScale, sigma_tolerance: float) -> bool:
+        """Whether both agree: the scale to `SCALE_TOLERANCE`, σ to a part of itself."""
         scale_change, sigma_change = abs(self.scale - other.scale), abs(self.sigma - other.sigma)
-        return scale_change < SCALE_TOLERANCE * other.scale and sigma_change <= SCALE_TOLERANCE * other.sigma
+        return scale_change < SCALE_TOLERANCE * other.scale and sigma_change <= sigma_tolerance * other.sigma
 
 
 @dataclass(frozen=True)
@@ -107,6 +119,17 @@ class Objective:
     def _with_prior(self) -> list[int]:
         """The K free parameters that have a prior."""
         return [] if self.prior is None else [j for j, key in enumerate(self.model.free) if key in self.prior.keys]
+
+    @property
+    def has_full_prior(self) -> bool:
+        """Whether a prior knows every free parameter, but for where an instrument stood."""
+        known = set(self._with_prior)
+        return all(j in known or key.startswith(SET_UP) for j, key in enumerate(self.model.free))
+
+    @property
+    def sigma_tolerance(self) -> float:
+        """Part of σ to which it must be known: penalties of forms are no better known than to a third themselves."""
+        return SCALE_TOLERANCE if self.has_full_prior else PENALTY_TOLERANCE
 
     @cached_property
     def _prior_mean(self) -> Array:
@@ -172,9 +195,18 @@ class Objective:
 
     def inverse_hessian(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
         """(p, p), inverse of `gauss_newton` of the p parameters off their bounds, by QR, which does not square the
-        condition number."""
-        _, R = np.linalg.qr(np.concatenate([J[:, free], noise.sigma * self._prior_root[:, free]]))
-        root = np.linalg.solve(R, np.eye(len(R)))
+        condition number. Raises `Untold`: parameters of which neither the data nor a prior say anything."""
+        rows = np.concatenate([J[:, free], noise.sigma * self._prior_root[:, free]])
+        untold = np.flatnonzero(free)[~rows.any(axis=0)]
+        if len(untold):
+            raise Untold([self.model.free[j] for j in untold])
+        _, R = np.linalg.qr(rows)
+        try:
+            root = np.linalg.solve(R, np.eye(len(R)))
+        except np.linalg.LinAlgError:
+            raise LrmError(
+                "these poses cannot tell some of the parameters from each other: fit the identifiable ones"
+            ) from None
         return np.asarray(root @ root.T)
 
     def effective_parameters(self, inverse: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> float:

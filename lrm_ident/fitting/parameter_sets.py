@@ -9,7 +9,8 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.errors import UnknownName
+from lrm_math.errors import LrmError, UnknownName
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
 
 TABLE_4_5 = (
@@ -67,3 +68,17 @@ def bounds_of(model: Model, keys: Sequence[str]) -> Bounds:
 def no_bounds(keys: Sequence[str]) -> Bounds:
     """Infinite bounds, for instance for the thesis's unconstrained options."""
     return Bounds(np.full(len(keys), -np.inf), np.full(len(keys), np.inf))
+
+
+def check_told(model: Model, poses: Poses, kept: int, candidates: int) -> None:
+    """Raises `LrmError` for fewer distinct poses than parameters `kept`; names one number, that of all `candidates`."""
+    angles, count = len(np.unique(np.round(poses.q, 6), axis=0)), len(poses)
+    sides = [] if poses.direction is None else [poses.direction]
+    distinct = len(np.unique(np.round(np.column_stack([poses.q, poses.payload, *sides]), 6), axis=0))
+    if distinct >= kept and (angles > 1 or count == 1):
+        return
+    few = f"{count} poses, and all are equal" if angles == 1 < count else f"{distinct} distinct poses"
+    raise LrmError(
+        f"{few}: too few; measure at least {candidates}, spread over the joints' ranges ({model.arm.name} has "
+        f"{candidates} parameters), or fit fewer (fit --parameters)"
+    )

@@ -26,8 +26,9 @@ from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.priors import WEAK, weak_prior
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.inputs import read_measurements
-from lrm_ident.study.model_history import model_file, model_text, tool_version
+from lrm_ident.study.model_history import model_file, model_text
 from lrm_ident.study.study import Study
+from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model

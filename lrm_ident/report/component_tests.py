@@ -6,6 +6,7 @@ import numpy as np
 
 from lrm_ident.data.servo_stiffness import StiffnessEstimate
 from lrm_ident.data.tracker_alignment import Alignment
+from lrm_ident.data.wording import quantity
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 
 SURE, SIGNIFICANT = 2.0, 0.01
@@ -19,7 +20,7 @@ def stiffness_document(found: StiffnessEstimate) -> Document:
     """
     torque, secants = found.test.torque, found.secants
     rows = [
-        ("slope (compliance)", f"{found.slope:.4f} ± {found.slope_error:.4f}", "rad/Nm"),
+        ("slope (compliance)", quantity(found.slope, found.slope_error), "rad/Nm"),
         ("slopes between neighbouring loads", f"{min(secants):.4f} to {max(secants):.4f}", "rad/Nm"),
         ("largest departure from the line", f"{100 * found.departure:.1f}", "% of the deflection"),
         ("scatter of a reading", f"{np.degrees(found.scatter):.3f}", "deg"),
@@ -27,7 +28,7 @@ def stiffness_document(found: StiffnessEstimate) -> Document:
     loop = None
     if found.loop is not None and found.loop_error is not None:
         loop = {"value": found.loop, "se": found.loop_error}
-        width = f"{np.degrees(found.loop):.3f} ± {np.degrees(found.loop_error):.3f}"
+        width = quantity(float(np.degrees(found.loop)), float(np.degrees(found.loop_error)))
         rows.insert(3, ("loop, unloading above loading", width, "deg"))
     title = f"{len(torque)} readings, {torque.min():.2f} to {torque.max():.2f} N·m"
     prior = f"{{ mean = {found.slope:.4f}, sd = {2.0 * found.slope:.4f} }}"

@@ -71,6 +71,17 @@ class ListSection:
             yield f"  … and {len(self.lines) - most} more; --all shows them"
 
 
+@dataclass(frozen=True)
+class FoldedSection(ListSection):
+    """A list that is printed in full only where everything is, else as its `summary`."""
+
+    summary: str
+
+    def shown(self, most: int | None) -> Iterator[str]:
+        """All lines, or the summary."""
+        return super().shown(most) if most is None else iter((f"  {self.summary}",))
+
+
 Block = str | Text | ResultTable | ListSection
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from lrm_ident.data import wording
-from lrm_ident.data.error_stats import ErrorStats
+from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals
 from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_outliers
@@ -19,14 +19,15 @@ from lrm_ident.study.model_history import fit_words
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
+from lrm_math.plausibility import far_from_typical
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
 PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
-PARAMETER_DECIMALS = 4
 DAMPED = (
     "Least squares alone did not converge; fitted with weak priors (three typical sizes about zero). Look at the "
     "standard errors: some parameters are hardly known."
 )
+IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
 OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:"
 
 
@@ -54,23 +55,25 @@ def fit_document(
 ) -> Document:
     """Result of `lrm-ident fit`, schema `lrm/fit/1`."""
     model = fit.model
-    mean, before, held_out = errors.fitted.mean, errors.nominal.mean, errors.held_out.error
+    fitted, before, held_out = errors.fitted.rms, errors.nominal.rms, errors.held_out.error
     outliers = [(data.pose[row], np.linalg.norm(fit.residual[row]) * 1e3) for row in fit.outliers]
     how = fit_words(fit.loss.name, data.left_out)
+    unseen = "" if held_out is None else f"; on poses that it never saw it is {wording.in_mm(held_out.rms)} mm"
     blocks = [
+        heading(
+            f"The RMS error fell {wording.fall(before, fitted)} mm ({100 * (1 - fitted / before):.0f} % less){unseen}."
+        ),
         *([heading(DAMPED)] if fit.damped else []),
+        *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
+        *section(IMPLAUSIBLE, _implausible(model)),
+        *section(OUTLIERS, (f"pose {pose}: {wording.in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
+        *_lost(fit, held, data),
         parameter_table(fit),
         *section(
             "Held at zero, because these poses cannot tell them:",
             (f"{p.key}: {_why(fit.rest, p)}" for p in held),
         ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
-        *section(OUTLIERS, (f"pose {pose}: {wording.in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
-        *_lost(fit, held, data),
-        *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
-        f"The mean error fell from {wording.in_mm(before)} to {wording.in_mm(mean)} mm "
-        f"({100 * (1 - mean / before):.0f} % less)"
-        + ("." if held_out is None else f"; on poses it never saw it is {wording.in_mm(held_out.mean)} mm."),
     ]
     values = {
         "poses": len(data),
@@ -90,7 +93,7 @@ def fit_document(
 
 
 def _lost(fit: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> list[Block]:
-    """What a fit cannot tell because of a few poses, and how to leave them out."""
+    """Parameters that a fit cannot tell because of a few poses, and how to leave them out."""
     lost = lost_to_outliers(fit, held, data)
     if not lost:
         return []
@@ -114,6 +117,7 @@ def comparison_document(found: ModelComparison) -> Document:
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
     blocks = [
         *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
+        *([said] if (said := _outside(found)) else []),
         *([] if found.predictable is None else [found.predictable.sentence]),
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *(_group_table(factor) for factor in found.factors[:2]),
@@ -122,6 +126,7 @@ def comparison_document(found: ModelComparison) -> Document:
     values = {
         "poses": len(data),
         "parameters": free,
+        "outside_range": [data.pose[row] for row in _rows_outside(found)],
         "error": errors,
         "factors": [
             {"kind": f.kind, "name": f.name, "share": f.share, "groups": [_group(group) for group in f.groups]}
@@ -139,6 +144,23 @@ def comparison_document(found: ModelComparison) -> Document:
         ],
     }
     return Document(blocks, "lrm/comparison/1", values)
+
+
+def _rows_outside(found: ModelComparison) -> list[int]:
+    """Rows of poses outside the range that the model was fitted on."""
+    within = found.rest.model.within
+    return [] if within is None else np.flatnonzero(within.outside(found.data.poses.q).any(axis=1)).tolist()
+
+
+def _outside(found: ModelComparison) -> str:
+    """Number of poses outside that range, and the error there and within; empty if none does."""
+    within, rows = found.rest.model.within, _rows_outside(found)
+    if within is None or not rows:
+        return ""
+    there, rest = error_stats(found.residual[rows]), np.delete(found.residual, rows, axis=0)
+    inside = f", {error_stats(rest).rms * 1e3:.2f} mm within" if len(rest) else ""
+    error = f"Error of the model as it is: RMS {there.rms * 1e3:.2f} mm there{inside}"
+    return f"{within.sentence(found.data.poses.q)}. {error}"
 
 
 def _worst_table(found: ModelComparison) -> ResultTable:
@@ -164,11 +186,19 @@ def estimate_table(model: Model, errors: Mapping[str, float]) -> ResultTable:
     rows = []
     for key in model.free:
         name, scale, unit = screen_unit(model, key)
-        places = max(PARAMETER_DECIMALS, decimals(errors.get(key, 0.0) * scale))
-        note = f"± {errors[key] * scale:.{places}f}" if key in errors else "at its bound"
-        rows.append((name, f"{model.value(key) * scale:.{places}f}", note, unit))
+        value, error = wording.with_error(model.value(key) * scale, errors.get(key, 0.0) * scale)
+        rows.append((name, value, f"± {error}" if key in errors else "at its bound", unit))
     columns = ("parameter", "value|", "± standard error|", "unit")
     return ResultTable(columns, rows, f"{len(model.free)} parameters")
+
+
+def _implausible(model: Model) -> Iterator[str]:
+    """Estimates that no assembled arm has."""
+    for key in model.free:
+        parameter = model.parameters[model.position(key)]
+        if found := far_from_typical(model.value(key), parameter.typical):
+            name, scale, unit = screen_unit(model, key)
+            yield f"{name} = {model.value(key) * scale:.3g} {unit}: {found}"
 
 
 def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object]]:
@@ -208,7 +238,8 @@ def _why(rest: Equilibrium, held: UnidentifiableParameter) -> str:
         return "does not move the TCP" + (": the arm's file gives no masses" if massless else " at any of these poses")
     if not held.combination or held.survival > 0.2:
         _, scale, unit = screen_unit(model, held.key)
-        return f"hardly moves the TCP (it would be known to ± {held.standard_error * scale:.3g} {unit})"
+        known = wording.with_error(0.0, held.standard_error * scale)[1]
+        return "hardly moves the TCP" + ("" if known == "unknown" else f" (it would be known to ± {known} {unit})")
     units = {key: model.parameters[model.position(key)].unit for key in (held.key, *dict(held.combination))}
     parts = " and ".join(f"{amount:+.4g} {units[key]} of {key}" for key, amount in held.combination[:PARTS_SHOWN])
     less = " and less of others" if len(held.combination) > PARTS_SHOWN else ""

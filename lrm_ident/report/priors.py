@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.wording import quantity
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.report.document import Block, ResultTable
@@ -80,7 +81,7 @@ class PriorComparison:
         for key in self.fit.model.free:
             name, scale, unit = screen_unit(self.fit.model, key)
             (mean, sd), share = self._mean_sd(key, scale), self.share_from_data(key)
-            prior = "none" if mean is None else f"{mean:.3g} ± {sd:.3g}"
+            prior = "none" if mean is None or sd is None else quantity(mean, sd)
             from_data = None if share is None else f"{100 * share:.0f} %"
             estimates = _estimate(self.fit, key, scale), from_data, _estimate(self.alone, key, scale)
             rows.append((name, prior, *estimates, unit))
@@ -104,4 +105,4 @@ def _estimate(fit: Fit | str, key: str, scale: float) -> str:
     if key not in fit.model.free:
         return "held at 0"
     value, error = fit.model.value(key) * scale, fit.standard_error[fit.model.free.index(key)] * scale
-    return f"{value:.4g} at its bound" if key in fit.at_bound else f"{value:.4g} ± {error:.2g}"
+    return f"{value:.4g} at its bound" if key in fit.at_bound else quantity(value, error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -28,6 +28,7 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
 MAX_LEVELS, BINS, ORDER_PARTS, WORST = 8, 6, 10, 10
+UNSEEN = "the fit saw none of these poses: the model's own error is a held-out one"
 
 
 @dataclass(frozen=True)
@@ -106,11 +107,21 @@ def compare(
 
     Raises `NoEquilibrium`: the model has no equilibrium at some pose.
     """
+    held_out = try_held_out(model, data, loss=loss, progress=progress, prior=prior)
+    return _compared(model, data, held_out)
+
+
+def compare_unseen(model: Model, data: Measurements, progress: OnProgress = silent) -> ModelComparison:
+    """Compares a model with measurements that no fit of it saw: nothing is refitted. Raises `NoEquilibrium`."""
+    as_it_is = try_held_out(replace(model, free=()), data, progress=progress)
+    return _compared(model, data, HeldOutResidual(None, UNSEEN, as_it_is.blocks))
+
+
+def _compared(model: Model, data: Measurements, held_out: HeldOutResidual) -> ModelComparison:
     rest = equilibrium(model, data.poses)
     residual = data.position_error(rest)
     nominal = equilibrium(with_anchor(model_of(model.arm, ()), data), data.poses)
     distance = np.linalg.norm(residual, axis=1)
-    held_out = try_held_out(model, data, loss=loss, progress=progress, prior=prior)
     return ModelComparison(
         data=data,
         rest=rest,

@@ -34,7 +34,7 @@ class ArrowScale:
 
     @property
     def words(self) -> str:
-        """What is printed on the picture."""
+        """Caption of the picture."""
         return f"arrows × {self.magnification:g}, colours to {self.largest * 1e3:g} mm: the same for all steps"
 
 
@@ -76,7 +76,7 @@ class ErrorField:
 
     @property
     def thinned(self) -> str:
-        """What is printed if not all poses are drawn, else nothing."""
+        """Note if not all poses are drawn, else empty."""
         left_out = len(self.rows) < self.poses
         return f"{len(self.rows)} of {self.poses} poses drawn, the worst among them" if left_out else ""
 

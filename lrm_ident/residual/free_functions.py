@@ -10,12 +10,13 @@ is described by the best of them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations, product
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.residual.covariates import CONSTANT, covariates, levels, scaled
+from lrm_ident.residual.covariates import CONSTANT, Covariate, covariates, levels, scaled
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.equilibrium import Equilibrium
@@ -65,7 +66,7 @@ class FreeFunction:
 
     @property
     def name(self) -> str:
-        """For instance `a free function of q1 and q4 at joint 3`."""
+        """Description, for instance `a free function of q1 and q4 at joint 3`."""
         return f"a free function of {' and '.join(self.covariates)} at joint {self.joint + 1}"
 
 
@@ -85,7 +86,7 @@ def free_functions(
     """
     known = [one for one in covariates(data, rest.joint_torque) if len(levels(scaled(one.values), 3)[0]) > 1]
     shared = [one for one in known if one.kind in ("angle", "order")]
-    univariate, bivariate = _radial(joint_jacobian, rest), []
+    univariate, bivariate, products = _radial(joint_jacobian, rest), [], cache(_products)  # alike at every joint
     for joint, motion in enumerate(joint_jacobian):
         own = [one for one in known if one.kind == "torque" and one.joint == joint]
         candidates = [*shared, *own]
@@ -94,12 +95,18 @@ def free_functions(
         for one in candidates:
             univariate.append(FreeFunction(joint, (one.symbol,), ((motion, one.legendre_basis(SINGLE_DEGREE)),)))
         for a, b in combinations(candidates, 2):
-            left, right = a.legendre_basis(PRODUCT_DEGREE), b.legendre_basis(PRODUCT_DEGREE)
-            degrees = product(range(left.shape[1]), range(right.shape[1]))
-            products = [left[:, i] * right[:, j] for i, j in degrees if i + j < PRODUCT_DEGREE]
-            if products:
-                bivariate.append(FreeFunction(joint, (a.symbol, b.symbol), ((motion, np.stack(products, axis=1)),)))
+            basis = products(a, b)
+            if basis is not None:
+                bivariate.append(FreeFunction(joint, (a.symbol, b.symbol), ((motion, basis),)))
     return univariate + bivariate
+
+
+def _products(a: Covariate, b: Covariate) -> Array | None:
+    """(N, m), products of Legendre polynomials of two covariates; None where one of them has no levels for any."""
+    left, right = a.legendre_basis(PRODUCT_DEGREE), b.legendre_basis(PRODUCT_DEGREE)
+    degrees = product(range(left.shape[1]), range(right.shape[1]))
+    found = [left[:, i] * right[:, j] for i, j in degrees if i + j < PRODUCT_DEGREE]
+    return np.stack(found, axis=1) if found else None
 
 
 def _radial(joint_jacobian: Array, rest: Equilibrium) -> list[FreeFunction]:

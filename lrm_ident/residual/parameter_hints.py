@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from lrm_ident.data.wording import quantity
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
 from lrm_math.effects import split_key
@@ -34,7 +35,7 @@ def _scale(fitted: Fit) -> Iterator[str]:
     if len(lengths) > 2 and likeness > LIKENESS and abs(share) > SURELY * error:
         longer = "longer" if share > 0 else "shorter"
         yield (
-            f"all lengths are {abs(share) * 100:.2f} ± {error * 100:.2f} % {longer} than drawn, by the same share: "
+            f"all lengths are {quantity(abs(share) * 100, error * 100)} % {longer} than drawn, by the same share: "
             "the tracker's scale?"
         )
 

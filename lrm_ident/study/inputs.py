@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,12 +31,14 @@ def read_study(
     effects_file: str | Path | None = None,
     reading: Reading = AS_NAMED,
     progress: Progress = unheard,
+    part: Callable[[Measurements, Sequence[int]], Measurements] = Measurements.without,
 ) -> Study:
     """A model file and measurements of its arm, read as those of its fit and without those that it left out.
 
     Args:
         effects_file: a Python file with effects of the user's own.
         reading: how the numbers are read; where it and the file beside them say nothing, as those of the fit.
+        part: what is taken of the fit's own data, given the numbers that it left out.
 
     Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
     """
@@ -46,7 +49,9 @@ def read_study(
     notices += measured.notices
     if known is not None:
         if known.data_sha256 == measured.sha256:
-            measured = measured.without(known.left_out)
+            measured = part(measured, known.left_out)
+        elif part is not Measurements.without:
+            measured = part(measured, ())
         if how := fit_words(known.loss, measured.left_out):
             notices += (f"as in the model's fit: {how}",)
     anchored = with_anchor(loaded, measured)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import tomli_w
@@ -13,11 +13,11 @@ import tomli_w
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import enumerate_words
-from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.fitting.effect_plugins import file_of, sha256_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.priors import WEAK
 from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.tool_version import tool_version
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
@@ -28,18 +28,14 @@ from lrm_math.model.model_file import (
     ProvenanceTable,
     as_tables,
     parameter_tables,
+    range_table,
     to_model,
 )
 
+if TYPE_CHECKING:
+    from lrm_ident.diagnosis.auto import AutoStep
+
 LEFT_OUT_SHOWN, RIVALS_NAMED = 12, 30
-
-
-def tool_version() -> str:
-    """`lrm-ident` and its version."""
-    try:
-        return f"lrm-ident {version('lrm-arm')}"
-    except PackageNotFoundError:
-        return "lrm-ident (not installed)"
 
 
 def model_file(
@@ -69,6 +65,7 @@ def model_file(
         parameters=parameter_tables(model),
         sigma=sigma_table(fit),
         covariance=covariance_table_of(fit),
+        range=range_table(model),
         provenance=ProvenanceTable(
             data=data.path.name,
             data_sha256=data.sha256,
@@ -109,6 +106,7 @@ def _file_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
         parameters=last.parameters,
         sigma=last.sigma,
         covariance=last.covariance,
+        range=last.range,
         history=list(history),
         provenance=last.provenance,
     )
@@ -161,7 +159,7 @@ def auto_step_name(step: AutoStep) -> str:
 def as_written(model: Model, arm: str) -> Model:
     """A model as it is read again from its own file: effects in the file's order, values through the file's units."""
     effects, parameters = effect_names(model.effects), parameter_tables(model)
-    file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters)
+    file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters, range=range_table(model))
     return to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
 
 

@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import ErrorStats
@@ -14,19 +15,19 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.model_error import model_error_words
-from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.diagnosis.auto import AutoRun, AutoStep, run_auto
-from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
-from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
-from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
-from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal, propose_law
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.fitting.priors import WEAK, EffectRates, Prior, load_prior, prior_name_for, prior_of_file
 from lrm_ident.fitting.progress import Progress, unheard
-from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, compare, try_held_out
+from lrm_ident.residual.error_breakdown import (
+    HeldOutResidual,
+    ModelComparison,
+    compare,
+    compare_unseen,
+    try_held_out,
+)
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.model_history import (
     arm_name_for,
@@ -42,6 +43,12 @@ from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, to_model
+
+if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
+    from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+    from lrm_ident.diagnosis.diagnose import Diagnosis
+    from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+    from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 MAX_EFFECTS = 20
 
@@ -105,8 +112,21 @@ class Study(ShownInNotebook):
         return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
 
     def compare(self) -> ModelComparison:
-        """Compares the model as it is with the data: error, held-out error, and what it may depend on."""
+        """Compares the model as it is with the data: error, held-out error, and what it may depend on.
+
+        On poses that no fit of the model saw, its error is a held-out one, and nothing is refitted.
+        """
+        if self.unseen:
+            return compare_unseen(self.model, self.data, partial(self.progress, "what is left to find"))
         return compare(self.model, self.data, partial(self.progress, "held-out error"), self.prior, self.loss)
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the model file says that its fit saw none of these poses: it was of other data, or left them out."""
+        known = None if self.source is None else self.source.provenance
+        if known is None:
+            return False
+        return known.data_sha256 != self.data.sha256 or {*self.data.pose.tolist()} <= {*known.left_out}
 
     def screen(self, rates: EffectRates | None = None) -> Diagnosis:
         """Tries every effect at every place by the linearised fit, and finds outliers.
@@ -114,11 +134,15 @@ class Study(ShownInNotebook):
         Args:
             rates: how often arms of this kind have each effect, where that is known.
         """
+        from lrm_ident.diagnosis.diagnose import diagnose
+
         own, tick = self.identifiable(), partial(self.progress, "trying every effect at every place")
         return diagnose(own.model, own.data, own.catalogue, tick, own.loss, rates)
 
     def diagnose(self, rates: EffectRates | None = None, screened: Diagnosis | None = None) -> DiagnosisReport:
         """Finds which effect the model misses. `screened`: what `screen` gives, where that is known."""
+        from lrm_ident.diagnosis.diagnosis_report import build_report
+
         return build_report(screened or self.screen(rates), self._say)
 
     def add(self, effect: str, screened: Diagnosis | None = None) -> Study:
@@ -127,6 +151,8 @@ class Study(ShownInNotebook):
         Args:
             screened: what `screen` gives, where that is known. Raises `LrmError`.
         """
+        from lrm_ident.diagnosis.add_effect import add_effects
+
         own = self.identifiable()
         added = effects_at(own.model.arm, effect, own.catalogue)
         found = screened or own.screen()
@@ -147,6 +173,8 @@ class Study(ShownInNotebook):
         Args:
             on_step: called with the start, and with every step as soon as it is taken.
         """
+        from lrm_ident.diagnosis.auto import run_auto
+
         own, now = self.identifiable(), self
 
         def taken(step: AutoStep) -> None:
@@ -165,6 +193,8 @@ class Study(ShownInNotebook):
         self, executor: Executor, max_effects: int = MAX_EFFECTS, rates: EffectRates | None = None
     ) -> HeldOutResidual:
         """Held-out residual of `auto` itself, effects chosen anew in every fold; folds side by side on `executor`."""
+        from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
+
         own, tick = self.identifiable(), partial(self.progress, "choosing anew in every fold")
         return nested_held_out(own.model, own.data, executor, max_effects, own.catalogue, tick, own.loss, rates)
 
@@ -178,6 +208,8 @@ class Study(ShownInNotebook):
 
     def propose(self) -> LawProposal:
         """Proposes a law where no known effect fits: a small grammar searched at every joint."""
+        from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
+
         own, tick = self.identifiable(), partial(self.progress, "trying every law at every joint")
         return propose_law(own.model, own.data, tick, self._say, own.loss)
 

@@ -8,6 +8,7 @@ from importlib import import_module
 from lrm_math.arm.arm import Arm
 from lrm_math.effects.base import (
     AngleDependentEffect,
+    Beyond,
     Description,
     Effect,
     JointEffect,
@@ -64,6 +65,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
 CATALOGUE = tuple(kind for kind in ALL_EFFECTS if not kind.variant_of)
 FREE_FORMS = tuple(kind for kind in ALL_EFFECTS if kind.variant_of)
 """Other forms of effects of the catalogue, fitted beside them."""
+OWN_EFFECT = "an effect of your own comes with its file: --effects-file FILE.py, in Python catalogue_with"
 NOT_OF_THE_ROVER = frozenset({"time", "session", "instrument"})
 
 
@@ -76,7 +78,7 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
     effect_id, place = split_name(name)
     by_id = {effect.id: effect for effect in (*catalogue, *FREE_FORMS)}
     if effect_id not in by_id:
-        raise UnknownName("effect", effect_id, by_id)
+        raise UnknownName("effect", effect_id, by_id, OWN_EFFECT)
     places = by_id[effect_id].places(arm)
     if place and place not in places:
         raise UnknownName(f"place of effect {effect_id}", place, places)
@@ -122,6 +124,7 @@ __all__ = [
     "CATALOGUE",
     "FREE_FORMS",
     "AngleDependentEffect",
+    "Beyond",
     "Description",
     "Effect",
     "JointEffect",

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from lrm_math.effects.base import (
     FEW_REVERSALS,
     Amounts,
+    Beyond,
     Description,
     Excitation,
     JointEffect,
@@ -22,6 +23,7 @@ class _Play(LoadedJointEffect):
     """Clearance that the load takes up: δ = ½ b tanh(load/l0), for parameters b and l0."""
 
     depends_on = ()
+    beyond = Beyond.PROPORTIONAL
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """½ b tanh(load/l0)."""
@@ -96,6 +98,7 @@ class Hysteresis(JointEffect, LinearEffect):
         needs="measured order, and each joint approached from both sides",
     )
     depends_on = ("direction",)
+    beyond = Beyond.PROPORTIONAL
     parameters = (Parameter("h_rad", "difference between the two approaches, of either sign", 0.02),)
 
     def missing_excitation(self, excitation: Excitation) -> str | None:

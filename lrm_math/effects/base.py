@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number, is_zero
 from lrm_math.kinematics.poses import Poses
 
@@ -33,6 +35,7 @@ UNIT_IN_SI = {
     "rad_per_Nm3": 1.0,
     "rad_per_rad": 1.0,
     "rad_per_K": 1.0,
+    "mm_per_K": 1e-3,
     "Nm_per_rad": 1.0,
     "mm_per_m": 1e-3,
 }
@@ -59,12 +62,15 @@ class Parameter:
 
     @property
     def unit(self) -> str:
-        """The unit in the name, for instance `rad_per_Nm`."""
-        return max((unit for unit in UNIT_IN_SI if self.name.endswith("_" + unit)), key=len)
+        """The unit in the name, for instance `rad_per_Nm`. Raises `LrmError` for a name without one."""
+        units = [unit for unit in UNIT_IN_SI if self.name.endswith("_" + unit)]
+        if not units:
+            raise LrmError(f"parameter '{self.name}': its name must end in its unit, one of {', '.join(UNIT_IN_SI)}")
+        return max(units, key=len)
 
     @property
     def si(self) -> float:
-        """What one of the file's unit is in SI."""
+        """Factor from the file's unit to SI."""
         return UNIT_IN_SI[self.unit]
 
     @property
@@ -75,7 +81,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """What excites effects: the poses, and gravity's torque (N, n) on the joints at them (N·m).
+    """Excitation of effects: the poses, and gravity's torque (N, n) on the joints at them (N·m).
 
     `feedback`: whether the joints' encoders were read. `distance`: whether distances from a point were measured.
     """
@@ -90,7 +96,7 @@ class Excitation:
         return len(np.unique(np.round(np.degrees(self.poses.q[:, joint]) / 0.5)))
 
     def reversals(self, joint: int) -> int:
-        """How often a joint reversed its direction between poses; 0 if the order is not known."""
+        """Number of reversals of a joint between poses; 0 if the order is not known."""
         if self.poses.direction is None:
             return 0
         moves = self.poses.direction[:, joint]
@@ -104,7 +110,7 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Description:
-    """What reports say of an effect.
+    """Texts of reports about an effect.
 
     Attributes:
         cause: the physics, a sentence. formula: as in a textbook. source: where it is from.
@@ -117,6 +123,17 @@ class Description:
     source: str
     claim: str = ""
     needs: str = ""
+
+
+class Beyond(Enum):
+    """Validity of an effect's formula beyond the range that it was fitted on.
+
+    Amounts are those of any parameters. `HELD`: they stay what they are at the range's edge (`measured_range`).
+    """
+
+    HELD = "constant: a description of what was measured"
+    PROPORTIONAL = "as stated, growing no faster than in proportion: a linear law, a saturation, a constant"
+    PERIODIC = "as stated, the same after every turn"
 
 
 @dataclass(frozen=True)
@@ -137,6 +154,9 @@ class Effect(ABC):
     """Ids of the effects of which this is another form, fitted beside them (`variants` gives their names); empty for an
     effect of its own."""
 
+    beyond: ClassVar[Beyond] = Beyond.HELD
+    """Continuation of its formula beyond the measured range. A law of physics says so; what says nothing is held."""
+
     @classmethod
     @abstractmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -150,7 +170,7 @@ class Effect(ABC):
     @property
     @abstractmethod
     def targets(self) -> tuple[str, ...]:
-        """What its amounts are added to, mostly slots, `place.name`; all of one kind (`lrm_math.effects.targets`)."""
+        """Targets of its amounts, mostly slots, `place.name`; all of one kind (`lrm_math.effects.targets`)."""
 
     @property
     def load_slots(self) -> tuple[str, ...]:
@@ -166,6 +186,11 @@ class Effect(ABC):
             tau: gravity's load on each of `load_slots`, N·m (N along a translation), each (N,).
             p: the parameters' values in SI.
         """
+
+    @property
+    def curves(self) -> tuple[tuple[str, ...], ...]:
+        """Names of parameters that are neighbouring coefficients of one curve, for each curve: fits keep it smooth."""
+        return ()
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Why the effect is not identifiable from these poses, or None if it may be."""
@@ -187,7 +212,7 @@ class LinearEffect(Effect):
 
     @abstractmethod
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
-        """For each parameter the amount per unit of it, a float or (N,), at each target; arguments as of `amounts`."""
+        """Amount per unit of each parameter, a float or (N,), at each target; arguments as of `amounts`."""
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ p_i f_i for each target."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from lrm_math.arm.arm import BASE, Arm
 from lrm_math.effects.base import (
     Amounts,
+    Beyond,
     Description,
     Excitation,
     LinearEffect,
@@ -21,6 +22,7 @@ class Spring(LinearEffect):
     """Linear springs of some slots, one parameter each: δ = k · load."""
 
     depends_on = ()
+    beyond = Beyond.PROPORTIONAL
 
     @property
     def load_slots(self) -> tuple[str, ...]:
@@ -116,7 +118,7 @@ class LateralCompliance(Spring):
 
 
 class BendingEnds(Spring):
-    """Where along its length a link bends: hinges at its near and far end, beside that at its middle.
+    """Bending of a link along its length: hinges at its near and far end, beside that at its middle.
 
     The far end is the bearing of the next joint. A compliance at any one point along the link equals springs at both
     ends and the middle whose stiffness weights interpolate quadratically, so the three stand for a bend anywhere.
@@ -175,7 +177,7 @@ class NonlinearStiffness(LoadedJointEffect, LinearEffect):
     id = "nonlinear_stiffness"
     about = Description(
         cause="Gears and plastic under a joint are softer at first and stiffen as they are loaded, or the reverse.",
-        formula="δq = c2 τ|τ| + c3 τ³",
+        formula="δq = c2 τ|τ| + c3 τ³ within the measured torque",
         source="series in the torque; the linear term is the effect compliance",
         claim="the spring of {place} is not linear: {c2_rad_per_Nm2}, {c3_rad_per_Nm3}",
         needs="torques of several sizes, best with several loads",

@@ -73,12 +73,17 @@ class _AngleSpline(LinearEffect):
         angle, count = f"joint {self.followed + 1}'s angle", spline_count(*self._limits, self.spacing)
         return tuple(Parameter(f"c{i}_rad", f"B-spline {i} of {angle}", TYPICAL) for i in range(1, count + 1))
 
+    @property
+    def curves(self) -> tuple[tuple[str, ...], ...]:
+        """One curve."""
+        return (tuple(parameter.name for parameter in self.parameters),)
+
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """The B-splines of that joint's angle."""
         return separately([cubic_b_splines(poses.angle(self.followed), *self._limits, self.spacing)])
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
-        """As many levels as a line and a bend need, at least."""
+        """Needs as many levels as a line and a bend, at least."""
         return _too_few_levels(excitation, self.followed, f"joint{self.followed + 1}", 6)
 
 
@@ -158,7 +163,7 @@ class CableCurve(LinearEffect):
 
     @cached_property
     def _ranges(self) -> tuple[tuple[float, float], ...]:
-        """Of the sum and of the difference of angles (rad)."""
+        """Splines of the sum and of the difference of angles (rad)."""
         a, b = (self.arm.joints[joint] for joint in self._pair)
         return (a.lower + b.lower, a.upper + b.upper), (a.lower - b.upper, a.upper - b.lower)
 
@@ -170,6 +175,12 @@ class CableCurve(LinearEffect):
             for name, what, ends in zip("sd", ("sum", "difference"), self._ranges, strict=True)
             for i in range(1, spline_count(*ends, CABLE_SPACING) + 1)
         )
+
+    @property
+    def curves(self) -> tuple[tuple[str, ...], ...]:
+        """One of the sum and one of the difference."""
+        names = [parameter.name for parameter in self.parameters]
+        return tuple(tuple(name for name in names if name.startswith(of)) for of in "sd")
 
     @property
     def targets(self) -> tuple[str, ...]:

@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrm_math.effects.base import Amounts, Effect, LinearEffect
+from lrm_math.effects.base import Amounts, Beyond, Effect, LinearEffect
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.poses import Poses
@@ -20,11 +21,27 @@ from lrm_math.kinematics.poses import Poses
 STEP = 6e-6
 """Cube root of the machine epsilon: the best step of a central difference."""
 Rows = tuple[Amounts, ...]
-"""For each of D quantities, one number or (N,) for each target of an effect."""
+"""One number or (N,) for each of D quantities and each target of an effect."""
 
 
-def by_parameters(effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float]) -> Rows:
-    """∂amount/∂p: for each parameter one number or (N,) for each target; arguments as of `Effect.amounts`."""
+def amounts_within(
+    effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float], within: MeasuredRange | None
+) -> Amounts:
+    """`Effect.amounts`, held at the edge of a range where the effect is held."""
+    return effect.amounts(*_seen(effect, poses, tau, within), p)
+
+
+def _seen(effect: Effect, poses: Poses, tau: Amounts, within: MeasuredRange | None) -> tuple[Poses, Amounts]:
+    if within is None or effect.beyond is not Beyond.HELD:
+        return poses, tau
+    return within.poses(poses), within.loads(effect.load_slots, tau)
+
+
+def by_parameters(
+    effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float], within: MeasuredRange | None = None
+) -> Rows:
+    """∂amount/∂p: for each parameter one number or (N,) for each target; arguments as of `amounts_within`."""
+    poses, tau = _seen(effect, poses, tau, within)
     if isinstance(effect, LinearEffect):
         return effect.basis(poses, tau)
     if "counts" in effect.depends_on:  # a staircase
@@ -37,24 +54,28 @@ def by_parameters(effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float]
     )
 
 
-def by_loads(effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float]) -> Rows:
+def by_loads(
+    effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float], within: MeasuredRange | None = None
+) -> Rows:
     """∂amount/∂tau: for each of the effect's `load_slots` one number or (N,) for each target."""
     return _rows(
-        lambda: effect.amounts(poses, tuple(_seeds(tau)), p),
-        lambda j, h: effect.amounts(poses, _changed(tau, j, h), p),
+        lambda: amounts_within(effect, poses, tuple(_seeds(tau)), p, within),
+        lambda j, h: amounts_within(effect, poses, _changed(tau, j, h), p, within),
         [STEP] * len(tau),
     )
 
 
-def by_angles(effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float]) -> Rows:
+def by_angles(
+    effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float], within: MeasuredRange | None = None
+) -> Rows:
     """∂amount/∂q at fixed loads: for each joint one number or (N,) for each target."""
     joints = effect.arm.dof
     if "angle" not in effect.depends_on:
         return ((0.0,) * len(effect.targets),) * joints
     slope = np.repeat(np.eye(joints)[:, None, :], len(poses), axis=1)
     return _rows(
-        lambda: effect.amounts(replace(poses, q=Dual(poses.q, slope)), tau, p),  # type: ignore[arg-type]
-        lambda j, h: effect.amounts(poses.perturbed(j, h), tau, p),
+        lambda: amounts_within(effect, replace(poses, q=Dual(poses.q, slope)), tau, p, within),  # type: ignore[arg-type]
+        lambda j, h: amounts_within(effect, poses.perturbed(j, h), tau, p, within),
         [STEP] * joints,
     )
 

@@ -15,6 +15,7 @@ from lrm_math.kinematics.poses import Poses
 
 FAST_S, SPACING, LONGEST_S = 600.0, 0.35, 108000.0
 """Knots are as far apart as `SPACING` times `FAST_S` and the time passed; the last at `LONGEST_S`."""
+_COUNT = spline_count(0.0, log1p(LONGEST_S / FAST_S), SPACING)
 COURSES = {"on": "since the session began", "all": "since the start"}
 
 
@@ -34,7 +35,7 @@ class DriftCurve(LinearEffect):
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
-        """As the drift that it refines."""
+        """Every place of the drift that it refines."""
         return Drift.places(arm)
 
     @property
@@ -45,13 +46,18 @@ class DriftCurve(LinearEffect):
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """One coefficient for each B-spline and angle."""
-        count = spline_count(0.0, log1p(LONGEST_S / FAST_S), SPACING)
         return tuple(
             Parameter(f"{course}{i}{end}_rad", f"B-spline {i} of the time {meaning}", 0.01)
             for end in (("_alpha", "_beta") if self.place == BASE else ("",))
             for course, meaning in COURSES.items()
-            for i in range(1, count + 1)
+            for i in range(1, _COUNT + 1)
         )
+
+    @property
+    def curves(self) -> tuple[tuple[str, ...], ...]:
+        """One for each time and angle."""
+        names, count = [parameter.name for parameter in self.parameters], _COUNT
+        return tuple(tuple(names[first : first + count]) for first in range(0, len(names), count))
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """The B-splines of both times; those of a time that is not known, or the same as the other, are zero."""

@@ -9,18 +9,24 @@ import numpy as np
 
 from lrm_math.arm.arm import BASE, Arm
 from lrm_math.arrays import Array
-from lrm_math.effects.base import Amounts, Description, Effect, Excitation, LinearEffect, Parameter, separately
+from lrm_math.effects.base import Amounts, Beyond, Description, Effect, Excitation, LinearEffect, Parameter, separately
 from lrm_math.effects.targets import FRAME_ENTRIES
 from lrm_math.kinematics.poses import Poses
 
 MOST_SESSIONS = 6
+BASE_MOTIONS = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "rad")
+"""Motions of the base as a whole and the units of their parameters: all six, since what is not the arm's, a table or a
+tracker that is pushed, moves by any of them."""
+TYPICAL = {"rad": 0.01, "mm": 0.003}
+"""Sizes of such errors (SI), by unit."""
 ANCHOR_TYPICAL = 0.1  # m: how well a point beside an arm is known without measuring it
 
 
 class _SessionError(Effect):
-    """An error of one joint's angle, or of the base's two tilts, in one measurement session."""
+    """An error of one joint's angle, or of where the base stands before the tracker, in one measurement session."""
 
     depends_on: ClassVar[tuple[str, ...]] = ("session",)
+    beyond = Beyond.PROPORTIONAL
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -29,22 +35,25 @@ class _SessionError(Effect):
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """The joint's angle, or the base's tilts."""
-        return ("base.alpha", "base.beta") if self.place == BASE else (f"{self.place}.theta",)
+        """The joint's angle, or the base's position and angles."""
+        return base_or_joint(self.place)
 
     @property
-    def _suffixes(self) -> tuple[str, ...]:
-        """What names the parameters of each slot: nothing for a joint, `_alpha` and `_beta` for the base."""
-        return ("_alpha", "_beta") if self.place == BASE else ("",)
+    def _motions(self) -> tuple[tuple[str, str], ...]:
+        """Suffix of the parameters of each slot, and their unit: `_x`, `_alpha` … of the base, nothing of a joint."""
+        return tuple((f"_{name}", of) for name, of in BASE_MOTIONS.items()) if self.place == BASE else (("", "rad"),)
 
 
 class Drift(_SessionError):
-    """Thermal drift of a servo, or of the base: first-order warm-up."""
+    """Thermal drift of a servo, or of the base, or of what measures it: first-order warm-up."""
 
     id = "drift"
     depends_on = ("time",)
     about = Description(
-        cause="Servos and plastic warm up while measuring; angles creep, fast at first, then settle.",
+        cause=(
+            "Servos and plastic warm up while measuring; angles creep, fast at first, then settle. Base and tracker on "
+            "their stands do so as a whole."
+        ),
         formula="A (1 − exp(−t/T)), and c (temperature − first temperature) where measured",
         source="first-order warm-up; 15 °C in ten minutes seen on RC servos",
         claim="{place} drifts as it warms up",
@@ -53,11 +62,14 @@ class Drift(_SessionError):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """For each angle its drift A, for each its slope c with temperature; the time constant T."""
-        ends = self._suffixes
+        """Drift A of each motion, slope c of each with temperature; the time constant T."""
+        ends = self._motions
         return (
-            *(Parameter(f"A{end}_rad", f"drift of {self.place}{end}", 0.01) for end in ends),
-            *(Parameter(f"c{end}_rad_per_K", f"drift of {self.place}{end} with temperature", 0.001) for end in ends),
+            *(Parameter(f"A{end}_{unit}", f"drift of {self.place}{end}", TYPICAL[unit]) for end, unit in ends),
+            *(
+                Parameter(f"c{end}_{unit}_per_K", f"drift of {self.place}{end} with temperature", 0.1 * TYPICAL[unit])
+                for end, unit in ends
+            ),
             Parameter("T_s", "time constant", 1800.0, 30.0, fixed=1800.0, scan=(300.0, 900.0, 1800.0, 3600.0, 9000.0)),
         )
 
@@ -82,11 +94,14 @@ class Drift(_SessionError):
 
 
 class Session(_SessionError, LinearEffect):
-    """Offset of a joint, or of the base, that changes with each power cycle."""
+    """Offset of a joint, or of the base against the tracker, that changes with each power cycle."""
 
     id = "session"
     about = Description(
-        cause="After each power cycle servos find their zero, and clamps their place, a little differently.",
+        cause=(
+            "After each power cycle servos find their zero, and clamps their place, a little differently; a base or a "
+            "tracker that was pushed moves everything alike."
+        ),
         formula="a constant for each session after the first",
         source="one offset per session",
         claim="{place} stands differently in each session",
@@ -95,10 +110,10 @@ class Session(_SessionError, LinearEffect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """A step for sessions 2 to 6 and each angle."""
+        """A step for sessions 2 to 6 and each motion."""
         return tuple(
-            Parameter(f"step{session}{name}_rad", f"step of {self.place}{name} in session {session}", 0.01)
-            for name in self._suffixes
+            Parameter(f"step{session}{name}_{unit}", f"step of {self.place}{name} in session {session}", TYPICAL[unit])
+            for name, unit in self._motions
             for session in range(2, MOST_SESSIONS + 1)
         )
 
@@ -115,11 +130,17 @@ class Session(_SessionError, LinearEffect):
         return separately([tuple(now)] * len(self.targets))
 
 
+def base_or_joint(place: str) -> tuple[str, ...]:
+    """The slots of a motion of the base in all six directions, or of a joint's angle."""
+    return tuple(f"{BASE}.{name}" for name in BASE_MOTIONS) if place == BASE else (f"{place}.theta",)
+
+
 class MeasurementFrame(LinearEffect):
     """Scale, shear and rotation of the tracker's frame against the base."""
 
     id = "measurement_frame"
     depends_on = ("session",)
+    beyond = Beyond.PROPORTIONAL
     targets = tuple(f"frame.{entry}" for entry in FRAME_ENTRIES)
     about = Description(
         cause="The tracker's calibration stretches or shears space, or its frame is turned against the base target.",
@@ -157,6 +178,7 @@ class Anchor(LinearEffect):
         needs="distances from a fixed point (distance_mm)",
     )
     depends_on = ("instrument",)
+    beyond = Beyond.PROPORTIONAL
     targets = ("anchor.x", "anchor.y", "anchor.z")
     parameters = tuple(
         Parameter(f"{axis}_mm", f"{axis} of the fixed end of the distances", ANCHOR_TYPICAL) for axis in "xyz"

@@ -19,6 +19,11 @@ def cos(x: Number) -> Number:
     return math.cos(x) if isinstance(x, float) else np.cos(x)
 
 
+def exp(x: Number) -> Number:
+    """Exponential."""
+    return math.exp(x) if isinstance(x, float) else np.exp(x)
+
+
 def tanh(x: Number) -> Number:
     """Hyperbolic tangent."""
     return math.tanh(x) if isinstance(x, float) else np.tanh(x)

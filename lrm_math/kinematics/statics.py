@@ -6,6 +6,7 @@ for a translation the force along it (N). Thesis Eqs 2.44 to 2.48 are the case o
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -120,24 +121,20 @@ def load_derivatives(
     h = g × a (zero for a translation) and u = a × S (m a for a translation) give ∂tau_k/∂s_j = h_inner · u_outer,
     the Hessian of −V. Bodies that load a slot that does not move them are corrected for.
     """
-    K, J = len(load_slots), len(chain.slots)
-    rotates = np.array([slot.rotates for slot in chain.slots])
     m, mc = _suffix_moments(geometry, weights)
     moved = list(chain.moved)
-    u = cross(geometry.axis, mc[moved] - m[moved] * geometry.origin)
-    u[~rotates] = (m[moved] * geometry.axis)[~rotates]
-    h = _levers_of_gravity(chain, geometry)
-    out = np.empty((K, J, geometry.axis.shape[2]))
+    u = _levers(chain, geometry, slice(None), m[moved], mc[moved])
+    h = _levers_of_gravity(chain, geometry, range(len(chain.slots)))
+    out = np.empty((len(load_slots), *geometry.axis.shape[::2]))
     for row, k in enumerate(load_slots):
-        u_k = u[k]
-        if chain.counted[k] < chain.moved[k]:
-            u_k = _lever(geometry, k, m[chain.counted[k]], mc[chain.counted[k]], rotates[k])
+        first, u_k = chain.counted[k], u[k]
+        if first < chain.moved[k]:
+            u_k = _levers(chain, geometry, slice(k, k + 1), m[first], mc[first])[0]
         np.einsum("jcn,cn->jn", h[:k], u_k, out=out[row, :k])
         np.einsum("cn,jcn->jn", h[k], u[k:], out=out[row, k:])
-        for j in range(k):
-            if chain.counted[k] < chain.moved[j]:
-                left = _lever(geometry, j, m[chain.counted[k]], mc[chain.counted[k]], rotates[j]) - u[j]
-                out[row, j] -= np.einsum("cn,cn->n", h[k], left)
+        behind = slice(bisect_right(chain.moved, first, hi=k), k)
+        left = _levers(chain, geometry, behind, m[first], mc[first]) - u[behind]
+        out[row, behind] -= np.einsum("cn,jcn->jn", h[k], left)
     return out
 
 
@@ -145,21 +142,21 @@ def weight_derivatives(
     chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], load_slots: Sequence[int], body: int
 ) -> tuple[Array, Array]:
     """∂tau/∂mass (K, N) and ∂tau/∂com (K, 3, N) of the slots `load_slots`, for one body's mass and centre of mass."""
-    h = _levers_of_gravity(chain, geometry)
-    counts = np.array([chain.counted[k] <= body for k in load_slots], dtype=np.float64)[:, None]
     load_slots = list(load_slots)
-    by_mass = np.einsum("kcn,kcn->kn", h[load_slots], geometry.body[body] - geometry.origin[load_slots])
+    h = _levers_of_gravity(chain, geometry, load_slots)
+    counts = np.array([chain.counted[k] <= body for k in load_slots], dtype=np.float64)[:, None]
+    by_mass = np.einsum("kcn,kcn->kn", h, geometry.body[body] - geometry.origin[load_slots])
     slides = np.array([not chain.slots[k].rotates for k in load_slots], dtype=np.float64)[:, None]
     by_mass += slides * np.einsum("c,kcn->kn", chain.gravity, geometry.axis[load_slots])
-    by_com = np.einsum("kcn,acn->kan", h[load_slots], geometry.body_axes[body]) * weights[body].mass
+    by_com = np.einsum("kcn,acn->kan", h, geometry.body_axes[body]) * weights[body].mass
     return counts * by_mass, counts[:, :, None] * by_com
 
 
-def _levers_of_gravity(chain: Chain, geometry: ChainGeometry) -> Array:
-    """(S, 3, N): h = g × a of every rotating slot, zero for translations; tau = h · (first mass moment)."""
+def _levers_of_gravity(chain: Chain, geometry: ChainGeometry, slots: Sequence[int]) -> Array:
+    """(len(slots), 3, N): h = g × a of rotating slots, zero for translations; tau = h · (first mass moment)."""
     g = np.array(chain.gravity)[:, None]
-    h = cross(np.broadcast_to(g, geometry.axis[0].shape), geometry.axis)
-    h[~np.array([slot.rotates for slot in chain.slots])] = 0.0
+    h = cross(np.broadcast_to(g, geometry.axis[0].shape), geometry.axis[list(slots)])
+    h[[not chain.slots[k].rotates for k in slots]] = 0.0
     return h
 
 
@@ -173,14 +170,19 @@ def _suffix_moments(geometry: ChainGeometry, weights: Sequence[Weight]) -> tuple
     return m, mc
 
 
-def _lever(geometry: ChainGeometry, j: int, m: Array, mc: Array, rotates: bool) -> Array:
-    """∂(Σ m c)/∂s_j, (3, N), of the bodies with total mass m and first moment mc."""
-    axis = geometry.axis[j]
-    return cross(axis, mc - m * geometry.origin[j]) if rotates else np.asarray(m * axis)
+def _levers(chain: Chain, geometry: ChainGeometry, slots: slice, m: Array, mc: Array) -> Array:
+    """∂(Σ m c)/∂s, (…, 3, N), of the bodies with total mass m and first moment mc, for a slice of the slots."""
+    axis = geometry.axis[slots]
+    out = cross(axis, mc - m * geometry.origin[slots])
+    slides = np.array([not slot.rotates for slot in chain.slots[slots]], dtype=np.bool_)
+    out[slides] = np.broadcast_to(m * axis, out.shape)[slides]
+    return out
 
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the component axis, the last but one: (..., 3, N)."""
     a0, a1, a2 = a[..., 0, :], a[..., 1, :], a[..., 2, :]
     b0, b1, b2 = b[..., 0, :], b[..., 1, :], b[..., 2, :]
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-2)
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[..., 0, :], out[..., 1, :], out[..., 2, :] = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    return out

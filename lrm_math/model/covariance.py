@@ -41,6 +41,18 @@ class Covariance(NamedTuple):
         return Covariance(tuple(self.keys[i] for i in rows), self.matrix[np.ix_(rows, rows)])
 
 
+def drawn_models(model: Model, known: Covariance, count: int, rng: np.random.Generator) -> list[Model]:
+    """Models with parameters drawn from their normal distribution; those with a lower bound stop there."""
+    rows = [model.position(key) for key in known.keys]
+    least = np.array([model.parameters[row].lower for row in rows])
+    out = []
+    for drawn in rng.multivariate_normal(model.values[rows], known.matrix, count, method="eigh"):
+        values = model.values.copy()
+        values[rows] = np.maximum(drawn, least)
+        out.append(model.with_values(values))
+    return out
+
+
 def covariance_table(keys: Sequence[str], matrix: Array) -> CovarianceTable:
     """The table of a covariance matrix (P, P) with positive diagonal; any units."""
     error = np.sqrt(np.diag(matrix))

@@ -41,7 +41,7 @@ def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
     effects = tuple(e for e, keep in zip(model.effects, kept, strict=True) if keep)
     spans = [s for e, s, keep in zip(model.effects, model.spans, kept, strict=True) if keep]
     values = np.concatenate([np.empty(0), *(model.values[span] for span in spans)])
-    smooth = Model(model.arm, effects, values)
+    smooth = Model(model.arm, effects, values, within=model.within)
     return replace(smooth, free=tuple(key for key in model.free if key in smooth.keys))
 
 

@@ -19,7 +19,6 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.effects.base import Amounts
-from lrm_math.effects.derivatives import by_angles, by_loads
 from lrm_math.effects.targets import Kind
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
@@ -99,7 +98,7 @@ def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed) 
     """Adds to deflected (N, K, R) what loads do to the encoders' angles."""
     for bound in settled.model.binding.elastic:
         if any(encoder is not None for encoder in bound.encoders):
-            rows = by_loads(bound.effect, settled.poses, bound.felt(settled.tau), bound.p)
+            rows = bound.by_loads(settled.poses, bound.felt(settled.tau))
             for i, amounts in zip(bound.loads, rows, strict=True):
                 for encoder, amount in zip(bound.encoders, amounts, strict=True):
                     if encoder is not None:
@@ -110,7 +109,7 @@ def _as_measured(response: Response) -> Response:
     """The response in the tracker's distorted frame."""
     settled = response.equilibrium
     for bound in settled.model.binding.distorting:
-        distort = np.eye(3) + frame_matrix(bound.effect, bound.effect.amounts(settled.poses, (), bound.p))
+        distort = np.eye(3) + frame_matrix(bound.effect, bound.at(settled.poses))
         slots, loads = response.slots.copy(), response.loads.copy()
         for motions in (slots, loads):
             motions[:, :3] = np.einsum("dc,scn->sdn", distort, motions[:, :3])
@@ -138,7 +137,7 @@ def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, 
 def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Array:
     """∂TCP/∂p of one effect at parameter values p: (P, R, N), SI. The model's `load_slots` must hold the effect's."""
     settled, model = response.equilibrium, response.equilibrium.model
-    bound = bind_effect(model.chain, effect, p, model.load_slots)
+    bound = bind_effect(model.chain, effect, p, model.load_slots, model.within)
     rows = bound.by_parameters(settled.poses, settled.tau)
     out = np.zeros((len(p), response.slots.shape[1], len(settled.poses)))
     for moved, amounts in zip(out, rows, strict=True):
@@ -151,7 +150,7 @@ def joint_jacobian(settled: Equilibrium) -> Array:
     model, response = settled.model, respond(settled)
     out = response.slots[list(model.chain.joint_slots)]
     for bound in (*model.binding.rigid, *model.binding.elastic, *model.binding.loading):
-        rows = by_angles(bound.effect, settled.poses, bound.felt(settled.tau), bound.p)
+        rows = bound.by_angles(settled.poses, bound.felt(settled.tau))
         for moved, amounts in zip(out, rows, strict=True):
             _add_response(moved, bound, amounts, response)
     return out.transpose(2, 1, 0)
@@ -200,7 +199,7 @@ def _elastic_compliance(settled: Equilibrium) -> Array:
     for bound in model.binding.elastic:
         if bound.idle:
             continue
-        rows = by_loads(bound.effect, settled.poses, bound.felt(settled.tau), bound.p)
+        rows = bound.by_loads(settled.poses, bound.felt(settled.tau))
         for i, amounts in zip(bound.loads, rows, strict=True):
             for k, amount in zip(bound.slots, amounts, strict=True):
                 D[moving.index(k), i] += amount

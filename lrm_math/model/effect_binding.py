@@ -13,7 +13,8 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.effects import constant
 from lrm_math.effects.base import Amounts, Effect, LinearEffect, linear_combination
-from lrm_math.effects.derivatives import Rows, by_parameters
+from lrm_math.effects.derivatives import Rows, amounts_within, by_angles, by_loads, by_parameters
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME_ENTRIES, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number
@@ -39,6 +40,7 @@ class BoundEffect:
         encoders: numbers from 0 of the joints whose encoder reads what it moves, for each of them; else None.
         loads: index into `Model.load_slots` of each load that enters its amounts.
         constant: whether it moves slots by the same amounts whatever the pose, load and direction.
+        within: range of the fit, at whose edge a held effect stays; None where it is not known.
         bases: the basis of a linear effect at poses that it was computed for, as long as these exist.
     """
 
@@ -49,6 +51,7 @@ class BoundEffect:
     encoders: tuple[int | None, ...]
     loads: tuple[int, ...]
     constant: bool
+    within: MeasuredRange | None = None
     bases: Bases = field(default_factory=Bases, repr=False)
 
     @property
@@ -61,21 +64,33 @@ class BoundEffect:
         if self.idle:
             return zip(self.slots, (0.0,) * len(self.slots), strict=True)
         if not isinstance(self.effect, LinearEffect):
-            return zip(self.slots, self.effect.amounts(poses, self.felt(tau), self.p), strict=True)
+            return zip(self.slots, self.at(poses, self.felt(tau)), strict=True)
         return zip(self.slots, linear_combination(self.p, self._basis(poses, tau), len(self.slots)), strict=True)
+
+    def at(self, poses: Poses, felt: Amounts = ()) -> Amounts:
+        """Amount added to each target, where the loads on the effect's own `load_slots` are `felt`."""
+        return amounts_within(self.effect, poses, felt, self.p, self.within)
 
     def by_parameters(self, poses: Poses, tau: Sequence[Number]) -> Rows:
         """∂amount/∂p: for each parameter one number or (N,) for each target."""
         if isinstance(self.effect, LinearEffect):
             return self._basis(poses, tau)
-        return by_parameters(self.effect, poses, self.felt(tau), self.p)
+        return by_parameters(self.effect, poses, self.felt(tau), self.p, self.within)
+
+    def by_loads(self, poses: Poses, felt: Amounts) -> Rows:
+        """∂`at`/∂loads: for each load that it depends on one number or (N,) for each target."""
+        return by_loads(self.effect, poses, felt, self.p, self.within)
+
+    def by_angles(self, poses: Poses, felt: Amounts) -> Rows:
+        """∂`at`/∂q, of the commanded angles: for each joint one number or (N,) for each target."""
+        return by_angles(self.effect, poses, felt, self.p, self.within)
 
     def _basis(self, poses: Poses, tau: Sequence[Number]) -> Rows:
         """The basis of a linear effect; where it follows from the poses alone, computed once for them."""
         if self.loads:
-            return by_parameters(self.effect, poses, self.felt(tau), self.p)
+            return by_parameters(self.effect, poses, self.felt(tau), self.p, self.within)
         if poses not in self.bases:
-            self.bases[poses] = by_parameters(self.effect, poses, (), self.p)
+            self.bases[poses] = by_parameters(self.effect, poses, (), self.p, self.within)
         return self.bases[poses]
 
     def felt(self, tau: Sequence[Number]) -> Amounts:
@@ -84,7 +99,7 @@ class BoundEffect:
 
     def weight_changes(self, poses: Poses) -> Iterator[tuple[int, WeightChange]]:
         """Numbers of the bodies whose weight it changes, and the changes."""
-        return changes_of(self.effect, self.effect.amounts(poses, (), self.p))
+        return changes_of(self.effect, self.at(poses))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +151,9 @@ def bind_effects(chain: Chain, bound: tuple[BoundEffect, ...]) -> EffectBinding:
     )
 
 
-def bind_effect(chain: Chain, effect: Effect, p: Sequence[float], load_slots: Sequence[int]) -> BoundEffect:
+def bind_effect(
+    chain: Chain, effect: Effect, p: Sequence[float], load_slots: Sequence[int], within: MeasuredRange | None = None
+) -> BoundEffect:
     """One effect, bound."""
     kind, targets = kind_of(effect), effect.targets
     keys = [slot_of(target) for target in targets] if kind in (Kind.MOTION, Kind.LOAD) else []
@@ -146,7 +163,7 @@ def bind_effect(chain: Chain, effect: Effect, p: Sequence[float], load_slots: Se
     slots = tuple(chain.index[key] for key in keys)
     encoders = tuple(chain.slots[k].joint if t.endswith(SERVO) else None for k, t in zip(slots, targets, strict=False))
     loads = tuple(load_slots.index(chain.index[key]) for key in effect.load_slots)
-    return BoundEffect(effect, tuple(p), kind, slots, encoders, loads, constant(effect))
+    return BoundEffect(effect, tuple(p), kind, slots, encoders, loads, constant(effect), within)
 
 
 def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightChange]]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
+from lrm_math.effects.measured_range import Interval, MeasuredRange
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Number, pull_back, trig
@@ -115,6 +116,21 @@ def equilibrium(
     return Equilibrium(model, poses, tuple(found.slots), tuple(found.tau), measured, true, found.number)
 
 
+def measured_range(model: Model, poses: Poses) -> MeasuredRange:
+    """The range of some poses and of the loads that a model finds at them. Raises `NoEquilibrium`."""
+    rest, chain = equilibrium(model, poses), model.chain
+    slots = sorted({*model.load_slots, *chain.joint_slots})
+    loads = {chain.slots[k].key: _ends(column) for k, column in zip(slots, rest.loads_on(slots).T, strict=True)}
+    for k, load in zip(model.load_slots, rest.tau, strict=True):
+        loads[chain.slots[k].key] = _ends(np.atleast_1d(load))
+    times = {name: None if of is None else _ends(of) for name, of in (("t", poses.t), ("running", poses.running))}
+    return MeasuredRange(tuple(map(_ends, poses.q.T)), _ends(poses.payload), loads, **times)
+
+
+def _ends(values: Array) -> Interval:
+    return float(values.min()), float(values.max())
+
+
 def _columns(components: Sequence[Number], count: int) -> Array:
     """(N, 3) from three components, each a float or (N,)."""
     if count == 1:
@@ -157,7 +173,7 @@ def effect_loads(model: Model, poses: Poses) -> dict[int, Number]:
 def _measured(model: Model, poses: Poses, tcp: Array) -> Array:
     measured = tcp
     for bound in model.binding.distorting:
-        matrix = frame_matrix(bound.effect, bound.effect.amounts(poses, (), bound.p))
+        matrix = frame_matrix(bound.effect, bound.at(poses))
         measured = measured + tcp @ matrix.T
     return measured
 

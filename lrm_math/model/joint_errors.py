@@ -17,7 +17,6 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.effects.backlash import AxialPlay
 from lrm_math.effects.compliance import Spring
-from lrm_math.effects.derivatives import by_loads
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.moving_slots import MovingSlots, moving_slots_of
 from lrm_math.kinematics.poses import Poses, poses_of
@@ -133,7 +132,7 @@ class JointErrorModel:
         """(V, V), derivatives of some effects by the loads, at one pose and gravity loads (V,)."""
         out, felt = np.zeros((len(self._row), len(self._row))), self.felt(tau[None], pushed or {})
         for bound in effects:
-            rows = by_loads(bound.effect, pose, bound.felt(felt), bound.p)
+            rows = bound.by_loads(pose, bound.felt(felt))
             for i, responses in zip(bound.loads, rows, strict=True):
                 for k, response in zip(bound.slots, responses, strict=True):
                     out[self._row[k], self._load_rows[i]] += response

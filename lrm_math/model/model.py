@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, Parameter
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number
@@ -30,12 +32,15 @@ class Model:
     Attributes:
         values: (P,), parameters of all effects in the order of `keys`, SI.
         free: keys of the parameters that a fit may change; all others are fixed.
+        within: range of what the parameters were fitted on, beyond which held effects stay as at its edge; None: not
+            known, and nothing is held.
     """
 
     arm: Arm
     effects: tuple[Effect, ...]
     values: Array
     free: tuple[str, ...] = ()
+    within: MeasuredRange | None = None
 
     @cached_property
     def structure(self) -> ModelStructure:
@@ -71,12 +76,17 @@ class Model:
     def binding(self) -> EffectBinding:
         """The effects, bound to the chain's slots."""
         parts = zip(self.structure.bound, self.spans, strict=True)
-        return bind_effects(self.chain, tuple(replace(b, p=tuple(self.values[span].tolist())) for b, span in parts))
+        bound = (replace(b, p=tuple(self.values[span].tolist()), within=self.within) for b, span in parts)
+        return bind_effects(self.chain, tuple(bound))
 
     def parts(self) -> Iterator[tuple[Effect, list[float]]]:
         """Every effect with its parameters' values (SI)."""
         for effect, span in zip(self.effects, self.spans, strict=True):
             yield effect, self.values[span].tolist()
+
+    def __getstate__(self) -> dict[str, object]:
+        """The model alone: what was computed from it stays in its process."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def weights(self, carried: Number) -> tuple[Weight, ...]:
         """Every body's mass and centre of mass with a payload (kg), effects included; cached for the last payloads."""
@@ -124,9 +134,9 @@ def model_of(arm: Arm, effects: Iterable[Effect], values: Mapping[str, float] | 
         LrmError: an effect given twice, or a value that is not finite.
     """
     model = Model(arm, tuple(effects), np.empty(0))
-    twice = {key for key in model.keys if model.keys.count(key) > 1}
+    twice = [key for key, count in Counter(model.keys).items() if count > 1]
     if twice:
-        raise LrmError(f"effect given twice: {sorted(twice)[0].rsplit('.', 1)[0]}")
+        raise LrmError(f"effect given twice: {min(twice).rsplit('.', 1)[0]}")
     filled = np.array([parameter.default for parameter in model.parameters], dtype=np.float64)
     for key, value in (values or {}).items():
         if not np.isfinite(value):

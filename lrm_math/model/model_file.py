@@ -6,20 +6,22 @@ import math
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import CATALOGUE, Effect, effects_at
-from lrm_math.errors import FileError, LrmError
+from lrm_math.effects.measured_range import MeasuredRange
+from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
 from lrm_math.toml_file import StrictSchema, read_toml
 
 MOST_EFFECTS = 1000
+Ends: TypeAlias = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class ProvenanceTable(StrictSchema):
@@ -41,6 +43,18 @@ class ProvenanceTable(StrictSchema):
     reading: Reading | None = None
 
 
+class RangeTable(StrictSchema):
+    """Table `[range]`, lowest and highest value of what was fitted: joints' commands, loads on slots by key and unit
+    (`joint2.theta_Nm`, `joint3.d_N`), times. Beyond it curves stay as at its edge; without it they go on by formula.
+    """
+
+    joints_deg: list[Ends]
+    payload_g: Ends
+    t_s: Ends | None = None
+    running_s: Ends | None = None
+    loads: dict[str, Ends] = {}
+
+
 class HistoryTable(StrictSchema):
     """One `[[history]]` entry: a step, its errors, and the whole model after it."""
 
@@ -51,6 +65,7 @@ class HistoryTable(StrictSchema):
     parameters: dict[str, float]
     sigma: dict[str, float] = {}
     covariance: CovarianceTable | None = None
+    range: RangeTable | None = None
     provenance: ProvenanceTable | None = None
 
 
@@ -63,6 +78,7 @@ class ModelFile(StrictSchema):
     parameters: dict[str, float] = {}
     sigma: dict[str, float] = {}
     covariance: CovarianceTable | None = None
+    range: RangeTable | None = None
     history: list[HistoryTable] = []
     provenance: ProvenanceTable | None = None
 
@@ -126,7 +142,40 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
     except LrmError as error:
         raise FileError(path, where, str(error), _own_effects(tables) if where == "effects" else "") from None
     shape = {key for key, parameter in zip(model.keys, model.parameters, strict=True) if parameter.fixed is not None}
-    return replace(model, free=tuple(key for key in model.keys if key in values and key not in shape))
+    free = tuple(key for key in model.keys if key in values and key not in shape)
+    return replace(model, free=free, within=_range_of(path, tables.range, model))
+
+
+def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRange | None:
+    """The range of a fit (SI). Raises `FileError`: of another number of joints, or of a slot that the arm has not."""
+    if table is None:
+        return None
+    if len(table.joints_deg) != model.arm.dof:
+        raise FileError(path, "range", f"joints_deg has {len(table.joints_deg)} rows; should have {model.arm.dof}")
+    if any(lower > upper for lower, upper in (*table.joints_deg, table.payload_g, *table.loads.values())):
+        raise FileError(path, "range", "an interval whose end lies before its beginning; should be [lowest, highest]")
+    slots = {key.rpartition("_")[0]: (lower, upper) for key, (lower, upper) in table.loads.items()}
+    if unknown := next((key for key in slots if key not in model.chain.index), None):
+        raise FileError(path, "range.loads", str(UnknownName("slot", unknown, model.chain.index)))
+    angle = tuple((math.radians(lower), math.radians(upper)) for lower, upper in table.joints_deg)
+    lightest, heaviest = table.payload_g
+    t, running = (None if ends is None else (ends[0], ends[1]) for ends in (table.t_s, table.running_s))
+    return MeasuredRange(angle, (1e-3 * lightest, 1e-3 * heaviest), slots, t, running)
+
+
+def range_table(model: Model) -> RangeTable | None:
+    """The `[range]` table of a model, None where it is not known."""
+    known = model.within
+    if known is None:
+        return None
+    unit = {slot.key: "Nm" if slot.rotates else "N" for slot in model.chain.slots}
+    return RangeTable(
+        joints_deg=[[math.degrees(lower), math.degrees(upper)] for lower, upper in known.angle],
+        payload_g=[1e3 * end for end in known.payload],
+        t_s=None if known.t is None else [*known.t],
+        running_s=None if known.running is None else [*known.running],
+        loads={f"{key}_{unit[key]}": [*ends] for key, ends in known.load.items()},
+    )
 
 
 def _own_effects(tables: ModelFile) -> str:
@@ -136,7 +185,8 @@ def _own_effects(tables: ModelFile) -> str:
         return ""
     gone = "" if Path(known.effects_file).exists() else ", which is gone"
     where = f"{known.effects_file}{gone} (sha256 {known.effects_sha256})"
-    return f"the model has effects of its own, from {where}; give that file with --effects-file"
+    right = "give that file with --effects-file, in Python as read_study's third argument"
+    return f"the model has effects of its own, from {where}; {right}"
 
 
 def parameter_tables(model: Model) -> dict[str, float]:

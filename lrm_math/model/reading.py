@@ -52,6 +52,7 @@ class Reading(StrictSchema):
         axes: the file's axes that are the arm's x, y and z, for instance "x,y,-z".
         joint_sign: 1 or −1 for each joint of the arm.
         joint_order: for each joint of the arm, the number of the file's column.
+        bad_rows: "refuse": a cell that is no number is an error; "skip": its row is left out.
         frame: "arm": the frame of the arm file; "unknown": to be found; else its pose in the arm's.
     """
 
@@ -61,6 +62,7 @@ class Reading(StrictSchema):
     joint_sign: Annotated[list[int], AfterValidator(_signs)] | None = None
     joint_order: Annotated[list[int], AfterValidator(_permutation)] | None = None
     frame: Literal["arm", "unknown"] | FrameTable | None = None
+    bad_rows: Literal["refuse", "skip"] | None = None
 
     def over(self, other: Reading | None) -> Self:
         """This reading, completed by what `other` says where it says nothing."""

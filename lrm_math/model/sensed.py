@@ -69,7 +69,7 @@ def from_anchor(settled: Equilibrium, stated: ArrayLike) -> Array:
     """(N, 3), TCP less the fixed point of measured distances (m): the stated one, and what effects add to it."""
     point = np.asarray(stated, dtype=np.float64)
     for bound in settled.model.binding.anchoring:
-        point = point + anchor_shift(bound.effect, bound.effect.amounts(settled.poses, (), bound.p))
+        point = point + anchor_shift(bound.effect, bound.at(settled.poses))
     return np.asarray(settled.true_tcp - point)
 
 

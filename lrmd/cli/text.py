@@ -125,6 +125,7 @@ def ik_text(answer: IkAnswer, names: Sequence[str]) -> str:
         lines.append(f"{joints}: the error depends on the side it comes from; come from the other one")
     if any(answer.free_joints[:1]):
         lines.append(f"singular pose: joint{answer.free_joints[0]} can turn while the tool hardly moves")
+    lines += _range_lines(answer.outside_range)
     lines += [_angles(f"branch {i} (deg)", q, names) for i, q in enumerate(answer.branches_rad[1:], start=2)]
     return "\n".join(lines)
 
@@ -147,7 +148,13 @@ def tcp_text(answer: FkAnswer) -> str:
     angles = math.atan2(r32, r33), -math.asin(max(-1.0, min(1.0, r31))), math.atan2(r21, r11)
     rpy = ", ".join(f"{math.degrees(a):.1f}" for a in angles)
     torques = ", ".join(f"{t:.3f}" for t in answer.tau_nm)
-    return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm{sd}\nroll, pitch, yaw ({rpy}) deg\ntorques ({torques}) Nm"
+    lines = [f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm{sd}", f"roll, pitch, yaw ({rpy}) deg", f"torques ({torques}) Nm"]
+    return "\n".join([*lines, *_range_lines(answer.outside_range)])
+
+
+def _range_lines(joints: Sequence[int]) -> list[str]:
+    names = ", ".join(f"joint{j}" for j in joints)
+    return [f"{names}: outside the range that the model was fitted on; its error there is not known"] if joints else []
 
 
 def event_line(event: Event) -> str:

@@ -158,6 +158,9 @@ class IkService:
                 content: dict[str, Any] = {"verdict": "not_converged", "text": str(error)}
             else:
                 content = self._answer(reply, payload)
+            command = content.get("q_rad") or content.get("nearest_rad")
+            if command is not None:
+                content["outside_range"] = self._outside(command)
             yield IkAnswer(**content, elapsed_ms=(time.perf_counter() - started) * 1e3)
 
     def _goal(self, number: int, entry: GoalEntry) -> Goal:
@@ -179,8 +182,13 @@ class IkService:
             f = self._solver.forward(q, request.payload_kg or 0.0, request.near_rad)
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
-                sd_m=None if f.uncertainty is None else f.uncertainty.sd,
+                sd_m=None if f.uncertainty is None else f.uncertainty.sd, outside_range=self._outside(q),
             )  # fmt: skip
+
+    def _outside(self, q: Sequence[float]) -> list[int]:
+        """Joints, from 1, that a command (rad) puts outside the range that the model was fitted on."""
+        within = self.deployed.model.within
+        return [] if within is None else list(within.joints_outside(np.array(q)))
 
     def plan(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | str:
         """A path, or the reason why there is none. Raises `LrmError`, and what `check_cancelled` raises."""

@@ -104,7 +104,8 @@ class IkAnswer(Part):
     would not, `cube_error_m` the error before the polish. `free_joints`: for each branch the joint, from 1, that can
     turn while the tool hardly moves, the others following: a singular pose, the branch is one of a family; 0: none.
     Else `nearest_rad`, the command nearest to the goal, or the two `bodies` of a collision and their `clearance_m`
-    (overlap below 0).
+    (overlap below 0). `outside_range`: joints, from 1, that `q_rad` or `nearest_rad` puts outside the range that the
+    model was fitted on; there its error is not known.
     """
 
     verdict: Literal["solved", "out_of_reach", "outside_limits", "not_converged", "collision"]
@@ -126,6 +127,7 @@ class IkAnswer(Part):
     nearest_distance_m: float | None = None
     bodies: list[str] = []
     clearance_m: float | None = None
+    outside_range: list[int] = []
     elapsed_ms: float
 
 
@@ -155,12 +157,16 @@ class PlanReply(Header):
 
 
 class FkAnswer(Part):
-    """Tool pose: position, rows of its rotation matrix; gravity torque on every joint; standard deviation."""
+    """Tool pose: position, rows of its rotation matrix; gravity torque on every joint; standard deviation.
+
+    `outside_range`: joints, from 1, outside the range that the model was fitted on.
+    """
 
     tcp_m: list[float]
     rotation: list[list[float]]
     tau_nm: list[float]
     sd_m: float | None
+    outside_range: list[int] = []
 
 
 class FkReply(Header):

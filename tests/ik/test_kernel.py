@@ -18,6 +18,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, constant, effects_at
 from lrm_math.effects.compliance import Spring
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
@@ -198,6 +199,22 @@ def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
     rest = equilibrium(model, Poses(q, np.full(5, payload), side.astype(float)), tolerance=1e-14)
     expected = moving(model, rest.slots, 5)
     slots, _, iterations = flat(model, payload).settle(q, side, expected + 0.01, 1e-14)
+    assert (iterations > 0).all()
+    np.testing.assert_allclose(slots, expected, atol=1e-12)
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10_000), edge=st.floats(0.01, 0.6))
+def test_a_law_that_is_held_beyond_its_range_is_held_in_the_kernel(seed: int, edge: float) -> None:
+    arm, rng = load_arm("lrm-rover"), np.random.default_rng(seed)
+    model = random_model(arm, ("compliance", "nonlinear_stiffness"), seed, 1.5)
+    load = {f"{joint}.theta": (-edge, 0.7 * edge) for joint in arm.joint_names}
+    model = replace(model, within=MeasuredRange(((-0.1, 0.1),) * 6, (0.0, 0.0), load))
+    assert JointErrorModel(model).complete
+    q = rng.uniform(-1.7, 1.7, (5, 6))
+    rest = equilibrium(model, poses_of(q, 0.2), tolerance=1e-14)
+    expected = moving(model, rest.slots, 5)
+    slots, _, iterations = flat(model, 0.2).settle(q, np.zeros((5, 6), dtype=int), expected + 0.01, 1e-14)
     assert (iterations > 0).all()
     np.testing.assert_allclose(slots, expected, atol=1e-12)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lrm_ident.cli.application import run
+from lrm_ident.cli.app import run
 from validation.thesis import options_command, step_size_command
 from validation.thesis.application import app
 

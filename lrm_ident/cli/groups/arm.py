@@ -10,30 +10,47 @@ import numpy as np
 from typer import Argument, Option, Typer
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.application import app
+from lrm_ident.cli.app import app
 from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import notice, one_of, parse_numbers, publish, read_model, show
+from lrm_ident.cli.groups.arm_export import writer_for
 from lrm_ident.cli.groups.arm_report import arm_document
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.robot_files.arm_text import arm_text, template
-from lrm_ident.data.robot_files.mjcf import mjcf
+from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.urdf import read_urdf
 from lrm_ident.data.robot_files.urdf_arm import import_arm
-from lrm_ident.data.robot_files.urdf_export import bare_urdf, corrected_urdf, exported_difference, left_out, rigid_part
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.report.plots.arm import draw_arm
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import split_key
 from lrm_math.errors import FileError, LrmError
+from lrm_math.model.covariance import drawn_models
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import load_covariance
 from lrm_math.toml_file import schema_of
 
 group = Typer(no_args_is_help=True, help="Describe an arm: from a URDF, to a corrected URDF or MJCF, by hand.")
 app.add_typer(group, name="arm")
 arm_command = command_of(group)
 
-UrdfPath = Annotated[Path, Argument(metavar="URDF", help="A URDF, or a .xacro (needs the package xacrodoc).")]
+OwnUrdf = Annotated[Path | None, Option("--urdf", metavar="URDF", help="Your robot's own: corrected, meshes and all.")]
+OwnMjcf = Annotated[Path | None, Option("--mjcf", metavar="XML", help="Your robot's own: corrected, meshes and all.")]
+OwnCalibration = Annotated[
+    Path | None,
+    Option(
+        "--calibration",
+        metavar="JSON",
+        help="LeRobot's calibration of your arm; -o .yaml is for the ROS 2 driver of Feetech servos.",
+    ),
+]
+OwnRos2Control = Annotated[
+    Path | None,
+    Option("--ros2-control", metavar="XACRO", help="Your <ros2_control> file, of a Dynamixel or Feetech driver."),
+]
+UrdfPath = Annotated[
+    Path, Argument(metavar="URDF", help="A URDF, a .xacro (needs the package xacrodoc), or MuJoCo's .xml (mujoco).")
+]
 Base = Annotated[str | None, Option("--base", metavar="LINK", help="Where the arm begins. Default: the root link.")]
 Tip = Annotated[str | None, Option("--tip", metavar="LINK", help="The link that is measured. Default: the only tip.")]
 
@@ -47,11 +64,11 @@ def import_urdf(
     name: Annotated[str | None, Option(help="Name of the arm. Default: the robot's name in the URDF.")] = None,
     json: arg.JsonFile = None,
 ) -> None:
-    """Make an arm file of a URDF, exact to round-off: joints, limits, masses and centres of mass.
+    """Make an arm file of a URDF or an MJCF, exact to round-off: joints, limits, masses and centres of mass.
 
     The arm is compared with the URDF's own kinematics at 200 random poses before it is written.
     """
-    found = import_arm(read_urdf(urdf), base, tip, name)
+    found = import_arm(read_mjcf(urdf).robot if urdf.suffix == ".xml" else read_urdf(urdf), base, tip, name)
     text = arm_text(
         found.arm,
         source=f"{urdf.name}, links {found.base} to {found.tip}",
@@ -70,10 +87,14 @@ def import_urdf(
 @arm_command
 def export(
     model: Annotated[str, Argument(metavar="MODEL", help="A model file written by fit, or an arm (as drawn).")],
-    output: Annotated[Path, Option("-o", "--output", metavar="FILE", help="corrected.urdf, or .xml for MJCF.")],
-    urdf: Annotated[
-        Path | None, Option(metavar="URDF", help="The robot's own URDF: it is corrected, meshes and all.")
-    ] = None,
+    output: Annotated[
+        Path,
+        Option("-o", "--output", metavar="FILE", help=".urdf; .xml for MJCF; .json for LeRobot; as the robot's own."),
+    ],
+    urdf: OwnUrdf = None,
+    mjcf: OwnMjcf = None,
+    calibration: OwnCalibration = None,
+    ros2_control: OwnRos2Control = None,
     base: Base = None,
     tip: Tip = None,
     keep: Annotated[
@@ -83,34 +104,31 @@ def export(
             "frame and of the target's mount, if you measured with one."
         ),
     ] = "",
+    draws: Annotated[
+        int, Option(min=0, help="Write so many variants instead, drawn from the model's covariance: FILE-001 …")
+    ] = 0,
+    seed: arg.Seed = 0,
     effects_file: arg.EffectsFile = None,
 ) -> None:
-    """Write a URDF that matches your arm, or an MJCF with its springs and its play.
+    """Write a file that matches your arm: a URDF, an MJCF, LeRobot's calibration, ros2_control's offsets.
 
-    URDF: the rigid part of the model is in every <origin>, a zero offset is a turn about the joint's axis. What bends,
-    and what depends on the angle or the load, stays in the model file. MJCF: a joint's compliance k is a position
-    actuator with kp = 1/k, play an extra joint with a range.
+    URDF: the rigid part of the model is in every <origin>, a zero offset is a turn about the joint's axis. MJCF: bodies
+    likewise, a joint's compliance k is a position actuator with kp = 1/k, play an extra joint with a range, friction
+    a frictionloss. LeRobot, ros2_control: zero offsets. What a file cannot hold is listed; it stays in the model.
     """
     the_model = _model(model, effects_file)
     places = [one_of("place to keep", word.strip(), (BASE, TOOL)) for word in keep.split(",") if word.strip()]
-    if output.suffix in (".xml", ".mjcf"):
-        if urdf or base or tip:
-            raise LrmError("--urdf, --base and --tip are for a URDF; an MJCF is written from the model alone")
-        file = mjcf(_as_drawn(the_model, places))
-        write_text(output, file.text)
-        show(f"MJCF written to {output}", *_missing(file.left_out))
-        return
-    if output.suffix != ".urdf":
-        raise FileError(output, "", f"a {output.suffix or 'nameless'} file", "name it .urdf, or .xml for MJCF")
-    robot = read_urdf(urdf) if urdf else bare_urdf(the_model.arm)
-    rigid = rigid_part(the_model, places)
-    text = corrected_urdf(rigid, robot, base, tip)
-    difference = exported_difference(rigid, text, base, tip)
-    write_text(output, text)
-    show(
-        f"URDF written to {output}; its kinematics and the model's rigid part differ by at most {difference:.1g} m",
-        *_missing(left_out(the_model)),
-    )
+    given = {"--urdf": urdf, "--mjcf": mjcf, "--calibration": calibration, "--ros2-control": ros2_control}
+    own = {option: path for option, path in given.items() if path is not None}
+    write_for = writer_for(output, own, base, tip, places)
+    variants = _variants(Path(model), the_model, draws, seed, effects_file) if draws else [the_model]
+    files = [output.with_stem(f"{output.stem}-{n:03d}") for n in range(1, draws + 1)] if draws else [output]
+    made = [write_for(variant, path) for variant, path in zip(variants, files, strict=True)]
+    for file, path in zip(made, files, strict=True):
+        write_text(path, file.text)
+    where = f"{files[0]} … {files[-1]}" if draws else str(output)
+    missing = made[0].left_out
+    show(f"{made[0].what} written to {where}", *([f"Not in it: {', '.join(missing)}"] if missing else []))
 
 
 @command_of(group, "show")
@@ -146,13 +164,9 @@ def _model(name: str, effects_file: Path | None) -> Model:
     return model_of(load_arm(name), ())
 
 
-def _as_drawn(model: Model, places: list[str]) -> Model:
-    values = [
-        0.0 if split_key(key)[0] == "offsets" and split_key(key)[1] in places else value
-        for key, value in zip(model.keys, model.values.tolist(), strict=True)
-    ]
-    return model.with_values(values)
-
-
-def _missing(effects: tuple[str, ...]) -> list[str]:
-    return [f"Not in it: {', '.join(effects)}"] if effects else []
+def _variants(path: Path, model: Model, count: int, seed: int, effects_file: Path | None) -> list[Model]:
+    """Models as far apart as the fit leaves open. Raises `FileError`."""
+    known = load_covariance(path, catalogue_with(effects_file)) if path.is_file() and len(model.keys) else None
+    if known is None:
+        raise FileError(path, "covariance", "missing", "--draws needs a model that fit wrote, with its covariance")
+    return drawn_models(model, known, count, np.random.default_rng(seed))

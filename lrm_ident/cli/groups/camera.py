@@ -11,7 +11,7 @@ import tomli_w
 from typer import Argument, Option, Typer
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.application import app
+from lrm_ident.cli.app import app
 from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text

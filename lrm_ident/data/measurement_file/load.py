@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions, turn_of
 from lrm_ident.data.csv_table import CsvTable, require
+from lrm_ident.data.measurement_file.bad_rows import without_bad_rows
 from lrm_ident.data.measurement_file.distance_columns import DISTANCE, DISTANCE_SD, read_distances
 from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, Metadata, metadata_of
 from lrm_ident.data.measurement_file.pose_columns import (
@@ -28,6 +29,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.number_table import NumberTable, read_numbers
 from lrm_ident.data.output_files import is_something_else
 from lrm_ident.data.pose_table import angle_columns, pose_columns, read_poses
+from lrm_ident.data.table_text.csv_dialect import encoding_of, is_workbook
 from lrm_ident.data.weights.rotations import turned_covariance
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -57,6 +59,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     feedback = feedback_columns(arm)
     gaps = {*QUATERNION, *feedback, DISTANCE, "repeat_of", *(POSITION if DISTANCE in cells.header else ())}
     known = {*OWN, *pose_columns(arm), *feedback}
+    cells, skipped = without_bad_rows(cells, known, gaps, how)
     table = read_numbers(cells, known, gaps)
     pose = table.whole("pose")
     _check_once(table, pose)
@@ -74,7 +77,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         repeat_of=_repeats(table, pose),
         path=path,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
-        notices=(*_notices(cells, known), *doubtful(table, arm, metadata), *unused),
+        notices=(*_notices(cells, known), *skipped, *doubtful(table, arm, metadata, how), *unused),
         arm=arm,
         reading=Reading(**how.said()),
         stated=_stated(cells, how),
@@ -231,6 +234,11 @@ def _notices(table: CsvTable, known: Collection[str]) -> list[str]:
     sidecar = table.path.with_suffix(".toml")
     if sidecar.is_file() and is_something_else(sidecar):
         notices.append(f"{sidecar.name} beside it is {schema_of(sidecar)}, so it says nothing of these data")
-    if not table.path.read_bytes().endswith(b"\n"):
+    content = table.path.read_bytes()
+    if is_workbook(content):
+        return [*notices, "read from the first sheet of the workbook"]
+    if encoding_of(content) == "cp1252":
+        notices.append("read as Windows-1252 (Latin-1), as it is not UTF-8")
+    if not content.endswith(b"\n"):
         notices.append("the last line does not end; is the file complete?")
     return notices

@@ -8,17 +8,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.apply_reading import read_joints
 from lrm_ident.data.measurement_file.metadata import Metadata
 from lrm_ident.data.measurement_table import POSITION
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.number_table import NumberTable
-from lrm_ident.data.pose_table import after_gap, angle_columns
+from lrm_ident.data.pose_table import after_gap, angle_columns, full_turns
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import reach
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
+from lrm_math.model.reading import Reading
 
 LISTED = 8
 FINEST = 1e-5
@@ -56,8 +58,8 @@ def without_frozen(arm: Arm, data: Measurements) -> Measurements:
     return replace(data.without(frozen.tolist()), notices=(*data.notices, words))
 
 
-def doubtful(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
-    """What a person should know of the order, the repetitions and the stated noise of a file."""
+def doubtful(table: NumberTable, arm: Arm, metadata: Metadata, how: Reading) -> Iterator[str]:
+    """Notices about the order, the repetitions and the stated noise of a file."""
     number = table.whole("pose")
     if not any(name.startswith("approach") for name in table.columns):
         gap = after_gap(number)
@@ -68,9 +70,22 @@ def doubtful(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
             )
         if (np.diff(number) < 0).any():
             yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
+    yield from _turns(table, arm, how)
     yield from _times(table, number)
     yield from _repetitions(table, arm, number)
     yield from _noise(table, arm, metadata)
+
+
+def _turns(table: NumberTable, arm: Arm, how: Reading) -> Iterator[str]:
+    """Angles that were read a full turn away, as those of a file that counts from 0 to 360 deg."""
+    stated = np.radians(read_joints(how, table.stack(angle_columns(arm))))
+    q, turned = full_turns(stated, arm)
+    for joint in np.flatnonzero(turned.any(axis=0)).tolist():
+        row = int(np.argmax(turned[:, joint]))
+        was, read = np.degrees([stated[row, joint], q[row, joint]])
+        count = int(turned[:, joint].sum())
+        beyond = "1 angle is" if count == 1 else f"{count} angles are"
+        yield f"{beyond} beyond the limits of joint {joint + 1} and read a full turn away: {was:g} = {read:g} deg"
 
 
 def _times(table: NumberTable, number: NDArray[np.int64]) -> Iterator[str]:

@@ -79,6 +79,36 @@ def _other_units(read: Hypothesis, q: Array) -> Iterator[JointHypothesis]:
         yield JointHypothesis(
             read.also("the joint angles look like degrees", SIMPLE, angle_unit="deg"), q * ANGLE_UNITS["deg"]
         )
+    for joint, largest in enumerate(np.abs(q).max(axis=0).tolist()):
+        if now != "rad" and 0.0 < largest <= FULL_TURN * ANGLE_UNITS["deg"]:
+            yield _one_joint(read, q, joint, "rad", 1.0 / ANGLE_UNITS["deg"])
+        elif now == "rad" and largest > FULL_TURN:
+            yield _one_joint(read, q, joint, "deg", ANGLE_UNITS["deg"])
+
+
+def _one_joint(read: Hypothesis, q: Array, joint: int, unit: str, factor: float) -> JointHypothesis:
+    """The angles of one joint alone in another unit, in which they are so many times larger."""
+    number = (read.reading.joint_order or range(1, q.shape[1] + 1))[joint]
+    words = f"the angles of joint {joint + 1} alone look like {'radians' if unit == 'rad' else 'degrees'}"
+    turned = q.copy()
+    turned[:, joint] *= factor
+    return JointHypothesis(read.also(words, SIMPLE, f"name the column q{number}_{unit}"), turned)
+
+
+def one_axis(read: Hypothesis, tcp: Array, nominal: Array, tolerance: float) -> Iterator[tuple[Hypothesis, Array]]:
+    """Readings of positions (N, 3) with one axis in another unit than the others, and the positions then (m).
+
+    The unit is that which makes the axis as long as those of the arm as drawn, `nominal` (N, 3), m.
+    """
+    now = read.reading.unit or "mm"
+    extent, drawn = (np.median(np.abs(points - np.median(points, axis=0)), axis=0) for points in (tcp, nominal))
+    for axis, (seen, wanted) in enumerate(zip(extent.tolist(), drawn.tolist(), strict=True)):
+        unit = nearest_unit(now, wanted / seen, tolerance) if seen > 0.0 and wanted > 0.0 else None
+        if unit is not None and unit[1] != 1.0:
+            scaled = tcp.copy()
+            scaled[:, axis] *= unit[1]
+            words = f"{'xyz'[axis]} alone looks like {UNIT_NAMES[unit[0]]}"
+            yield read.also(words, SIMPLE, f"name its column {'xyz'[axis]}_{unit[0]}"), scaled
 
 
 def _other_signs(read: Hypothesis, q: Array) -> Iterator[JointHypothesis]:

@@ -22,6 +22,7 @@ from lrm_ident.data.registration.hypotheses import (
     JointHypothesis,
     joint_hypotheses,
     nearest_unit,
+    one_axis,
     with_axes,
     with_free_frame,
     with_unit,
@@ -36,9 +37,10 @@ from lrm_math.model.model import model_of
 from lrm_math.model.reading import FrameTable, Reading
 
 LEAST_POSES = 6
+SAME_POSE = 1e-6  # rad
 MOST_POSES = 100
 LOOKED_AT, WORTH = 10, 2.0
-"""How many similarities are looked at closely, the simplest first, and how much worse than the best one they may be."""
+"""Number of similarities looked at closely, the simplest first, and how much worse than the best one they may be."""
 FLOOR = 0.01
 """Share of the points' spread below which a score is as good as any."""
 BETTER = 0.5
@@ -120,7 +122,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     """Compares measurements with the nominal arm; None if there are too few poses, or all are one."""
     rows = compared_rows(data)
     data = data.take(rows)
-    if len(rows) < LEAST_POSES or _spread(nominal_tcp(arm, data.poses)) == 0.0:
+    if len(rows) < LEAST_POSES or all_one(data.poses.q) or _spread(nominal_tcp(arm, data.poses)) == 0.0:
         return None
     points = PointSet(arm, data.poses, data.tcp, data.stated)
     read = points.scored(Hypothesis(data.stated), data.poses.q, data.tcp)
@@ -134,6 +136,11 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     simplest = min(scored.hypothesis.complexity for scored in alike)
     chosen = [s for s in alike if s.hypothesis.complexity == simplest and s.share <= PLAUSIBLE]
     return ReadingCheck(read, tuple(sorted(chosen, key=lambda scored: scored.share)))
+
+
+def all_one(q: Array) -> bool:
+    """Whether all joint angles (N, n), rad, are those of one pose."""
+    return bool(np.ptp(q, axis=0).max(initial=0.0) < SAME_POSE)
 
 
 def compared_rows(data: Measurements) -> NDArray[np.int64]:
@@ -177,6 +184,10 @@ class Proposal:
 def _proposals(points: PointSet) -> Iterator[Proposal]:
     """Readings that a similarity suggests, of the joint angles for which it misses least."""
     candidates = []
+    if points.reading.axes is None and not isinstance(points.reading.frame, FrameTable | str):
+        drawn = nominal_tcp(points.arm, points.poses)
+        for hypothesis, scaled in one_axis(Hypothesis(points.reading), points.tcp, drawn, SCALE_TOLERANCE):
+            yield Proposal(hypothesis, points.poses.q, scaled)
     for joints in joint_hypotheses(points.reading, points.poses.q):
         nominal = nominal_tcp(points.arm, replace(points.poses, q=joints.q))
         for mirrored in (False, True):

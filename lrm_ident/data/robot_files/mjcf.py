@@ -35,7 +35,7 @@ class MjcfFile:
 def mjcf(model: Model) -> MjcfFile:
     """The MJCF of a model."""
     chain = model.chain
-    springs = _springs(model)
+    springs = spring_stiffness(model)
     play = {e.place: model.value(e.keys[0]) for e in model.effects if e.id == "backlash"}
     root = ElementTree.Element("mujoco", model=model.arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -80,7 +80,7 @@ def _left_out(model: Model) -> tuple[str, ...]:
     return tuple(effect.name for effect in model.effects if not _held(effect))
 
 
-def _springs(model: Model) -> dict[int, float]:
+def spring_stiffness(model: Model) -> dict[int, float]:
     """Stiffness (N·m/rad) of the slots that give way; compliances of one slot add up."""
     out: dict[int, float] = {}
     for effect, values in model.parts():

@@ -101,11 +101,12 @@ def chain_frames(model: Model) -> Array:
     values: list[Number] = list(model.binding.constants)
     stands = frames(chain, values, 1)[0]
     before = stands[: chain.dof]
-    turned = [F @ turn((0, 0, 1), _zero_offset(model, chain, i)) for i, F in enumerate(before)]
+    turned = [F @ turn((0, 0, 1), zero_offset(model, chain, i)) for i, F in enumerate(before)]
     return np.array([*turned, stands[-1]])
 
 
-def _zero_offset(model: Model, chain: Chain, i: int) -> float:
+def zero_offset(model: Model, chain: Chain, i: int) -> float:
+    """Angle of joint i, from 0, where it is commanded zero (rad)."""
     k = chain.joint_slots[i]
     return float(model.binding.constants[k]) - chain.slots[k].nominal
 

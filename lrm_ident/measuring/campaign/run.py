@@ -21,13 +21,15 @@ class Unreachable(LrmError):
 
 
 class CampaignArm(Protocol):
-    """The arm as a campaign sees it."""
+    """The arm as a campaign sees it. `session`: of the servos' power, for the rows."""
+
+    session: int
 
     def go(self, pose: PlannedPose) -> ArmState:
         """Moves there and waits. Raises `Unreachable`; other `LrmError`s end the campaign."""
 
     def disturbed(self) -> str:
-        """What has changed since `go`, so that the arm may not stand there any more, in words; empty if nothing has."""
+        """Changes since `go`, so that the arm may not stand there any more, in words; empty if nothing has."""
 
     def too_warm(self) -> str:
         """The servo that is too warm to go on, in words; empty if none is."""

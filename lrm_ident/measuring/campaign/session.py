@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.measuring.campaign.data_file import CampaignHead, DataFile
+from lrm_ident.measuring.campaign.lerobot_arm import LeRobotArm
+from lrm_ident.measuring.campaign.lerobot_robot import connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
-from lrm_ident.measuring.campaign.run import CampaignProgress, CampaignResult, Clock, PoseCampaign, PoseTiming
+from lrm_ident.measuring.campaign.run import (
+    CampaignArm,
+    CampaignProgress,
+    CampaignResult,
+    Clock,
+    PoseCampaign,
+    PoseTiming,
+)
 from lrm_ident.measuring.campaign.zenoh_tracker import ZenohTracker
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import open_tracker
@@ -41,49 +51,90 @@ class RealClock:
 
 
 @dataclass(frozen=True)
+class DrivenArm:
+    """An arm that is ready to be driven. `robot`: its name. `joints`: how many it has. `start`: commanded angles (rad).
+
+    `power_on`: name of the servos' present power-on session.
+    """
+
+    arm: CampaignArm
+    robot: str
+    joints: int
+    start: tuple[float, ...]
+    power_on: str
+
+
+Loads: TypeAlias = Callable[[float], object]
+"""Has somebody change the load (kg)."""
+OpenArm: TypeAlias = Callable[[Clock, Loads], AbstractContextManager[DrivenArm]]
+
+
+@dataclass(frozen=True)
 class CampaignOrder:
     """Order of a campaign: what to measure with.
 
-    `arm_name` as the metadata will have it; `loads`: has somebody change the load (kg); `on_findings`: called with what
-    is known after a batch, if measuring is adaptive.
+    `drive`, `track`: open the arm and the tracker, whose name is `tracker`. `arm_name` as the metadata will have it;
+    `on_findings`: called with what is known after a batch, if measuring is adaptive.
     """
 
-    rover: Rover
+    drive: OpenArm
+    track: Callable[[], AbstractContextManager[Tracker]]
     tracker: str
     numbers: TargetNumbers
     arm: Arm
     arm_name: str
     timing: PoseTiming
-    loads: Callable[[float], object]
+    loads: Loads
     on_progress: Callable[[CampaignProgress], object]
     on_findings: Callable[[str], object]
-    take: bool = False
 
 
 def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: StoppingGoal | None = None) -> CampaignResult:
-    """Measures what is left of a plan into a file, holding the lease; with a goal, only as much as that needs.
+    """Measures what is left of a plan into a file; with a goal, only as much as that needs.
 
     Raises `LrmError`; the file stays resumable.
     """
     file = DataFile(output, order.arm.dof)
     file.check_plan(plan.sha256)
-    lease = order.rover.control("lrm-ident measure", order.take)
-    with file, connected(order.rover, order.tracker, order.numbers) as tracker, lease:
-        clock: Clock = RealClock()
-        arm = RoverArm(order.rover, clock, order.loads, file.last_session)
-        if len(arm.names) != order.arm.dof:
-            raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {arm.info.robot} has {len(arm.names)}")
+    clock: Clock = RealClock()
+    with file, order.track() as tracker, order.drive(clock, order.loads) as driven:
+        if driven.joints != order.arm.dof:
+            raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {driven.robot} has {driven.joints}")
         first = first_frame(tracker, order.tracker)
-        source = f"lrm-ident measure: {arm.info.robot}, {order.tracker}"
-        start = tuple(order.rover.commanded_q())
-        arm.session = file.begin(
-            CampaignHead(order.arm_name, source, start, plan.sha256, first.t, power_on(order.rover))
-        )
+        source = f"lrm-ident measure: {driven.robot}, {order.tracker}"
+        head = CampaignHead(order.arm_name, source, driven.start, plan.sha256, first.t, driven.power_on)
+        driven.arm.session = file.begin(head)
         rest = lightest(plan.poses, order.arm)
-        campaign = PoseCampaign(arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
+        campaign = PoseCampaign(driven.arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
         if goal is None:
             return campaign.run(plan.poses, file)
         return AdaptiveCampaign(campaign, order.arm, goal, order.on_findings).run(plan.poses, file)
+
+
+def by_daemon(rover: Rover, take: bool) -> OpenArm:
+    """The arm of a daemon, its lease held meanwhile."""
+
+    @contextmanager
+    def drive(clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
+        """Acquires the lease."""
+        with rover.control("lrm-ident measure", take):
+            arm = RoverArm(rover, clock, loads, 1)
+            yield DrivenArm(arm, arm.info.robot, len(arm.names), tuple(rover.commanded_q()), power_on(rover))
+
+    return drive
+
+
+def by_lerobot(text: str, arm: Arm) -> OpenArm:
+    """The arm of a robot of LeRobot, see `connected_robot`. Every connection counts as a power-on session."""
+
+    @contextmanager
+    def drive(clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
+        """Connects the robot."""
+        with connected_robot(text) as robot:
+            driven = LeRobotArm(robot, arm, clock, loads)
+            yield DrivenArm(driven, text, arm.dof, driven.seen(), f"lerobot-{time.time_ns()}")
+
+    return drive
 
 
 def first_frame(tracker: Tracker, name: str) -> TrackerFrame:
@@ -95,10 +146,10 @@ def first_frame(tracker: Tracker, name: str) -> TrackerFrame:
 
 
 @contextmanager
-def connected(rover: Rover, tracker: str, numbers: TargetNumbers) -> Iterator[Tracker]:
-    """The tracker that a text names. Raises `LrmError`."""
+def connected(rover: Rover | None, tracker: str, numbers: TargetNumbers) -> Iterator[Tracker]:
+    """The tracker that a text names; those on zenoh come by the session with a rover. Raises `LrmError`."""
     kind, _, rest = tracker.partition(":")
-    source = ZenohTracker(rover, rest) if kind == "zenoh" and rest else open_tracker(tracker, numbers)
+    source = ZenohTracker(rover, rest) if kind == "zenoh" and rest and rover else open_tracker(tracker, numbers)
     with source as opened:
         yield opened
 

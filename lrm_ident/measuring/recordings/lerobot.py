@@ -1,4 +1,4 @@
-"""Rests of a LeRobot dataset (format v3: `meta/info.json`, `data/chunk-*/file-*.parquet`): command and joint feedback.
+"""Rests of a LeRobot dataset (`meta/info.json`, `data/chunk-*/*.parquet`, v2.1 and v3): command and joint feedback.
 
 What a dataset records of an arm are the commanded angles (`action`) and those that its encoders read
 (`observation.state`), many times a second. Where both stand still the arm rests, and the two differ by what the servos
@@ -24,7 +24,29 @@ from lrm_math.errors import FileError, LrmError
 STILL_DEG = 0.5  # that command and feedback may stray within a rest
 DEG = float(np.radians(1.0))
 LEAST_SD_DEG = 360.0 / 4096.0 / np.sqrt(12.0)  # of an encoder of 12 bits
-COLUMNS = ("action", "observation.state", "timestamp", "episode_index")
+COMMAND, FEEDBACK = "action", "observation.state"
+COLUMNS = (COMMAND, FEEDBACK, "timestamp", "episode_index")
+VERSIONS = ("v2.", "v3.")
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class LeRobotFrames:
+    """N frames of a dataset, in the order recorded.
+
+    Attributes:
+        command, feedback: (N, n), of the arm's joints (rad).
+        t: (N,), s, in its episode. episode: (N,), from 0.
+    """
+
+    command: Array
+    feedback: Array
+    t: Array
+    episode: Integers
+
+    def rests(self, dwell: float) -> Iterator[Integers]:
+        """Frames of the settled half of each stretch of one episode in which nothing moves for `dwell` s."""
+        return _rests(self.command, self.feedback, self.t, self.episode, dwell)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +62,8 @@ class LeRobotRests:
     feedback: Array
     scatter: float
     t: Array
-    episode: NDArray[np.int64]
-    frame: NDArray[np.int64]
+    episode: Integers
+    frame: Integers
 
     @property
     def feedback_sd(self) -> float:
@@ -49,17 +71,24 @@ class LeRobotRests:
         return float(max(self.scatter, np.radians(LEAST_SD_DEG)))
 
 
-def read_lerobot(folder: Path, arm: Arm, dwell: float) -> LeRobotRests:
-    """The rests of at least `dwell` seconds. Raises `FileError`: not such a dataset, or of other joints."""
+def read_frames(folder: Path, arm: Arm) -> LeRobotFrames:
+    """All frames of a dataset. Raises `FileError`: not such a dataset, or of other joints."""
     info = _info(folder)
-    order = [_columns_of(folder, info, name, arm) for name in ("action", "observation.state")]
+    order = [_columns_of(folder, info, name, arm) for name in (COMMAND, FEEDBACK)]
     table = _table(folder)
     command, feedback = (
         np.radians(np.array(table[name], dtype=np.float64)[:, columns])
-        for name, columns in zip(("action", "observation.state"), order, strict=True)
+        for name, columns in zip((COMMAND, FEEDBACK), order, strict=True)
     )
     t, episode = np.array(table["timestamp"], dtype=np.float64), np.array(table["episode_index"], dtype=np.int64)
-    rests = list(_rests(command, feedback, t, episode, dwell))
+    return LeRobotFrames(command, feedback, t, episode)
+
+
+def read_lerobot(folder: Path, arm: Arm, dwell: float) -> LeRobotRests:
+    """The rests of at least `dwell` seconds. Raises `FileError`: not such a dataset, or of other joints."""
+    frames = read_frames(folder, arm)
+    command, feedback, t, episode = frames.command, frames.feedback, frames.t, frames.episode
+    rests = list(frames.rests(dwell))
     if not rests:
         raise LrmError(f"{folder}: the arm never rests for {dwell:g} s; record it standing still at each pose")
     scatter = float(np.sqrt(np.mean([feedback[rows].var(axis=0).mean() for rows in rests])))
@@ -68,10 +97,7 @@ def read_lerobot(folder: Path, arm: Arm, dwell: float) -> LeRobotRests:
     return LeRobotRests(commanded, read, scatter, t[middle], episode[middle], middle)
 
 
-def _rests(
-    command: Array, feedback: Array, t: Array, episode: NDArray[np.int64], dwell: float
-) -> Iterator[NDArray[np.int64]]:
-    """The frames of each stretch of one episode in which nothing moves for `dwell` s; of the longest such only once."""
+def _rests(command: Array, feedback: Array, t: Array, episode: Integers, dwell: float) -> Iterator[Integers]:
     start = 0
     for row in range(1, len(t) + 1):
         ended = row == len(t) or episode[row] != episode[start] or _strays(command, feedback, start, row)
@@ -95,13 +121,13 @@ def _info(folder: Path) -> Mapping[str, Any]:
     try:
         info = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise FileError(path, "", "no such file", "a LeRobot dataset of format v3 has it") from None
+        raise FileError(path, "", "no such file", "a LeRobot dataset of format v2.1 or v3 has it") from None
     except (OSError, ValueError) as error:
         raise FileError(path, "", f"cannot be read ({error})") from None
     version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
-    if not version.startswith("v3"):
-        right = "convert it with lerobot.datasets.v30.convert_dataset_v21_to_v30"
-        raise FileError(path, "codebase_version", version or "missing", f"v3.0; {right}")
+    if not version.startswith(VERSIONS):
+        right = "convert it with the scripts of LeRobot"
+        raise FileError(path, "codebase_version", version or "missing", f"v2.1 or v3.0; {right}")
     return dict(info)
 
 

@@ -29,6 +29,7 @@ enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRI
        MAX_POSES = 2048 };
 enum { MEETING, PARALLEL, SKEW };                                            /* the first two axes, see pieper.py */
 enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
+#define FADE 0.05 /* measured_range.FADE */
 enum { RANKED = 512, KEPT = 128 };
 
 typedef struct { /* Pieper's normal form of an arm of six joints; pieper.py says what each number is */
@@ -277,6 +278,12 @@ static void linear_command(const Arm *a, const double *tau, const double *s, dou
     for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, tau, a->joint[j]);
 }
 
+/* measured_range.held: x, at the end of its interval where it is far outside. */
+static double held(double x, double lower, double upper) {
+    const double over = x > upper ? x - upper : x < lower ? x - lower : 0, part = over / (FADE * (upper - lower) + 1e-9);
+    return x - over * (1 - exp(-part * part));
+}
+
 /* True angles of the joints less their commands: springs, and the laws of laws.py, for commands q under gravity loads;
  * side: -1, 0, 1 of each joint's arrival. */
 static void joint_errors(const Arm *a, const double *gravity_load, const double *q, const int *side, double *out) {
@@ -293,7 +300,11 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
         case ECCENTRICITY:
             out[j] += p[0] * sin(x) + p[1] * (cos(x) - 1) + 2 * sin(x) * (p[2] * cos(x) - p[3] * sin(x)); break;
         case BACKLASH: out[j] += 0.5 * p[0] * tanh(load / p[1]); break;
-        case NONLINEAR_STIFFNESS: out[j] += load * (p[0] * fabs(load) + p[1] * load * load); break;
+        case NONLINEAR_STIFFNESS: {
+            const double t = held(load, p[2], p[3]);
+            out[j] += t * (p[0] * fabs(t) + p[1] * t * t);
+            break;
+        }
         case HYSTERESIS: out[j] += 0.5 * p[0] * side[j]; break;
         case COUPLING: out[j] += p[0] * q[(int)p[1]]; break;
         default: break;

@@ -19,6 +19,8 @@ from lrm_math.model.effect_binding import BoundEffect, EffectBinding
 KernelLaw: TypeAlias = tuple[int, int, tuple[float, ...]]
 """Number of the law, joint from 0, parameters (SI, at most four)."""
 
+EVERYWHERE = (-1e9, 1e9)
+"""N·m: the range of a law whose range is not known."""
 KERNEL_LAWS: dict[type[Effect], int] = {
     ServoGain: 0,
     Eccentricity: 1,
@@ -58,7 +60,11 @@ def kernel_laws(binding: EffectBinding, joint_slots: Sequence[int]) -> tuple[Ker
 
 
 def _parameters(bound: BoundEffect) -> tuple[float, ...]:
-    """Parameters of a law: those of the effect; of a coupling also the number of the joint that turns the other."""
+    """Parameters of a law: those of the effect; of a coupling also the number of the joint that turns the other, of a
+    law of the torque that is held beyond its range the range's ends."""
+    if isinstance(bound.effect, NonlinearStiffness):
+        known = {} if bound.within is None else bound.within.load
+        return (*bound.p, *known.get(bound.effect.targets[0], EVERYWHERE))
     if isinstance(bound.effect, Coupling):
         return (*bound.p, float(coupled_joints(bound.effect.place)[1]))
     return bound.p

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance, clearance_of
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Solved
 from lrm_math.ik.direct import Direct
@@ -433,3 +434,18 @@ def test_a_model_of_another_arm_is_refused() -> None:
     lab = replace(config(), arm=replace(config().arm, name="lrm-lab"))
     with pytest.raises(LrmError, match="a model of lrm-rover; this daemon drives lrm-lab"):
         deploy(lab)
+
+
+def test_answers_name_the_joints_outside_the_range_of_the_fit() -> None:
+    """Before: a model fitted on a part of the range answered anywhere as if it had been measured there."""
+    known = deploy(config())
+    within = MeasuredRange(((-3.0, 3.0), (-0.2, 0.3), *((-3.0, 3.0),) * 4), (0.0, 0.1))
+    ranged = IkService(config(), replace(known, model=replace(known.model, within=within)))
+    near, far = [0.1, 0.2, 0.3, 0.1, 0.4, 0.1], [0.1, 0.6, 0.3, 0.1, 0.4, 0.1]
+    places = list(ranged.forward(FkRequest(q_rad=[near, far])))
+    assert [place.outside_range for place in places] == [[], [2]]
+    goals = [GoalEntry(position_m=place.tcp_m) for place in places]
+    for answer in ranged.inverse(IkRequest(goals=goals, near_rad=far)):
+        assert answer.q_rad is not None
+        assert answer.outside_range == ([] if -0.2 <= answer.q_rad[1] <= 0.3 else [2])
+    assert [place.outside_range for place in service().forward(FkRequest(q_rad=[far]))] == [[]]

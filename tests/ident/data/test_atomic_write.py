@@ -30,7 +30,8 @@ OWN_FOLDERS = {"atomic_write.py", "capture.py", "identify_arm.py", "proposal.py"
 
 def commands(group: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
     """Every command of the application by its words."""
-    for name, found in group.commands.items():
+    for name in group.commands:
+        found = group.get_command(None, name)
         if hasattr(found, "commands"):
             yield from commands(found, (*words, name))
         else:

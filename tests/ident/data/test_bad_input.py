@@ -64,7 +64,7 @@ BAD_DATA: dict[str, tuple[list[str], tuple[str, ...]]] = {
     "column twice": ([HEADER + ",x_mm", *(r + ",1" for r in ROWS)], ("header", "x_mm", "twice")),
     "fewer poses than parameters": ([HEADER, *ROWS[:12]], ("12 poses", "parameters")),
     "no rows": ([HEADER], ("no rows",)),
-    "empty file": ([], ("header", "missing column")),
+    "empty file": ([], ("is empty", "header")),
     "negative load": ([HEADER + ",payload_g", *(r + ",-1" for r in ROWS)], ("line 2", "payload_g", "negative")),
     "repeat of nothing": ([HEADER + ",repeat_of", *(r + ",999" for r in ROWS)], ("line 2", "repeat_of", "999")),
     "not positive sd": ([HEADER + ",sd_mm", *(r + ",0" for r in ROWS)], ("line 2", "sd_mm", "above zero")),

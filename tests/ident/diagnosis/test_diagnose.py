@@ -111,8 +111,8 @@ def test_nothing_hidden_nothing_named(diagnosed: Callable[[str], Diagnosis]) -> 
 
 
 def page_effect(tmp_path: Path) -> Path:
-    """The Python of docs/effects.md, as a file."""
-    [code] = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "effects.md").read_text(encoding="utf-8"), flags=re.S)
+    """The first Python of docs/effects.md, as a file."""
+    code, _ = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "effects.md").read_text(encoding="utf-8"), flags=re.S)
     path = tmp_path / "sway.py"
     path.write_text(code)
     return path

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from lrm_ident.cli.command_list import COMMANDS
 from lrm_ident.workbench.gate import Gate
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.work.commands import commands_text
@@ -188,7 +189,8 @@ def test_what_computes_is_not_loaded_before_the_page_is_served() -> None:
 
 @pytest.mark.slow
 def test_no_command_waits_for_scipy_stats() -> None:
-    code = "import sys, lrm_ident.cli.app; print(*sys.modules)"
+    every = ", ".join({f"lrm_ident.cli.{command.module}" for command in COMMANDS.values()})
+    code = f"import sys, {every}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert "lrm_ident.diagnosis.diagnose" in loaded
+    assert "lrm_ident.diagnosis.inject_recover" in loaded
     assert "scipy.stats" not in loaded

@@ -1,4 +1,5 @@
-"""Delay of the emergency stop beside every flood, on a loaded machine: from the request to the frame without pulses.
+"""Delay of the emergency stop beside every flood, on a loaded machine, from the request to the frame without pulses: as
+the ramp hands it to the serial port, and as the simulated board reads it, through a pseudo-terminal.
 
 `python -m tests.soak.hostile.estop_beside_floods [--stops N] [--loops 2 8] [--only WORD]` prints the table of
 docs/results.md. The load is made by busy loops; the load average is said with each row.
@@ -22,9 +23,13 @@ from tests.soak.hostile.estop_client import EstopClient
 from tests.soak.hostile.flood import FLOODS, flooded
 from tests.soak.hostile.trial import Trial, trial
 from tests.support.daemon.daemon_process import WaitTimeout, wait_for
+from tests.support.daemon.pulse_ends import PulseEnds, delays_until
 
 NONE = "none"
-HEAD = "| flood | busy loops | load average | stops | p50 (ms) | p99 (ms) | worst (ms) |\n|---|---|---|---|---|---|---|"
+HEAD = (
+    "| flood | busy loops | load average | stops | sent: p50, p99, worst (ms) | on the board: p50, p99, worst (ms) |\n"
+    "|---|---|---|---|---|---|"
+)
 
 
 @contextmanager
@@ -51,18 +56,20 @@ def armed(t: Trial) -> None:
         raise ArmingTimeout from error
 
 
-def stops_of(t: Trial, count: int, seconds: float) -> tuple[float, ...]:
-    """Delays (ms) of up to `count` stops of the arm within a time, fewer where the flood keeps it from being armed.
+def stops_of(t: Trial, count: int, seconds: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Delays (ms), until sent and on the board, of up to `count` stops of the arm within a time; fewer where the flood
+    keeps it from being armed.
 
     Raises `AssertionError` if a law is broken.
     """
     rng, end = random.Random(count), time.monotonic() + seconds
-    with suppress(ArmingTimeout), EstopClient(t.setup.endpoint, t.setup.key("cmd/estop")) as client:
-        while len(t.estops_at) < count and time.monotonic() < end:
-            armed(t)
-            time.sleep(rng.uniform(0.0, 0.2))
-            t.estop_by(client)
-    return t.result("").estops_ms
+    with PulseEnds(t.daemon.pid) as watch:
+        with suppress(ArmingTimeout), EstopClient(t.setup.endpoint, t.setup.key("cmd/estop")) as client:
+            while len(t.estops_at) < count and time.monotonic() < end:
+                armed(t)
+                time.sleep(rng.uniform(0.0, 0.2))
+                t.estop_by(client)
+        return delays_until(watch.stop(), t.estops_at), t.result("").estops_ms
 
 
 def percentile(values: Sequence[float], share: float) -> float:
@@ -76,8 +83,10 @@ def row(name: str, loops: int, stops: int, seconds: float) -> str:
         if name != NONE:
             flood.enter_context(flooded(t.setup.endpoint, FLOODS[name], seconds=2 * seconds + 60.0))
         delays = stops_of(t, stops, seconds)
-    figures = " | ".join(f"{percentile(delays, share):.1f}" if delays else "–" for share in (0.5, 0.99, 1.0))
-    return f"| {name} | {loops} | {os.getloadavg()[0]:.1f} | {len(delays)} | {figures} |"
+    figures = " | ".join(
+        ", ".join(f"{percentile(each, p):.1f}" for p in (0.5, 0.99, 1.0)) if each else "–" for each in delays
+    )
+    return f"| {name} | {loops} | {os.getloadavg()[0]:.1f} | {len(delays[1])} | {figures} |"
 
 
 def main() -> int:

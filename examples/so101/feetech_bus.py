@@ -1,0 +1,129 @@
+"""A simulated half-duplex bus of Feetech servos: packets in, status packets out, time going on in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import zip_longest
+
+from examples.so101 import memory_table as table
+from examples.so101.feetech_servo import FeetechServo
+from examples.so101.packets import BROADCAST, Instruction, Packet, PacketReader
+
+NO_ERROR = 0
+ALL = 1
+"""Status level at which every instruction is answered; at 0 only PING and READ are."""
+
+
+class FeetechBus:
+    """Servos on one wire. `goals`: how many goals it has taken so far.
+
+    `on_change`: called whenever the servos stand still after a move, and before each instruction that may change where
+    they go: between two calls every shaft turns one way only.
+    """
+
+    def __init__(self, servos: Sequence[FeetechServo], on_change: Callable[[], None] = lambda: None) -> None:
+        self.servos = tuple(servos)
+        self.now = 0.0
+        self.goals = 0
+        self._on_change = on_change
+        self._reader = PacketReader()
+        self._rested = True
+
+    def advance(self, now: float) -> None:
+        """Lets the servos move until a time (s)."""
+        for servo in self.servos:
+            servo.advance(max(0.0, now - self.now))
+        self.now = max(now, self.now)
+        if not self._rested and not any(servo.moving for servo in self.servos):
+            self._rested = True
+            self._on_change()
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        """What the servos answer to bytes that arrive at a time (s)."""
+        self.advance(now)
+        return b"".join(self._answer(packet) for packet in self._reader.feed(data))
+
+    def _answer(self, packet: Packet) -> bytes:
+        if packet.code == Instruction.SYNC_READ:
+            return self._sync_read(packet.parameters)
+        if packet.code == Instruction.SYNC_WRITE:
+            self._sync_write(packet.parameters)
+            return b""
+        called = [servo for servo in self.servos if packet.id in (servo.id, BROADCAST)]
+        if packet.id == BROADCAST and packet.code != Instruction.PING:
+            for servo in called:
+                self._reply(servo, packet)
+            return b""
+        if packet.id == BROADCAST:
+            return b"".join(collided([servo for servo in called if servo.id == one]) for one in _ids(called))
+        return garbled([self._reply(servo, packet) for servo in called])
+
+    def _reply(self, servo: FeetechServo, packet: Packet) -> bytes:
+        """Carries out an instruction for one servo."""
+        level, given = table.STATUS_LEVEL.read(servo.memory), packet.parameters
+        if packet.code == Instruction.PING:
+            return _status(servo)
+        if packet.code == Instruction.READ and len(given) == 2:
+            return _status(servo, servo.read(given[0], given[1]))
+        if packet.code == Instruction.WRITE and given:
+            own = servo.id
+            self._write(servo, given[0], given[1:])
+            return Packet(own, NO_ERROR).encoded() if level >= ALL else b""
+        if packet.code == Instruction.REG_WRITE and given:
+            servo.pending = given[0], given[1:]
+        elif packet.code == Instruction.ACTION:
+            if servo.pending is not None:
+                self._write(servo, *servo.pending)
+            servo.pending = None
+        else:
+            return b""
+        return _status(servo) if level >= ALL else b""
+
+    def _sync_read(self, given: bytes) -> bytes:
+        """Start, length, ids: each answers for itself, in that order."""
+        out = b""
+        for one in given[2:]:
+            called = [servo for servo in self.servos if servo.id == one]
+            out += garbled([_status(servo, servo.read(given[0], given[1])) for servo in called])
+        return out
+
+    def _sync_write(self, given: bytes) -> None:
+        """Start, length, then id and data of each; nobody answers."""
+        start, length = given[0], given[1]
+        self.goals += start <= table.GOAL_POSITION.address < start + length
+        for at in range(2, len(given) - length, length + 1):
+            for servo in self.servos:
+                if servo.id == given[at]:
+                    self._write(servo, start, given[at + 1 : at + 1 + length])
+
+    def _write(self, servo: FeetechServo, address: int, data: bytes) -> None:
+        before = servo.target
+        if not self._rested:
+            self._on_change()
+        servo.write(address, data)
+        if servo.target != before:
+            self._rested = False
+
+
+def _status(servo: FeetechServo, data: bytes = b"") -> bytes:
+    return Packet(servo.id, NO_ERROR, data).encoded()
+
+
+def _ids(servos: Sequence[FeetechServo]) -> Iterator[int]:
+    yield from sorted({servo.id for servo in servos})
+
+
+def collided(servos: Sequence[FeetechServo]) -> bytes:
+    """Answers of servos of one id to a PING of all."""
+    return garbled([_status(servo) for servo in servos])
+
+
+def garbled(answers: Sequence[bytes]) -> bytes:
+    """What arrives of answers that are sent at once: a wire that anyone pulls low is low."""
+    out = bytearray()
+    for together in zip_longest(*answers, fillvalue=0xFF):
+        byte = 0xFF
+        for one in together:
+            byte &= one
+        out.append(byte)
+    return bytes(out)

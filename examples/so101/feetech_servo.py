@@ -1,0 +1,110 @@
+"""A simulated STS3215: its registers, and a shaft that goes to its goal at a bounded speed.
+
+Not simulated: speed and step modes, acceleration, protections against overload and overheating.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from examples.so101 import memory_table as table
+from lrmd.sim.servo import ServoKind, remaining_travel, winding_rise
+
+STEP = 2.0 * math.pi / 4096.0
+"""rad for one count."""
+MIDDLE = 2048
+STALL_NM = 2.94
+"""N·m at 12 V: 30 kg·cm by the catalogue."""
+AMBIENT_C = 25.0
+STS3215 = ServoKind(speed=math.radians(60.0) / 0.222, rise=12.0)
+"""Catalogue speed at no load; the rise of temperature is an estimate."""
+ARRIVED = 1e-6
+"""rad."""
+
+
+@dataclass
+class FeetechServo:
+    """One servo.
+
+    Attributes:
+        angle: rad, of its shaft from the middle of the encoder's turn. torque: N·m, of the load. rise: K over ambient.
+        pending: what a REG_WRITE left for the next ACTION: address and bytes.
+    """
+
+    number: int
+    angle: float = 0.0
+    torque: float = 0.0
+    rise: float = 0.0
+    memory: bytearray = field(default_factory=bytearray, repr=False)
+    saved: bytearray = field(default_factory=bytearray, repr=False)
+    pending: tuple[int, bytes] | None = None
+
+    def __post_init__(self) -> None:
+        self.memory = self.memory or table.factory_memory(self.number)
+        self.saved = bytearray(self.memory)
+
+    @property
+    def id(self) -> int:
+        """On the bus."""
+        return table.ID.read(self.memory)
+
+    @property
+    def powered(self) -> bool:
+        """Whether it holds torque."""
+        return bool(table.TORQUE_ENABLE.read(self.memory))
+
+    @property
+    def target(self) -> float:
+        """rad, of the goal within the position limits; where it stands while it has no torque."""
+        if not self.powered:
+            return self.angle
+        goal = table.GOAL_POSITION.read(self.memory)
+        low, high = table.MIN_POSITION.read(self.memory), table.MAX_POSITION.read(self.memory)
+        return (min(max(goal, low), high) + table.HOMING_OFFSET.read(self.memory) - MIDDLE) * STEP
+
+    @property
+    def moving(self) -> bool:
+        """Whether it is on its way."""
+        return abs(self.target - self.angle) > max(ARRIVED, self._band)
+
+    @property
+    def _band(self) -> float:
+        return table.DEAD_ZONE.read(self.memory) * STEP
+
+    @property
+    def count(self) -> int:
+        """What its encoder reads, less the homing offset."""
+        return round(self.angle / STEP) + MIDDLE - table.HOMING_OFFSET.read(self.memory)
+
+    def advance(self, dt: float) -> None:
+        """Moves and warms for `dt` s."""
+        target = self.target
+        self.angle = target - remaining_travel(target - self.angle, dt, STS3215, self._band)
+        self.rise = winding_rise(self.rise, self.torque if self.powered else 0.0, dt, STS3215)
+
+    def read(self, address: int, length: int) -> bytes:
+        """Registers as they are now; zeros beyond the table."""
+        load = round(1000.0 * self.torque / STALL_NM) if self.powered else 0
+        for register, value in (
+            (table.POSITION, self.count), (table.LOAD, load), (table.CURRENT, load),
+            (table.TEMPERATURE, round(AMBIENT_C + self.rise)), (table.MOVING, int(self.moving)),
+        ):  # fmt: skip
+            register.write(self.memory, value)
+        return bytes(self.memory[address : address + length]).ljust(length, b"\0")
+
+    def write(self, address: int, data: bytes) -> None:
+        """Writes registers, but for those that only it writes itself."""
+        was_powered = self.powered
+        for at, byte in enumerate(data, start=address):
+            if at < table.SIZE and at not in table.READ_ONLY:
+                self.memory[at] = byte
+                if at < table.EEPROM_END and not table.LOCK.read(self.memory):
+                    self.saved[at] = byte
+        if self.powered and not was_powered:  # it holds where it is, whatever the goal was
+            table.GOAL_POSITION.write(self.memory, self.count)
+
+    def power_cycle(self) -> None:
+        """Loses power: what was not saved is as it was, and there is no torque."""
+        self.memory = bytearray(self.saved)
+        table.TORQUE_ENABLE.write(self.memory, 0)

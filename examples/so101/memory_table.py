@@ -1,0 +1,63 @@
+"""Memory table of a Feetech STS3215 (its data sheet): where registers are, which are signed, which can be written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+SIZE = 88
+EEPROM_END = 40
+"""Registers below keep their value without power if they were written while `LOCK` was 0."""
+MODEL_STS3215 = 777
+
+
+@dataclass(frozen=True)
+class Register:
+    """A number of one or two bytes, the low one first. `sign`: the bit that makes it negative; None: unsigned."""
+
+    address: int
+    length: int = 1
+    sign: int | None = None
+
+    def read(self, memory: bytes | bytearray) -> int:
+        """Its value."""
+        raw = int.from_bytes(memory[self.address : self.address + self.length], "little")
+        if self.sign is None:
+            return raw
+        size = raw & ~(1 << self.sign)
+        return -size if raw >> self.sign & 1 else size
+
+    def write(self, memory: bytearray, value: int) -> None:
+        """Puts a value there, cut to what it can hold."""
+        most = (1 << (8 * self.length if self.sign is None else self.sign)) - 1
+        size = min(abs(value), most)
+        raw = size | 1 << self.sign if self.sign is not None and value < 0 else size
+        memory[self.address : self.address + self.length] = raw.to_bytes(self.length, "little")
+
+
+FIRMWARE_MAJOR, FIRMWARE_MINOR, MODEL = Register(0), Register(1), Register(3, 2)
+ID, BAUD_RATE, STATUS_LEVEL = Register(5), Register(6), Register(8)
+MIN_POSITION, MAX_POSITION = Register(9, 2), Register(11, 2)
+MAX_TEMPERATURE, MAX_TORQUE = Register(13), Register(16, 2)
+P_GAIN, D_GAIN = Register(21), Register(22)
+DEAD_ZONE = Register(26)
+HOMING_OFFSET, MODE = Register(31, 2, sign=11), Register(33)
+TORQUE_ENABLE, GOAL_POSITION, GOAL_VELOCITY = Register(40), Register(42, 2, sign=15), Register(46, 2, sign=15)
+TORQUE_LIMIT, LOCK = Register(48, 2), Register(55)
+POSITION, VELOCITY, LOAD = Register(56, 2, sign=15), Register(58, 2, sign=15), Register(60, 2, sign=10)
+VOLTAGE, TEMPERATURE, STATUS, MOVING, CURRENT = (
+    Register(62), Register(63), Register(65), Register(66), Register(69, 2, sign=15),
+)  # fmt: skip
+READ_ONLY = frozenset({*range(5), *range(56, 71)})
+"""Addresses that a host cannot write."""
+
+
+def factory_memory(number: int) -> bytearray:
+    """Memory of a new servo with an id."""
+    memory = bytearray(SIZE)
+    for register, value in (
+        (FIRMWARE_MAJOR, 3), (FIRMWARE_MINOR, 10), (MODEL, MODEL_STS3215), (ID, number), (STATUS_LEVEL, 1),
+        (MAX_POSITION, 4095), (MAX_TEMPERATURE, 70), (MAX_TORQUE, 1000), (P_GAIN, 32), (D_GAIN, 32),
+        (TORQUE_LIMIT, 1000), (LOCK, 1), (VOLTAGE, 120),
+    ):  # fmt: skip
+        register.write(memory, value)
+    return memory

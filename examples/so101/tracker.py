@@ -1,0 +1,49 @@
+"""`python -m examples.so101.tracker LINK PORT SEED`: an ART tracker beside the simulated SO-101, until that ends.
+
+The tip is seen at rest only; every rest has an error of its own, every frame a further one.
+"""
+
+from __future__ import annotations
+
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from examples.demo.simulated_tracker import BASE, BASE_IN_ROOM, FRAME_S, FRAME_SD_M, REST_SD_M, TOOL, in_room
+from lrm_ident.measuring.tracker.dtrack import dtrack_text
+from lrm_ident.measuring.tracker.frames import TrackerFrame
+from lrmd.sim.control_socket import ControlError, query_board
+
+
+def frames(link: Path, seed: int) -> Iterator[TrackerFrame]:
+    """One frame after the other. Raises `ControlError` when the bus has gone."""
+    rng, rest, tip = np.random.default_rng([seed, 34]), None, np.zeros(3)
+    for number in count(1):
+        joints = query_board(link, "joints")
+        targets = {BASE: BASE_IN_ROOM}
+        if not joints["moving"]:
+            if joints["goals"] != rest:
+                rest = joints["goals"]
+                tip = np.array(query_board(link, "tip")["tip_m"]) + rng.normal(scale=REST_SD_M, size=3)
+            targets[TOOL] = in_room(tip + rng.normal(scale=FRAME_SD_M, size=3))
+        yield TrackerFrame(number, time.monotonic(), targets)
+
+
+def main() -> None:
+    """Sends frames."""
+    link, port, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with suppress(ControlError, KeyboardInterrupt):
+        for frame in frames(link, seed):
+            sender.sendto(dtrack_text(frame), ("127.0.0.1", port))
+            time.sleep(FRAME_S)
+
+
+if __name__ == "__main__":
+    main()

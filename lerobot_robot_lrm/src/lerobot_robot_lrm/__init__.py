@@ -1,0 +1,19 @@
+"""Calibrated robots for LeRobot: `--robot.type=so101_follower_calibrated --robot.model=model.toml`.
+
+LeRobot imports this module by its name, which registers a calibrated form of every robot. Without LeRobot it is the
+mathematics alone: `Correction`.
+"""
+
+from importlib.util import find_spec
+
+from lerobot_robot_lrm.correction import Correction
+from lerobot_robot_lrm.motion import Motion
+
+__all__ = ["Correction", "Motion"]
+
+if find_spec("lerobot") is not None:
+    from lerobot_robot_lrm.calibrated_robot import CalibratedRobot
+    from lerobot_robot_lrm.registration import CalibratedForm, register_calibrated_robots
+
+    __all__ += ["CalibratedForm", "CalibratedRobot"]
+    register_calibrated_robots()

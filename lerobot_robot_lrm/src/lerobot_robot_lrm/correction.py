@@ -1,0 +1,135 @@
+"""Commands for a calibrated arm: wished joint angles in, those to command out, and back from what encoders read.
+
+Wished angles are those of the arm as drawn. Its tool there, on the base as fitted, is the goal; the real arm's joints
+are brought to where its tool is nearest to it, and the compiled kernel gives the command that holds them there under
+the loads, for the side that each joint arrives from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from lerobot_robot_lrm.kernel_arm import KernelArmModel
+from lerobot_robot_lrm.least_deviation import nearest_slots
+from lerobot_robot_lrm.motion import Motion
+from lrm_math.arm.arm import BASE, TOOL
+from lrm_math.arrays import Array
+from lrm_math.effects import Effect, constant
+from lrm_math.errors import LrmError
+from lrm_math.model.deployed_model import deployed_part, of_a_session
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import load_model
+
+REVERSAL = 2.0 * np.pi / 4096.0
+"""rad, one step of a servo's encoder: joints whose error depends on their direction are not turned back by less."""
+FEWEST_JOINTS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """The correction of one arm, of its model's effects that a command can undo.
+
+    Attributes:
+        payload: kg, what the tool carries.
+        left_out: names of the model's effects that are not corrected.
+    """
+
+    model: Model
+    payload: float = 0.0
+    left_out: tuple[str, ...] = ()
+
+    @classmethod
+    def of_file(cls, path: str | Path, payload: float = 0.0) -> Correction:
+        """The correction by a model file. Raises `LrmError`."""
+        return cls.of(load_model(path), payload)
+
+    @classmethod
+    def of(cls, fitted: Model, payload: float = 0.0) -> Correction:
+        """The correction by a fitted model. Where the board or target sat on the tool is no error of the arm.
+
+        Raises `LrmError`: a payload that is no weight, an arm of fewer than three joints.
+        """
+        if not 0.0 <= payload < np.inf:
+            raise LrmError(f"payload = {1e3 * payload:g} g; should be a weight of zero or more")
+        if fitted.arm.dof < FEWEST_JOINTS:
+            raise LrmError(f"{fitted.arm.name} has {fitted.arm.dof} joints; a tool is corrected by three or more")
+        sessions = sorted({effect.id for effect in fitted.effects if of_a_session(effect)})
+        deployed = deployed_part(fitted, sessions)
+        kept = [effect for effect in deployed.effects if not (constant(effect) and effect.place == TOOL)]
+        names = {effect.name for effect in deployed.effects}
+        left_out = tuple(effect.name for effect in fitted.effects if effect.name not in names)
+        return cls(_restricted(deployed, kept), payload, left_out)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints, those of the robot's own description where the arm file has them."""
+        return tuple(joint.name or f"joint{i}" for i, joint in enumerate(self.model.arm.joints, start=1))
+
+    @cached_property
+    def limits(self) -> Array:
+        """(2, n), of commands (rad)."""
+        return np.array([(joint.lower, joint.upper) for joint in self.model.arm.joints]).T
+
+    @cached_property
+    def arm(self) -> KernelArmModel:
+        """The real arm."""
+        return KernelArmModel.of(self.model, self.payload)
+
+    @cached_property
+    def drawn(self) -> KernelArmModel:
+        """The arm as drawn, on the base as fitted; nothing loads it."""
+        of_base = [effect for effect in self.model.effects if constant(effect) and effect.place == BASE]
+        return KernelArmModel.of(_restricted(self.model, of_base), 0.0)
+
+    @cached_property
+    def slack(self) -> Array:
+        """(n,), rad, by which a joint is not turned back: `REVERSAL` where its error depends on its direction."""
+        directed = {effect.place for effect in self.model.effects if "direction" in effect.depends_on}
+        everywhere = bool(directed - set(self.model.arm.joint_names))
+        return np.array([REVERSAL if everywhere or name in directed else 0.0 for name in self.model.arm.joint_names])
+
+    def command(self, wish: Array, motion: Motion) -> Array:
+        """(n,), commands (rad) for wished angles (n,), that continue a motion.
+
+        A joint is sent on in the direction of its last move, or further than `slack` back, or not at all: where only a
+        turn to and fro would do, it stays. Raises `NoEquilibrium`.
+        """
+        low, high = self.limits
+        slots = self._slots_for(np.clip(wish, low, high))
+        side, turned = motion.side, np.zeros(len(wish), dtype=bool)
+        while True:
+            q = np.clip(self.arm.command(slots, side, motion), low, high)
+            moved = q - motion.q
+            back = np.where(side == 0.0, moved != 0.0, moved * side < -self.slack) & ~turned
+            if not back.any():
+                return np.where(moved * side < 0.0, motion.q, q)
+            side, turned = np.where(back, np.sign(moved), side), turned | back
+
+    def true_angles(self, encoders: Array, motion: Motion) -> Array:
+        """(n,), angles of the arm as drawn (rad) whose tool is where the real one is, from what encoders read (n,).
+
+        The inverse of `command` for encoders that read the command. Raises `NoEquilibrium`.
+        """
+        slots = self.arm.settled(encoders, motion)
+        joints = self.drawn.slots_at(np.zeros_like(encoders))
+        zero = joints[self.drawn.joints]
+        joints[self.drawn.joints] = slots[self.arm.joints]
+        goal = self.arm.kernel.forward(slots[None])[0][0]
+        return nearest_slots(self.drawn.kernel, joints, goal)[self.drawn.joints] - zero
+
+    def _slots_for(self, wish: Array) -> Array:
+        """(V,), slot amounts of the real arm nearest to the drawn one's tool at wished angles (n,)."""
+        drawn = self.drawn.slots_at(wish)
+        goal = self.drawn.kernel.forward(drawn[None])[0][0]
+        slots = self.arm.with_joints(drawn[self.drawn.joints])
+        return nearest_slots(self.arm.kernel, slots, goal)
+
+
+def _restricted(model: Model, effects: list[Effect]) -> Model:
+    """A model with some of its effects only."""
+    known = {key: model.value(key) for effect in effects for key in effect.keys}
+    return model_of(model.arm, effects, known)

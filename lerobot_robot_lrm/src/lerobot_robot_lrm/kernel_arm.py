@@ -1,0 +1,170 @@
+"""A calibrated arm in the compiled kernel, with what the kernel has no formula for added as it is at each state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lerobot_robot_lrm.motion import Motion
+from lrm_math.arrays import Array
+from lrm_math.effects.targets import Kind
+from lrm_math.errors import NoEquilibrium
+from lrm_math.ik.calibrated_arm import CalibratedArm
+from lrm_math.ik.goal import Goal, point
+from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
+from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, without_formula
+from lrm_math.kinematics.moving_slots import Indices
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.effect_binding import BoundEffect
+from lrm_math.model.equilibrium import effect_loads
+from lrm_math.model.joint_errors import JointErrorModel
+from lrm_math.model.model import Model
+from lrm_math.model.sensed import before_encoders
+
+FAR = 1e3
+"""rad: a joint that comes from so far away arrives from that side, whatever the command."""
+SETTLED, MOST_STEPS = 1e-6, 30
+"""rad; iterations for effects that the kernel has no formula for."""
+TOLERANCE = 1e-9
+"""m, of an equilibrium."""
+
+
+@dataclass(frozen=True, eq=False)
+class KernelArmModel:
+    """A model (see `lrm_math.model.deployed_model`) with a payload (kg), packed for the kernel.
+
+    `kernel`: with every law that it knows. `complete`: whether these are all of the model.
+    """
+
+    model: Model
+    payload: float
+    kernel: KernelModel
+    errors: JointErrorModel
+    complete: bool
+
+    @classmethod
+    def of(cls, model: Model, payload: float) -> KernelArmModel:
+        """Packs a model. Raises `LrmError`."""
+        arm = CalibratedArm(model)
+        kernel = arm.kernel(payload).with_springs(arm.errors.constants, arm.errors.compliances)
+        return cls(model, payload, with_laws(kernel, _known_laws(model), True, 0.0), arm.errors, arm.complete)
+
+    @property
+    def joints(self) -> Indices:
+        """(n,), positions of the joints among the moving slots."""
+        return self.errors.moving.joints
+
+    def slots_at(self, q: Array) -> Array:
+        """(V,), slot amounts at joint angles q (n,), rad, without loads."""
+        out = self.errors.constants.copy()
+        out[self.joints] += q
+        return out
+
+    def with_joints(self, amounts: Array) -> Array:
+        """(V,), slot amounts with those of the joints (n,), rad, and what their loads do to the other slots."""
+        out = self.errors.constants.copy()
+        out[self.joints] = amounts
+        if len(self.errors.moving.others):
+            settled, _, _ = _held(self.kernel, self._tool(out), out, np.full(len(amounts), np.nan))
+            settled[self.joints] = amounts
+            return settled
+        return out
+
+    def command(self, slots: Array, side: Array, motion: Motion) -> Array:
+        """(n,), commands (rad) that hold slot amounts (V,), each joint arriving from `side` (n,), after a motion.
+
+        Effects without a formula are constants for the kernel, iterated with secants (Anderson 1965). Raises
+        `NoEquilibrium`.
+        """
+        near = np.where(side == 0.0, np.nan, motion.q - FAR * side)
+        tool = self._tool(slots)
+        if self.complete:
+            return _held(self.kernel, tool, slots, near)[2]
+        added, before = np.zeros_like(slots), None
+        for _ in range(MOST_STEPS):
+            kernel = self.kernel.with_(zero=self.errors.constants + added)
+            slots, tau, q = _held(kernel, tool, slots, near)
+            poses = self._poses(q, side, motion.turned(q, side))
+            lacking = self._lacking(poses, tau[None], slots, added)
+            if np.abs(lacking).max() < SETTLED:
+                return q
+            step, now = lacking, (added, lacking)
+            if before is not None:
+                change = lacking - before[1]
+                share = float(lacking @ change) / max(float(change @ change), 1e-300)
+                step = lacking - share * (added - before[0] + change)
+            before, added = now, added + step
+        raise NoEquilibrium([1], "the command of these angles does not settle")
+
+    def settled(self, encoders: Array, motion: Motion) -> Array:
+        """(V,), slot amounts of an arm whose encoders read angles (n,), rad, after a motion. Raises `NoEquilibrium`."""
+        q, slots, added = encoders, self.slots_at(encoders), np.zeros_like(self.errors.constants)
+        for _ in range(MOST_STEPS):
+            kernel = self.kernel.with_(zero=self.errors.constants + added)
+            found, _, steps = kernel.settle(q[None], motion.side[None], slots[None], TOLERANCE)
+            if steps[0] < 0:
+                break
+            slots = found[0]
+            if self.complete and not self._encoders_move:
+                return np.asarray(slots)
+            tau, poses = kernel.forward(found)[1], self._poses(q, motion.side, motion.friction)
+            lacking = self._lacking(poses, tau, slots, added)
+            felt = self.errors.felt(tau, effect_loads(self.model, poses))
+            left = encoders - before_encoders(self.model, poses, felt)[0] - q
+            if max(np.abs(lacking).max(), np.abs(left).max()) < SETTLED:
+                return np.asarray(slots)
+            q, added = q + left, added + lacking
+        raise NoEquilibrium([1], "the arm does not settle at the angles that its encoders read")
+
+    @cached_property
+    def _encoders_move(self) -> bool:
+        bound = (*self.model.binding.rigid, *self.model.binding.elastic)
+        return any(encoder is not None for effect in bound for encoder in effect.encoders)
+
+    @cached_property
+    def _missing(self) -> tuple[BoundEffect, ...]:
+        """The effects that the kernel has no formula for."""
+        return without_formula(self.model.binding, self.model.load_slots, self.model.chain.joint_slots)
+
+    def _lacking(self, poses: Poses, tau: Array, slots: Array, added: Array) -> Array:
+        """(V,), what slot amounts in equilibrium under loads (1, V) lack of the model's, `added` (V,) being in them."""
+        if any(bound.kind is not Kind.MOTION for bound in self._missing):  # loads, which all effects feel
+            return np.asarray(self.errors.slots_at(poses, tau)[0] - slots)
+        pushed = effect_loads(self.model, poses) if self.model.binding.loading else {}
+        felt, out = self.errors.felt(tau, pushed), -added
+        for bound in self._missing:
+            for k, amount in bound.amounts(poses, felt):
+                out[self._row[k]] += amount
+        return out
+
+    @cached_property
+    def _row(self) -> dict[int, int]:
+        return {int(k): v for v, k in enumerate(self.errors.moving.slots)}
+
+    def _poses(self, q: Array, side: Array, friction: Array) -> Poses:
+        return Poses(q[None], np.array([self.payload]), side[None], friction=friction[None])
+
+    def _tool(self, slots: Array) -> Goal:
+        """The tool's position at slot amounts (V,)."""
+        return point(self.kernel.forward(slots[None])[0][0, :3, 3])
+
+
+def _held(kernel: KernelModel, tool: Goal, slots: Array, near: Array) -> tuple[Array, Array, Array]:
+    """Slot amounts (V,) with the tool at its place, all settled; their loads (V,), and the command (n,)."""
+    state = kernel.newton(tool, slots, near.tolist())
+    if state is None or not state[2].count:
+        raise NoEquilibrium([1], "no command holds these angles within the limits")
+    return state[0], state[1], np.array(state[2].at[0].q[: kernel.joints])
+
+
+def _known_laws(model: Model) -> tuple[KernelLaw, ...]:
+    """The laws of joints that the kernel has a formula for."""
+    binding, joint_slots = model.binding, model.chain.joint_slots
+    unknown = {id(bound) for bound in without_formula(binding, model.load_slots, joint_slots)}
+    rigid, elastic, loading = (
+        tuple(bound for bound in bounds if id(bound) not in unknown)
+        for bounds in (binding.rigid, binding.elastic, binding.loading)
+    )
+    return kernel_laws(replace(binding, rigid=rigid, elastic=elastic, loading=loading), joint_slots)

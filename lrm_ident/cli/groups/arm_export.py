@@ -1,0 +1,100 @@
+"""The files that a model goes into, each made of the robot's own where there is one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+from lrm_ident.data.robot_files.lerobot_calibration import calibration_text, corrected, joint_config_text
+from lrm_ident.data.robot_files.mjcf import mjcf
+from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
+from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
+from lrm_ident.data.robot_files.ros2_control import with_offsets
+from lrm_ident.data.robot_files.urdf import read_urdf
+from lrm_ident.data.robot_files.urdf_export import bare_urdf, corrected_urdf, exported_difference, left_out, rigid_part
+from lrm_ident.data.robot_files.zero_offsets import beyond_zeros
+from lrm_math.effects import split_key
+from lrm_math.errors import FileError, LrmError
+from lrm_math.model.model import Model
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Text of a file, what it is, and the effects of the model that it cannot hold."""
+
+    text: str
+    what: str
+    left_out: Sequence[str]
+
+
+Writer: TypeAlias = Callable[[Model, Path], Exported]
+"""Makes the file for a model that is written at a path. Raises `LrmError`."""
+
+
+def writer_for(output: Path, own: Mapping[str, Path], base: str | None, tip: str | None, keep: Sequence[str]) -> Writer:
+    """Exporters by name and by the robot's own file, of which `own` has one at most, by its option.
+
+    `base`, `tip`: links between which the arm stands. `keep`: places whose errors stay out. Raises `LrmError`.
+    """
+    if len(own) > 1:
+        raise LrmError(f"{' and '.join(own)} are both given; one file is made of one")
+    option, source = next(iter(own.items()), ("", output))
+    known: dict[tuple[str, str], Writer] = {
+        ("", ".xml"): lambda model, _: _own_mjcf(_as_drawn(model, keep)),
+        ("", ".mjcf"): lambda model, _: _own_mjcf(_as_drawn(model, keep)),
+        ("", ".urdf"): lambda model, _: _urdf(model, None, base, tip, keep),
+        ("--urdf", ".urdf"): lambda model, _: _urdf(model, source, base, tip, keep),
+        ("--mjcf", ".xml"): lambda model, path: _mjcf(_as_drawn(model, keep), source, path, base, tip),
+        ("--calibration", ".json"): lambda model, _: _calibration(model, source),
+        ("--calibration", ".yaml"): lambda model, _: _joint_config(model, source),
+        ("--ros2-control", output.suffix): lambda model, _: _ros2_control(model, source),
+    }
+    if (base or tip) and output.suffix != ".urdf" and option != "--mjcf":
+        raise LrmError("--base and --tip are for a URDF, or for the robot's own MJCF (--mjcf)")
+    if (option, output.suffix) not in known:
+        right = ", ".join(end for name, end in known if name == option)
+        what = f"a {output.suffix or 'nameless'} file{f' of {option}' if option else ''}"
+        raise FileError(output, "", what, f"name it {right}" if option else f"name it {right}, or give the robot's own")
+    return known[option, output.suffix]
+
+
+def _own_mjcf(model: Model) -> Exported:
+    file = mjcf(model)
+    return Exported(file.text, "MJCF", file.left_out)
+
+
+def _urdf(model: Model, urdf: Path | None, base: str | None, tip: str | None, keep: Sequence[str]) -> Exported:
+    robot = read_urdf(urdf) if urdf else bare_urdf(model.arm)
+    rigid = rigid_part(model, keep)
+    text = corrected_urdf(rigid, robot, base, tip)
+    off = exported_difference(rigid, text, base, tip)
+    return Exported(text, f"URDF (at most {off:.1g} m off the model's rigid part)", left_out(model))
+
+
+def _mjcf(model: Model, own: Path, output: Path, base: str | None, tip: str | None) -> Exported:
+    file = patched_mjcf(model, read_mjcf(own), output, base, tip)
+    return Exported(file.text, f"{own.name} with the model in it", file.left_out)
+
+
+def _calibration(model: Model, own: Path) -> Exported:
+    return Exported(calibration_text(corrected(own, model)), "LeRobot calibration", beyond_zeros(model))
+
+
+def _joint_config(model: Model, own: Path) -> Exported:
+    text = joint_config_text(own, corrected(own, model))
+    return Exported(text, "joint_config_file of feetech_ros2_driver", beyond_zeros(model))
+
+
+def _ros2_control(model: Model, own: Path) -> Exported:
+    return Exported(with_offsets(own, model), f"{own.name} with the model's zeros", beyond_zeros(model))
+
+
+def _as_drawn(model: Model, places: Sequence[str]) -> Model:
+    """The model without the offsets of some places."""
+    values = [
+        0.0 if split_key(key)[0] == "offsets" and split_key(key)[1] in places else value
+        for key, value in zip(model.keys, model.values.tolist(), strict=True)
+    ]
+    return model.with_values(values)

@@ -1,0 +1,185 @@
+"""A robot's own MJCF that behaves like one arm: frames, springs, play and friction of a model in it, the rest kept.
+
+Frames are corrected as those of a URDF. A joint's compliance k is its position actuator with kp = 1/k. What else bends
+is a hinge more with stiffness 1/k, play b one with the range ±b/2 and no spring. Hysteresis h behind a servo that lags
+is dry friction of ½|h|/k: what the servo's spring must overcome. Weights are those that the model was fitted with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from os.path import relpath
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrm_ident.data.robot_files.mjcf import SPRINGS, spring_stiffness
+from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
+from lrm_ident.data.robot_files.mjcf_weights import (
+    bends_own_weight,
+    carriers_of,
+    joints_before,
+    places_at_zero,
+    weigh,
+)
+from lrm_ident.data.robot_files.rigid_motion import inverse, quaternion
+from lrm_ident.data.robot_files.urdf import UrdfJoint, parse_urdf
+from lrm_ident.data.robot_files.urdf_arm import choose_tip
+from lrm_ident.data.robot_files.urdf_export import CALIBRATED, corrected_urdf, rigid_part
+from lrm_math.arrays import Array
+from lrm_math.effects import constant
+from lrm_math.model.model import Model
+
+SPRING_DAMPING, PLAY_DAMPING = 0.1, 0.01
+"""N·m·s/rad, of the hinges that are added."""
+PLAY_ARMATURE, QUICK_S, HARDEST = 0.01, 0.004, 0.9999
+"""kg·m², s, and MuJoCo's greatest impedance: with them stops give way by less than 0.1 mrad, and dry friction creeps by
+less than a tenth in ten seconds."""
+HELD = (*SPRINGS, "backlash", "hysteresis", "mass")
+"""Effects that MuJoCo has, beside constant ones, where the file has what they act on."""
+UNCHANGED = 1e-12
+LEAST_MASS, LEAST_INERTIA = 1e-6, 1e-9
+"""kg, kg·m²: of a part that moves and has no mass."""
+
+
+@dataclass(frozen=True)
+class PatchedMjcf:
+    """Text of the file, and what of the model it does not hold, with the reason."""
+
+    text: str
+    left_out: tuple[str, ...]
+
+
+def patched_mjcf(
+    model: Model, own: MjcfRobot, output: Path, base: str | None = None, tip: str | None = None
+) -> PatchedMjcf:
+    """The robot's file with a model in it, to be written as `output` (meshes are found from there).
+
+    `own` is changed. Raises `FileError`: the file is not of the model's arm.
+    """
+    robot = own.robot
+    base = base or robot.root
+    tip = tip or choose_tip(robot, base)
+    corrected = parse_urdf(robot.path, corrected_urdf(rigid_part(model), robot, base, tip))
+    path = corrected.chain(base, tip)
+    for joint in path:
+        _place(own, joint)
+    if f"{tip}{CALIBRATED}" in corrected.joints:
+        behind = own.anchor(own.body(tip)) @ corrected.joints[f"{tip}{CALIBRATED}"].origin
+        own.spec_body(tip).add_site(name=f"{tip}{CALIBRATED}", pos=behind[:3, 3], quat=quaternion(behind[:3, :3]))
+    lost = [*_servos(model, own, path), *weigh(model, own, corrected, path)]
+    lost += [effect.name for effect in model.effects if not (constant(effect) or effect.id in HELD)]
+    return PatchedMjcf(_text(own, output, _add_springs(model, own, path)), tuple(lost))
+
+
+def _text(own: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]]) -> str:
+    """Text of the changed file, which finds meshes and textures from the output's folder.
+
+    `ahead`: by joint, other joints of the body that turn it first; MuJoCo's `MjSpec` puts new ones last.
+    """
+    tree = ElementTree.fromstring(own.spec.to_xml())
+    for body in tree.iter("body"):
+        joints = {joint.get("name", ""): joint for joint in body.findall("joint")}
+        for name in joints.keys() & ahead.keys():
+            for first in ahead[name]:
+                body.remove(joints[first])
+                body.insert(list(body).index(joints[name]), joints[first])
+    for compiler in tree.findall("compiler"):
+        if output.parent.resolve() != own.path.parent.resolve():
+            for folder in ("meshdir", "texturedir"):
+                compiler.set(folder, relpath(own.path.parent / getattr(own.spec, folder), output.parent))
+    return ElementTree.tostring(tree, encoding="unicode") + "\n"
+
+
+def _place(own: MjcfRobot, joint: UrdfJoint) -> None:
+    """Puts a body, or the tip's site, where a joint of the corrected robot has it."""
+    before = own.robot.joints[joint.child].origin
+    if np.abs(before - joint.origin).max() < UNCHANGED:
+        return
+    stands = own.anchor(own.body(joint.parent)) @ joint.origin
+    if own.is_body(joint.child):
+        child = own.body(joint.child)
+        stands = stands @ inverse(own.zero(child)) @ inverse(own.anchor(child))
+        element = own.spec_body(joint.child)
+    else:
+        element = own.spec.site(joint.child)
+    if element.frame is not None:
+        element.set_frame(element.parent.add_frame())
+    element.alt.type = 0  # mjORIENTATION_QUAT
+    element.pos, element.quat = stands[:3, 3], quaternion(stands[:3, :3])
+
+
+def _servos(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator[str]:
+    """Gives the joints their compliance, play and friction; yields what they cannot have."""
+    turning, stiffness = [joint for joint in path if joint.turns], spring_stiffness(model)
+    for number, joint in enumerate(turning):
+        slot = model.chain.joint_slots[number]
+        place = model.arm.joint_names[number]
+        actuator = next((a for a in own.spec.actuators if a.target == joint.name and a.biasprm[1] < 0.0), None)
+        if slot in stiffness and actuator is None:
+            yield f"compliance@{place} (no position actuator on {joint.name})"
+        if slot in stiffness and actuator is not None:
+            actuator.gainprm[0], actuator.biasprm[1] = stiffness[slot], -stiffness[slot]
+        h, b = _value(model, "hysteresis", place), _value(model, "backlash", place)
+        if h > 0.0 or (h < 0.0 and actuator is None):
+            yield f"hysteresis@{place} ({'it overshoots' if h > 0.0 else f'no position actuator on {joint.name}'})"
+        elif h < 0.0 and actuator is not None:
+            own.spec.joint(joint.name).frictionloss = -0.5 * h * float(actuator.gainprm[0])
+            own.spec.joint(joint.name).solimp_friction[:2] = HARDEST
+        if b > 0.0:
+            _add_hinge(
+                own, joint.child, f"{joint.name}_play", own.anchor(own.body(joint.child))[:3, 3], joint.axis, play=b
+            )
+
+
+def _add_springs(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> dict[str, list[str]]:
+    """Adds a hinge for what bends beside the joints; names of those that come before a joint, by its name.
+
+    What bends before a link's own weight is borne by the next joint's body, before its turn.
+    """
+    places, carriers = places_at_zero(model), carriers_of(path)
+    turning = [joint for joint in path if joint.turns]
+    ahead: dict[str, list[str]] = {}
+    for k, stiffness in sorted(spring_stiffness(model).items()):
+        slot, number = model.chain.slots[k], joints_before(model, k)
+        if slot.joint is not None:
+            continue
+        if bends_own_weight(model, k) or number == len(turning):
+            joint, stands = turning[number - 1], carriers[number - 1]
+            local = own.anchor(own.body(joint.child)) @ inverse(stands) @ places[k]
+        else:
+            joint, stands = turning[number], carriers[number]
+            child = own.body(joint.child)
+            local = own.anchor(child) @ own.zero(child) @ inverse(stands) @ places[k]
+            ahead.setdefault(joint.name, []).append(slot.key)
+        _add_hinge(own, joint.child, slot.key, local[:3, 3], local[:3, slot.axis], stiffness=stiffness)
+    return ahead
+
+
+def _add_hinge(
+    own: MjcfRobot, link: str, name: str, anchor: Array, axis: ArrayLike, stiffness: float = 0.0, play: float = 0.0
+) -> None:
+    """A joint more of a body: a spring (N·m/rad), or play (rad) between two stops."""
+    body = own.spec_body(link)
+    hinge = body.add_joint(name=name, pos=anchor, axis=axis)
+    if play:
+        half = 0.5 * play if not own.spec.compiler.degree else np.degrees(0.5 * play)
+        hinge.range, hinge.limited, hinge.armature = (-half, half), True, PLAY_ARMATURE
+        hinge.solref_limit[0], hinge.solimp_limit[:2] = QUICK_S, HARDEST
+    hinge.stiffness = _linear(stiffness, hinge.stiffness)
+    hinge.damping = _linear(PLAY_DAMPING if play else SPRING_DAMPING, hinge.damping)
+    if own.compiled.body_subtreemass[own.body(link)] <= 0.0:
+        body.mass, body.inertia, body.explicitinertial = LEAST_MASS, np.full(3, LEAST_INERTIA), True
+
+
+def _linear(value: float, before: ArrayLike) -> ArrayLike:
+    """A coefficient of a joint, for MuJoCo from 4.0 on the first one of a polynomial."""
+    return value if np.ndim(before) == 0 else np.concatenate([[value], np.zeros(np.size(before) - 1)])
+
+
+def _value(model: Model, effect: str, place: str) -> float:
+    """First parameter of an effect at a joint; 0 without it."""
+    return next((values[0] for own, values in model.parts() if (own.id, own.place) == (effect, place)), 0.0)

@@ -1,0 +1,185 @@
+"""Checkup of a teleoperated arm by its encoders: covariates of `action − state` at rest.
+
+Command and encoder of a sound servo agree at rest to a few of its counts. Where they do not, the difference follows
+what causes it: gravity's torque (the servo yields), the side that the joint came from (a dead band), nothing (leader
+and follower, or command and encoder, have other zeros), time (they warm up), or it changes once and for all (a slip).
+Terms enter a linear regression one at a time, the best first, while they are significant among all that were tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from lrm_ident.measuring.recordings.lerobot import Integers, LeRobotFrames
+from lrm_ident.residual.significance import f_test_p_value
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+
+Cause = Literal["droop", "dead band", "offset", "drift", "slip"]
+CAUSES: tuple[Cause, ...] = get_args(Cause)
+MATTERS = float(np.radians(0.5))
+"""rad: with 0.4 m of reach, 3.5 mm at the tip. What is smaller is not named."""
+SIGNIFICANT = 1e-3
+"""Largest p value, times the number of terms tried at all joints."""
+TURN = float(np.radians(1.0))
+"""A joint that is sent back by more has turned round."""
+FEWEST_RESTS, FEWEST_BESIDE = 12, 4
+"""Fewest rests of a dataset; before and after a jump."""
+WARMING_S = (60.0, 240.0, 960.0)
+"""Time constants of a drift that are tried, beside one that goes on."""
+MOST_TERMS = 6
+
+
+@dataclass(frozen=True)
+class EncoderFinding:
+    """One cause at one joint.
+
+    Attributes:
+        joint: from 0. size: rad, by which command and encoder differ by it at most, of a dead band from side to side.
+        slope: rad/N·m of a droop, else 0. sign: of `state − action` where the term is positive.
+        rest: of a slip, the first rest after it, from 0; else None. p_value: times the number of terms tried.
+    """
+
+    joint: int
+    cause: Cause
+    size: float
+    slope: float
+    sign: int
+    rest: int | None
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class EncoderCheckup:
+    """Findings, largest first, and what they were found in.
+
+    Attributes:
+        rests: how many. before, after: (n,), RMS of `action − state` at rest, and of what the findings leave (rad).
+        episode: (R,), of each rest.
+    """
+
+    findings: tuple[EncoderFinding, ...]
+    rests: int
+    before: Array
+    after: Array
+    episode: Integers
+
+
+@dataclass(frozen=True, eq=False)
+class _Term:
+    """A column (R,) of a regression. `tried`: how many like it compete. `rest`: the first after a slip."""
+
+    cause: Cause
+    column: Array
+    tried: int
+    rest: int | None = None
+
+
+def checkup(frames: LeRobotFrames, arm: Arm, dwell: float) -> EncoderCheckup:
+    """Names what ails an arm by its encoders alone. Raises `LrmError`: too few rests."""
+    rests = list(frames.rests(dwell))
+    if len(rests) < FEWEST_RESTS:
+        what = f"{len(rests)} rests of {dwell:g} s or more; should be {FEWEST_RESTS} at least"
+        raise LrmError(f"{what}: stop for a moment now and then while you teleoperate")
+    last = np.array([rows[-1] for rows in rests])
+    command, state = (np.array([v[rows].mean(axis=0) for rows in rests]) for v in (frames.command, frames.feedback))
+    torque = equilibrium(model_of(arm, ()), poses_of(state)).joint_torque
+    side, time = _sides(frames)[last], _elapsed(frames)[last]
+    error = state - command
+    found: list[EncoderFinding] = []
+    after = np.empty(arm.dof)
+    for joint in range(arm.dof):
+        terms = list(_terms(torque[:, joint], side[:, joint], time, frames.t[last]))
+        named, left = _select(error[:, joint], terms, arm.dof * sum(1 for _ in terms))
+        found += [one for cause in CAUSES if (one := _finding(joint, cause, named)) and one.size >= MATTERS]
+        after[joint] = np.sqrt(np.mean(left**2))
+    found.sort(key=lambda one: -one.size)
+    return EncoderCheckup(tuple(found), len(rests), np.sqrt(np.mean(error**2, axis=0)), after, frames.episode[last])
+
+
+def _terms(torque: Array, side: Array, time: Array, in_episode: Array) -> Iterator[_Term]:
+    """A covariate of the difference at one joint, over R rests."""
+    count = len(time)
+    yield _Term("offset", np.ones(count), 1)
+    yield _Term("droop", torque, 1)
+    yield _Term("dead band", side, 1)
+    shapes = [1.0 - np.exp(-t / T) for T in WARMING_S for t in (time, in_episode)]
+    shapes.append(time / max(time[-1], 1.0))
+    for shape in shapes:
+        yield _Term("drift", shape, len(shapes))
+    for rest in range(FEWEST_BESIDE, count - FEWEST_BESIDE + 1):
+        yield _Term("slip", (np.arange(count) >= rest).astype(np.float64), count, rest)
+
+
+def _select(error: Array, terms: list[_Term], tried: int) -> tuple[list[tuple[_Term, float, float]], Array]:
+    """Forward selection: terms with their coefficients and p values (times `tried`), and the residual (R,)."""
+    count, chosen, p_values = len(error), list[_Term](), list[float]()
+    left, coefficients = error, np.empty(0)
+    while len(chosen) < MOST_TERMS:
+        columns = np.stack([term.column for term in chosen], axis=1) if chosen else np.empty((count, 0))
+        fits = [_fit(np.column_stack([columns, term.column]), error) for term in terms]
+        costs = [
+            count * np.log(fit[1] @ fit[1] + 1e-300) + 2.0 * np.log(t.tried) for fit, t in zip(fits, terms, strict=True)
+        ]
+        best = int(np.argmin(costs))
+        after = fits[best][1]
+        p = tried * f_test_p_value(float(left @ left), float(after @ after), 1, count - len(chosen) - 1)
+        if not p < SIGNIFICANT:
+            break
+        chosen.append(terms[best])
+        p_values.append(p)
+        coefficients, left = fits[best]
+    return list(zip(chosen, coefficients.tolist(), p_values, strict=True)), left
+
+
+def _fit(columns: Array, error: Array) -> tuple[Array, Array]:
+    """Coefficients and residual of least squares."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    coefficients = np.linalg.lstsq(columns / scale, error, rcond=1e-9)[0] / scale
+    return coefficients, error - columns @ coefficients
+
+
+def _finding(joint: int, cause: Cause, named: list[tuple[_Term, float, float]]) -> EncoderFinding | None:
+    """A cause by all of its terms at a joint; None without any. Several exponentials are one drift."""
+    own = [(term, c, p) for term, c, p in named if term.cause == cause]
+    if not own:
+        return None
+    first, c, p = own[0]
+    made = sum((c * term.column for term, c, _ in own), np.zeros(len(first.column)))
+    size = np.abs(made).max() if cause in ("offset", "droop") else np.ptp(made)
+    slope = abs(c) if cause == "droop" else 0.0
+    return EncoderFinding(joint, cause, float(size), slope, 1 if c > 0.0 else -1, first.rest, min(p, 1.0))
+
+
+def _sides(frames: LeRobotFrames) -> Array:
+    """(N, n), sign of each joint's last turn by more than `TURN`; 0 before the first of an episode."""
+    side = np.zeros_like(frames.command)
+    extreme, now = frames.command[0].copy(), np.zeros(frames.command.shape[1])
+    for row, command in enumerate(frames.command):
+        if row and frames.episode[row] != frames.episode[row - 1]:
+            extreme, now = command.copy(), np.zeros_like(now)
+        extreme = np.where((command - extreme) * now > 0.0, command, extreme)  # it goes on
+        turned = np.abs(command - extreme) > TURN
+        now = np.where(turned, np.sign(command - extreme), now)
+        extreme = np.where(turned, command, extreme)
+        side[row] = now
+    return side
+
+
+def _elapsed(frames: LeRobotFrames) -> Array:
+    """(N,), s, since the first frame; the time between episodes is not recorded, and counts as none."""
+    starts = np.flatnonzero(np.diff(frames.episode, prepend=frames.episode[0] - 1))
+    lengths = [
+        frames.t[end - 1] - frames.t[start] for start, end in zip(starts, [*starts[1:], len(frames.t)], strict=True)
+    ]
+    begun = np.cumsum([0.0, *lengths[:-1]])
+    which = np.searchsorted(starts, np.arange(len(frames.t)), side="right") - 1
+    return np.asarray(begun[which] + frames.t - frames.t[starts[which]])

@@ -1,0 +1,105 @@
+"""Range of what a model was fitted on, and how forms that are only known there are continued beyond it.
+
+A curve through measurements says nothing beyond them, and a spline or a series grows without bound there. Beyond the
+range such a form sees its driver held at the range's edge; the way there is smooth, so that derivatives exist.
+
+An angle is not reduced by whole turns. On an arm whose limits lie within one turn the question does not arise; on
+one that turns further, what repeats with a turn is the kinematic error of gears and their eccentricity (Tuttle &
+Seering 1996), which `eccentricity` states by formula, everywhere; cables and hoses, which a curve stands for as well,
+wind up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import Number
+from lrm_math.kinematics.dual import Dual
+from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.scalar_or_array import exp, negative_part, positive_part
+
+Interval: TypeAlias = tuple[float, float]
+FADE = 0.05
+"""Width of the way to the held value, as a part of the range's width."""
+NARROWEST = 1e-9
+SLACK = 1e-6
+"""Part of a range's width that round-off of a file may lie beyond it."""
+
+
+def held(x: Number, lower: float | Array, upper: float | Array) -> Number:
+    """x within an interval; beyond it e the nearer end + e exp(−(e/w)²), e the excess and w `FADE` of the width.
+
+    Twice continuously differentiable, never farther from the interval than 0.43 w, and its end from 3 w on.
+    """
+    width = FADE * (upper - lower) + NARROWEST
+    return x - _retreat(positive_part(x - upper), width) - _retreat(negative_part(x - lower), width)
+
+
+def _retreat(excess: Number, width: float | Array) -> Number:
+    """The part of an excess that is taken back."""
+    part = excess / width
+    return excess * (1.0 - exp(-(part * part)))
+
+
+@dataclass(frozen=True)
+class MeasuredRange:
+    """Lowest and highest value of what the poses of a fit had.
+
+    Attributes:
+        angle: commands of every joint (rad). payload: kg.
+        load: on slots, by key: N·m, or N along one that slides.
+        t, running: s since the start, and since the session began; None where no time was known.
+    """
+
+    angle: tuple[Interval, ...]
+    payload: Interval
+    load: Mapping[str, Interval] = field(default_factory=dict)
+    t: Interval | None = None
+    running: Interval | None = None
+
+    def outside(self, q: Array) -> NDArray[np.bool_]:
+        """(N, n), joints that stand outside their range at commands q (N, n) (rad)."""
+        lower, upper = self._ends
+        slack = SLACK * (upper - lower) + NARROWEST
+        return np.asarray((q < lower - slack) | (q > upper + slack))
+
+    def joints_outside(self, q: Array) -> tuple[int, ...]:
+        """Numbers from 1 of the joints that stand outside their range at one command q (n,) (rad)."""
+        return tuple((np.flatnonzero(self.outside(np.atleast_2d(q))[0]) + 1).tolist())
+
+    def sentence(self, q: Array) -> str:
+        """Number of commands q (N, n) (rad) lie outside, by which joints; empty if none does."""
+        outside = self.outside(q)
+        poses, beyond = int(outside.any(axis=1).sum()), np.flatnonzero(outside.any(axis=0)) + 1
+        if not poses:
+            return ""
+        joints = ", ".join(map(str, beyond.tolist()))
+        what = f"{poses} of {len(q)} poses lie outside the range that the model was fitted on (joint {joints})"
+        return f"{what}: there its curves stay as at the range's edge, and its error is not known"
+
+    def poses(self, poses: Poses) -> Poses:
+        """The poses as a held form sees them."""
+        lower, upper = self._ends
+        changed: dict[str, Any] = {}
+        if isinstance(poses.q, Dual) or ((poses.q < lower) | (poses.q > upper)).any():
+            changed["q"] = held(poses.q, lower, upper)
+        for name, ends in (("payload", self.payload), ("t", self.t), ("running", self.running)):
+            values = getattr(poses, name)
+            if ends is not None and values is not None and ((values < ends[0]) | (values > ends[1])).any():
+                changed[name] = held(values, *ends)
+        return replace(poses, **changed) if changed else poses
+
+    def loads(self, slots: tuple[str, ...], tau: tuple[Number, ...]) -> tuple[Number, ...]:
+        """Loads on slots as a held form sees them; those that were not measured as they are."""
+        return tuple(held(x, *self.load[key]) if key in self.load else x for key, x in zip(slots, tau, strict=True))
+
+    @property
+    def _ends(self) -> tuple[Array, Array]:
+        lower, upper = np.array(self.angle).T
+        return lower, upper

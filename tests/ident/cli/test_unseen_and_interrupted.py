@@ -1,0 +1,89 @@
+"""Models on poses that their fit did not see, and runs of `auto` that a person interrupts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lrm_ident.cli import diagnosis
+from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.study.study import Study
+from lrm_math.model.model_file import load_model
+from tests.conftest import EXAMPLE
+from tests.support.commands import run_command, stderr_of, stdout_of
+
+ARM = ("--arm", "lrm-lab")
+
+
+def halves(folder: Path) -> tuple[Path, Path]:
+    header, *rows = EXAMPLE.read_text().splitlines()
+    paths = folder / "odd.csv", folder / "even.csv"
+    for path, part in zip(paths, (rows[0::2], rows[1::2]), strict=True):
+        path.write_text("\n".join([header, *part]) + "\n")
+    return paths
+
+
+def test_on_independent_data_nothing_is_refitted(tmp_path: Path) -> None:
+    ours, others = halves(tmp_path)
+    model, result = tmp_path / "model.toml", tmp_path / "result.json"
+    stdout_of("fit", ours, *ARM, "-o", model)
+    said = stdout_of("compare", model, others, "--json", result)
+    assert "saw none of these poses" in " ".join(said.split())
+    assert json.loads(result.read_text())["error"]["held_out"] is None
+    assert "held out (10" in stdout_of("compare", model, ours)
+
+
+def test_a_few_independent_poses_are_enough_to_compare(tmp_path: Path) -> None:
+    ours, others = halves(tmp_path)
+    model = tmp_path / "model.toml"
+    stdout_of("fit", ours, *ARM, "-o", model)
+    others.write_text("\n".join(others.read_text().splitlines()[:4]) + "\n")
+    assert "measure at least" not in stdout_of("compare", model, others)
+
+
+def test_left_out_poses_can_be_compared_alone(tmp_path: Path) -> None:
+    model, result = tmp_path / "model.toml", tmp_path / "result.json"
+    stdout_of("fit", EXAMPLE, "--leave-out", "3,10-15", "-o", model)
+    stdout_of("compare", model, EXAMPLE, "--left-out", "--json", result)
+    found = json.loads(result.read_text())
+    assert found["poses"] == 7
+    assert {pose["pose"] for pose in found["worst_poses"]} == {3, *range(10, 16)}
+    assert found["error"]["held_out"] is None
+    stdout_of("fit", EXAMPLE, "-o", model)
+    assert "no poses that the fit left out" in stderr_of("compare", model, EXAMPLE, "--left-out")
+
+
+def test_an_interrupted_run_keeps_the_model_of_the_last_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, model, kept = tmp_path / "begun.toml", tmp_path / "model.toml", tmp_path / "kept.toml"
+    stdout_of("fit", EXAMPLE, "-o", begun)
+    stdout_of("auto", begun, EXAMPLE, "--no-nested", "--max-effects", 1, "-o", model)
+    real = Study.auto
+
+    def interrupted(self: Study, _: int, rates: Any, on_step: Callable[[AutoStep, Study], object]) -> Any:
+        real(self, 1, rates, on_step)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Study, "auto", interrupted)
+    code, _, said = run_command("auto", begun, EXAMPLE, "-o", kept)
+    assert code == 130
+    assert "the model of the last step" in " ".join(said.split())
+    assert load_model(kept).keys == load_model(model).keys
+
+    def at_once(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Study, "auto", at_once)
+    code, _, said = run_command("auto", begun, EXAMPLE, "-o", tmp_path / "none.toml")
+    assert (code, "no step was taken" in said) == (130, True)
+
+
+def test_what_takes_long_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, model = tmp_path / "begun.toml", tmp_path / "model.toml"
+    stdout_of("fit", EXAMPLE, "-o", begun)
+    monkeypatch.setattr(diagnosis, "UNASKED_S", 0.0)
+    said = " ".join(stdout_of("auto", begun, EXAMPLE, "--max-effects", 0, "-o", model).split())
+    assert "ask for it with --nested" in said

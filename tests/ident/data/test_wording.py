@@ -1,0 +1,42 @@
+"""Figures in words: digits by the size of the error, or of the difference that is shown."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_ident.data.wording import fall, in_minutes, quantity, with_error
+from lrm_math.plausibility import far_from_typical
+
+
+@given(st.floats(-1e4, 1e4), st.floats(1e-9, 1e4))
+def test_the_error_has_two_digits_and_the_value_as_many_decimals(value: float, error: float) -> None:
+    shown, uncertainty = with_error(value, error)
+    assert abs(float(uncertainty) - error) <= 0.051 * error
+    assert abs(float(shown) - value) <= 0.051 * error + 1e-9
+    assert len(shown.partition(".")[2]) == len(uncertainty.partition(".")[2])
+    assert len(uncertainty.replace(".", "").lstrip("0")) == 2 or error >= 99.5
+
+
+@given(st.floats(1e-6, 0.1), st.floats(1e-6, 0.1))
+def test_a_fall_shows_what_lies_between(before: float, after: float) -> None:
+    first, last = fall(before, after).removeprefix("from ").split(" to ")
+    if abs(before - after) >= 1e-9:
+        assert first != last
+
+
+@pytest.mark.parametrize(("value", "error", "shown"), [
+    (0.0000131, 0.0000004, "0.00001310 ± 0.00000040"),
+    (2.66667, 0.0926, "2.667 ± 0.093"),
+    (1.0, 4.96e11, "1 ± unknown"),
+    (3.0, float("nan"), "3 ± unknown"),
+])  # fmt: skip
+def test_quantities(value: float, error: float, shown: str) -> None:
+    assert quantity(value, error) == shown
+
+
+def test_times_and_implausible_sizes() -> None:
+    assert [in_minutes(seconds) for seconds in (0.2, 45.0, 600.0, 7200.0)] == ["1 s", "45 s", "10 min", "2.0 h"]
+    assert far_from_typical(1.2, 0.1) == "12 times what is typical"
+    assert not far_from_typical(-0.3, 0.1)

@@ -1,0 +1,100 @@
+"""A base or tracker that is moved is named as such; an effect that cannot be gone on with costs nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis import auto
+from lrm_ident.diagnosis.auto import run_auto
+from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
+from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import Effect, effects_at
+from lrm_math.effects.backlash import Backlash
+from lrm_math.effects.compliance import BaseCompliance
+from lrm_math.effects.servo_errors import Coupling, Eccentricity, ServoGain
+from lrm_math.effects.session_errors import Drift, Session
+from lrm_math.errors import NoEquilibrium
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.model import Model, model_of
+from validation.hidden_effects.data import ARM_FILE
+from validation.synthetic import GroundTruth, HiddenEffect, OneSidedGain, SoftPlay, load_arm, measure, random_poses
+from validation.synthetic import base_displacement_to_deviations as as_deviations
+from validation.synthetic.generate import Schedule, directions
+from validation.synthetic.screws import rotation_matrix
+
+NOISE, KINDS = 3e-4, (Session, Drift, Backlash, ServoGain, Eccentricity, BaseCompliance, Coupling)
+
+
+def measured(seed: int, *effects: HiddenEffect, sessions: int = 1, count: int = 120) -> Measurements:
+    described = load_arm(ARM_FILE)
+    truth = as_deviations(described, GroundTruth.random(described, seed, effects))
+    q, number = random_poses(described, count, seed, floor_m=0.1), np.arange(1, count + 1)
+    session = 1.0 + np.floor(np.arange(count) * sessions / count)
+    plan = Schedule(15.0 * number, session, np.zeros(6))
+    load = np.random.default_rng(seed).choice([0.0, 0.0663], count)
+    tcp = measure(described, truth, q, load, NOISE, seed, plan)
+    poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s, session if sessions > 1 else None)
+    return Measurements(poses, number, tcp, None, NOISE, number, Path("synthetic.csv"), "")
+
+
+def base_fit(arm: Arm, data: Measurements) -> Model:
+    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+    return fit_identifiable(model, data, model.keys).fit.model
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_tracker_that_was_pushed_between_sessions_is_a_moved_base(lab: Arm, seed: int) -> None:
+    """Some mm and tenths of a degree. Before: joint 1 stood differently in each session."""
+    data, rng = measured(seed, sessions=2), np.random.default_rng(seed)
+    turn = rotation_matrix(np.radians(rng.uniform(-0.3, 0.3, 3)))
+    moved = data.tcp @ np.asarray(turn).T + rng.uniform(-0.003, 0.003, 3)
+    second = np.asarray(data.poses.session == 2.0)[:, None]
+    data = replace(data, tcp=np.where(second, moved, data.tcp))
+    found = diagnose(base_fit(lab, data), data, KINDS)
+    assert found.selected[0].name == "session@base"
+    assert found.supported[0].name == "session@base"
+
+
+@pytest.mark.slow
+def test_a_tracker_that_creeps_is_a_drifting_base(lab: Arm) -> None:
+    data = measured(3)
+    assert data.poses.t is not None
+    shift = (1.0 - np.exp(-data.poses.t / 900.0))[:, None] * np.array([0.003, -0.002, 0.001])
+    data = replace(data, tcp=data.tcp + shift)
+    assert diagnose(base_fit(lab, data), data, KINDS).selected[0].name == "drift@base"
+
+
+@pytest.mark.slow
+def test_auto_goes_on_without_an_effect_that_cannot_be_gone_on_with(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before: the run ended with the error of the equilibrium, and no model was written."""
+    gain = OneSidedGain(joint=1, side=1, gain=0.03, corner_rad=0.02)
+    data = measured(4, SoftPlay(2, np.radians(2.4), 0.03), gain)
+    plain = run_auto(base_fit(lab, data), data, catalogue=KINDS)
+    last = plain.steps[-1].added
+
+    def runs_away(model: Model, *rest: object) -> Diagnosis:
+        if last in {effect.name for effect in model.effects}:
+            raise NoEquilibrium([1, 2], "base.beta gives way by 168 deg")
+        return diagnose(model, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(auto, "diagnose", runs_away)
+    run = run_auto(base_fit(lab, data), data, catalogue=KINDS)
+    assert len(plain.steps) > 2
+    assert [step.added for step in run.steps][: len(plain.steps) - 1] == [step.added for step in plain.steps[:-1]]
+    assert last not in {step.added for step in run.steps}
+    assert run.model.effects == run.steps[-1].fit.model.effects
+
+
+def test_all_six_motions_of_the_base_are_there(lab: Arm) -> None:
+    for kind in (Session, Drift):
+        effect: Effect = kind(lab, "base")
+        assert effect.targets == tuple(f"base.{name}" for name in ("x", "y", "z", "alpha", "beta", "gamma"))
+        units = {parameter.name.rpartition("_")[2] for parameter in effect.parameters}
+        assert {"mm", "rad"} <= units

@@ -1,0 +1,55 @@
+"""Fits of more poses than are fitted at once: the steps over all of them are few."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting import objective
+from lrm_ident.fitting.block_qr import CompressedRows, compress
+from lrm_ident.fitting.cross_validation import held_out_blocks
+from lrm_ident.fitting.identifiability import MOST_AT_ONCE
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model, nominal_model
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.model import model_of
+
+MOST_STEPS = 40
+"""Jacobians of all poses that a fit and its cross-validation may take, where one that creeps takes two hundred."""
+
+
+def flat_valley(count: int) -> Measurements:
+    """Measurements of a two-joint arm with play: three of the parameters that a fit keeps are nearly dependent."""
+    arm, rng = load_arm("two-joint"), np.random.default_rng(1)
+    effects = effects_at(arm, "offsets") + effects_at(arm, "compliance") + effects_at(arm, "backlash@joint2")
+    model = model_of(arm, effects)
+    sizes = rng.normal(size=len(model.keys)) * [parameter.typical for parameter in model.parameters]
+    values = [
+        0.05 if key.startswith("compliance") else abs(size) if key.startswith("backlash") else size
+        for key, size in zip(model.keys, sizes, strict=True)
+    ]
+    low, high = 0.7 * np.array([(max(joint.lower, -3.0), min(joint.upper, 3.0)) for joint in arm.joints]).T
+    poses = poses_of(rng.uniform(low, high, (count, arm.dof)))
+    tcp = equilibrium(model.with_values(np.array(values)), poses).tcp + rng.normal(size=(count, 3)) * 0.3e-3
+    number = np.arange(1, count + 1)
+    return Measurements(poses, number, tcp, None, None, number, Path("made.csv"), "", arm=arm)
+
+
+def test_a_fit_of_many_poses_creeps_on_a_part_of_them_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    data, counts = flat_valley(2 * MOST_AT_ONCE), []
+
+    def counted(rest: Equilibrium, *others: Any) -> CompressedRows:
+        counts.append(len(rest.poses))
+        return compress(rest, *others)
+
+    monkeypatch.setattr(objective, "compress", counted)
+    found = fit_model(nominal_model(load_arm("two-joint")), data, "identifiable", SQUARED).fit
+    held_out_blocks(found.model, data, prior=found.weak_prior)
+    assert sum(count > MOST_AT_ONCE for count in counts) <= MOST_STEPS

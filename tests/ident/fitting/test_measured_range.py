@@ -1,0 +1,146 @@
+"""Fits keep the range that they were made on, curves are smooth in it, and predictions say what lies beyond."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.cross_validation import models_without
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.priors import weak_prior
+from lrm_ident.fitting.smoothness import LEAST, MOST, likelier_weights, penalties, with_penalties
+from lrm_ident.report.fit import comparison_document
+from lrm_ident.residual.error_breakdown import compare
+from lrm_ident.study.model_history import as_written
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import effects_at
+from lrm_math.effects.curves import AngleCurve, CableCurve
+from lrm_math.errors import FileError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import ModelFile, RangeTable, parameter_tables, range_table, to_model
+
+CURVE = "angle_curve@joint2"
+
+
+def wavy(arm: Arm, count: int = 70, upper: float = 0.1, seed: int = 1, size: float = 0.01) -> Measurements:
+    """An arm without other errors whose second joint has waves, measured where that joint is below `upper` (rad)."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-1.4, 1.4, (count, arm.dof))
+    q[:, 1] = rng.uniform(-1.4, upper, count)
+    true = q + size * np.sin(5.0 * q) * (np.arange(arm.dof) == 1)
+    tcp = equilibrium(model_of(arm, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(count, 3))
+    number = np.arange(1, count + 1)
+    return Measurements(poses_of(q), number, tcp, None, 2e-4, number, Path("waves.csv"), "", arm=arm)
+
+
+def curved(arm: Arm) -> Model:
+    model = model_of(arm, (*effects_at(arm, "offsets@joint2"), *effects_at(arm, CURVE)))
+    keys = (*effects_at(arm, CURVE)[0].keys, "offsets.joint2.theta_rad")
+    return replace(model, free=tuple(key for key in model.keys if key in keys))
+
+
+def test_a_curve_beyond_its_range_stays_as_at_the_edge(lab: Arm) -> None:
+    """Every coefficient is fitted, those far beyond the data as well. Before: error grew without bound there."""
+    data = wavy(lab)
+    fitted = fit(curved(lab), data).model
+    assert fitted.within is not None
+    assert fitted.within.angle[1] == (data.poses.q[:, 1].min(), data.poses.q[:, 1].max())
+    q = np.zeros((40, lab.dof))
+    q[:, 1] = np.linspace(0.2, 1.5, 40)
+    apart = equilibrium(fitted, poses_of(q)).tcp - equilibrium(model_of(lab, ()), poses_of(q)).tcp
+    assert np.linalg.norm(apart, axis=1).max() < 0.02
+    assert np.linalg.norm(fit(curved(lab), data).residual, axis=1).max() < 2e-3
+
+
+def test_coefficients_that_nothing_determines_follow_their_neighbours(lab: Arm) -> None:
+    model = fit(curved(lab), wavy(lab)).model
+    values = np.array([model.value(key) for key in effects_at(lab, CURVE)[0].keys])
+    assert np.abs(np.diff(values, 2)).max() < 0.06
+    assert np.abs(values).max() < 0.2
+
+
+def test_penalties_are_of_forms_only(lab: Arm) -> None:
+    plain = replace(curved(lab), free=("offsets.joint2.theta_rad",))
+    assert penalties(plain) == ()
+    prior = weak_prior(plain)
+    assert with_penalties(prior, (), np.ones(0)) is prior
+    known, curve = penalties(curved(lab)), AngleCurve(lab, "joint2")
+    assert [penalty.keys for penalty in known] == [curve.keys] * 2
+    line = 0.01 * np.arange(len(curve.keys))
+    assert line @ known[1].S @ line == pytest.approx(0.0, abs=1e-12)
+    both = with_penalties(weak_prior(curved(lab)), known, np.ones(2))
+    assert both is not None
+    assert set(both.keys) == set(curved(lab).free)
+    assert (both.sd_of(curve.keys) <= curve.parameters[0].typical).all()
+    assert [names[0][0] for names in CableCurve(lab, "joint2+joint3").curves] == ["s", "d"]
+
+
+def test_a_curve_of_which_the_data_show_nothing_is_drawn_to_zero(lab: Arm) -> None:
+    """And one of which they do is not: weights by the marginal likelihood."""
+    there = wavy(lab, 150, 1.4)
+    nothing = replace(there, tcp=wavy(lab, 150, 1.4, size=0.0).tcp)
+    keys = effects_at(lab, CURVE)[0].keys
+    sizes = []
+    for data in (there, nothing):
+        found = fit(curved(lab), data)
+        sizes.append(np.ptp([found.model.value(key) for key in keys]))
+        now = likelier_weights(penalties(found.model), np.ones(2), found.model, found.covariance)
+        assert ((now >= LEAST) & (now <= MOST)).all()
+    assert sizes[0] > 0.015
+    assert sizes[1] < 5e-4
+
+
+def test_the_range_goes_into_the_file_and_back(lab: Arm) -> None:
+    model = fit(curved(lab), wavy(lab)).model
+    again = as_written(model, "lrm-lab")
+    assert again.within is not None
+    assert model.within is not None
+    np.testing.assert_allclose(again.within.angle, model.within.angle, rtol=1e-14)
+    assert again.within.load == model.within.load
+    poses = poses_of(np.random.default_rng(0).uniform(-1.5, 1.5, (8, lab.dof)))
+    np.testing.assert_allclose(equilibrium(again, poses).tcp, equilibrium(model, poses).tcp, atol=1e-12)
+
+
+def file_of(model: Model, table: RangeTable | None) -> ModelFile:
+    return ModelFile(
+        schema="lrm/model/1", arm="lrm-lab", effects=[CURVE], parameters=parameter_tables(model), range=table
+    )
+
+
+def test_a_file_without_a_range_is_read_as_before_and_a_wrong_one_is_refused(lab: Arm) -> None:
+    model = model_of(lab, effects_at(lab, CURVE))
+    assert to_model(Path("m.toml"), file_of(model, None), lab).within is None
+    good = RangeTable(joints_deg=[[-90.0, 90.0]] * lab.dof, payload_g=[0.0, 0.0], loads={"joint2.theta_Nm": [0, 1]})
+    assert to_model(Path("m.toml"), file_of(model, good), lab).within is not None
+    for wrong in ({"joints_deg": [[0.0, 1.0]]}, {"payload_g": [1.0, 0.0]}, {"loads": {"joint9.theta_Nm": [0.0, 1.0]}}):
+        with pytest.raises(FileError, match="range"):
+            to_model(Path("m.toml"), file_of(model, good.model_copy(update=wrong)), lab)
+    assert range_table(model) is None
+
+
+def test_compare_says_how_many_poses_lie_outside(lab: Arm) -> None:
+    """And gives their error apart. Before: nothing, or that the fit shrinks the arm."""
+    model = fit(curved(lab), wavy(lab)).model
+    document = comparison_document(compare(model, wavy(lab, 40, 1.4, seed=5)))
+    said = next(str(block) for block in document.blocks if "outside the range" in str(block))
+    outside = document.values["outside_range"]
+    assert 0 < len(outside) < 40
+    assert f"{len(outside)} of 40 poses" in said
+    assert "(joint " in said
+    assert "shrinks" not in str(document.blocks)
+
+
+def test_a_step_of_a_fold_that_runs_away_is_fitted_instead(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = wavy(lab)
+    blocks = [np.arange(k, 70, 5) for k in range(5)]
+    steps = list(models_without(curved(lab), data, blocks))
+    monkeypatch.setattr("lrm_ident.fitting.cross_validation._settles", lambda *_: False)
+    for rows, stepped, refitted in zip(blocks, steps, models_without(curved(lab), data, blocks), strict=True):
+        errors = [np.linalg.norm(data.position_error(equilibrium(m, data.poses))[rows]) for m in (stepped, refitted)]
+        assert errors[0] == pytest.approx(errors[1], rel=0.3)

@@ -1,0 +1,176 @@
+"""A campaign's arm through LeRobot, by a stand-in for its robots: slow, watched; it holds when something is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_ident.measuring.campaign.lerobot_arm import SPEED, TICK_S, TORQUE, LeRobotArm
+from lrm_ident.measuring.campaign.plan import PlannedPose
+from lrm_ident.measuring.campaign.run import Unreachable
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import LrmError
+from tests.support.commands import stderr_of
+
+ARM = load_arm("so101")
+NAMES = [joint.name for joint in ARM.joints]
+ANGLES = st.lists(st.floats(-0.8, 0.8), min_size=5, max_size=5)
+
+
+@dataclass
+class FakeBus:
+    """Registers of every motor. `refusals`: how many reads fail before one succeeds."""
+
+    heat: float = 30.0
+    torque: int = 1
+    refusals: int = 0
+    limits: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.motors = {name: SimpleNamespace(model="sts3215") for name in NAMES}
+        self.model_ctrl_table: dict[str, Any] = {"sts3215": {"Torque_Limit": (48, 2)}}
+
+    def sync_read(self, register: str, motors: list[str]) -> dict[str, float]:
+        if self.refusals:
+            self.refusals -= 1
+            raise ConnectionError("no status\npacket")
+        return dict.fromkeys(motors, {"Present_Temperature": self.heat, "Torque_Enable": self.torque}[register])
+
+    def write(self, register: str, motor: str, value: int) -> None:
+        assert register == "Torque_Limit"
+        self.limits[motor] = value
+
+
+class FakeRobot:
+    """Follows at once, but for a joint that is held."""
+
+    name = "so_follower"
+
+    def __init__(self, names: list[str] = NAMES) -> None:
+        self.action_features = {f"{name}.pos": float for name in (*names, "gripper")}
+        self.at = dict.fromkeys(self.action_features, 0.0)
+        self.bus, self.held, self.sent = FakeBus(), "", list[dict[str, float]]()
+
+    def get_observation(self) -> dict[str, Any]:
+        return dict(self.at)
+
+    def send_action(self, action: Mapping[str, float]) -> None:
+        assert set(action) == {f"{name}.pos" for name in NAMES}  # the gripper is left alone
+        self.sent.append(dict(action))
+        self.at |= {key: value for key, value in action.items() if key != self.held}
+
+
+class FakeClock:
+    """Time that passes by sleeping; `then` happens after the first sleep."""
+
+    def __init__(self) -> None:
+        self.t, self.robot = 0.0, None
+
+    def now(self) -> float:
+        return self.t
+
+    def sleep(self, seconds: float) -> None:
+        self.t += seconds
+
+
+def driven(robot: FakeRobot, clock: FakeClock | None = None) -> LeRobotArm:
+    return LeRobotArm(robot, ARM, clock or FakeClock(), lambda _: None)
+
+
+def pose(q: list[float], approach: int = 0) -> PlannedPose:
+    return PlannedPose(1, tuple(q), 0.0, approach, 1)
+
+
+@given(st.lists(ANGLES, min_size=1, max_size=4), st.sampled_from([-1, 0, 1]))
+def test_it_goes_straight_and_no_faster_than_it_may(goals: list[list[float]], approach: int) -> None:
+    robot, clock = FakeRobot(), FakeClock()
+    arm = driven(robot, clock)
+    assert robot.sent == []  # nothing moves until it is asked to
+    before = [0.0] * 5
+    for goal in goals:
+        state = arm.go(pose(goal, approach))
+        assert state.q == pytest.approx(goal)
+        if approach:
+            assert state.direction == (approach,) * 5
+    for action in robot.sent:
+        now = [math.radians(action[f"{name}.pos"]) for name in NAMES]
+        assert max(abs(a - b) for a, b in zip(now, before, strict=True)) <= SPEED * TICK_S + 1e-9
+        before = now
+    assert robot.bus.limits == dict.fromkeys(NAMES, TORQUE)
+
+
+def test_a_joint_that_is_held_up_ends_it_and_the_arm_holds() -> None:
+    robot = FakeRobot()
+    robot.held = "elbow_flex.pos"
+    with pytest.raises(LrmError, match=r"elbow_flex does not follow: .* The arm holds"):
+        driven(robot).go(pose([0.0, 0.0, 1.2, 0.0, 0.0]))
+    assert robot.sent[-1] == {f"{name}.pos": pytest.approx(robot.at[f"{name}.pos"]) for name in NAMES}
+
+
+def test_what_happens_during_a_rest_is_told() -> None:
+    robot = FakeRobot()
+    arm = driven(robot)
+    arm.go(pose([0.1] * 5))
+    assert arm.disturbed() == ""
+    robot.at["wrist_flex.pos"] += 3.0
+    assert arm.disturbed() == "wrist_flex was moved"
+    robot.bus.torque = 0
+    assert arm.disturbed() == "shoulder_pan has no torque"
+
+
+def test_a_hot_servo_cools_where_it_bears_little() -> None:
+    robot, clock = FakeRobot(), FakeClock()
+    arm = driven(robot, clock)
+    assert arm.too_warm() == ""
+    robot.bus.heat = 56.0
+    assert arm.too_warm() == "shoulder_pan is 56 °C"
+    slept = clock.sleep
+
+    def cooling(seconds: float) -> None:
+        slept(seconds)
+        robot.bus.heat -= 0.1 * seconds
+
+    clock.sleep = cooling  # type: ignore[method-assign]
+    arm.cool(pose([0.0] * 5))
+    assert robot.bus.heat <= 45.0
+
+
+def test_late_answers_are_asked_for_again_and_silence_is_one_line() -> None:
+    robot = FakeRobot()
+    arm = driven(robot)
+    robot.bus.refusals = 3
+    assert arm.too_warm() == ""
+    robot.bus.refusals = 100
+    with pytest.raises(LrmError, match=r"^so_follower does not answer: no status packet$"):
+        arm.too_warm()
+
+
+def test_poses_beyond_the_limits_and_other_robots() -> None:
+    with pytest.raises(Unreachable, match="joint 1 would leave its limits"):
+        driven(FakeRobot()).go(pose([3.0, 0.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(LrmError, match="has no 'wrist_roll' of so101; it has shoulder_pan"):
+        driven(FakeRobot(NAMES[:4]))
+
+
+def test_without_lerobot_one_line_says_so(tmp_path: Any) -> None:
+    poses = tmp_path / "poses.csv"
+    poses.write_text("pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg\n1,0,0,0,0,0\n2,5,0,0,0,0\n")
+    words = [
+        "measure",
+        poses,
+        "--robot",
+        "lerobot:so101_follower",
+        "--tracker",
+        "dtrack:45991",
+        "-o",
+        tmp_path / "d.csv",
+    ]
+    said = stderr_of(*words)
+    assert "LeRobot is not installed here" in said or "missing" in said

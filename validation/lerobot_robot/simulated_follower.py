@@ -1,0 +1,110 @@
+"""LeRobot's robots over the simulated bus, made by LeRobot from a command line's words as its own commands do."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import draccus
+import numpy as np
+from lerobot.robots.config import RobotConfig
+from lerobot.robots.utils import make_robot_from_config
+from lerobot.utils.import_utils import register_third_party_plugins
+
+from lrm_math.arrays import Array
+from lrmd.sim.control_socket import query_board
+
+MOTORS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
+ROBOT_ID = "simulated"
+SPEED = 10.0
+"""Of the simulated clock."""
+TRIES = 20
+Answer = TypeVar("Answer")
+
+
+@dataclass
+class Parsed:
+    """What LeRobot's commands parse, as far as it is needed."""
+
+    robot: RobotConfig
+
+
+@contextmanager
+def simulated_so101(folder: Path, effect: str, seed: int) -> Iterator[Path]:
+    """Runs the bus; yields its serial device."""
+    link = folder / "so101"
+    words = [sys.executable, "-m", "examples.so101", str(link), effect, str(seed), str(SPEED)]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        if not process.stdout.readline():
+            raise RuntimeError(f"the simulated bus ended with exit code {process.wait()}")
+        yield link
+    finally:
+        process.terminate()
+        process.wait()
+
+
+@contextmanager
+def follower(link: Path, kind: str, **options: str) -> Iterator[Any]:
+    """A connected robot of a type that LeRobot knows or finds, with its motors' calibration file."""
+    register_third_party_plugins()
+    swept = {
+        name: {"id": number, "drive_mode": 0, "homing_offset": 0, "range_min": 1, "range_max": 4095}
+        for number, name in enumerate(MOTORS, start=1)
+    }
+    (link.parent / f"{ROBOT_ID}.json").write_text(json.dumps(swept))
+    given = {"type": kind, "port": str(link), "id": ROBOT_ID, "calibration_dir": str(link.parent), **options}
+    config = draccus.parse(Parsed, args=[f"--robot.{name}={value}" for name, value in given.items()]).robot
+    robot = make_robot_from_config(config)
+    patiently(robot, lambda: _connect(robot))
+    patiently(robot, lambda: robot.bus.write_calibration(robot.calibration))
+    try:
+        yield robot
+    finally:
+        patiently(robot, robot.disconnect)
+
+
+def rest_at(robot: Any, link: Path, angles: Array) -> tuple[dict[str, Any], Array]:
+    """Sends joint angles (n,), rad, waits until nothing moves; what was sent, and the true tip (3,), m."""
+    goals = query_board(link, "joints")["goals"]
+    action = {f"{name}.pos": float(q) for name, q in zip(MOTORS, np.degrees(angles), strict=False)}
+    sent = patiently(robot, lambda: robot.send_action({**action, "gripper.pos": 50.0}))
+    while (joints := query_board(link, "joints"))["moving"] or joints["goals"] == goals:
+        time.sleep(0.02)
+    return sent, np.array(query_board(link, "tip")["tip_m"])
+
+
+def patiently(robot: Any, ask: Callable[[], Answer]) -> Answer:
+    """Asks again where a busy machine made LeRobot's 50 ms for an answer too short, without what came too late.
+
+    The simulated bus answers one request after the other: once it has answered two at its other door, all that
+    were sent on the wire before are answered.
+    """
+    for _ in range(TRIES - 1):
+        try:
+            return ask()
+        except (ConnectionError, RuntimeError):
+            for _ in range(2):
+                query_board(Path(robot.bus.port), "joints")
+            if robot.bus.port_handler.is_open:
+                robot.bus.port_handler.ser.reset_input_buffer()
+    return ask()
+
+
+def _connect(robot: Any) -> None:
+    if robot.is_connected:
+        robot.bus.port_handler.closePort()
+    robot.connect(calibrate=False)
+
+
+def angles_of(values: Mapping[str, Any]) -> Array:
+    """(n,), rad, of the joints in an action or an observation."""
+    return np.radians([float(values[f"{name}.pos"]) for name in MOTORS[:-1]])
