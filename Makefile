@@ -9,7 +9,7 @@ MINUTES ?= 10
 HOURS ?= 24
 TARGETS ?= manylinux_2_17_x86_64 manylinux_2_17_aarch64 macosx_11_0_x86_64 macosx_11_0_arm64 win_amd64 win_arm64
 SIDE_BY_SIDE := -n 2 --dist worksteal
-UNITS := --ignore tests/system --ignore tests/package --ignore tests/ident/workbench/test_in_browser.py
+UNITS := --ignore tests/system --ignore tests/package --ignore-glob '*_in_browser.py'
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
@@ -48,7 +48,7 @@ quick: setup ## the unit tests that are not marked slow, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
 
 browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (about a minute)
-	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/ident/workbench/test_in_browser.py
+	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/ident/workbench/*_in_browser.py
 
 lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .

@@ -52,6 +52,15 @@ print(f"held out: {first.held_out.error.mean * 1e3:.2f} -> {second.held_out.erro
 print("and now:", better.diagnose().verdict)
 
 # %% [markdown]
+# ## Show it
+#
+# Results draw themselves where they are the last line of a cell; `view` is the page of `lrm-ident report`.
+
+# %%
+page = better.view()
+page  # noqa: B018, the last line of a cell is what is shown
+
+# %% [markdown]
 # ## Use the model
 #
 # `save` writes the file that `lrm-ident` and the daemon read.

@@ -39,11 +39,11 @@ from lrm_ident.fitting.priors import load_rates
 from lrm_ident.report.diagnosis import (
     course_document,
     diagnosis_document,
-    effect_blocks,
     selftest_document,
     step_blocks,
     step_document,
 )
+from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import HeldOutResidual

@@ -91,7 +91,7 @@ def joint_names(joints: Sequence[str]) -> dict[str, str]:
 
 
 def bare_names(text: str) -> Iterator[str]:
-    """What a column may be called, without its unit and the word for a position."""
+    """Names that a column may have, without its unit and the word for a position."""
     for words, _ in _readings(text):
         yield from (words, words.removesuffix("pos"))
 

@@ -72,7 +72,8 @@ class AdaptiveFindings:
     def reached(self, goal: StoppingGoal) -> bool:
         """Whether enough is known."""
         close = goal.error is None or self.bound <= goal.error
-        sure = all(len(names) == 1 for names in self.named) and self.verdict == "nothing_missing"
+        quiet = self.verdict in ("nothing_missing", "noise_unknown")
+        sure = quiet and all(len(names) == 1 for names in self.named)
         return close and (sure or not goal.explain)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
 from lrm_ident.diagnosis.score_test import ScoredCandidate
@@ -48,7 +49,7 @@ class AutoStep:
 
 
 @dataclass(frozen=True, eq=False)
-class AutoRun:
+class AutoRun(ShownInNotebook):
     """A run of `auto`: its steps, and the confirmed that ended it."""
 
     steps: tuple[AutoStep, ...]
@@ -112,7 +113,7 @@ def run_auto(
 
 @dataclass(frozen=True, eq=False)
 class _Added:
-    """What a step adds: its name, what it cannot be told from, what it refines, and all keys that are then free."""
+    """Addition of a step: its name, what it cannot be told from, what it refines, and all keys that are then free."""
 
     name: str
     equivalent: tuple[str, ...]

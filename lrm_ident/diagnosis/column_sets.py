@@ -42,12 +42,12 @@ class Stack:
 
     @property
     def places(self) -> slice:
-        """Where they stand among all sets in the order of columns."""
+        """Their places among all sets in the order of columns."""
         return slice(self.place, self.place + len(self.numbers))
 
     @property
     def columns(self) -> slice:
-        """Where their columns stand."""
+        """Places of their columns."""
         return slice(self.start, self.start + len(self.numbers) * self.size)
 
 
@@ -101,7 +101,7 @@ class ColumnSets:
         return np.concatenate([stack.numbers for stack in self.stacks])
 
     def products(self, parts: Sequence[Split], other: ColumnSets) -> list[Array]:
-        """For each part (m, M), products of the columns of the other, a single set, with these over the rows of the
+        """Products for each part (m, M) of the columns of the other, a single set, with these over the rows of the
         estimate, without what is explained of both."""
         whole = other.columns.T @ self.columns
         return [
@@ -122,7 +122,7 @@ class ColumnSets:
         return found
 
     def with_explained(self, rows: Sequence[Array]) -> ColumnSets:
-        """With their amounts (k, M) along further directions of each part explained too."""
+        """The sets with their amounts (k, M) along further directions of each part explained too."""
         less = []
         for stack, gram in zip(self.stacks, self.grams, strict=True):
             taken = np.stack([by_set(part, stack) for part in rows])
@@ -148,7 +148,7 @@ def stacks_of(sizes: Sequence[int]) -> tuple[Stack, ...]:
 
 
 def columns_of(stacks: Sequence[Stack]) -> dict[int, slice]:
-    """Where the columns of each set stand, by its number."""
+    """Places of the columns of each set, by its number."""
     return {
         int(number): slice(stack.start + i * stack.size, stack.start + (i + 1) * stack.size)
         for stack in stacks

@@ -1,15 +1,20 @@
 """Confirmation of a diagnosis for `diagnose`, `add` and `auto`: the best candidates refitted in full, cross-validated.
 
 Screening (`diagnose`) is linear. The first that it supports is refitted here with everything else free, as `add` does
-it, and counts only if the held-out error falls by more than its standard error says; else the next one is tried.
+it, and counts only if its own parameters differ from zero and the held-out error falls by more than its standard error
+says; else the next one is tried.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.special import chdtrc
+
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.score_test import ScoredCandidate
@@ -17,7 +22,7 @@ from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.better_prediction import predicts_better
-from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_ident.residual.thresholds import EQUIVALENT_GAIN, MIN_GAIN, WITHIN_TWO_DEVIATIONS
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
@@ -48,12 +53,14 @@ class ConfirmedDiagnosis:
         blocks: the model as it is, cross-validated.
         refit: with the first supported effect; None if nothing is supported.
         supported: effects that are there as far as these data show, the one to add first.
+        refused: for each one whose refit did not confirm it, why.
     """
 
     diagnosis: Diagnosis
     blocks: tuple[HeldOutBlock, ...]
     refit: Refit | None
     supported: tuple[ScoredCandidate, ...]
+    refused: Mapping[str, str]
 
     @property
     def held_out(self) -> Array:
@@ -80,6 +87,8 @@ def confirm(
 ) -> ConfirmedDiagnosis:
     """Refits the supported effects in turn until one predicts better.
 
+    What saves far less than one that was refused had promised is no name for it: that is structure.
+
     Args:
         blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
         on_progress: called with what is being done.
@@ -89,19 +98,52 @@ def confirm(
         on_progress("cross-validating the model as it is")
         blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
     supported = tuple(scored for scored in diagnosis.supported if scored.name not in refused)
+    reasons = dict.fromkeys(refused, "a model with it could not be gone on with")
+    promised, of = 0.0, ""
     for number, scored in enumerate(supported):
         on_progress(f"refitting with {scored.name}")
-        refit = _refit(diagnosis, scored)
-        if refit is not None and predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
-            return ConfirmedDiagnosis(diagnosis, blocks, refit, supported[number:])
-    return ConfirmedDiagnosis(diagnosis, blocks, None, ())
+        try:
+            refit = _refit(diagnosis, scored)
+        except LrmError as error:
+            reasons[scored.name] = f"it could not be refitted: {error}"
+            continue
+        reason = _objection(scored, refit, blocks)
+        if not reason and _share_saved(squared(refit.blocks), squared(blocks)) >= EQUIVALENT_GAIN * promised:
+            return ConfirmedDiagnosis(diagnosis, blocks, refit, supported[number:], reasons)
+        reasons[scored.name] = reason or f"it saves far less than {of} promised, which its refit refused"
+        saved = _share_saved(scored.alone.held_out, diagnosis.squared_held_out)
+        if reason and saved > promised:
+            promised, of = saved, scored.name
+    return ConfirmedDiagnosis(diagnosis, blocks, None, (), reasons)
 
 
-def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit | None:
-    """The refit, held out as it was fitted; None if it does not converge."""
-    try:
-        effect, data, loss = scored.candidate.effect, diagnosis.data, diagnosis.loss
-        fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
-        return Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
-    except LrmError:
-        return None
+def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit:
+    """The refit, held out as it was fitted. Raises `LrmError`: it does not converge."""
+    effect, data, loss = scored.candidate.effect, diagnosis.data, diagnosis.loss
+    fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
+    return Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
+
+
+def _share_saved(then: Array, now: Array) -> float:
+    """Share of the mean square (N,) that is saved."""
+    return 1.0 - float(then.mean() / now.mean())
+
+
+def _objection(scored: ScoredCandidate, refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> str:
+    """Why a refit does not confirm a candidate; empty if it does."""
+    effect, rows = scored.candidate.effect, scored.candidate.rows
+    if zero_p_value(refit.fit, [effect.keys[row] for row in rows]) > WITHIN_TWO_DEVIATIONS:
+        return "refitted, its own parameters lie within two standard deviations of zero"
+    if predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
+        return ""
+    before, after = error_stats(held_out_rows(blocks)).rms, refit.error.rms
+    return f"refitted, it does not surely predict better: {in_mm(before)} mm held out, {in_mm(after)} with it"
+
+
+def zero_p_value(fitted: Fit, keys: Collection[str]) -> float:
+    """Probability of such estimates of some parameters if all of them are zero (Wald 1943); 1 if none was fitted."""
+    rows = [row for row, key in enumerate(fitted.model.free) if key in keys and key not in fitted.at_bound]
+    if not rows:
+        return 1.0
+    z = np.array([fitted.model.value(fitted.model.free[row]) for row in rows]) / fitted.standard_error[rows]
+    return float(chdtrc(len(rows), z @ np.linalg.pinv(fitted.correlation[np.ix_(rows, rows)], hermitian=True) @ z))

@@ -10,7 +10,7 @@ Of thousands of poses a part is screened, drawn at random, with those that the f
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.diagnosis.add_effect import free_base_parameters
 from lrm_ident.diagnosis.candidates import REFINEMENT, differentiate_candidates, split_testable, unfitted_effects
 from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.score_test import ScoredCandidate, score_candidates
+from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_ident.fitting.identifiability import some_rows
@@ -36,16 +38,17 @@ from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOIS
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.derivatives import Response, parameter_jacobian
+from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
 MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
-Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable"]
+Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable", "noise_unknown"]
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What a model misses on measurements.
+    """Diagnosis of a model on measurements: the effects that it misses.
 
     Attributes:
         fit, data: of all N poses. screened: (n,), rows of those that were screened, all of few; below for these only.
@@ -54,7 +57,8 @@ class Diagnosis:
         selected: by forward selection, in that order, spurious ones included.
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
         joint_jacobian: (joints, 3, n), motion of the TCP for a unit rotation of each joint (m/rad).
-        outliers: numbers of the poses left out. loss: of every fit.
+        outliers: numbers of the poses left out. shifted: rows that carry another row's position.
+        loss: of every fit.
     """
 
     fit: Fit
@@ -71,6 +75,7 @@ class Diagnosis:
     joint_jacobian: Array
     screened: NDArray[np.int64]
     outliers: tuple[int, ...] = ()
+    shifted: tuple[ShiftedRows, ...] = ()
     loss: Loss = SQUARED
 
     @property
@@ -95,6 +100,8 @@ class Diagnosis:
         matters = structure.moran_i > MORAN_THRESHOLD if floor is None else self.fit.sigma > FLOOR_RATIO * floor
         if significant and matters:
             return "unexplained_structure"
+        if floor is None:
+            return "noise_unknown"
         return "unpredictable" if self.above_floor else "nothing_missing"
 
     @property
@@ -116,6 +123,8 @@ def diagnose(
 ) -> Diagnosis:
     """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
 
+    Without outliers the data may tell more: what they tell then is freed before any effect is tried.
+
     Args:
         rates: how often arms of this kind have each effect, where that is known.
 
@@ -132,8 +141,12 @@ def diagnose(
         left_out += numbers
         before, rest = found.fit.model, found.data.without(numbers)
         del found  # it holds the columns of every candidate
+        before = free_base_parameters(fit(before, rest, loss=loss), rest, loss).model  # before any name
         found = _score(before, rest, kinds, progress, loss)
-    return _select(found, progress, rates, tuple(sorted(left_out)))
+    selected = _select(found, progress, rates)
+    if not left_out:
+        return selected
+    return replace(selected, outliers=tuple(sorted(left_out)), shifted=_shifted(selected, data))
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +184,7 @@ def _score(
     return _Scores(whole, data, screened, weigh, linear, response, ranked, (*not_testable, *undetectable))
 
 
-def _select(scores: _Scores, progress: OnProgress, rates: EffectRates | None, outliers: tuple[int, ...]) -> Diagnosis:
+def _select(scores: _Scores, progress: OnProgress, rates: EffectRates | None) -> Diagnosis:
     whole, data, linear, ranked = scores.fit, scores.data, scores.linear, scores.ranked
     fitted, part = whole.take(scores.screened), data.take(scores.screened)
     floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
@@ -197,9 +210,17 @@ def _select(scores: _Scores, progress: OnProgress, rates: EffectRates | None, ou
         not_testable=scores.not_testable,
         joint_jacobian=joint_jacobian[:, :3],
         screened=scores.screened,
-        outliers=outliers,
         loss=whole.loss,
     )
+
+
+def _shifted(found: Diagnosis, data: Measurements) -> tuple[ShiftedRows, ...]:
+    """The blocks of all measured rows that carry the position of a neighbouring row."""
+    predicted = np.full((len(data), 3), np.nan)
+    rest, rows = batch_equilibrium(found.fit.model, data.poses)
+    predicted[rows] = rest.tcp
+    limit = 2 * OUTLIER_DISTANCE * robust_scale(np.linalg.norm(found.fit.residual, axis=1))
+    return shifted_rows(data.pose, data.tcp, predicted, limit)
 
 
 def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:

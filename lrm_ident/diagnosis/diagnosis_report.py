@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.wording import fall, in_mm, quantity
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
@@ -58,7 +59,7 @@ class RankedCandidate:
 
 
 @dataclass(frozen=True, eq=False)
-class DiagnosisReport:
+class DiagnosisReport(ShownInNotebook):
     """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
 
     `left`: what could be predicted without names. `hints`: what the estimates look like together, no effects.
@@ -81,7 +82,7 @@ class DiagnosisReport:
 
     @property
     def far_rows(self) -> tuple[int, ...]:
-        """Where more than noise is left without a name: rows far from what the others show, the farthest first."""
+        """Rows with more than noise left and no name: those far from what the others show, the farthest first."""
         if self.verdict not in ("unexplained_structure", "unpredictable"):
             return ()
         fit = self.diagnosis.fit
@@ -102,10 +103,11 @@ def report_of(confirmed: ConfirmedDiagnosis) -> DiagnosisReport:
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks)
     before = error_stats(confirmed.held_out)
-    more = confirmed.verdict in ("nothing_missing", "unpredictable") and left.predictable.more_to_find
+    quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
+    more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")
     return DiagnosisReport(
         diagnosis=diagnosis,
-        verdict="unexplained_structure" if more else confirmed.verdict,
+        verdict="unexplained_structure" if more or (quiet and left.regimes) else confirmed.verdict,
         fit=error_stats(diagnosis.fit.residual),
         held_out=before,
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
@@ -132,8 +134,8 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    refused = "with the effects above there is no need of it" if supported else "no refit confirmed what was selected"
-    why = f"alone it would leave {in_mm(rms)} mm, but {refused}"
+    other = "with the effects above there is no need of it" if supported else "no refit confirmed what was selected"
+    why = f"alone it would leave {in_mm(rms)} mm, but {confirmed.refused.get(scored.name, other)}"
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
         better = f"the held-out error falls {fall(before.rms, rms)} mm"
@@ -170,7 +172,7 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     """The effect's claim with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`."""
     effect = scored.candidate.effect
     units = {p.name: p.unit for p in effect.parameters}
-    words = {name: _with_unit(value, error, units[name]) for name, value, error in estimates}
+    words = {name: with_unit(value, error, units[name]) for name, value, error in estimates}
     numbers = {p.name: words.get(p.name, "0") for p in effect.parameters}
     sentence = effect.about.claim
     claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
@@ -182,9 +184,11 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     return f"{claim} ({surest_values}{f' and {len(words) - MOST_WORDS} more' if len(words) > MOST_WORDS else ''})"
 
 
-def _with_unit(value: float, error: float, unit: str) -> str:
+def with_unit(value: float, error: float | None, unit: str) -> str:
+    """An estimate with its standard error, if it has one, in the unit that is shown, for instance `2.3 ± 0.1°`."""
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
-    return f"{quantity(value * scale, error * scale)}{symbol}"
+    number = f"{value * scale:.3g}" if error is None else quantity(value * scale, error * scale)
+    return f"{number}{symbol}"
 
 
 def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:

@@ -147,8 +147,8 @@ def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
 
 
 def _parsimonious(choices: Sequence[Choice], standing: Mapping[str, int], count: int) -> Sequence[Choice]:
-    """Where a plain effect is the most helpful: it, and what the Bayesian information criterion of `count` coordinates
-    does not speak very strongly against in its favour (Schwarz 1978). Else all: many parameters beside many."""
+    """The plain effect, where one is the most helpful, and what the Bayesian information criterion (of `count`
+    coordinates) does not speak very strongly against in its favour (Schwarz 1978). Else all: many beside many."""
 
     def criterion(choice: Choice) -> float:
         return float(count * np.log(choice[0].in_sample) + choice[1].size * np.log(count))

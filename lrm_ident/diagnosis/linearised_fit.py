@@ -28,7 +28,7 @@ AT_ONCE = 256  # columns that the fitted parameters are projected out of togethe
 
 @dataclass(frozen=True, eq=False)
 class LinearEstimate:
-    """What columns explain.
+    """Linear estimate of columns.
 
     Attributes:
         theta: (m,), estimate in typical sizes. error: (m,), its standard error, at most the prior's.
@@ -155,11 +155,11 @@ class LinearisedFit:
         return LinearEstimate(np.zeros(0), np.zeros(0), float(left[0] @ left[0]), self._by_pose(left)[0])
 
     def explain(self, sets: ColumnSets | None = None) -> LinearEstimate:
-        """What a set of columns explains (nothing: the fit as it is)."""
+        """Linear estimate of a set of columns (none: the fit as it is)."""
         return self.now if sets is None else self.explain_each(sets)[0]
 
     def explain_each(self, sets: ColumnSets) -> list[LinearEstimate]:
-        """What each set alone explains beside the fit."""
+        """Linear estimate of each set alone beside the fit."""
         sets = self.up_to_date(sets)
         theta, inverse = self._estimates(sets)
         left = []
@@ -250,7 +250,7 @@ def principal_cosine(a: Array, b: Array) -> float:
 
 
 def cosine_of_bases(a: Array, b: Array) -> float:
-    """As `principal_cosine`, of orthonormal columns."""
+    """`principal_cosine` of orthonormal columns."""
     small, large = sorted((a, b), key=lambda basis: basis.shape[1])
     if not small.shape[1]:
         return 0.0

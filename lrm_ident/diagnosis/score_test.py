@@ -80,7 +80,7 @@ def score_candidates(
 
 
 def _tried(found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights) -> Iterator[tuple[Candidate, Trials]]:
-    """What every candidate explains alone at each of its shapes; `AT_ONCE` columns or more are projected together."""
+    """Estimate of every candidate alone at each of its shapes; `AT_ONCE` columns or more are projected together."""
     ends = np.cumsum([len(one.rows) * len(one.shapes) for one in found])
     for number in np.unique(ends // AT_ONCE):
         together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]

@@ -77,7 +77,7 @@ def _workers(most: int) -> int:
 
 
 def rounds_of(tasks: int) -> int:
-    """How many times as long some equal tasks take on this machine as one of them."""
+    """Ratio of the time of some equal tasks on this machine to that of one of them."""
     return -(-tasks // _workers(tasks))
 
 

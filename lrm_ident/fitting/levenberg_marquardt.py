@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.registration.degenerate_fit import check_arm
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.objective import Iterate, NoiseScale, NoiseUpdate, Objective
@@ -48,7 +49,7 @@ class FitNotConverged(LrmError):
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(ShownInNotebook):
     """A fitted model.
 
     Attributes:

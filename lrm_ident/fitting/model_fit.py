@@ -60,7 +60,7 @@ def fit_model(
 
 
 def _left(found: Fit, data: Measurements) -> str:
-    """What a fit without parameters leaves, and of which poses, if few are far from what the others show."""
+    """Residual of a fit without parameters, and of which poses, if few are far from what the others show."""
     stats, far = error_stats(found.residual), data.pose[list(found.outliers)].tolist()
     left = f"{stats.rms * 1e3:.1f} mm RMS are left"
     if not 0 < len(far) < FEW * len(data):

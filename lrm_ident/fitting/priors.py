@@ -164,7 +164,7 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
 
 
 SET_UP = f"{Anchor.id}."
-"""Of the keys of parameters of the measurement."""
+"""Prefix of the keys of parameters of the measurement."""
 WEAK = "vague"
 """Name of the shipped prior that `weak_prior` is."""
 WEAK_SD = 3.0  # typical sizes

@@ -37,6 +37,11 @@ class EffectRate:
     low: float
     high: float
 
+    @property
+    def words(self) -> str:
+        """For instance `3 of 3 arms (of the kind: 29 to 99 %)`: what was seen, and what that says of arms not seen."""
+        return f"{self.found:.3g} of {self.arms} arms (of the kind: {100 * self.low:.0f} to {100 * self.high:.0f} %)"
+
 
 def effect_rates(steps: Sequence[Sequence[Sequence[str]]], tested: Sequence[Sequence[str]]) -> tuple[EffectRate, ...]:
     """Rates of all effects that some arm could show, most frequent first.

@@ -47,7 +47,7 @@ def _effects(records: tuple[ArmRecord, ...], known: FleetKnowledge | str) -> lis
     for name in sorted(count, key=lambda one: (-count[one], one)):
         words = f"{name}<br>{count[name]} arms"
         if (rate := rates.get(name)) is not None:
-            words = f"{name}<br>{100 * rate.rate:.0f} % ({100 * rate.low:.0f} to {100 * rate.high:.0f})"
+            words = f"{name}<br>{rate.words}"
         out.append({"name": name, "words": words})
     return out
 

@@ -13,7 +13,7 @@ from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAc
 from lrm_ident.design.pose_selection import PoseSelection
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.fit import in_mm
-from lrm_ident.report.symbols import symbol
+from lrm_ident.report.names.symbols import symbol
 from lrm_math.effects import Effect
 from lrm_math.model.model import Model
 

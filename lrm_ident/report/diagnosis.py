@@ -1,4 +1,4 @@
-"""Reports of `diagnose`, `auto`, `selftest` and `effects`: the verdict, the ranking, what the data cannot show."""
+"""Reports of `diagnose`, `auto` and `selftest`: the verdict, the ranking, what the data cannot show."""
 
 from __future__ import annotations
 
@@ -16,13 +16,11 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidat
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.fit import error_blocks, parameter_table
-from lrm_ident.report.predictable_residual import left_blocks, left_values, noise_words
 from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.step import StudyStep
-from lrm_math.arm.arm_file import load_arm, shipped_arms
-from lrm_math.effects import Effect, Parameter, compensable, split_name
-from lrm_math.effects.targets import Kind, kind_of, slot_of
+from lrm_math.effects import Effect, compensable
 
 SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED, BAR = 8, 4, 4, 30, 24
 VERDICTS = {
@@ -30,9 +28,9 @@ VERDICTS = {
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
     "unexplained_structure": "There is structure left that no known effect explains.",
     "unpredictable": "Something is missing that follows no pose, load or order we know",
+    "noise_unknown": "Nothing that we know predicts what is left. Whether something is missing cannot be known",
 }
 OUTCOMES = {"found": "● found", "one of a class": "◐ one of a class", "missed": "○ missed", "wrong": "✕ wrong"}
-OFFLINE = "explains a measurement session; never deployed silently"
 MARKS = {"supported": "● supported", "indistinguishable": "◐ one of a class", "no_evidence": "○ no evidence"}
 
 
@@ -68,6 +66,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
             for function, rms in found.unexplained.ranking
         ],
         "outliers": found.outliers,
+        "shifted": [one.sentence for one in found.shifted],
         "far_poses": [int(found.data.pose[row]) for row in report.far_rows],
         "audit": report.limitations,
         "hints": report.hints,
@@ -100,6 +99,7 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         blocks += section("\nIts anatomy: what it acts like, and what that follows", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}")
+    blocks += [f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in found.shifted]
     blocks += section("\nHints that are no effects", report.hints)
     blocks += section("\nWhat these data cannot show", report.limitations)
     if refused := tuple(_untestable(found.not_testable)):
@@ -125,6 +125,12 @@ def _verdict(report: DiagnosisReport) -> str:
         return (
             f"{VERDICTS[report.verdict]}: the error is {sigma / floor:.2f} times the noise. It may be creep, something "
             "loose, a target that moved, or noise larger than said; with more poses it may show what it follows."
+        )
+    if report.verdict == "noise_unknown":
+        bound = report.left.predictable.noise_bound
+        return (
+            f"{VERDICTS[report.verdict]}: the noise is not known, and at most {in_mm(bound)} mm. Measure five poses "
+            "twice or more (column repeat_of), or state the instrument's noise (noise_sd_mm), and ask again."
         )
     return VERDICTS[report.verdict]
 
@@ -262,40 +268,23 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
     return Document(blocks, "lrm/selftest/1", {"poses": poses, "trials": records})
 
 
-def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
-    """Explanation of one effect; in full, with source, places and parameters."""
-    yield Text.assemble((kind.id, "bold"), f": {kind.about.cause}")
-    yield f"    {kind.about.formula}"
-    if kind.variant_of:
-        plain = dict.fromkeys(split_name(name)[0] for name in kind.variant_of)
-        yield f"    another form of {' and '.join(plain)}, fitted beside it"
-    if in_full:
-        arm = load_arm(next(iter(shipped_arms())))
-        effect = kind(arm, kind.places(arm)[0])
-        yield f"    source: {kind.about.source}"
-        yield f"    needs: {kind.about.needs or 'nothing special'}"
-        yield "    " + ("the rover can compensate it" if compensable(kind) else OFFLINE)
-        yield f"    places on {arm.name}: {', '.join(kind.places(arm))}"
-        yield f"    acts on: {_acts_on(effect)}"
-        yield f"    parameters, for instance at {effect.place}:"
-        yield from (f"      {_parameter(parameter)}" for parameter in effect.parameters)
+def left_blocks(left: PredictableResidual) -> list[Block]:
+    """One sentence on what could be predicted, and one on each regime."""
+    regimes = section("\nWhere what is left is concentrated", (regime.sentence for regime in left.regimes))
+    return [left.predictable.sentence, *regimes]
 
 
-def _acts_on(effect: Effect) -> str:
-    """The motions it causes, or the other hook that it uses, at one place."""
-    on = ", ".join(map(slot_of, effect.targets))
-    acts = {
-        Kind.MOTION: f"turns or shifts {on}",
-        Kind.LOAD: f"loads {on}",
-        Kind.WEIGHT: "changes the weight of a body",
-        Kind.FRAME: "what the tracker sees",
-        Kind.ANCHOR: "where distances are measured from",
-    }[kind_of(effect)]
-    return f"{acts}; depends on the load on {', '.join(effect.load_slots)}" if effect.load_slots else acts
+def left_values(left: PredictableResidual) -> dict[str, object]:
+    """The entries `nameless`, `noise_bound_rms_mm` and `regimes` of a diagnosis."""
+    return {
+        "nameless": left.predictable,
+        "noise_bound_rms_mm": left.predictable.noise_bound * 1e3,
+        "regimes": left.regimes,
+    }
 
 
-def _parameter(parameter: Parameter) -> str:
-    typical = f"typically {parameter.typical / parameter.si:g}"
-    bounds = f", at least {parameter.lower / parameter.si:g}" if np.isfinite(parameter.lower) else ""
-    shape = "" if parameter.fixed is None else ", a shape: searched, not fitted"
-    return f"{parameter.name}: {parameter.meaning} ({typical}{bounds}{shape})"
+def noise_words(floor_mm: float | None, source: str, left: PredictableResidual) -> str:
+    """The noise floor, or its upper bound where it is not known."""
+    if floor_mm is None:
+        return f"unknown (at most {in_mm(left.predictable.noise_bound)} mm: the rest can be predicted)"
+    return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

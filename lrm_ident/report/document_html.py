@@ -22,7 +22,7 @@ def blocks_html(blocks: Iterable[Block]) -> str:
 def table_html(table: ResultTable) -> str:
     """One table; columns with a format are flush right."""
     right = ["|" in column for column in table.columns]
-    head = "".join(f'<th scope="col"{_side(r)}>{escape(name)}</th>' for name, r in zip(table.names, right, strict=True))
+    head = "".join(_head(name, r) for name, r in zip(table.names, right, strict=True))
     rows = "".join(
         "<tr>" + "".join(f"<td{_side(r)}>{escape(cell)}</td>" for cell, r in zip(row, right, strict=True)) + "</tr>"
         for row in table.text()
@@ -47,6 +47,11 @@ def _list(section: ListSection) -> str:
     rest = "".join(lines[OPEN:])
     more = f"<details><summary>{len(lines) - OPEN} more</summary><ul>{rest}</ul></details>" if rest else ""
     return f"<h4>{title}</h4><ul>{''.join(lines[:OPEN])}</ul>{more}"
+
+
+def _head(name: str, right: bool) -> str:
+    """The head of a column; one without a name is no header."""
+    return f'<th scope="col"{_side(right)}>{escape(name)}</th>' if name else f"<td{_side(right)}></td>"
 
 
 def _side(right: bool) -> str:

@@ -93,7 +93,7 @@ def fit_document(
 
 
 def _lost(fit: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> list[Block]:
-    """What a fit cannot tell because of a few poses, and how to leave them out."""
+    """Parameters that a fit cannot tell because of a few poses, and how to leave them out."""
     lost = lost_to_outliers(fit, held, data)
     if not lost:
         return []
@@ -153,7 +153,7 @@ def _rows_outside(found: ModelComparison) -> list[int]:
 
 
 def _outside(found: ModelComparison) -> str:
-    """How many poses lie outside that range, and the error there and within; empty if none does."""
+    """Number of poses outside that range, and the error there and within; empty if none does."""
     within, rows = found.rest.model.within, _rows_outside(found)
     if within is None or not rows:
         return ""

@@ -9,12 +9,24 @@ from lrm_math.model.model_file import HistoryTable, ModelFile
 POSES_SHOWN = 20
 
 
+HASH_SHOWN = 8
+"""Digits of a data set's SHA-256 that are shown: enough to tell data sets of one person apart."""
+
+
+def data_of(entry: HistoryTable) -> str:
+    """First digits of the SHA-256 of the data that a step's errors are of; "" where that is not known."""
+    return "" if entry.provenance is None else entry.provenance.data_sha256[:HASH_SHOWN]
+
+
 def history_table(file: ModelFile) -> ResultTable:
-    """Every step of a model's history with its error in the fit and held out."""
+    """Every step of a model's history with its error in the fit and held out, and the data that these are of."""
     known = [value for entry in file.history for value in (entry.fit_rms_mm, entry.held_out_rms_mm) if value]
     spec = f".{decimals(*known)}f"
-    rows = [(number, entry.step, entry.fit_rms_mm, entry.held_out_rms_mm) for number, entry in enumerate(file.history)]
-    columns = ("|", "step", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}")
+    rows = [
+        (number, entry.step, entry.fit_rms_mm, entry.held_out_rms_mm, data_of(entry))
+        for number, entry in enumerate(file.history)
+    ]
+    columns = ("|", "step", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}", "data (SHA-256)")
     return ResultTable(columns, rows, "Steps")
 
 
@@ -52,4 +64,5 @@ def _values(entry: HistoryTable) -> dict[str, object]:
         "step": entry.step,
         "fit_rms_mm": entry.fit_rms_mm,
         "held_out_rms_mm": entry.held_out_rms_mm,
+        "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
     }

@@ -14,6 +14,7 @@ from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.history import history_table, history_values, provenance_table
 from lrm_ident.report.plots.interactive.candidate_view import CandidateView, candidate_view
+from lrm_ident.report.step_card import StepCard, StepJudgement, judgement, step_cards
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.error_field import ErrorField, error_field
@@ -35,6 +36,7 @@ class ModelReport:
         comparison, diagnosis: what the commands of these names print; None as long as they are not done.
         candidates: the best ones beside the data, in the order of the ranking.
         marked: numbers of the poses to look at, by why: worst, outliers, far poses, regimes of larger error.
+        cards: of the steps after the first. judged: by number of the step, the diagnosis that came after it.
     """
 
     file: ModelFile
@@ -46,6 +48,8 @@ class ModelReport:
     diagnosis: Document | None = None
     candidates: tuple[CandidateView, ...] = ()
     marked: Mapping[str, tuple[int, ...]] | None = None
+    cards: tuple[StepCard, ...] = ()
+    judged: Mapping[int, StepJudgement] | None = None
 
     @property
     def history(self) -> ResultTable:
@@ -61,6 +65,12 @@ class ModelReport:
     def verdict(self) -> str:
         """The diagnosis's verdict in words; nothing as long as there is none."""
         return "" if self.diagnosis is None else str(self.diagnosis.blocks[0])
+
+    @property
+    def floor_mm(self) -> float | None:
+        """RMS of the noise floor, where a diagnosis knows one."""
+        known = None if self.diagnosis is None else self.diagnosis.values["noise_floor_rms_mm"]
+        return known if isinstance(known, float) else None
 
     def document(self) -> Document:
         """Result of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
@@ -81,16 +91,25 @@ def quick_report(study: Study) -> ModelReport:
     """Report that costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
     file, model, data = study.file, study.model, study.data
     models = [(name, to_model(data.path, one, model.arm, study.catalogue)) for name, one in models_of_history(file)]
-    field = error_field(data, models)
+    arrows = error_field(data, models)
     known = covariates(data, equilibrium(model, data.poses).joint_torque)
+    drawn = tuple(one.take(arrows.rows) for one in known)
     errors = {key: sd * models[-1][1].parameters[models[-1][1].position(key)].si for key, sd in file.sigma.items()}
     return ModelReport(
         file=file,
-        poses=data.take(field.rows),
-        field=field,
-        covariates=tuple(one.take(field.rows) for one in known),
+        poses=data.take(arrows.rows),
+        field=arrows,
+        covariates=drawn,
         parameters=estimate_table(models[-1][1], errors),
+        cards=step_cards(file, [one for _, one in models], arrows, drawn),
     )
+
+
+def after_step(found: ModelReport, before: ModelReport) -> ModelReport:
+    """A report of a model after a step from another, whose diagnosis is kept beside the step."""
+    if before.diagnosis is None:
+        return replace(found, judged=before.judged)
+    return replace(found, judged={**(before.judged or {}), len(before.file.history) - 1: judgement(before.diagnosis)})
 
 
 def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelReport:

@@ -33,14 +33,14 @@ class Covariate:
 
     @property
     def symbol(self) -> str:
-        """For instance `q2`, `tau2`, `load`."""
+        """Symbol, for instance `q2`, `tau2`, `load`."""
         if self.joint is None:
             return self.kind
         return f"{'q' if self.kind == 'angle' else 'tau'}{self.joint + 1}"
 
     @property
     def name(self) -> str:
-        """For instance `angle of joint 2`."""
+        """Name in words, for instance `angle of joint 2`."""
         return NAMES[self.kind] if self.joint is None else f"{self.kind} of joint {self.joint + 1}"
 
     @property

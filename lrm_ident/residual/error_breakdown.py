@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, held_out_turns
@@ -77,7 +78,7 @@ class HeldOutResidual:
 
 
 @dataclass(frozen=True, eq=False)
-class ModelComparison:
+class ModelComparison(ShownInNotebook):
     """A model against measurements.
 
     `predictable`: what a nameless model could still predict, where there is a held-out error. `factors`: by decreasing

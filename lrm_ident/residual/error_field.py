@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.fitting.identifiability import some_rows
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
@@ -33,7 +34,7 @@ class ArrowScale:
 
     @property
     def words(self) -> str:
-        """What is printed on the picture."""
+        """Caption of the picture."""
         return f"arrows × {self.magnification:g}, colours to {self.largest * 1e3:g} mm: the same for all steps"
 
 
@@ -60,6 +61,8 @@ class ErrorField:
     Attributes:
         rows: (M,), rows of the data that are drawn, of `poses` in all.
         nominal, bent: (M, n + 2, 3), origins of the frames of the nominal arm and of the last model, base to TCP (m).
+        nominal_residual: (N, 3), measured − TCP of the nominal arm, at all poses (m).
+        lever: (n, M), squared motion of the TCP for a unit turn of each joint of the last model (m²/rad²).
     """
 
     rows: NDArray[np.int64]
@@ -68,10 +71,12 @@ class ErrorField:
     nominal: Array
     bent: Array
     scale: ArrowScale
+    nominal_residual: Array
+    lever: Array
 
     @property
     def thinned(self) -> str:
-        """What is printed if not all poses are drawn, else nothing."""
+        """Note if not all poses are drawn, else empty."""
         left_out = len(self.rows) < self.poses
         return f"{len(self.rows)} of {self.poses} poses drawn, the worst among them" if left_out else ""
 
@@ -81,10 +86,17 @@ def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> Erro
     rests = [(name, equilibrium(model, data.poses)) for name, model in models]
     rows = drawn_rows(data.position_error(rests[-1][1]))
     arm = models[-1][1].arm
-    nominal = equilibrium(model_of(arm, ()), data.poses.take(rows))
-    steps = tuple(_step(name, rest, data, rows) for name, rest in rests)
-    scale = arrow_scale(data.places(rests[-1][1]), data.position_error(rests[0][1]))
-    return ErrorField(rows, len(data), steps, arm_lines(nominal), arm_lines(rests[-1][1].take(rows)), scale)
+    nominal, last = equilibrium(with_anchor(model_of(arm, ()), data), data.poses), rests[-1][1]
+    return ErrorField(
+        rows=rows,
+        poses=len(data),
+        steps=tuple(_step(name, rest, data, rows) for name, rest in rests),
+        nominal=arm_lines(nominal.take(rows)),
+        bent=arm_lines(last.take(rows)),
+        scale=arrow_scale(data.places(last), data.position_error(rests[0][1])),
+        nominal_residual=data.position_error(nominal),
+        lever=(_motion(last.take(rows)) ** 2).sum(axis=1),
+    )
 
 
 def drawn_rows(residual: Array) -> NDArray[np.int64]:
@@ -122,8 +134,12 @@ def arm_lines(rest: Equilibrium) -> Array:
 
 def _step(name: str, rest: Equilibrium, data: Measurements, rows: NDArray[np.int64]) -> FieldStep:
     drawn, residual = rest.take(rows), data.position_error(rest)
-    motion = respond(drawn).slots[list(rest.model.chain.joint_slots)]
-    return FieldStep(name, error_stats(residual), residual[rows], joint_turns(residual[rows], motion))
+    return FieldStep(name, error_stats(residual), residual[rows], joint_turns(residual[rows], _motion(drawn)))
+
+
+def _motion(rest: Equilibrium) -> Array:
+    """(n, 3, M), motion of the TCP for a unit turn of each joint (m/rad)."""
+    return np.asarray(respond(rest).slots[list(rest.model.chain.joint_slots)])
 
 
 def _round_down(value: float) -> float:

@@ -66,7 +66,7 @@ class FreeFunction:
 
     @property
     def name(self) -> str:
-        """For instance `a free function of q1 and q4 at joint 3`."""
+        """Description, for instance `a free function of q1 and q4 at joint 3`."""
         return f"a free function of {' and '.join(self.covariates)} at joint {self.joint + 1}"
 
 

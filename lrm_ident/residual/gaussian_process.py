@@ -42,7 +42,7 @@ class Kernel:
 
     @staticmethod
     def start(inputs: int) -> Kernel:
-        """Where a search starts, for inputs and an output of unit standard deviation."""
+        """Start of a search, for inputs and an output of unit standard deviation."""
         length, signal, noise = START
         return Kernel(np.full(inputs, length), signal, noise)
 

@@ -1,4 +1,4 @@
-"""What could still be predicted: held-out error of a Gaussian process on the residual of a model, in the same blocks.
+"""Predictability of a residual: held-out error of a Gaussian process on the residual of a model, in the same blocks.
 
 A yardstick without names, never deployed. In every block of the cross-validation the process learns what the model,
 fitted to the other blocks, leaves there, one process per axis. What it predicts is no noise: its held-out error is an
@@ -77,7 +77,7 @@ class PredictableError:
 
     @property
     def sentence(self) -> str:
-        """What it predicts of the residual, and what that follows."""
+        """Its prediction of the residual, and the inputs that it follows."""
         before, after = in_mm(error_stats(self.named).rms), in_mm(self.error.rms)
         if not self.more_to_find:
             return f"A model without names (a Gaussian process on the residual) predicts no better: {after} mm."
@@ -100,7 +100,7 @@ class PredictableError:
 def predictable_error(
     data: Measurements, blocks: Sequence[HeldOutBlock], progress: OnProgress = silent
 ) -> PredictableError:
-    """What a Gaussian process can predict of the residuals of a cross-validation, in the same blocks.
+    """Part that a Gaussian process can predict of the residuals of a cross-validation, in the same blocks.
 
     Each kernel is searched on at most `SEARCH_ROWS` of the training poses, from the last block's, and the process
     conditioned on at most `MOST_ROWS`; both spread evenly over the order of measurement.

@@ -1,4 +1,4 @@
-"""What is left to find in a fitted model's residual: how much of it can be predicted without names, and where it is."""
+"""Predictable part of a fitted model's residual: how much of it can be predicted without names, and where it is."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lrm_math.model.derivatives import parameter_jacobian
 
 @dataclass(frozen=True, eq=False)
 class PredictableResidual:
-    """How much a nameless model predicts of the held-out residual, and the regimes where the residual is largest."""
+    """Share that a nameless model predicts of the held-out residual, and the regimes where the residual is largest."""
 
     predictable: PredictableError
     regimes: tuple[Regime, ...]

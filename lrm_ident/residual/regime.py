@@ -23,7 +23,7 @@ from lrm_math.arrays import Array
 HALVINGS, SEED, PARTS = 25, 0, 10
 LARGEST_SHARE, FEWEST = 0.5, 8  # of the poses that an interval may hold; poses of it in either half
 UNITS = {"angle": "°", "load": " g", "order": ""}
-"""Of the quantities by which poses are parted, as printed."""
+"""Symbols of the quantities by which poses are parted, as printed."""
 HINTS = {
     ("angle", "end"): "a stop, a cable that tightens, parts that touch?",
     ("angle", "middle"): "a gear tooth, a cable that catches?",
@@ -55,12 +55,12 @@ class Regime:
 
     @property
     def name(self) -> str:
-        """Of its quantity, for instance `q2`."""
+        """Symbol of its quantity, for instance `q2`."""
         return "number in order" if self.quantity.kind == "order" else self.quantity.symbol
 
     @property
     def where(self) -> str:
-        """For instance `q2 < -40°`."""
+        """Interval in words, for instance `q2 < -40°`."""
         name, unit = self.name, UNITS[self.quantity.kind]
         if self.low is None:
             return f"{name} < {self.high:.4g}{unit}"
@@ -77,7 +77,7 @@ class Regime:
 
     @property
     def sentence(self) -> str:
-        """What is concentrated where, and what it may be."""
+        """Concentration of the error in an interval, and possible causes."""
         hint = HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]
         return (
             f"{100 * self.share:.0f} % of the squared error lies where {self.where} ({self.poses} poses): RMS "

@@ -10,6 +10,8 @@ SIGNIFICANCE = 0.01
 a convention, chosen before the hidden effects were tried (decision 6)."""
 Z_THRESHOLD = 2.0
 """Standard errors of a paired difference by which one prediction must beat another (Vuong 1989): likewise."""
+WITHIN_TWO_DEVIATIONS = 0.0455
+"""p value of parameters that lie within two standard deviations of zero: no effect is named by such."""
 MIN_GAIN = 0.02
 """Share that an effect or a law must save to be worth naming: likewise."""
 MIN_FREE_GAIN, MAX_FREE_FUNCTIONS = 0.10, 3

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.model_error import model_error_words
 from lrm_ident.fitting.effect_plugins import Catalogue
@@ -53,7 +54,7 @@ MAX_EFFECTS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Study(ShownInNotebook):
     """A model on measurements of its arm, and the steps that led to it.
 
     Attributes:
@@ -299,6 +300,10 @@ class Study:
         if self.step is None:
             raise LrmError("nothing is fitted yet")
         return self.step
+
+    def view(self) -> NotebookPage:
+        """The page that `lrm-ident report` writes, in a notebook: error field, what is missing, cards of the steps."""
+        return NotebookPage(self)
 
     def save(self, path: str | Path) -> None:
         """Writes the model file, which the command line and the daemon read. Raises `FileError`."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import secrets
 import socket
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from lrm_ident.workbench.last_session import new_folder
 from lrm_math.errors import LrmError
 
 HOST = "127.0.0.1"
@@ -36,4 +36,4 @@ def new_place(port: int | None) -> WorkbenchAddress:
         except OSError as error:
             raise LrmError(f"port {port}: cannot be used ({error.strerror}); choose another with --port") from None
         free = int(one.getsockname()[1])
-    return WorkbenchAddress(free, secrets.token_urlsafe(16), Path(tempfile.mkdtemp(prefix="lrm-workbench-")))
+    return WorkbenchAddress(free, secrets.token_urlsafe(16), new_folder())

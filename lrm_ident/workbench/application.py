@@ -18,9 +18,9 @@ RECONNECT_S = 30.0
 """s for which a tab's connection may stall before it reloads: a slow machine can be busy for a while."""
 
 
-def run_application(place: WorkbenchAddress, session: WorkbenchSession, gone: str, tour: bool, show: bool) -> None:
-    """Serves the page until it is stopped. `gone`: what a tab says then; for the rest see `serve`."""
-    _add_page(session, gone, tour)
+def run_application(place: WorkbenchAddress, session: WorkbenchSession, tour: bool, show: bool) -> None:
+    """Serves the page until it is stopped; for the arguments see `serve`."""
+    _add_page(session, tour)
     add_routes(app, session)
     app.add_middleware(Gate, port=place.port, token=place.token)
     _when_started(place, session, show)
@@ -38,7 +38,7 @@ def run_application(place: WorkbenchAddress, session: WorkbenchSession, gone: st
     )
 
 
-def _add_page(session: WorkbenchSession, gone: str, tour: bool) -> None:
+def _add_page(session: WorkbenchSession, tour: bool) -> None:
     """The page; the first tab of all begins with the tour."""
     tabs: set[str] = set()
     shown_around: list[bool] = []
@@ -48,7 +48,7 @@ def _add_page(session: WorkbenchSession, gone: str, tour: bool) -> None:
         """One tab."""
         client = ui.context.client
         client.on_disconnect(lambda: tabs.discard(client.id))
-        WorkbenchPage(session, gone, first_tab=not tabs, tour=tour and not shown_around)
+        WorkbenchPage(session, first_tab=not tabs, tour=tour and not shown_around)
         tabs.add(client.id)
         shown_around.append(True)
 

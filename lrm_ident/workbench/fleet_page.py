@@ -43,9 +43,9 @@ hollow: one of several causes that this arm's data cannot tell apart</p>
 </main>
 """
 START = """
-document.getElementById("lrm-theme").onclick = () =>
-  lrmFleet.theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
-window.addEventListener("beforeprint", () => lrmFleet.theme("light"));
+document.getElementById("lrm-theme").onclick = () => lrmFleet.theme(lrmTheme());
+window.addEventListener("beforeprint", () => { lrmFleet.theme("light"); lrmChart.onPaper(true); });
+window.addEventListener("afterprint", () => lrmChart.onPaper(false));
 """
 
 
@@ -63,7 +63,7 @@ def _verdict(found: FleetResult) -> str:
     words = f"{len(done)} of {len(found.records)} arms identified"
     common = None if isinstance(found.known, str) or not found.known.rates else found.known.rates[0]
     if common is not None and common.found > 0:
-        words += f"; most often missing: {common.name}, in {100 * common.rate:.0f} % of the kind"
+        words += f"; most often missing: {common.name}, in {common.words}"
     if odd := list(dict.fromkeys(one.arm for one in found.outliers)):
         words += f"; unlike its sisters: {', '.join(odd[:3])}" + (" and more" if len(odd) > 3 else "")
     return words + "."

@@ -4,21 +4,31 @@ from __future__ import annotations
 
 from html import escape
 
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.wording import in_mm
 from lrm_ident.report.document import Block, Document
 from lrm_ident.report.document_html import blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport
+from lrm_ident.report.names.plain_names import step_title
 from lrm_ident.report.plots.interactive.assets import SCRIPTS
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.workbench.standalone import standalone_page
 
 BODY = """<header>
 <h1>{title}</h1>
+<p id="lrm-fall" class="lrm-fall"></p>
 <p class="verdict" id="lrm-verdict">{verdict}</p>
 <p class="lrm-soft">{summary}</p>
 <button type="button" class="screen-only" id="lrm-theme">Light or dark</button>
 </header>
 <main>
 <section>
+<h2>How the error fell</h2>
+<p class="lrm-ladder">{ladder}</p>
+<div id="lrm-history" class="lrm-figure low"></div>
+<div id="lrm-cards"></div>
+</section>
+<section class="new-page">
 <h2>Where the arm is, and how far off the model</h2>
 <p class="lrm-soft" id="lrm-scale"></p>
 <div class="lrm-controls screen-only">
@@ -43,7 +53,8 @@ BODY = """<header>
 </section>
 <section>
 <h2>Which effect</h2>
-<div class="two"><div><div id="lrm-ranking" aria-label="candidates"></div></div><div id="lrm-detail"></div></div>
+<div class="two"><div><div id="lrm-ranking-head"></div><div id="lrm-ranking" aria-label="candidates"></div></div>
+<div id="lrm-detail"></div></div>
 <p class="lrm-soft screen-only">Choose an effect to see what it would add to the model.</p>
 <div class="two"><div id="lrm-added" class="lrm-figure medium"></div>
 <div id="lrm-form" class="lrm-figure medium"></div></div>
@@ -51,7 +62,6 @@ BODY = """<header>
 </section>
 <section>
 <h2>The steps so far</h2>
-<div id="lrm-history" class="lrm-figure medium"></div>
 {history}
 </section>
 <section>
@@ -65,11 +75,9 @@ BODY = """<header>
 </main>
 """
 START = """
-document.getElementById("lrm-theme").onclick = () =>
-  lrm.theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+document.getElementById("lrm-theme").onclick = () => lrm.theme(lrmTheme());
 lrm.show(lrmValues);
-window.addEventListener("beforeprint", () => lrm.print(true));
-window.addEventListener("afterprint", () => lrm.print(false));
+lrmGlossary(document.querySelector("main"));
 """
 
 
@@ -81,6 +89,7 @@ def html_report(found: ModelReport) -> str:
         title=escape(title),
         verdict=escape(found.verdict),
         summary=escape(_summary(found)),
+        ladder=escape(_ladder(found)),
         comparison=blocks_html(_blocks(found.comparison)),
         diagnosis=blocks_html(_blocks(found.diagnosis)),
         history=table_html(found.history),
@@ -92,6 +101,14 @@ def html_report(found: ModelReport) -> str:
 
 def _blocks(part: Document | None) -> list[Block]:
     return [] if part is None else list(part.blocks)
+
+
+def _ladder(found: ModelReport) -> str:
+    """The error from the nominal arm over the fit to the last step, all on the open data."""
+    nominal = f"nominal {in_mm(error_stats(found.field.nominal_residual).rms)} mm"
+    steps = (f"{step_title(step.name)} {in_mm(step.error.rms)} mm" for step in found.field.steps)
+    noise = "" if found.floor_mm is None else f"; noise {in_mm(found.floor_mm * 1e-3)} mm"
+    return f"RMS on these data: {' → '.join([nominal, *steps])}{noise}."
 
 
 def _summary(found: ModelReport) -> str:

@@ -9,16 +9,26 @@ from typing import TYPE_CHECKING
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.output_files import check_outputs
-from lrm_ident.workbench.taken_steps import TakenSteps, with_law, with_step, without_last
+from lrm_ident.workbench.last_session import note_session
+from lrm_ident.workbench.taken_steps import (
+    TakenSteps,
+    with_data,
+    with_law,
+    with_step,
+    with_undone,
+    without_last,
+)
 from lrm_ident.workbench.work.commands import DoneCommand
 from lrm_ident.workbench.work.followed_file import FollowedFile, follow_file
 from lrm_ident.workbench.work.messages import WorkDone, WorkFailure, WorkMessage, WorkNotice, WorkProgress, WorkResult
+from lrm_ident.workbench.work.opened_data import OpenedData, keep_opened
 from lrm_ident.workbench.work.tasks import (
     AddTask,
     AutoTask,
     CompareTask,
     DiagnoseTask,
     LawResult,
+    OpenFiles,
     OpenTask,
     ProposeTask,
     StepResult,
@@ -41,7 +51,8 @@ class WorkbenchSession:
 
     Attributes:
         folder: where every step is kept as a file as soon as it is taken.
-        taken: the steps. followed: the growing file that is shown, or None.
+        taken: the steps. followed: the growing file that is shown, or None. offered: files of the session before.
+        opened: the measurements at hand, as they were read. stale: whether their file has changed since.
         progress: of the work going on, or None. failure: why the last work ended without a result, or "".
         version: grows with every change of the state, `drawn` with every change of what the figures show.
     """
@@ -53,6 +64,9 @@ class WorkbenchSession:
     failure: str = ""
     notices: list[str] = field(default_factory=list)
     followed: FollowedFile | None = None
+    offered: OpenFiles | None = None
+    opened: OpenedData | None = None
+    stale: bool = False
     version: int = 0
     drawn: int = 0
     _next: WorkTask | None = None
@@ -105,6 +119,19 @@ class WorkbenchSession:
         """Whether the model has a step to take back."""
         return not self.busy and self.shown is not None and self.shown.before is not None
 
+    @property
+    def can_redo(self) -> bool:
+        """Whether a step was taken back that can be had again."""
+        return not self.busy and self.taken.undone is not None
+
+    @property
+    def again(self) -> str:
+        """The command that goes on from here, or "" while nothing is open."""
+        if self.step is None:
+            return ""
+        files = self.step.files
+        return DoneCommand(("workbench", files.model, files.data), files.effects_file, files.reading).text
+
     # ---- what a person does
 
     def open(self, task: OpenTask) -> None:
@@ -119,31 +146,31 @@ class WorkbenchSession:
 
     def add(self, effect: str) -> None:
         """Adds an effect at a place; waits for a diagnosis of this step that is under way, which it needs."""
-        step = self._ready()
-        self._begin(AddTask(step.files, effect, self.new_file()))
+        step = self._steady()
+        self._begin(AddTask(step.files, effect, self.new_file(), step.packed))
 
     def auto(self) -> None:
         """Follows the advice until it says stop."""
-        step = self._ready()
+        step = self._steady()
         self._give_way()
-        self._begin(AutoTask(step.files, self.folder, self.taken.count))
+        self._begin(AutoTask(step.files, self.folder, self.taken.count, step.packed))
 
     def propose(self) -> None:
         """Looks for a law."""
-        step = self._ready()
+        step = self._steady()
         self._give_way()
         self._begin(ProposeTask(step.files, self.folder / f"law-{len(self.done)}.py"))
 
     def add_law(self) -> None:
         """Adds the proposed law, from its file. Raises `LrmError` if there is none."""
-        step = self._ready()
+        step = self._steady()
         if self.law is None or self.law.file is None:
             raise LrmError("no law is proposed; press Propose a law first")
         if step.files.effects_file is not None:
             raise LrmError("this model has effects of its own already; add the law on the command line")
         self._give_way()
         files = replace(step.files, effects_file=self.law.file)
-        self._begin(AddTask(files, self.law.name, self.new_file()))
+        self._begin(AddTask(files, self.law.name, self.new_file(), step.packed))
 
     def undo(self) -> None:
         """Takes the last step back, exactly. Raises `LrmError` if there is none."""
@@ -154,11 +181,45 @@ class WorkbenchSession:
         kept = self.new_file()
         write_text(kept, step.shown.before)
         self.taken = without_last(self.taken, kept)
-        self._changed(drawn=True)
+        self._noted()
         if self.step is not None and self.step.files.model == kept:
             self._diagnose()
         else:
             self._begin(CompareTask(replace(step.files, model=kept)))
+
+    def redo(self) -> None:
+        """Takes a step again that was taken back. Raises `LrmError` if there is none."""
+        self._ready()
+        if self.taken.undone is None:
+            raise LrmError("nothing to redo: no step was taken back since the last change")
+        self._give_way()
+        self.taken = with_undone(self.taken)
+        self._noted()
+        self._diagnose()
+
+    def reload(self) -> None:
+        """Goes on with the measurements as their file is now."""
+        step = self._ready()
+        self._give_way()
+        self.opened, self.stale = None, False
+        self._begin(CompareTask(step.files))
+
+    def keep(self) -> None:
+        """Goes on with the measurements as they were read. Raises `LrmError` if there is no copy of these."""
+        step = self._ready()
+        if self.opened is None or self.opened.copy is None:
+            raise LrmError(f"{step.files.data} changed while it was read: press Reload")
+        self.taken = with_data(self.taken, self.opened.copy)
+        self.opened, self.stale = replace(self.opened, path=self.opened.copy), False
+        self._noted()
+        self._diagnose()
+
+    def resume(self) -> None:
+        """Opens the files of the session before. Raises `LrmError` if there are none."""
+        if self.offered is None:
+            raise LrmError("there is no session before this one")
+        files, self.offered = self.offered, None
+        self.open(OpenTask(files.data, files.model, None, files.effects_file, files.reading))
 
     def follow(self, source: Path) -> None:
         """Shows a file of measurements as it grows; nothing is diagnosed meanwhile. Raises `FileError`."""
@@ -174,7 +235,7 @@ class WorkbenchSession:
 
     def diagnose(self) -> None:
         """Compares and diagnoses the last step."""
-        self._ready()
+        self._steady()
         self._diagnose()
 
     def cancel(self) -> None:
@@ -206,7 +267,10 @@ class WorkbenchSession:
             self._look_at(self.followed)
         if self.worker.task is None and self._next is not None:
             task, self._next = self._next, None
+            if isinstance(task, AddTask) and self.step is not None:
+                task = replace(task, packed=self.step.packed)  # with the diagnosis that it has waited for
             self._begin(task)
+        self._look_at_data()
 
     def _take(self, message: WorkMessage) -> None:
         if isinstance(message, WorkProgress):
@@ -231,7 +295,7 @@ class WorkbenchSession:
             self.taken = with_law(self.taken, value)
         else:
             self.taken = with_step(self.taken, self._at_work, value)
-        self._changed(drawn=True)
+        self._noted()
 
     # ---- inside
 
@@ -248,6 +312,25 @@ class WorkbenchSession:
             self.progress = WorkProgress("starting")
         self._changed()
 
+    def _noted(self) -> None:
+        """Notes what is open now, for a session to come, and watches the file of its measurements."""
+        step = self.step
+        if step is not None:
+            files, sha256 = step.files, step.shown.data_sha256
+            note_session(self.folder, files)
+            if self.opened is None or (self.opened.path, self.opened.sha256) != (files.data, sha256):
+                self.opened = keep_opened(files.data, sha256, self.folder)
+        self._changed(drawn=True)
+
+    def _look_at_data(self, now: bool = False) -> None:
+        """Notices that the file of the measurements is no longer what was read."""
+        if self.opened is None or self.followed is not None or self.busy:
+            return
+        stale = self.opened.changed(now)
+        if stale != self.stale:
+            self.stale = stale
+            self._changed()
+
     def _look_at(self, followed: FollowedFile) -> None:
         step = self.step
         try:
@@ -259,7 +342,8 @@ class WorkbenchSession:
 
     def _diagnose(self) -> None:
         step = self.step
-        if step is not None and self.followed is None and not step.shown.diagnosed and self.worker.task is None:
+        waits = step is not None and not step.shown.diagnosed and not self.stale
+        if step is not None and waits and self.followed is None and self.worker.task is None:
             self._begin(DiagnoseTask(step.files, step.packed))
 
     def _give_way(self) -> None:
@@ -274,6 +358,14 @@ class WorkbenchSession:
         if self.busy or self._next is not None:
             raise LrmError("still at work; wait, or press Cancel")
         return self.step
+
+    def _steady(self) -> StepResult:
+        """The last step, on measurements that are still what was read. Raises `LrmError`."""
+        step = self._ready()
+        self._look_at_data(now=True)
+        if self.stale:
+            raise LrmError(f"{step.files.data.name} has changed on disk: press Reload or Keep first")
+        return step
 
     def _changed(self, drawn: bool = False) -> None:
         self.version += 1

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from lrm_ident.report.document import Document
-from lrm_ident.report.plots.interactive.assets import LIBRARY, STYLE, text_of
+from lrm_ident.report.plots.interactive.assets import LIBRARY, STYLE, THEME, text_of
 
 PAGE = """<!doctype html>
 <html lang="en">
@@ -18,7 +18,7 @@ PAGE = """<!doctype html>
  style-src 'unsafe-inline'; img-src data: blob:">
 <title>{title}</title>
 <script>
-document.documentElement.dataset.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+{theme}
 </script>
 <style>
 {style}
@@ -39,7 +39,8 @@ OWN_STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 1200px; padding: 16px; }
 h1 { font-size: 22px; margin: 0; } h2 { font-size: 18px; border-bottom: 1px solid var(--grid); } h3 { font-size: 15px; }
 .verdict { font-size: 18px; font-weight: 600; margin: 4px 0; }
-.tall { height: 560px; } .medium { height: 380px; } .two .lrm-empty { display: none; }
+.tall { height: 560px; } .medium { height: 380px; } .low { height: 260px; }
+.lrm-ladder { font-weight: 600; } .two .lrm-empty { display: none; }
 .two { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(420px, 100%), 1fr)); gap: 16px; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; margin: 8px 0 16px; font-size: 13px; font-variant-numeric: tabular-nums; }
@@ -47,14 +48,9 @@ caption { text-align: left; font-weight: 600; padding: 4px 0; }
 th, td { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--grid); }
 th.right, td.right { text-align: right; white-space: nowrap; }
 td { overflow-wrap: anywhere; } ul { margin: 4px 0 8px; padding-left: 20px; } h4 { margin: 12px 0 2px; }
-@media print {
-  :root { color-scheme: light; }
-  @page { size: A4; margin: 14mm; }
-  body { max-width: none; padding: 0; font-size: 10pt; }
-  .screen-only { display: none !important; }
-  h2, h3, h4, caption { break-after: avoid; } tr, .lrm-figure, img { break-inside: avoid; }
-  .medium { height: 300px; } .modebar { display: none; } details > * { display: block; }
-}
+.lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
+.lrm-paper .two { display: block; }
+.lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 55mm; }
 """
 
 
@@ -72,6 +68,7 @@ def standalone_page(
     library = LIBRARY.read_text(encoding="utf-8")
     return PAGE.format(
         title=escape(title),
+        theme=THEME.read_text(encoding="utf-8"),
         style=STYLE.read_text(encoding="utf-8"),
         own_style=OWN_STYLE,
         body=body,

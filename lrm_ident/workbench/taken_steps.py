@@ -24,12 +24,14 @@ class TakenSteps:
 
     Attributes:
         law: the last proposed law. count: how many names of files were given away.
+        undone: what there was before the last `undo`, which `redo` gives back; None after anything else.
     """
 
     steps: tuple[StepResult, ...] = ()
     law: LawResult | None = None
     done: tuple[DoneCommand, ...] = ()
     count: int = 0
+    undone: TakenSteps | None = None
 
     @property
     def last(self) -> StepResult | None:
@@ -53,7 +55,8 @@ def with_step(taken: TakenSteps, task: WorkTask | None, step: StepResult) -> Tak
         same = taken.last is not None and taken.last.files == step.files
         return replace(taken, steps=(*taken.steps[:-1], step)) if same else taken
     if isinstance(task, CompareTask) and taken.last is not None and taken.last.files.model == step.files.model:
-        return replace(taken, steps=(*taken.steps[:-1], step))
+        same = taken.last.shown.data_sha256 == step.shown.data_sha256
+        return replace(taken, steps=(*taken.steps[:-1], step), undone=taken.undone if same else None)
     if isinstance(task, AddTask):
         words = ("add", task.files.model, task.files.data, task.effect, "-o", step.files.model)
         return _did(taken, step, words)
@@ -64,7 +67,8 @@ def with_step(taken: TakenSteps, task: WorkTask | None, step: StepResult) -> Tak
 
 def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
     """After `undo`, whose model is kept in a file: the step before is the last one again, if the page knows it."""
-    last, earlier = taken.steps[-1], taken.steps[:-1]
+    last, earlier, before = taken.steps[-1], taken.steps[:-1], taken
+    taken = replace(taken, undone=before)
     done = (*taken.done, DoneCommand(("undo", last.files.model, "-o", kept)))
     if earlier and earlier[-1].shown.model == last.shown.before:
         known = replace(earlier[-1], files=replace(last.files, model=kept))
@@ -72,9 +76,20 @@ def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
     return replace(taken, steps=earlier, done=done)
 
 
+def with_undone(taken: TakenSteps) -> TakenSteps:
+    """After `redo`: all is as before the last `undo`, but for names of files, which are given away once."""
+    return taken if taken.undone is None else replace(taken.undone, count=taken.count)
+
+
+def with_data(taken: TakenSteps, data: Path) -> TakenSteps:
+    """With the same measurements from another file."""
+    last = taken.steps[-1]
+    return replace(taken, steps=(*taken.steps[:-1], replace(last, files=replace(last.files, data=data))), undone=None)
+
+
 def _did(taken: TakenSteps, step: StepResult, words: tuple[str | Path, ...]) -> TakenSteps:
     command = DoneCommand(words, step.files.effects_file, step.files.reading)
-    return replace(taken, steps=(*taken.steps, step), law=None, done=(*taken.done, command))
+    return replace(taken, steps=(*taken.steps, step), law=None, done=(*taken.done, command), undone=None)
 
 
 def _followed(taken: TakenSteps, task: AutoTask, step: StepResult) -> TakenSteps:

@@ -70,7 +70,7 @@ class Parameter:
 
     @property
     def si(self) -> float:
-        """What one of the file's unit is in SI."""
+        """Factor from the file's unit to SI."""
         return UNIT_IN_SI[self.unit]
 
     @property
@@ -81,7 +81,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """What excites effects: the poses, and gravity's torque (N, n) on the joints at them (N·m).
+    """Excitation of effects: the poses, and gravity's torque (N, n) on the joints at them (N·m).
 
     `feedback`: whether the joints' encoders were read. `distance`: whether distances from a point were measured.
     """
@@ -96,7 +96,7 @@ class Excitation:
         return len(np.unique(np.round(np.degrees(self.poses.q[:, joint]) / 0.5)))
 
     def reversals(self, joint: int) -> int:
-        """How often a joint reversed its direction between poses; 0 if the order is not known."""
+        """Number of reversals of a joint between poses; 0 if the order is not known."""
         if self.poses.direction is None:
             return 0
         moves = self.poses.direction[:, joint]
@@ -110,7 +110,7 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Description:
-    """What reports say of an effect.
+    """Texts of reports about an effect.
 
     Attributes:
         cause: the physics, a sentence. formula: as in a textbook. source: where it is from.
@@ -126,7 +126,7 @@ class Description:
 
 
 class Beyond(Enum):
-    """How far an effect's formula is believed beyond the range that it was fitted on.
+    """Validity of an effect's formula beyond the range that it was fitted on.
 
     Amounts are those of any parameters. `HELD`: they stay what they are at the range's edge (`measured_range`).
     """
@@ -155,7 +155,7 @@ class Effect(ABC):
     effect of its own."""
 
     beyond: ClassVar[Beyond] = Beyond.HELD
-    """How its formula goes on beyond the measured range. A law of physics says so; what says nothing is held."""
+    """Continuation of its formula beyond the measured range. A law of physics says so; what says nothing is held."""
 
     @classmethod
     @abstractmethod
@@ -170,7 +170,7 @@ class Effect(ABC):
     @property
     @abstractmethod
     def targets(self) -> tuple[str, ...]:
-        """What its amounts are added to, mostly slots, `place.name`; all of one kind (`lrm_math.effects.targets`)."""
+        """Targets of its amounts, mostly slots, `place.name`; all of one kind (`lrm_math.effects.targets`)."""
 
     @property
     def load_slots(self) -> tuple[str, ...]:
@@ -212,7 +212,7 @@ class LinearEffect(Effect):
 
     @abstractmethod
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
-        """For each parameter the amount per unit of it, a float or (N,), at each target; arguments as of `amounts`."""
+        """Amount per unit of each parameter, a float or (N,), at each target; arguments as of `amounts`."""
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ p_i f_i for each target."""

@@ -118,7 +118,7 @@ class LateralCompliance(Spring):
 
 
 class BendingEnds(Spring):
-    """Where along its length a link bends: hinges at its near and far end, beside that at its middle.
+    """Bending of a link along its length: hinges at its near and far end, beside that at its middle.
 
     The far end is the bearing of the next joint. A compliance at any one point along the link equals springs at both
     ends and the middle whose stiffness weights interpolate quadratically, so the three stand for a bend anywhere.

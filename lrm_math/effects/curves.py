@@ -83,7 +83,7 @@ class _AngleSpline(LinearEffect):
         return separately([cubic_b_splines(poses.angle(self.followed), *self._limits, self.spacing)])
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
-        """As many levels as a line and a bend need, at least."""
+        """Needs as many levels as a line and a bend, at least."""
         return _too_few_levels(excitation, self.followed, f"joint{self.followed + 1}", 6)
 
 
@@ -163,7 +163,7 @@ class CableCurve(LinearEffect):
 
     @cached_property
     def _ranges(self) -> tuple[tuple[float, float], ...]:
-        """Of the sum and of the difference of angles (rad)."""
+        """Splines of the sum and of the difference of angles (rad)."""
         a, b = (self.arm.joints[joint] for joint in self._pair)
         return (a.lower + b.lower, a.upper + b.upper), (a.lower - b.upper, a.upper - b.lower)
 

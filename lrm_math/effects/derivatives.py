@@ -21,7 +21,7 @@ from lrm_math.kinematics.poses import Poses
 STEP = 6e-6
 """Cube root of the machine epsilon: the best step of a central difference."""
 Rows = tuple[Amounts, ...]
-"""For each of D quantities, one number or (N,) for each target of an effect."""
+"""One number or (N,) for each of D quantities and each target of an effect."""
 
 
 def amounts_within(

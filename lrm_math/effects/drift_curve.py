@@ -35,7 +35,7 @@ class DriftCurve(LinearEffect):
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
-        """As the drift that it refines."""
+        """Every place of the drift that it refines."""
         return Drift.places(arm)
 
     @property

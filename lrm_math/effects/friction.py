@@ -72,5 +72,5 @@ class FrictionCurve(LoadedJointEffect, LinearEffect):
         return separately([(*states, poses.approach(self.joint) * magnitude(tau[0]))])
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
-        """As hysteresis."""
+        """Needs what hysteresis needs."""
         return Hysteresis(self.arm, self.place).missing_excitation(excitation)

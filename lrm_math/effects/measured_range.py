@@ -74,7 +74,7 @@ class MeasuredRange:
         return tuple((np.flatnonzero(self.outside(np.atleast_2d(q))[0]) + 1).tolist())
 
     def sentence(self, q: Array) -> str:
-        """How many of some commands q (N, n) (rad) lie outside, by which joints; empty if none does."""
+        """Number of commands q (N, n) (rad) lie outside, by which joints; empty if none does."""
         outside = self.outside(q)
         poses, beyond = int(outside.any(axis=1).sum()), np.flatnonzero(outside.any(axis=0)) + 1
         if not poses:

@@ -68,7 +68,7 @@ class BearingCurve(LinearEffect):
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
-        """As hinges at the ends of links."""
+        """Every place of hinges at the ends of links."""
         return BendingEnds.places(arm)
 
     @property

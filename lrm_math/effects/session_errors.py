@@ -40,7 +40,7 @@ class _SessionError(Effect):
 
     @property
     def _motions(self) -> tuple[tuple[str, str], ...]:
-        """What names the parameters of each slot, and their unit: `_x`, `_alpha` … of the base, nothing of a joint."""
+        """Suffix of the parameters of each slot, and their unit: `_x`, `_alpha` … of the base, nothing of a joint."""
         return tuple((f"_{name}", of) for name, of in BASE_MOTIONS.items()) if self.place == BASE else (("", "rad"),)
 
 
@@ -62,7 +62,7 @@ class Drift(_SessionError):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """For each motion its drift A, for each its slope c with temperature; the time constant T."""
+        """Drift A of each motion, slope c of each with temperature; the time constant T."""
         ends = self._motions
         return (
             *(Parameter(f"A{end}_{unit}", f"drift of {self.place}{end}", TYPICAL[unit]) for end, unit in ends),

@@ -23,7 +23,7 @@ FRAME_ENTRIES = tuple(row + column for row in "xyz" for column in "xyz")
 
 
 class Kind(Enum):
-    """What all targets of one effect are."""
+    """Kind of all targets of one effect."""
 
     MOTION = "motions of slots"
     LOAD = "loads on slots"

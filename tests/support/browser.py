@@ -84,7 +84,7 @@ class RunningWorkbench:
 def workbench(*words: object, cwd: Path) -> Iterator[RunningWorkbench]:
     """`lrm-ident workbench WORDS`, until the block ends."""
     command = [sys.executable, "-m", "lrm_ident", "workbench", "--no-open", *map(str, words)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    environment = {**os.environ, "XDG_STATE_HOME": str(cwd / "state"), "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
     started = time.monotonic()
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package is compiled
     environment.pop("PYTEST_CURRENT_TEST", None)  # NiceGUI would take itself to be under test
@@ -100,6 +100,20 @@ def workbench(*words: object, cwd: Path) -> Iterator[RunningWorkbench]:
             yield RunningWorkbench(process, address, Path(folder), started)
         finally:
             process.kill()
+
+
+def opened(
+    browser: Any, running: RunningWorkbench, size: dict[str, int], seen: BrowserLog | None = None, scheme: str = "light"
+) -> Any:
+    """A new tab. `scheme`: of colours, that the browser asks for."""
+    context = browser.new_context(viewport=size, color_scheme=scheme)
+    context.set_default_timeout(PATIENCE_MS)
+    page = context.new_page()
+    if seen:
+        seen.listen(page)
+    page.goto(running.address)
+    wait_for(page, "window.lrm && lrm.state.values")
+    return page
 
 
 def idle(page: Any, also: str = "true") -> None:

@@ -58,7 +58,8 @@ class SearchOutcome:
         """right, wrong (one name, not the truth), or the verdict that was given instead."""
         truth = CASES[self.spec.case].truth or ()
         if not truth:
-            return "right" if self.verdict == "nothing_missing" else "wrong"
+            right = "nothing_missing" if self.spec.noise_known else "noise_unknown"
+            return "right" if self.verdict == right else "wrong"
         if all(name in self.named for name in truth):
             return "right"
         return (

@@ -34,7 +34,7 @@ Writer: TypeAlias = Callable[[Model, Path], Exported]
 
 
 def writer_for(output: Path, own: Mapping[str, Path], base: str | None, tip: str | None, keep: Sequence[str]) -> Writer:
-    """What makes a file by its name and by the robot's own file, of which `own` has one at most, by its option.
+    """Exporters by name and by the robot's own file, of which `own` has one at most, by its option.
 
     `base`, `tip`: links between which the arm stands. `keep`: places whose errors stay out. Raises `LrmError`.
     """

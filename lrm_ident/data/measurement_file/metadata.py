@@ -39,7 +39,7 @@ class Metadata(Reading):
 
 
 NOTHING_STATED = Metadata(schema="lrm/measurements/1")
-"""Of a file that has none beside it."""
+"""Metadata of a file that has none beside it."""
 
 
 def metadata_of(path: Path) -> Metadata | None:

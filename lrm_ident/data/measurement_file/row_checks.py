@@ -59,7 +59,7 @@ def without_frozen(arm: Arm, data: Measurements) -> Measurements:
 
 
 def doubtful(table: NumberTable, arm: Arm, metadata: Metadata, how: Reading) -> Iterator[str]:
-    """What a person should know of the order, the repetitions and the stated noise of a file."""
+    """Notices about the order, the repetitions and the stated noise of a file."""
     number = table.whole("pose")
     if not any(name.startswith("approach") for name in table.columns):
         gap = after_gap(number)

@@ -21,7 +21,7 @@ LEAST_SCALE, MOST_SCALE = 0.7, 1.4
 LONG, LEFT = 0.1, 0.3
 """Share of the reach of a length that is looked at, and share of it that must be left."""
 OWN, LOOKED_AT = 0.1, 200
-"""How far the TCP must move for a length beyond what other parameters can undo (m/m), seen at so many poses."""
+"""Motion that the TCP must make for a length beyond what other parameters can undo (m/m), seen at so many poses."""
 CHECK = "are unit, axes and frame right, and is it this arm?"
 
 

@@ -40,7 +40,7 @@ LEAST_POSES = 6
 SAME_POSE = 1e-6  # rad
 MOST_POSES = 100
 LOOKED_AT, WORTH = 10, 2.0
-"""How many similarities are looked at closely, the simplest first, and how much worse than the best one they may be."""
+"""Number of similarities looked at closely, the simplest first, and how much worse than the best one they may be."""
 FLOOR = 0.01
 """Share of the points' spread below which a score is as good as any."""
 BETTER = 0.5

@@ -19,11 +19,11 @@ from lrm_math.errors import FileError
 from lrm_math.model.model import Model
 
 COUNTS = 4096
-"""Of one turn of an encoder (STS3215, XL330)."""
+"""Counts of one turn of an encoder (STS3215, XL330)."""
 PER_RAD = (COUNTS - 1) / (2.0 * math.pi)
 """LeRobot's counts per rad."""
 MOST_HOMING = 2047
-"""What the register of a servo holds."""
+"""Largest number that a servo's register holds."""
 DRIVER_ZERO = COUNTS // 2
 """Count that the Feetech driver of ROS 2 takes for zero."""
 

@@ -26,7 +26,7 @@ def places_at_zero(model: Model) -> list[Array]:
 
 
 def joints_before(model: Model, k: int) -> int:
-    """How many joints lie before slot k of a model's chain."""
+    """Number of joints before slot k of a model's chain."""
     return sum(slot.joint is not None for slot in model.chain.slots[:k])
 
 

@@ -22,7 +22,7 @@ XACRO = "http://www.ros.org/wiki/xacro"
 OFFSET, HOMING, LIMITS = "offset", "homing_offset", ("range_min", "range_max")
 PER_RAD = COUNTS / (2.0 * math.pi)
 DIGITS = 9
-"""Of an offset in rad."""
+"""Decimals of an offset in rad."""
 
 
 def with_offsets(path: Path, model: Model) -> str:

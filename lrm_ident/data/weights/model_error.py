@@ -58,7 +58,7 @@ def additional_sd(residual: Array, sd: Array, freedom: int) -> float:
 
 
 def model_error_words(data: Measurements) -> tuple[str, ...]:
-    """What a person should know of an error of the model that is larger than the stated noise."""
+    """Notice about an error of the model that is larger than the stated noise."""
     if data.sd is None or data.model_sd <= WORTH_SAYING * float(np.median(data.sd)):
         return ()
     return (

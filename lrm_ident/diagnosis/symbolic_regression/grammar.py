@@ -26,7 +26,7 @@ LETTERS = "abcdef"
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a law may depend on.
+    """A quantity that a law may depend on.
 
     Attributes:
         name: in formulas. code: Python code for it from `poses` and `tau`.
@@ -60,12 +60,12 @@ class Law:
 
     @property
     def size(self) -> int:
-        """How complex it is."""
+        """Complexity: the number of its parts."""
         return len(self.quantities) + len(self.terms)
 
     @property
     def formula(self) -> str:
-        """For instance `δq3 = a sin(q1 + q4) + b cos(q1 + q4)`."""
+        """Formula, for instance `δq3 = a sin(q1 + q4) + b cos(q1 + q4)`."""
         terms = (term.replace("np.", "").replace("**", "^") for term in self.terms)
         return (
             f"δq{self.joint + 1} = {' + '.join(f'{name} {term}' for name, term in zip(LETTERS, terms, strict=False))}"
@@ -85,7 +85,7 @@ class Law:
 
 
 def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ...]:
-    """What a law at one joint may depend on in these poses: what varies of angles, its torque, load, side and time.
+    """Quantities that a law at one joint may depend on: what varies of angles, its torque, load, side and time.
 
     Torque, load and time are counted in their largest size here. torque: (N,) of the joint (N·m).
     """

@@ -64,7 +64,7 @@ def _distinct(laws: Iterable[Law], poses: Poses, torque: Array, shared: Evaluate
 
 
 def _fingerprint(terms: Array) -> bytes:
-    """What laws share that are one function at these poses: the projection of a random vector; empty if constant."""
+    """Key of laws that are one function at these poses: the projection of a random vector; empty if constant."""
     centred = terms - terms.mean(axis=0)
     if (np.abs(centred).max(axis=0) <= FLAT * np.abs(terms).max(axis=0)).any():
         return b""

@@ -40,7 +40,7 @@ class ProposedLaw(Effect):
 
 
 def law_id(law: Law) -> str:
-    """For instance `law_q1_q4`."""
+    """Its id, for instance `law_q1_q4`."""
     return "_".join(["law", *(quantity.name for quantity in law.quantities)])
 
 

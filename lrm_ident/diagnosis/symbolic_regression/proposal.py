@@ -53,7 +53,7 @@ class RefittedLaw:
 
 @dataclass(frozen=True, eq=False)
 class LawProposal:
-    """What a search for laws found.
+    """Result of a search for laws.
 
     Attributes:
         before: held-out error without a law. nested: RMS with the law chosen anew in every block (m, linear).

@@ -112,7 +112,7 @@ class _Products:
     cross: Array
 
     def less(self, absent: _Products) -> _Products:
-        """Of some rows: those of all rows, of the first residuals, less those of the rows that are absent."""
+        """Products of some rows: those of all rows, of the first residuals, less those of the rows that are absent."""
         along = self.along[:, : absent.along.shape[1]] - absent.along
         return _Products(along, self.square - absent.square, self.cross - absent.cross)
 

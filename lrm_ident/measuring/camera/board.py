@@ -20,7 +20,7 @@ from lrm_math.errors import LrmError
 from lrm_math.toml_file import StrictSchema
 
 PIXELS = 16
-"""Of one square in a picture: a marker is 12 of them, two for each of its six modules."""
+"""Pixels of one square in a picture: a marker is 12 of them, two for each of its six modules."""
 MARKER = 12 / 16
 POINTS_PER_MM = 72.0 / 25.4
 PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}

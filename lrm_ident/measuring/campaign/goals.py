@@ -22,14 +22,14 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 
 RULES = ClearanceRules(0.035, 0.1, 0.05)
-"""Of the angles that goals are drawn from: a little more than the daemon wants."""
+"""Clearances of the angles that goals are drawn from: a little more than the daemon wants."""
 TASK_RULES = ClearanceRules(0.035, 0.0)
 """The same where the tip has to come near the ground or the rover."""
 HIGHEST_SHARE = 0.8
-"""Of a joint's range: goals at the edge of the reach are reached by some models and not by others."""
+"""Share of a joint's range that goals use: the edge of the reach is reached by some models and not by others."""
 TASK = "hole-to-basket"
 ROUNDS = 6
-"""How often a sample is carried."""
+"""Number of times that a sample is carried."""
 PLACES = {"ground": "drill hole", "basket": "basket"}
 """Areas of the arm's workspace study that the task goes between (Conenna 2024, section 3.1), and what is there."""
 TRIES, AT_ONCE = 100, 5000

@@ -103,7 +103,7 @@ class LeRobotArm:
         self.ask_for_load(payload)
 
     def temperature(self) -> float:
-        """Of the hottest servo (degC). Raises `LrmError`: the robot has no thermometers."""
+        """Temperature of the hottest servo (degC). Raises `LrmError`: the robot has no thermometers."""
         heat = self._read("Present_Temperature")
         return float(max(heat[name] for name in self.motors))
 

@@ -12,7 +12,7 @@ from lrm_math.errors import LrmError, UnknownName
 
 KIND = "lerobot:"
 CONNECTS = 3
-"""How often it is tried: LeRobot asks each motor once, and a bus loses an answer now and then."""
+"""Number of attempts: LeRobot asks each motor once, and a bus loses an answer now and then."""
 SET = {"use_degrees": True, "disable_torque_on_disconnect": False}
 """Options that are not the user's to choose: what is measured is in degrees, and an arm that is let go of falls."""
 

@@ -25,7 +25,7 @@ PLAN_MS = 20_000.0
 MOVED = 1e-9
 """rad; a joint that turns less has not moved."""
 ATTEMPTS, LEASE_BACK_S = 5, 1.0
-"""How often a motion is begun whose lease expires, and s until it is back: a busy computer, a slow network."""
+"""Attempts at a motion whose lease expires, and s until it is back: a busy computer, a slow network."""
 OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed")
 """Codes of refusals that end a campaign: the arm is somebody else's, or not armed any more."""
 

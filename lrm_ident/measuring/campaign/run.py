@@ -29,7 +29,7 @@ class CampaignArm(Protocol):
         """Moves there and waits. Raises `Unreachable`; other `LrmError`s end the campaign."""
 
     def disturbed(self) -> str:
-        """What has changed since `go`, so that the arm may not stand there any more, in words; empty if nothing has."""
+        """Changes since `go`, so that the arm may not stand there any more, in words; empty if nothing has."""
 
     def too_warm(self) -> str:
         """The servo that is too warm to go on, in words; empty if none is."""

@@ -41,7 +41,7 @@ class Standing:
         return self.mode in STILL and there and all(self.on[: len(goal)])
 
     def changed_to(self, now: Standing) -> str:
-        """What is not as it was, in words; empty if everything is."""
+        """Differences from then, in words; empty if everything is."""
         changes = {
             "the daemon was restarted": self.boot_id != now.boot_id,
             "the lease was acquired anew": self.lease != now.lease,

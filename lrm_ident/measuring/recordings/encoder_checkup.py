@@ -1,4 +1,4 @@
-"""What the encoders of a teleoperated arm tell of it: what `action − state` follows at rest.
+"""Checkup of a teleoperated arm by its encoders: covariates of `action − state` at rest.
 
 Command and encoder of a sound servo agree at rest to a few of its counts. Where they do not, the difference follows
 what causes it: gravity's torque (the servo yields), the side that the joint came from (a dead band), nothing (leader
@@ -28,11 +28,11 @@ CAUSES: tuple[Cause, ...] = get_args(Cause)
 MATTERS = float(np.radians(0.5))
 """rad: with 0.4 m of reach, 3.5 mm at the tip. What is smaller is not named."""
 SIGNIFICANT = 1e-3
-"""Of the p value, times the number of terms tried at all joints."""
+"""Largest p value, times the number of terms tried at all joints."""
 TURN = float(np.radians(1.0))
 """A joint that is sent back by more has turned round."""
 FEWEST_RESTS, FEWEST_BESIDE = 12, 4
-"""Of a dataset; before and after a jump."""
+"""Fewest rests of a dataset; before and after a jump."""
 WARMING_S = (60.0, 240.0, 960.0)
 """Time constants of a drift that are tried, beside one that goes on."""
 MOST_TERMS = 6
@@ -106,7 +106,7 @@ def checkup(frames: LeRobotFrames, arm: Arm, dwell: float) -> EncoderCheckup:
 
 
 def _terms(torque: Array, side: Array, time: Array, in_episode: Array) -> Iterator[_Term]:
-    """What the difference at one joint may follow, over R rests."""
+    """A covariate of the difference at one joint, over R rests."""
     count = len(time)
     yield _Term("offset", np.ones(count), 1)
     yield _Term("droop", torque, 1)

@@ -25,7 +25,7 @@ from lrm_math.errors import FileError
 
 TITLES = ("Objects", "Segments", "Trajectories")
 PREFIX = re.compile(r"^Global (?:Angle|Translation)(?: \([^)]*\))?\s*")
-"""What Tracker writes before the name of a body."""
+"""Prefix that Tracker writes before the name of a body."""
 ROTATIONS = ("helical", "euler-xyz")
 AMBIGUOUS = "Euler angles and helical vectors look the same; say --rotation helical or --rotation euler-xyz"
 

@@ -13,8 +13,8 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import INDICES
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
+from lrm_ident.report.names.symbols import symbol
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
-from lrm_ident.report.symbols import symbol
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import equilibrium
 

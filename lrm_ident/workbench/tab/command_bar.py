@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 from nicegui import ui
 
 from lrm_ident.workbench.session import WorkbenchSession
+from lrm_ident.workbench.work.messages import WorkProgress
+
+SURE_AFTER_S = 1.0
+"""s of work after which its rate says how long the rest takes."""
 
 
 class CommandBar:
-    """Commands of one tab. `button(text, action, hint)` makes a button, `add` adds the effect chosen in the tab."""
+    """Commands of one tab. `button(text, action, hint)` makes a button, `add` adds the effect chosen in the tab.
+
+    The buttons keep their places and widths whatever is going on, so that a second click meets the same button.
+    """
 
     def __init__(
         self,
@@ -19,20 +27,26 @@ class CommandBar:
         add: Callable[[], object],
     ) -> None:
         self.session = session
-        with ui.element("div").classes("lrm-head"):
+        self.task, self.begun = "", 0.0
+        with ui.element("div").classes("lrm-head lrm-commands"):
             self.add = button("Add", add, "add the chosen effect and refit everything (A)")
             self.undo = button("Undo", session.undo, "take the last step back (U)")
+            self.redo = button("Redo", session.redo, "take it again (R)")
             self.propose = button("Propose a law", session.propose, "where no known effect fits (P)")
             self.auto = button("Auto", session.auto, "follow the advice until it says stop")
             self.diagnose = button("Diagnose", session.diagnose, "find out what is missing")
-            self.verdict = ui.label().classes("lrm-verdict").props('id="lrm-verdict" aria-live=polite')
-            ui.element("div").classes("lrm-grow")
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
+        with ui.element("div").classes("lrm-head lrm-told"):
+            ui.html(
+                '<p id="lrm-fall" class="lrm-fall"></p><p id="lrm-verdict" class="lrm-verdict" aria-live="polite"></p>',
+                sanitize=False,
+            )
+            ui.element("div").classes("lrm-grow")
             with ui.element("div").classes("lrm-work").props('id="lrm-work" aria-live=polite') as self.work:
                 ui.spinner(size="18px")
                 self.what = ui.label()
                 bar = ui.linear_progress(0.0, show_value=False).classes("lrm-bar-of-work")
-                self.bar = bar.props("instant-feedback")
+                self.bar = bar.props('instant-feedback aria-label="progress"')
                 button("Cancel", session.cancel, "end this work (Esc)")
             self.failure = ui.label().classes("lrm-failure").props('id="lrm-failure" role=alert')
 
@@ -41,16 +55,27 @@ class CommandBar:
         session, now = self.session, self.session.progress
         self.work.set_visibility(now is not None)
         if now is not None:
-            self.what.set_text(now.what)
+            self.what.set_text(self._words(now))
             self.bar.set_visibility(now.of > 0)
             self.bar.set_value(now.done / now.of if now.of else 0.0)
         self.failure.set_text(session.failure)
-        if session.shown is not None:
-            self.verdict.set_text(session.shown.verdict)
         ready = session.step is not None and not session.busy
         self.add.set_text(f"Add {chosen}" if chosen else "Add")
         self.add.set_enabled(ready and chosen is not None)
         self.undo.set_enabled(session.can_undo)
+        self.redo.set_enabled(session.can_redo)
         self.propose.set_enabled(ready)
         self.auto.set_enabled(ready)
-        self.diagnose.set_visibility(session.can_diagnose)
+        self.diagnose.set_enabled(session.can_diagnose)
+
+    def _words(self, now: WorkProgress) -> str:
+        """What is being done, how far it is, and how long the rest takes at this rate."""
+        clock = time.monotonic()
+        if now.what != self.task or now.done == 0:
+            self.task, self.begun = now.what, clock
+        if not now.of:
+            return now.what
+        spent, words = clock - self.begun, f"{now.what}: {now.done} of {now.of}"
+        if not now.done or spent < SURE_AFTER_S:
+            return words
+        return f"{words}, {max(1.0, spent / now.done * (now.of - now.done)):.0f} s left"

@@ -22,5 +22,7 @@ def head_html() -> str:
     return f"""{styles}
 <script async src="{library}" onload="window.lrm && lrm.ready()"></script>
 {"".join(f'<script defer src="{one}"></script>' for one in scripts)}
-<script>document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+<script>{assets.THEME.read_text(encoding="utf-8")}
+document.documentElement.lang = "en";
+addEventListener("load", () => Quasar.Dark.set(document.documentElement.dataset.theme === "dark"));
 window.lrmEmit = (name, value) => emitEvent(name, value);</script>"""

@@ -12,6 +12,7 @@ from lrm_ident.workbench.section import section_html
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.command_bar import CommandBar
 from lrm_ident.workbench.tab.dialogs import commands_dialog, law_dialog, live_dialog, save_dialog
+from lrm_ident.workbench.tab.file_notice import FileNotice
 from lrm_ident.workbench.tab.head import FOLDER, head_html
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
 from lrm_ident.workbench.tab.tour_dialog import TourDialog
@@ -24,8 +25,8 @@ REFRESH_S, ROVER_S = 0.1, 0.2
 class WorkbenchPage:
     """One tab. `chosen`: the candidate chosen in it; `seen`, `drawn`: the versions of the session that it shows."""
 
-    def __init__(self, session: WorkbenchSession, gone: str, first_tab: bool, tour: bool) -> None:
-        """Makes the elements, within the page. `gone`: what to say when the server is."""
+    def __init__(self, session: WorkbenchSession, first_tab: bool, tour: bool) -> None:
+        """Makes the elements, within the page."""
         self.session = session
         self.chosen: str | None = None
         self.seen = self.drawn = -1
@@ -35,6 +36,7 @@ class WorkbenchPage:
         self.rover = RoverPanel(session)
         self._build_header()
         self.bar = CommandBar(session, self._button, self._add)
+        self.notice = FileNotice(session, self._button)
         ui.html(PANELS.read_text(encoding="utf-8"), sanitize=False).classes("lrm-full")
         self.numbers = ui.html("", sanitize=False).classes("lrm-numbers")
         self.tour = TourDialog()
@@ -42,7 +44,6 @@ class WorkbenchPage:
         ui.on("lrm_key", lambda event: self._press(event.args))
         ui.timer(REFRESH_S, self.refresh)
         ui.timer(ROVER_S, self.rover.show)
-        ui.run_javascript(f"window.lrmGone = {json.dumps(gone)}")
         if not first_tab:
             ui.notify("The workbench is open in another tab too: both show the same work.", type="info")
         if tour:
@@ -50,7 +51,7 @@ class WorkbenchPage:
 
     def _build_header(self) -> None:
         with ui.element("header").classes("lrm-head"):
-            ui.label("lrm-ident workbench").classes("lrm-title")
+            ui.html('<h1 class="lrm-title">lrm-ident workbench</h1>', sanitize=False)
             self.files = ui.label().classes("lrm-files")
             ui.element("div").classes("lrm-grow")
             self._button("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both; or drop them")
@@ -63,8 +64,9 @@ class WorkbenchPage:
 
     def _button(self, text: str, action: Callable[[], object], hint: str, name: str = "") -> ui.button:
         button = ui.button(text, on_click=lambda: self._do(action)).props("no-caps unelevated dense outline")
-        button.props(f'aria-label="{name or text}" data-name="{(name or text).lower()}"')
-        return button.tooltip(hint)
+        return button.props(
+            f'data-name="{(name or text).lower()}" title="{hint}"' + (f' aria-label="{name}"' if name else "")
+        )
 
     # ---- refreshing
 
@@ -75,6 +77,7 @@ class WorkbenchPage:
             return
         self.seen = session.version
         self.bar.show(self.chosen)
+        self.notice.show()
         if session.law is not self.law:
             self.law = session.law
             if self.law is not None:
@@ -84,6 +87,7 @@ class WorkbenchPage:
             return
         self.drawn = session.drawn
         self.files.set_text(shown.title)
+        ui.run_javascript(f"window.lrmGone = {json.dumps(_gone(session))}")
         ui.run_javascript(f"lrm.load('/lrm/values?n={session.drawn}')")
         self.numbers.set_content(self._numbers(shown.numbers))
         note = "" if shown.diagnosed else "the candidates appear when every effect has been tried"
@@ -108,7 +112,14 @@ class WorkbenchPage:
 
     def _press(self, key: str) -> None:
         session = self.session
-        actions = {"a": self._add, "u": session.undo, "p": session.propose, "s": self._save, "c": self._commands}
+        actions = {
+            "a": self._add,
+            "u": session.undo,
+            "r": session.redo,
+            "p": session.propose,
+            "s": self._save,
+            "c": self._commands,
+        }
         actions["escape"] = session.cancel if session.progress is not None else self.tour.leave
         if key in actions:
             self._do(actions[key])
@@ -130,3 +141,11 @@ class WorkbenchPage:
 
     def _live(self) -> None:
         live_dialog(self.session, self.rover, self._do)
+
+
+def _gone(session: WorkbenchSession) -> str:
+    """Words of a tab when the server is gone."""
+    return (
+        "The workbench was stopped, or the connection broke. Nothing is lost: every step is a model file in "
+        f"{session.folder}. Go on with: {session.again}"
+    )

@@ -33,12 +33,12 @@
     const typing = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName);
     if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key.toLowerCase();
-    if ("auplcs".includes(key) && key.length === 1) window.lrmEmit("lrm_key", key);
+    if ("aurplcs".includes(key) && key.length === 1) window.lrmEmit("lrm_key", key);
     if (event.key === "Escape") window.lrmEmit("lrm_key", "escape");
   });
 
   // A click is answered at once, before the server has heard of it; its answer takes the mark away.
-  const SLOW = { add: "adding", undo: "undoing", auto: "auto", diagnose: "diagnosing", "propose a law": "looking for a law" };
+  const SLOW = { add: "adding", undo: "undoing", redo: "redoing", auto: "auto", diagnose: "diagnosing", "propose a law": "looking for a law" };
   const asked = (words) => {
     const box = document.getElementById("lrm-asked");
     if (!box) return;
@@ -52,9 +52,8 @@
   window.lrmAnswered = () => asked("");
 
   window.lrmTurnDark = () => {
-    const dark = document.documentElement.dataset.theme !== "dark";
-    lrm.theme(dark ? "dark" : "light");
-    Quasar.Dark.set(dark);
+    lrm.theme(lrmTheme());
+    Quasar.Dark.set(document.documentElement.dataset.theme === "dark");
   };
 
   window.lrmTour = (id) => {

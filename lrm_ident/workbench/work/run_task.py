@@ -9,17 +9,20 @@ from functools import singledispatch
 from itertools import count
 
 from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.metadata import arm_for
+from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
+from lrm_ident.fitting.levenberg_marquardt import check_enough
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.document_html import blocks_html
 from lrm_ident.report.laws import proposal_document
-from lrm_ident.report.model_report import ModelReport, quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
 from lrm_ident.study.inputs import read_measurements, read_study
-from lrm_ident.study.study import Study
+from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_ident.workbench.work.messages import Send, WorkFailure, WorkNotice, WorkProgress, WorkResult
 from lrm_ident.workbench.work.showing import step_shown
 from lrm_ident.workbench.work.tasks import (
@@ -54,6 +57,7 @@ def open_files(task: OpenTask, send: Send) -> None:
     files = OpenFiles(task.kept, task.data, task.effects_file, task.reading)
     if task.model is not None:
         study = read_study(task.model, task.data, task.effects_file, task.reading)
+        check_enough(len(study.data), len(study.model.free), study.prior)
         _tell(study.notices, send)
         study.save(task.kept)
         send(WorkResult(step_found(files, quick_report(study))))
@@ -93,22 +97,29 @@ def add_effect(task: AddTask, send: Send) -> None:
     screened = _screened(task.files, study)
     send(WorkProgress(f"adding {task.effect}: refitting everything"))
     study.add(task.effect, screened).save(task.kept)
-    _send_step(replace(task.files, model=task.kept), send)
+    _send_step(replace(task.files, model=task.kept), send, task.packed)
 
 
 @run_task.register
 def follow_advice(task: AutoTask, send: Send) -> None:
     """Takes step after step and keeps each."""
-    numbers = count(task.number)
+    numbers, errors, packed = count(task.number), list[str](), task.packed
 
     def on_step(step: AutoStep, study: Study) -> None:
         """Keeps the model of a step, and reports it to the page."""
+        nonlocal packed
+        errors.append(in_mm(error_stats(step.held_out).rms))
         if step.added:
             kept = task.folder / kept_name(next(numbers))
             study.save(kept)
-            _send_step(replace(task.files, model=kept), send)
+            packed = _send_step(replace(task.files, model=kept), send, packed)
 
-    study = replace(_study(task.files, send), progress=_bars(send, "auto: "))
+    def on_progress(what: str, done: int, of: int) -> None:
+        """Says which round it is, and how far the last one brought the error."""
+        fall = f": {' → '.join(errors[-2:])} mm" if errors else ""
+        send(WorkProgress(f"auto, round {max(len(errors), 1)} of at most {MAX_EFFECTS}{fall}; {what}", done, of))
+
+    study = replace(_study(task.files, send), progress=on_progress)
     study.auto(on_step=on_step)
 
 
@@ -140,14 +151,18 @@ def _tell(notices: Iterable[str], send: Send) -> None:
         send(WorkNotice(words))
 
 
-def _send_step(files: OpenFiles, send: Send) -> None:
+def _send_step(files: OpenFiles, send: Send, before: bytes | None = None) -> bytes:
+    """Sends the step of files; gives all that is known of it, packed. `before`: the same of the step before."""
     study = _study(files, send)
     _tell(study.notices, send)
-    send(WorkResult(step_found(files, quick_report(study))))
+    found = quick_report(study)
+    step = step_found(files, found if before is None else after_step(found, unpacked(before)))
+    send(WorkResult(step))
+    return step.packed
 
 
-def _bars(send: Send, task: str = "") -> Progress:
-    return lambda what, done, of: send(WorkProgress(f"{task}{what}", done, of))
+def _bars(send: Send) -> Progress:
+    return lambda what, done, of: send(WorkProgress(what, done, of))
 
 
 def _screened(files: OpenFiles, study: Study) -> Diagnosis:

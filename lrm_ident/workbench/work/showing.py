@@ -16,6 +16,7 @@ def step_shown(found: ModelReport) -> StepView:
     file = found.file
     return StepView(
         title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
+        data_sha256=found.poses.sha256,
         verdict=found.verdict,
         diagnosed=found.diagnosis is not None,
         values=values_text(figure_values(found)),

@@ -32,12 +32,13 @@ class StepView:
     """View of a step on the page.
 
     Attributes:
-        title: arm, file, and how many poses. verdict: of the diagnosis, or "".
+        title: arm, file, and how many poses. data_sha256: of the measurements. verdict: of the diagnosis, or "".
         diagnosed: whether there is a diagnosis. values: JSON of the figures. numbers: all tables, as HTML.
         model: text of the model file; before: that without the last step, or None if there is none to take back.
     """
 
     title: str
+    data_sha256: str
     verdict: str
     diagnosed: bool
     values: str
@@ -101,23 +102,28 @@ class DiagnoseTask:
 
 @dataclass(frozen=True)
 class AddTask:
-    """`add`: an effect at a place; the new model is kept as `kept`. Gives one step."""
+    """`add`: an effect at a place; the new model is kept as `kept`. Gives one step.
+
+    `packed`: what is known of the step before.
+    """
 
     files: OpenFiles
     effect: str
     kept: Path
+    packed: bytes
 
 
 @dataclass(frozen=True)
 class AutoTask:
     """`auto`: follows the advice until it says stop. Gives every step as it is taken.
 
-    The models are kept in `folder`, numbered from `number`.
+    The models are kept in `folder`, numbered from `number`. `packed`: what is known of the step before.
     """
 
     files: OpenFiles
     folder: Path
     number: int
+    packed: bytes
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,12 @@ def test_the_notebook_of_the_docs_names_the_hidden_effect(capsys: pytest.Capture
     assert {"where.png", "why.png", "model.toml"} <= {path.name for path in told["folder"].iterdir()}
     assert "backlash" in (told["folder"] / "model.toml").read_text()
     assert "nothing_missing" in capsys.readouterr().out
+    shown = {name: told[name]._repr_html_() for name in ("study", "first", "diagnosis", "page")}
+    assert all("<table" in html for name, html in shown.items() if name != "page")
+    assert "backlash@joint2" in shown["diagnosis"]
+    assert "data:image/png" in shown["diagnosis"]
+    assert "data:image/png" in shown["first"]
+    assert shown["page"].startswith("<iframe")
 
 
 @pytest.mark.slow

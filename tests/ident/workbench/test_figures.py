@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,10 +21,12 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.document import ListSection, ResultTable, heading
 from lrm_ident.report.document_html import blocks_html
-from lrm_ident.report.plots.interactive.candidate_view import candidate_view
+from lrm_ident.report.names.plain_names import PLAIN, plain_name
+from lrm_ident.report.plots.interactive.candidate_view import candidate_view, drivers_of
 from lrm_ident.report.plots.interactive.values import values_text
-from lrm_ident.residual.covariates import covariates
+from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
+from lrm_math.effects import CATALOGUE, FREE_FORMS
 from tests.conftest import EXAMPLE
 from tests.support.commands import stdout_of
 
@@ -100,6 +105,50 @@ def test_a_report_is_one_small_file_that_asks_nothing_of_the_network(tmp_path: P
     assert "default-src 'none'" in page
     assert 'src="http' not in page
     assert "@media print" in page
+
+
+@pytest.mark.slow
+def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(tmp_path: Path) -> None:
+    first, second, page = tmp_path / "m.toml", tmp_path / "n.toml", tmp_path / "r.html"
+    stdout_of("fit", EXAMPLE, "-o", first)
+    stdout_of("add", first, EXAMPLE, "backlash@joint2", "-o", second)
+    stdout_of("report", first, EXAMPLE, "-o", page)
+    ranking = {one["name"]: one for one in _values_of(page)["ranking"]}
+    assert ranking["backlash@joint2"]["standing"] == "supported"
+    assert ranking["torque_curve@joint2"]["mark"] == "◌ explains it too, the simpler one suffices"
+    assert ranking["nonlinear_stiffness@joint2"]["standing"] == "no_evidence"
+    stdout_of("report", second, EXAMPLE, "-o", page)
+    found = _values_of(page)
+    (card,) = found["cards"]
+    assert (card["title"], card["joint"], card["driver"]) == ("Play in joint 2", 1, "torque of joint 2")
+    assert card["before"] == found["history"][0]["held"]
+    assert card["share"] > 0.9
+    assert all(entry["here"] and entry["data"] == found["data"][:8] for entry in found["history"])
+
+
+def _values_of(page: Path) -> dict[str, Any]:
+    """The values that a report draws its figures from."""
+    inside = re.search(r'id="lrm-values">(.*?)</script>', page.read_text(encoding="utf-8"), re.S)
+    assert inside is not None
+    return dict(json.loads(inside[1]))
+
+
+@given(st.integers(0, 5), st.integers(0, 5), st.integers(0, 10**6))
+def test_a_form_is_drawn_over_all_that_it_is_a_function_of(first: int, second: int, seed: int) -> None:
+    """One quantity: that one; two: both; their order does not matter."""
+    rng = np.random.default_rng(seed)
+    known = [Covariate("angle", rng.uniform(-1.0, 1.0, 400), joint) for joint in range(6)]
+    x, y = known[first].values, known[second].values
+    found = drivers_of(np.sin(3.0 * (x + y)) + np.cos(3.0 * (x - y)), known, first, np.ones(400, dtype=np.bool_))
+    assert {one.joint for one in found} == {first, second}
+
+
+def test_every_effect_has_a_plain_name() -> None:
+    for kind in (*CATALOGUE, *FREE_FORMS):
+        assert kind.id in PLAIN
+        assert "{" not in plain_name(f"{kind.id}@joint2")
+    assert plain_name("cable_curve@joint1+joint2") == "cable over joints 1 and 2, free curve"
+    assert plain_name("my_own@tool") == "my own of tool"
 
 
 def test_blocks_as_html_are_escaped_and_whole() -> None:

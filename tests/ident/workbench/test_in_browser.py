@@ -12,12 +12,11 @@ import pytest
 
 from tests.conftest import EXAMPLE
 from tests.support.browser import (
-    PATIENCE_MS,
     SHOTS,
     BrowserLog,
     RunningWorkbench,
-    chromium,
     idle,
+    opened,
     says,
     wait_for,
     workbench,
@@ -41,14 +40,6 @@ LONELY_DOT = """(() => {
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """A headless Chromium."""
-    with chromium() as found:
-        SHOTS.mkdir(parents=True, exist_ok=True)
-        yield found
-
-
-@pytest.fixture(scope="module")
 def running(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
     """A workbench on the shipped data set, started only where there is a browser."""
     assert browser
@@ -63,20 +54,6 @@ def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ru
     folder = tmp_path_factory.mktemp("small")
     with workbench(part_of_example(folder, 100), cwd=folder) as found:
         yield found
-
-
-def opened(
-    browser: Any, running: RunningWorkbench, size: dict[str, int], seen: BrowserLog | None = None, scheme: str = "light"
-) -> Any:
-    """A new tab. `scheme`: of colours, that the browser asks for."""
-    context = browser.new_context(viewport=size, color_scheme=scheme)
-    context.set_default_timeout(PATIENCE_MS)
-    page = context.new_page()
-    if seen:
-        seen.listen(page)
-    page.goto(running.address)
-    wait_for(page, "window.lrm && lrm.state.values")
-    return page
 
 
 @pytest.mark.slow

@@ -2,26 +2,30 @@
 
 Added-variable plot (Cook & Weisberg 1982): what the fit leaves against what the candidate would add beyond the fitted
 parameters. Component plus residual (Ezekiel 1924; Larsen & McCleary 1972): what the candidate alone would do as a
-turn of one joint, against its own driver, and the residual around it.
+turn of one joint, against its own driver, and the residual around it. A form of two drivers has a map instead.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
-from lrm_ident.residual.covariates import Covariate
+from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.error_field import joint_turns
 from lrm_math.arrays import Array
 
 SHARE = 0.2
 """Part of a joint's lever below which its turn cannot be observed at a pose, as a share of the RMS lever."""
+NO_FUNCTION, MUCH_BETTER = 0.1, 0.5
+"""Von Neumann's ratio above which a form is no function of its driver; what a second one must at least reduce it to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +36,7 @@ class CandidateView:
         added: (M, 3), motion of the TCP that it would add beyond the fitted parameters (m).
         turns: (n, M), the same as a turn of each joint (rad).
         joint: from 0, the one whose turn its motion is most like. driver: name of what its form is a function of.
+        second: name of the other driver of a form of two, else "". refused: why it cannot be the cause, else "".
         form: (M,), the turn of that joint that the candidate says (rad). around: (M,), with what would then be left.
         observable: (M,), whether the joint's lever is long enough to observe a turn.
     """
@@ -41,6 +46,8 @@ class CandidateView:
     turns: Array
     joint: int
     driver: str
+    second: str
+    refused: str
     form: Array
     around: Array
     observable: NDArray[np.bool_]
@@ -62,16 +69,18 @@ def candidate_view(
     added = weigh.positions(scored.projected.columns @ scored.alone.theta)
     turns = joint_turns(alone, found.joint_jacobian)
     lever = (found.joint_jacobian**2).sum(axis=1)
-    joint = _own_joint(scored.candidate.effect.place, (turns**2 * lever).sum(axis=1))
+    joint = own_joint(scored.candidate.effect.place, (turns**2 * lever).sum(axis=1))
     around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
-    driver = _driver(turns[joint][observable], known, joint, observable)
+    drivers = drivers_of(turns[joint], known, joint, observable)
     return CandidateView(
         name=scored.name,
         added=_drawn(added, rows),
         turns=_drawn(joint_turns(added, found.joint_jacobian).T, rows).T,
         joint=joint,
-        driver=known[driver].name,
+        driver=drivers[0].name,
+        second=drivers[1].name if len(drivers) > 1 else "",
+        refused=scored.implausible or found.unexplained.spurious.get(scored.name, ""),
         form=_drawn(turns[joint], rows),
         around=_drawn(around, rows),
         observable=observable[rows] & (rows >= 0),
@@ -84,21 +93,36 @@ def _drawn(values: Array, rows: NDArray[np.int64]) -> Array:
     return np.where((rows >= 0).reshape(shape), values[rows], np.nan)
 
 
-def _own_joint(place: str, explained: Array) -> int:
-    """The joint of its place, else the one whose turn is most like its motion. `explained`: (n,)."""
+def own_joint(place: str, explained: Array) -> int:
+    """The joint of a place, else the one whose turn is most like its motion. `explained`: (n,)."""
     number = place.removeprefix("joint")
     return int(number) - 1 if number.isdigit() else int(np.argmax(explained))
 
 
-def _driver(form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]) -> int:
-    """The driver of which the form is a function most nearly: neighbours in its order differ least.
+def drivers_of(
+    form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
+) -> tuple[Covariate, ...]:
+    """The driver of which the form is a function most nearly; a second one where it is a function of two only.
 
-    Von Neumann's ratio (1941). Quantities of the joint itself come first where they do as well.
+    Neighbours in the order of a driver differ least (von Neumann 1941). Quantities of the joint itself come first where
+    they do as well.
+
+    Args:
+        form: (N,), NaN nowhere that is observable. known: at the same poses; joint: from 0.
     """
-    order = sorted(range(len(known)), key=lambda i: known[i].joint != joint)
-    ratios = [_roughness(form, known[i].values[observable]) for i in order]
+    order = sorted(known, key=lambda one: one.joint != joint)
+    shown, seen = form[observable], [scaled(one.values[observable]) for one in order]
+    ratios = [_roughness(shown, values) for values in seen]
     least = min(ratios)
-    return next(i for i, ratio in zip(order, ratios, strict=True) if ratio <= 1.05 * least + 1e-9)
+    first = next(i for i, ratio in enumerate(ratios) if ratio <= 1.05 * least + 1e-9)
+    if ratios[first] <= NO_FUNCTION or len(shown) < 2:
+        return (order[first],)
+    pairs = list(combinations(range(len(seen)), 2))
+    over = [_roughness_over(shown, seen[i], seen[j]) for i, j in pairs]
+    if not pairs or min(over) > MUCH_BETTER * least:
+        return (order[first],)
+    i, j = pairs[int(np.argmin(over))]
+    return order[i], order[j]
 
 
 def _roughness(form: Array, values: Array) -> float:
@@ -106,3 +130,11 @@ def _roughness(form: Array, values: Array) -> float:
     by = np.argsort(values, kind="stable")
     spread = float(form.var())
     return float((np.diff(form[by]) ** 2).mean() / (2.0 * spread)) if spread > 0 and len(form) > 1 else 1.0
+
+
+def _roughness_over(form: Array, first: Array, second: Array) -> float:
+    """The same of nearest neighbours in the plane of two drivers."""
+    places = np.column_stack([first, second])
+    neighbour = np.asarray(cKDTree(places).query(places, k=2)[1])[:, 1]
+    spread = float(form.var())
+    return float(((form - form[neighbour]) ** 2).mean() / (2.0 * spread)) if spread > 0 else 1.0

@@ -1,6 +1,7 @@
-// What all flat charts share: colours of the page's style, and Plotly's layout and buttons.
+// What all flat charts share: colours of the page's style, Plotly's layout and buttons, means and ranges of points.
 "use strict";
 const lrmChart = (() => {
+  const BINS = 12;
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
 
   function layout(extra) {
@@ -11,10 +12,50 @@ const lrmChart = (() => {
       legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { size: 11 } }, uirevision: "kept",
     };
     const out = Object.assign(base, extra);
-    for (const key of ["xaxis", "yaxis"]) if (out[key]) out[key] = Object.assign({}, axis, out[key]);
+    for (const key of ["xaxis", "yaxis", "xaxis2", "yaxis2"]) if (out[key]) out[key] = Object.assign({}, axis, out[key]);
     return out;
   }
 
+  // A curve through points: those of equal x are one, at their mean, so that no line joins them.
+  function curve(x, y) {
+    const at = new Map();
+    x.forEach((value, i) => {
+      if (value === null || y[i] === null || y[i] === undefined) return;
+      if (!at.has(value)) at.set(value, []);
+      at.get(value).push(y[i]);
+    });
+    const xs = [...at.keys()].sort((a, b) => a - b);
+    return { x: xs, y: xs.map((value) => at.get(value).reduce((sum, one) => sum + one, 0) / at.get(value).length) };
+  }
+
+  // Means of y over groups of neighbours in x, or over the levels of x where these are few.
+  function binned(x, y) {
+    const rows = x.map((_, i) => i).filter((i) => x[i] !== null && y[i] !== null).sort((a, b) => x[a] - x[b]);
+    if (new Set(rows.map((i) => x[i])).size <= BINS) return curve(rows.map((i) => x[i]), rows.map((i) => y[i]));
+    const groups = Array.from({ length: BINS }, (_, k) =>
+      rows.slice(Math.floor(k * rows.length / BINS), Math.floor((k + 1) * rows.length / BINS))).filter((one) => one.length);
+    const mean = (group, of) => group.reduce((sum, i) => sum + of[i], 0) / group.length;
+    return curve(groups.map((g) => mean(g, x)), groups.map((g) => mean(g, y)));
+  }
+
+  // A range for most of some values, and how many of others are beyond; a joint that hardly moves the TCP makes a few
+  // enormous turns.
+  function range(values, most = values) {
+    const sizes = (of) => of.filter((y) => y !== null).map(Math.abs).sort((a, b) => a - b), known = sizes(most);
+    const limit = 1.4 * (known[Math.floor(0.98 * (known.length - 1))] || 1);
+    return { limits: [-limit, limit], beyond: sizes(values).filter((y) => y > limit).length };
+  }
+
+  // Paper has its own sizes (class lrm-paper): charts take them before the browser lays the pages out, and the screen's again.
+  function onPaper(begin) {
+    document.documentElement.classList.toggle("lrm-paper", begin);
+    for (const figure of document.querySelectorAll(".js-plotly-plot")) {
+      const size = begin ? { width: figure.clientWidth, height: figure.clientHeight, autosize: false }
+        : { width: null, height: null, autosize: true };
+      if (window.Plotly && figure.clientWidth) Plotly.relayout(figure, size);
+    }
+  }
+
   const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["toImage", "sendDataToCloud"] };
-  return { colour, layout, CONFIG };
+  return { colour, layout, curve, binned, range, onPaper, CONFIG };
 })();

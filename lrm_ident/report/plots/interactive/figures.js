@@ -2,14 +2,21 @@
 // lrm.show(values) draws all that has a place (an element with the figure's id) on the page.
 "use strict";
 const lrm = (() => {
-  const BINS = 12, PAPER_RATIO = 3, AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
-  const { colour, layout, CONFIG } = lrmChart;
+  const PAPER_RATIO = 3, GLIDE_MS = 1000;
+  const { colour, layout, binned, range, onPaper, CONFIG } = lrmChart;
   const state = { values: null, step: 0, beside: null, joint: 0, driver: "", candidate: null, brushed: null, pose: null };
   const scenes = {};
   const place = (id) => document.getElementById("lrm-" + id);
   const emit = (name, value) => { if (window.lrmEmit) window.lrmEmit(name, value); };
   const words = (value, digits = 2) => value === null ? "–" : value.toFixed(digits);
   const norm = (v) => Math.hypot(v[0], v[1], v[2]);
+
+  function element(tag, text, name) {
+    const out = document.createElement(tag);
+    if (text) out.textContent = text;
+    if (name) out.className = name;
+    return out;
+  }
 
   // ---- what the figures share
 
@@ -46,6 +53,7 @@ const lrm = (() => {
   // Draws charts that wait, `most` of them, and says whether it drew any.
   function drawWaiting(which, most = Infinity) {
     if (!window.Plotly || !state.values) return false;
+    for (const one of waiting.keys()) if (!one.isConnected) waiting.delete(one);
     const now = [...waiting].filter(([one]) => which(one)).slice(0, most);
     for (const [element, run] of now) { waiting.delete(element); run(); }
     return now.length > 0;
@@ -69,6 +77,10 @@ const lrm = (() => {
     element.on("plotly_click", (event) => toggle(event.points[0].customdata));
   }
 
+  const page = { state, place, element, draw, selected, wireScatter, words };
+  const { candidate, drawCandidate, drawRanking } = lrmCandidates(page);
+  const { tellFall, tellVerdict, drawHistory, drawCards } = lrmSteps(page);
+
   // ---- the error field
 
   function drawField() {
@@ -79,13 +91,27 @@ const lrm = (() => {
     if (scale) scale.textContent = v.scale.words + (v.thinned ? "; " + v.thinned : "");
   }
 
-  function drawStep(id, number, bar) {
+  // The arrows go from those of another step to those of the step shown; at once where motion is not wished.
+  function glide(from) {
+    const of = state.values, number = state.step, to = of.steps[number].residual, begun = performance.now();
+    const still = window.matchMedia("(prefers-reduced-motion: reduce)").matches || document.hidden || !scenes.field;
+    if (still || state.beside !== null || from.length !== to.length) return drawField();
+    const frame = (now) => {
+      const t = Math.min(Math.max((now - begun) / GLIDE_MS, 0), 1), part = t * t * (3 - 2 * t);
+      if (state.values !== of || state.step !== number || state.beside !== null) return;
+      drawStep("field", number, true, to.map((r, row) => r.map((c, k) => from[row][k] + part * (c - from[row][k]))));
+      if (t < 1) requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+  }
+
+  function drawStep(id, number, bar, residual = state.values.steps[number]?.residual) {
     const v = state.values, step = v.steps[number], box = place(id), chosen = selected();
     if (!box || !step) return;
     const deed = { hover, toggle, mark: (rows) => brush(new Set(rows.map((row) => v.pose[row]))) };
     scenes[id] = scenes[id] || lrmScene(box, deed);
-    scenes[id].show({ title: `${number} ${step.name.split(",")[0]}: RMS ${step.rms} mm`, box: boxOfField(), bar,
-      tcp: v.tcp, residual: step.residual, magnification: v.scale.magnification, largest: v.scale.largest,
+    scenes[id].show({ title: `${number} ${step.title}: RMS ${step.rms} mm`, box: boxOfField(), bar,
+      tcp: v.tcp, residual, magnification: v.scale.magnification, largest: v.scale.largest,
       colours: v.scale.colours, marked: chosen && new Set(chosen), row: rowOfPose(), arms: arms() });
   }
 
@@ -116,6 +142,8 @@ const lrm = (() => {
   function tell() {
     const v = state.values, row = rowOfPose(), note = place("pose-note"), input = place("pose");
     if (input && document.activeElement !== input) input.value = v.pose[row];
+    tellFall();
+    tellVerdict();
     if (!note) return;
     const r = v.steps[state.step].residual[row];
     note.textContent = `pose ${v.pose[row]}: q ${v.q[row].map((a) => a.toFixed(0)).join(" ")} deg, load ${v.load[row]} g, ` +
@@ -145,34 +173,13 @@ const lrm = (() => {
     for (const one of Object.values(scenes)) one.ratio = begin ? PAPER_RATIO : 0;
     theme(begin ? "light" : print.theme);
     drawWaiting(() => true);
-    resize();
+    onPaper(begin);
     for (const one of Object.values(scenes)) one.draw();
   }
+  window.addEventListener("beforeprint", () => { if (state.values) print(true); });
+  window.addEventListener("afterprint", () => { if (state.values) print(false); });
 
   // ---- where it fails: the residual as a turn of one joint against a driver
-
-  function binned(x, y) {
-    const rows = x.map((_, i) => i).filter((i) => x[i] !== null && y[i] !== null).sort((a, b) => x[a] - x[b]);
-    const levels = new Set(rows.map((i) => x[i])), groups = [];
-    if (levels.size <= BINS) {
-      for (const level of levels) groups.push(rows.filter((i) => x[i] === level));
-    } else {
-      for (let k = 0; k < BINS; k++) {
-        groups.push(rows.slice(Math.floor(k * rows.length / BINS), Math.floor((k + 1) * rows.length / BINS)));
-      }
-    }
-    const mean = (group, of) => group.reduce((sum, i) => sum + of[i], 0) / group.length;
-    const kept = groups.filter((group) => group.length);
-    return { x: kept.map((g) => mean(g, x)), y: kept.map((g) => mean(g, y)) };
-  }
-
-  // A range for most of some values, and how many of others are beyond; a joint that hardly moves the TCP makes a few
-  // enormous turns.
-  function range(values, most = values) {
-    const sizes = (of) => of.filter((y) => y !== null).map(Math.abs).sort((a, b) => a - b), known = sizes(most);
-    const limit = 1.4 * (known[Math.floor(0.98 * (known.length - 1))] || 1);
-    return { limits: [-limit, limit], beyond: sizes(values).filter((y) => y > limit).length };
-  }
 
   function drawTurn() {
     const v = state.values, driver = v.drivers.find((d) => d.name === state.driver), step = v.steps[state.step];
@@ -188,7 +195,7 @@ const lrm = (() => {
     ];
     if (one && state.step === v.steps.length - 1) {
       const says = binned(driver.values, one.turns[state.joint]);
-      traces.push({ type: "scatter", mode: "lines+markers", name: `what ${one.name} would explain`, x: says.x, y: says.y,
+      traces.push({ type: "scatter", mode: "lines+markers", name: `what ${one.title} would explain`, x: says.x, y: says.y,
         hoverinfo: "skip", line: { color: colour("held"), width: 3, dash: "dash" }, marker: { symbol: "diamond", size: 7 } });
     }
     const beyond = seen.beyond ? ` (${seen.beyond} beyond)` : "";
@@ -198,85 +205,7 @@ const lrm = (() => {
     }, wireScatter);
   }
 
-  // ---- which effect
-
-  const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
-
-  function drawCandidate() {
-    const one = candidate(), detail = place("detail");
-    for (const id of ["added", "form"]) if (place(id)) place(id).classList.toggle("lrm-empty", !one);
-    if (detail) detail.replaceChildren(...(one ? details(one) : []));
-    if (!one) return;
-    const v = state.values, extent = Math.max(...one.added.flat().filter((c) => c !== null).map(Math.abs), 1e-6);
-    const traces = AXES.map((axis, k) => ({ type: "scatter", mode: "markers", name: "along " + axis,
-      x: one.added.map((a) => a[k]), y: v.steps[v.steps.length - 1].residual.map((r) => r[k]), selectedpoints: selected(),
-      customdata: v.pose.map((_, row) => row), text: v.pose.map((pose) => `pose ${pose}`),
-      hovertemplate: "%{text}<extra></extra>",
-      marker: { size: 5, opacity: 0.6, symbol: SYMBOLS[k], color: colour(["model", "held", "good"][k]) } }));
-    traces.push({ type: "scatter", mode: "lines", name: "as it says", x: [-extent, extent], y: [-extent, extent],
-      hoverinfo: "skip", line: { color: colour("ink"), dash: "dash", width: 1.5 } });
-    draw("added", traces, { xaxis: { title: { text: "it would add, mm", standoff: 4 } },
-      yaxis: { title: { text: "the fit leaves, mm", standoff: 4 } } }, wireScatter);
-    const driver = v.drivers.find((d) => d.name === one.driver);
-    if (!driver) return;
-    const order = driver.values.map((_, i) => i).filter((i) => one.form[i] !== null)
-      .sort((a, b) => driver.values[a] - driver.values[b]);
-    const seen = range(one.around);
-    draw("form", [
-      { type: "scatter", mode: "markers", name: "data", x: driver.values, y: one.around, selectedpoints: selected(),
-        customdata: v.pose.map((_, row) => row), text: v.pose.map((pose) => `pose ${pose}`),
-        hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>", marker: { size: 5, color: colour("model"), opacity: 0.55 } },
-      { type: "scatter", mode: "lines", name: "its form", x: order.map((i) => driver.values[i]),
-        y: order.map((i) => one.form[i]), hoverinfo: "skip", line: { color: colour("held"), width: 3 } },
-    ], { xaxis: { title: { text: driver.label, standoff: 4 } },
-      yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: seen.limits } }, wireScatter);
-  }
-
-  function element(tag, text, name) {
-    const out = document.createElement(tag);
-    if (text) out.textContent = text;
-    if (name) out.className = name;
-    return out;
-  }
-
-  function details(one) {
-    const lines = [element("p", one.why)];
-    lines.push(element("p", `${one.estimates.join(", ")}; p ${one.p}; ` +
-      (one.online ? "the rover can compensate it" : "explains a measurement session; never deployed silently"), "lrm-soft"));
-    if (one.rivals.length) lines.push(element("p", "These data cannot tell it from " + one.rivals.join(", ") + ".", "lrm-soft"));
-    return lines;
-  }
-
-  function drawRanking() {
-    const list = place("ranking"), v = state.values;
-    if (!list) return;
-    const worst = Math.max(...v.ranking.map((one) => one.heldOut), 1e-9);
-    list.setAttribute("role", "radiogroup");
-    list.replaceChildren(...v.ranking.map((one, number) => {
-      const button = element("button", "", "lrm-candidate lrm-" + one.verdict), is = one.name === state.candidate;
-      button.type = "button";
-      button.setAttribute("role", "radio");
-      button.setAttribute("aria-checked", String(is));
-      button.tabIndex = is || (!state.candidate && !number) ? 0 : -1;
-      button.dataset.name = one.name;
-      const bar = element("span", "", "lrm-bar");
-      bar.style.width = 100 * one.heldOut / worst + "%";
-      button.append(bar, element("span", one.mark.split(" ")[0], "lrm-mark"), element("span", one.name, "lrm-name"),
-        element("span", one.held, "lrm-held"));
-      button.title = one.mark;
-      button.addEventListener("click", () => choose(one.name));
-      return button;
-    }));
-    list.onkeydown = (event) => {
-      const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
-      if (!step) return;
-      event.preventDefault();
-      const at = v.ranking.findIndex((one) => one.name === state.candidate);
-      const next = v.ranking[Math.min(Math.max(at + step, 0), v.ranking.length - 1)];
-      choose(next.name);
-      list.querySelector('[aria-checked="true"]').focus();
-    };
-  }
+  // ---- the steps that were taken
 
   function choose(name) {
     state.candidate = name;
@@ -286,43 +215,19 @@ const lrm = (() => {
       if (state.values.drivers.some((d) => d.name === one.driver)) state.driver = one.driver;
       fill();
     }
-    drawRanking();
+    drawRanking(choose);
     drawCandidate();
     drawTurn();
     emit("lrm_choose", name);
   }
 
-  // ---- the steps
-
-  function drawHistory() {
-    const v = state.values, h = v.history;
-    if (!h.length) return;
-    const x = h.map((_, i) => i), names = h.map((one, i) => `${i} ${one.name.split(",")[0]}`);
-    const line = (name, y, dash, symbol, ink) => ({ type: "scatter", mode: "lines+markers", name, x, y,
-      customdata: x, text: names, hovertemplate: "%{text}<br>%{y:.2f} mm<extra></extra>",
-      line: { color: ink, dash, width: 2 }, marker: { symbol, size: x.map((i) => i === state.step ? 14 : 9) } });
-    const traces = [line("fit", h.map((one) => one.fit), "solid", "circle", colour("model")),
-      line("held out", h.map((one) => one.held), "dash", "diamond", colour("held"))];
-    const shapes = [], notes = [], floor = v.floor !== null ? v.floor : v.bound;
-    if (floor !== null) {
-      shapes.push({ type: "line", xref: "paper", x0: 0, x1: 1, y0: floor, y1: floor, line: { dash: "dot", color: colour("ink") } });
-      notes.push({ xref: "paper", x: 0.5, y: floor, xanchor: "center", yanchor: "top", showarrow: false,
-        text: v.floor !== null ? `noise floor ${words(floor)} mm` : `noise at most ${words(floor)} mm` });
-    }
-    const most = Math.max(...h.map((one) => Math.max(one.fit, one.held || 0)));
-    const fits = Math.min(22, Math.max(5, Math.floor((place("history") || document.body).clientWidth / 8 / h.length) - 2)); // letters
-    draw("history", traces, { shapes, annotations: notes, dragmode: false,
-      xaxis: { tickvals: x, ticktext: names.map((name) => name.length > fits ? name.slice(0, fits - 1) + "…" : name),
-        range: [-0.4, Math.max(h.length - 0.6, 1.4)], fixedrange: true },
-      yaxis: { title: { text: "RMS error, mm", standoff: 4 }, range: [0, 1.15 * most], fixedrange: true } },
-    (figure) => figure.on("plotly_click", (event) => showStep(event.points[0].customdata)));
-  }
-
   function showStep(number) {
+    const from = state.values.steps[state.step];
     if (!state.values.steps[number]) return;
     state.step = number;
     fill();
-    drawField(); drawTurn(); drawHistory(); tell();
+    if (from) glide(from.residual);
+    drawTurn(); drawHistory(showStep); tell();
     emit("lrm_step", number);
   }
 
@@ -354,7 +259,7 @@ const lrm = (() => {
   }
 
   function fill() {
-    const v = state.values, steps = v.steps.map((step, i) => [String(i), `${i} ${step.name.split(",")[0]}`]);
+    const v = state.values, steps = v.steps.map((step, i) => [String(i), `${i} ${step.title}`]);
     options("joint", v.q[0].map((_, i) => [String(i), `joint ${i + 1}`]), String(state.joint));
     options("driver", v.drivers.map((d) => [d.name, d.name]), state.driver);
     options("step", steps, String(state.step));
@@ -369,7 +274,7 @@ const lrm = (() => {
     on("joint", (value) => { state.joint = Number(value); drawTurn(); });
     on("driver", (value) => { state.driver = value; drawTurn(); });
     on("step", (value) => showStep(Number(value)));
-    on("beside", (value) => { state.beside = value === "" ? null : Number(value); drawField(); resize(); drawHistory(); });
+    on("beside", (value) => { state.beside = value === "" ? null : Number(value); drawField(); resize(); drawHistory(showStep); });
     on("marked", (value) => brush(value ? new Set(state.values.marked[value]) : null));
     on("pose", (value) => { const row = state.values.pose.indexOf(Number(value)); if (row >= 0) hover(row); });
     if (place("clear")) place("clear").onclick = () => brush(null);
@@ -383,17 +288,19 @@ const lrm = (() => {
 
   function redraw() {
     if (!state.values) return;
-    fill(); drawRanking(); drawField(); drawArm(); tell(); drawTurn(); drawHistory(); drawCandidate();
+    fill(); drawRanking(choose); drawField(); drawArm(); tell(); drawTurn(); drawHistory(showStep); drawCandidate(); drawCards();
   }
 
   function show(values) {
     const before = state.values, known = new Set(values.drivers.map((d) => d.name));
     state.values = values;
+    const same = before && before.data === values.data;
+    if (same && values.floor === null && values.bound === null) [values.floor, values.bound] = [before.floor, before.bound];
     const last = values.steps.length - 1;
     if (!before || before.steps.length !== values.steps.length || state.step > last) state.step = last;
     if (state.beside !== null && state.beside > last) state.beside = null;
     if (!values.ranking.some((one) => one.name === state.candidate)) state.candidate = null;
-    const other = !before || before.data !== values.data, looked = !other && !before.compared && values.steps.length === 1;
+    const other = !same, looked = !other && !before.compared && values.steps.length === 1;
     if (other || looked || !known.has(state.driver)) {
       state.joint = values.where.joint;
       state.driver = values.where.driver;
@@ -408,7 +315,9 @@ const lrm = (() => {
     if (!state.candidate && first && first.verdict !== "no_evidence") {
       [state.candidate, state.joint, state.driver] = [first.name, first.joint, first.driver];
     }
+    const from = before && before.steps[before.steps.length - 1].residual;
     redraw();
+    if (same && before.steps.length !== values.steps.length && String(before.pose) === String(values.pose)) glide(from);
     emit("lrm_choose", state.candidate);
   }
 

@@ -8,15 +8,31 @@ from typing import Any
 
 import numpy as np
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm
 from lrm_ident.report.diagnosis import MARKS
+from lrm_ident.report.history import data_of
 from lrm_ident.report.model_report import ModelReport
+from lrm_ident.report.names.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import CandidateView
-from lrm_ident.residual.error_field import COLOURS, FieldStep
+from lrm_ident.report.step_card import StepCard, error_fall, of_data, rivals
+from lrm_ident.residual.error_field import COLOURS
 from lrm_math.arrays import Array
 
 UM, ANGLE, SMALLEST_P = 3, 4, 1e-15
 """Decimals of millimetres and degrees in the drawing only, and the least p value that is printed."""
+AS_WELL = 0.05
+"""Share of the first candidate's error by which another that explains as much may leave more."""
+SUPPORTED = "supported"
+STANDINGS = {
+    SUPPORTED: MARKS[SUPPORTED],
+    "indistinguishable": MARKS["indistinguishable"],
+    "explains_too": "◌ explains it too, the simpler one suffices",
+    "as_well": "◌ explains it too, no better than the first",
+    "no_evidence": MARKS["no_evidence"],
+    "refused": "✕ cannot be the cause",
+}
+"""What is to be made of a candidate, in the order of the list."""
 
 
 def figure_values(found: ModelReport) -> dict[str, Any]:
@@ -42,11 +58,12 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "drivers": [
             {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
         ],
-        "steps": [_step(step) for step in field.steps],
-        "history": [
-            {"name": entry.step, "fit": entry.fit_rms_mm, "held": entry.held_out_rms_mm} for entry in found.file.history
-        ],
-        "floor": None if found.diagnosis is None else found.diagnosis.values["noise_floor_rms_mm"],
+        "nominalRms": error_stats(field.nominal_residual).rms * 1e3,
+        "verdict": found.verdict,
+        "steps": [_step(found, number) for number in range(len(field.steps))],
+        "history": [_entry(found, number) for number in range(len(found.file.history))],
+        "cards": [_card(found, card) for card in found.cards],
+        "floor": found.floor_mm,
         "bound": None if found.diagnosis is None else found.diagnosis.values["noise_bound_rms_mm"],
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
@@ -66,12 +83,52 @@ def rounded(values: Array, decimals: int) -> Any:
     return plain.tolist()
 
 
-def _step(step: FieldStep) -> dict[str, Any]:
+def _step(found: ModelReport, number: int) -> dict[str, Any]:
+    step = found.field.steps[number]
+    judged = (found.judged or {}).get(number)
     return {
         "name": step.name,
+        "title": step_title(step.name),
+        "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
         "residual": rounded(step.residual * 1e3, UM),
         "turns": rounded(np.degrees(step.turns), ANGLE),
+    }
+
+
+def _entry(found: ModelReport, number: int) -> dict[str, Any]:
+    """Errors of a step with the data that they are of; `rms`: of its model on the open data."""
+    entry, step = found.file.history[number], found.field.steps[number]
+    return {
+        "name": entry.step,
+        "title": step_title(entry.step),
+        "fit": entry.fit_rms_mm,
+        "held": entry.held_out_rms_mm,
+        "data": data_of(entry),
+        "here": of_data(entry, found.poses.sha256),
+        "rms": step.error.rms * 1e3,
+    }
+
+
+def _card(found: ModelReport, card: StepCard) -> dict[str, Any]:
+    fall = error_fall(found.file, found.field, card.number, found.poses.sha256)
+    floor = found.floor_mm
+    judged = (found.judged or {}).get(card.number - 1)
+    return {
+        "step": card.number,
+        "name": card.name,
+        "title": card.title,
+        "estimate": card.estimate,
+        "claim": card.claim,
+        "estimates": list(card.estimates),
+        "before": fall.before,
+        "after": fall.after,
+        "held": fall.held_out,
+        "share": fall.share_of_excess(floor),
+        "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
+        "asked": judged is not None,
+        "joint": card.joint,
+        "driver": card.driver,
     }
 
 
@@ -87,30 +144,27 @@ def _where(found: ModelReport) -> dict[str, Any]:
 
 
 def _ranking(found: ModelReport, values: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The candidates: those with support first, in the order of `diagnose`, then by the error that they would leave."""
     views = {view.name: view for view in found.candidates}
-    out = []
-    for advice in values["ranking"]:
-        name = f"{advice['effect']}@{advice['place']}"
-        if name in views:
-            out.append(
-                {
-                    "name": name,
-                    "verdict": advice["verdict"],
-                    "mark": MARKS[advice["verdict"]],
-                    "held": _held(advice, found.poses.several_kinds),
-                    "heldOut": advice["held_out_rms_mm"],
-                    "why": advice["why"],
-                    "online": advice["online"],
-                    "p": "< 1e-15" if advice["p_value"] < SMALLEST_P else f"= {advice['p_value']:.1g}",
-                    "rivals": list(advice["indistinguishable_from"]),
-                    "estimates": [
-                        f"{key} = {one['value']:.4g}" + (f" ± {one['se']:.2g}" if one["se"] else "")
-                        for key, one in advice["parameters"].items()
-                    ],
-                    **_candidate(views[name]),
-                }
-            )
-    return out
+    named = [(f"{advice['effect']}@{advice['place']}", advice) for advice in values["ranking"]]
+    known = [(views[name], advice) for name, advice in named if name in views]
+    first = known[0][1] if known else None
+    weighted, order = found.poses.several_kinds, list(STANDINGS)
+    out = [_candidate(view, advice, _standing(view, advice, first), weighted) for view, advice in known]
+    return sorted(out, key=lambda one: (order.index(one["standing"]), one["heldOut"] * (one["standing"] != SUPPORTED)))
+
+
+def _standing(view: CandidateView, advice: Mapping[str, Any], first: Mapping[str, Any] | None) -> str:
+    """One of `STANDINGS`: the verdict, but those without evidence that explain as much as the first are told apart."""
+    if advice["verdict"] != "no_evidence":
+        return str(advice["verdict"])
+    if view.refused:
+        return "refused"
+    if first is None or first["verdict"] == "no_evidence":
+        return "no_evidence"
+    if advice["held_out_rms_mm"] > (1.0 + AS_WELL) * first["held_out_rms_mm"]:
+        return "no_evidence"
+    return "explains_too" if len(advice["parameters"]) > len(first["parameters"]) else "as_well"
 
 
 def _held(advice: Mapping[str, Any], weighted: bool) -> str:
@@ -119,13 +173,29 @@ def _held(advice: Mapping[str, Any], weighted: bool) -> str:
     return value if not advice["approximate"] else f"≈ {value} {'(all, weighted)' if weighted else ''}".rstrip()
 
 
-def _candidate(view: CandidateView) -> dict[str, Any]:
+def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, weighted: bool) -> dict[str, Any]:
     observable = view.observable
     return {
+        "name": view.name,
+        "title": plain_name(view.name),
+        "verdict": advice["verdict"],
+        "standing": standing,
+        "mark": STANDINGS[standing],
+        "held": _held(advice, weighted),
+        "heldOut": advice["held_out_rms_mm"],
+        "why": advice["why"],
+        "online": advice["online"],
+        "p": "< 1e-15" if advice["p_value"] < SMALLEST_P else f"= {advice['p_value']:.1g}",
+        "rivals": list(advice["indistinguishable_from"]),
+        "estimates": [
+            f"{key} = {one['value']:.4g}" + (f" ± {one['se']:.2g}" if one["se"] else "")
+            for key, one in advice["parameters"].items()
+        ],
         "added": rounded(view.added * 1e3, UM),
         "turns": rounded(np.degrees(view.turns), ANGLE),
         "joint": view.joint,
         "driver": view.driver,
+        "second": view.second,
         "form": rounded(np.where(observable, np.degrees(view.form), np.nan), ANGLE),
         "around": rounded(np.where(observable, np.degrees(view.around), np.nan), ANGLE),
     }

@@ -1,0 +1,55 @@
+"""Blocks of rows that carry the position of a neighbouring row: a log that slipped against the commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arrays import Array
+
+SHIFTS = {1: "before", -1: "after"}
+FEWEST = 2  # rows of a block: one alone may come near its neighbour's position by chance
+
+
+@dataclass(frozen=True)
+class ShiftedRows:
+    """Consecutive poses, by number, whose position fits the pose `shift` rows before (−1: after) and not their own."""
+
+    first: int
+    last: int
+    shift: int
+
+    @property
+    def sentence(self) -> str:
+        """Which rows, and how they look."""
+        return (
+            f"poses {self.first} to {self.last} look shifted by one row: each has the position of the row "
+            f"{SHIFTS[self.shift]} it"
+        )
+
+
+def shifted_rows(pose: NDArray[np.int64], measured: Array, predicted: Array, limit: float) -> tuple[ShiftedRows, ...]:
+    """The blocks of rows that fit a neighbour's pose to within a limit (m), but not their own.
+
+    Args:
+        pose: (N,), numbers of the poses, in order. measured, predicted: (N, 3), m; NaN where not known.
+    """
+    far = np.linalg.norm(measured - predicted, axis=1) > limit
+    found = []
+    for shift in SHIFTS:
+        neighbour = np.full_like(predicted, np.nan)
+        rows = np.arange(max(shift, 0), len(pose) + min(shift, 0))
+        neighbour[rows] = predicted[rows - shift]
+        fits = far & (np.linalg.norm(measured - neighbour, axis=1) < limit)
+        found += [ShiftedRows(int(pose[a]), int(pose[b]), shift) for a, b in _runs(fits) if b - a + 1 >= FEWEST]
+    return tuple(sorted(found, key=lambda one: one.first))
+
+
+def _runs(rows: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """First and last index of every run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(int), [0]])))
+    for first, end in edges.reshape(-1, 2).tolist():
+        yield first, end - 1

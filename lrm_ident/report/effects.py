@@ -1,0 +1,54 @@
+"""Explanation of effects, as `effects` prints it: cause, formula, places and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from rich.text import Text
+
+from lrm_ident.report.document import Block
+from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.effects import Effect, Parameter, compensable, split_name
+from lrm_math.effects.targets import Kind, kind_of, slot_of
+
+OFFLINE = "explains a measurement session; never deployed silently"
+
+
+def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
+    """Explanation of one effect; in full, with source, places and parameters."""
+    yield Text.assemble((kind.id, "bold"), f": {kind.about.cause}")
+    yield f"    {kind.about.formula}"
+    if kind.variant_of:
+        plain = dict.fromkeys(split_name(name)[0] for name in kind.variant_of)
+        yield f"    another form of {' and '.join(plain)}, fitted beside it"
+    if in_full:
+        arm = load_arm(next(iter(shipped_arms())))
+        effect = kind(arm, kind.places(arm)[0])
+        yield f"    source: {kind.about.source}"
+        yield f"    needs: {kind.about.needs or 'nothing special'}"
+        yield "    " + ("the rover can compensate it" if compensable(kind) else OFFLINE)
+        yield f"    places on {arm.name}: {', '.join(kind.places(arm))}"
+        yield f"    acts on: {_acts_on(effect)}"
+        yield f"    parameters, for instance at {effect.place}:"
+        yield from (f"      {_parameter(parameter)}" for parameter in effect.parameters)
+
+
+def _acts_on(effect: Effect) -> str:
+    """The motions it causes, or the other hook that it uses, at one place."""
+    on = ", ".join(map(slot_of, effect.targets))
+    acts = {
+        Kind.MOTION: f"turns or shifts {on}",
+        Kind.LOAD: f"loads {on}",
+        Kind.WEIGHT: "changes the weight of a body",
+        Kind.FRAME: "what the tracker sees",
+        Kind.ANCHOR: "where distances are measured from",
+    }[kind_of(effect)]
+    return f"{acts}; depends on the load on {', '.join(effect.load_slots)}" if effect.load_slots else acts
+
+
+def _parameter(parameter: Parameter) -> str:
+    typical = f"typically {parameter.typical / parameter.si:g}"
+    bounds = f", at least {parameter.lower / parameter.si:g}" if np.isfinite(parameter.lower) else ""
+    shape = "" if parameter.fixed is None else ", a shape: searched, not fitted"
+    return f"{parameter.name}: {parameter.meaning} ({typical}{bounds}{shape})"

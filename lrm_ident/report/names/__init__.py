@@ -1,0 +1,1 @@
+"""Names of effects and parameters for people: symbols, and plain words."""

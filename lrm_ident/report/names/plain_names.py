@@ -1,0 +1,59 @@
+"""Plain names of effects, for people who have not read the catalogue: `backlash@joint2` is play in joint 2."""
+
+from __future__ import annotations
+
+import re
+
+from lrm_math.effects import split_name
+
+PLAIN = {
+    "offsets": "shape of {place} other than drawn",
+    "compliance": "softness of {place}",
+    "servo_droop": "yielding servo of {place}",
+    "base_compliance": "rocking of the base",
+    "lateral_compliance": "sideways bending of {place}",
+    "bending_ends": "bending at the ends of {place}",
+    "nonlinear_stiffness": "uneven spring of {place}",
+    "backlash": "play in {place}",
+    "axial_play": "play along the axis of {place}",
+    "hysteresis": "hysteresis of {place}",
+    "servo_gain": "wrong servo scale of {place}",
+    "eccentricity": "off-centre gear of {place}",
+    "quantisation": "coarse counts of the servo of {place}",
+    "cable_spring": "cable that pulls {place}",
+    "coupling": "coupling of {place}",
+    "payload": "load other than written",
+    "mass": "weight of {place} other than known",
+    "drift": "warm-up drift of {place}",
+    "session": "new zero of {place} in each session",
+    "measurement_frame": "stretched tracker space",
+    "anchor": "start of the distances",
+    "angle_curve": "uneven turning of {place}, free curve",
+    "coupling_curve": "coupling of {place}, free curve",
+    "cable_curve": "cable over {place}, free curve",
+    "drift_curve": "drift of {place}, free curve",
+    "torque_curve": "yielding of {place}, free curve",
+    "bearing_curve": "loose bearing of {place}, free curve",
+    "base_curve": "yielding of the base, free curve",
+    "friction_curve": "friction of {place}, free curve",
+}
+
+
+def plain_name(name: str) -> str:
+    """Plain name of `id@place`; of a law or an effect of one's own, its id and place in words."""
+    kind, place = split_name(name)
+    words = PLAIN.get(kind, kind.replace("_", " ") + " of {place}")
+    return words.format(place=place_words(place or "all places"))
+
+
+def place_words(place: str) -> str:
+    """Words of a place: `joint 2`, `joints 1 and 2`, `joint 1 by joint 2`."""
+    if both := re.fullmatch(r"joint(\d+)\+joint(\d+)", place):
+        return f"joints {both[1]} and {both[2]}"
+    return re.sub(r"([a-z])(\d+)", r"\1 \2", place).replace("<-", " by ")
+
+
+def step_title(step: str) -> str:
+    """A step of a model's history in plain words: `fit`, or the plain name of the effect that was added."""
+    added = step.removeprefix("add ").split(",")[0]
+    return plain_name(added) if step.startswith("add ") else step

@@ -1,0 +1,111 @@
+// Which effect: the list of candidates, and the chosen one beside the data. `page`: what figures.js shares.
+"use strict";
+function lrmCandidates(page) {
+  const { state, place, element, draw, selected, wireScatter } = page;
+  const { colour, curve, range } = lrmChart;
+  const AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
+  const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
+  const poseOf = () => ({ customdata: state.values.pose.map((_, row) => row), text: state.values.pose.map((pose) => `pose ${pose}`) });
+
+  function drawCandidate() {
+    const one = candidate(), detail = place("detail");
+    for (const id of ["added", "form"]) if (place(id)) place(id).classList.toggle("lrm-empty", !one);
+    if (detail) detail.replaceChildren(...(one ? details(one) : []));
+    if (!one) return;
+    drawAdded(one);
+    const axis = (name) => state.values.drivers.find((d) => d.name === name), driver = axis(one.driver), second = axis(one.second);
+    if (driver && second) drawMaps(one, driver, second);
+    else if (driver) drawForm(one, driver);
+  }
+
+  function drawAdded(one) {
+    const v = state.values, extent = Math.max(...one.added.flat().filter((c) => c !== null).map(Math.abs), 1e-6);
+    const traces = AXES.map((axis, k) => ({ type: "scatter", mode: "markers", name: "along " + axis,
+      x: one.added.map((a) => a[k]), y: v.steps[v.steps.length - 1].residual.map((r) => r[k]), selectedpoints: selected(),
+      ...poseOf(), hovertemplate: "%{text}<extra></extra>",
+      marker: { size: 5, opacity: 0.6, symbol: SYMBOLS[k], color: colour(["model", "held", "good"][k]) } }));
+    traces.push({ type: "scatter", mode: "lines", name: "as it says", x: [-extent, extent], y: [-extent, extent],
+      hoverinfo: "skip", line: { color: colour("ink"), dash: "dash", width: 1.5 } });
+    draw("added", traces, { xaxis: { title: { text: "it would add, mm", standoff: 4 } },
+      yaxis: { title: { text: "the fit leaves, mm", standoff: 4 } } }, wireScatter);
+  }
+
+  function drawForm(one, driver) {
+    const form = curve(driver.values, one.form);
+    draw("form", [
+      { type: "scatter", mode: "markers", name: "data", x: driver.values, y: one.around, selectedpoints: selected(),
+        ...poseOf(), hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>",
+        marker: { size: 5, color: colour("model"), opacity: 0.55 } },
+      { type: "scatter", mode: "lines", name: "its form", ...form, hoverinfo: "skip", line: { color: colour("held"), width: 3 } },
+    ], { xaxis: { title: { text: driver.label, standoff: 4 } },
+      yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: range(one.around).limits } }, wireScatter);
+  }
+
+  // A form of two quantities: a map of the data and one of the form, on one scale of colours.
+  function drawMaps(one, driver, second) {
+    const limit = range(one.around).limits[1], scale = [[0, colour("model")], [0.5, colour("grid")], [1, colour("held")]];
+    const map = (name, turns, axes, bar) => ({ type: "scatter", mode: "markers", name, x: driver.values, y: second.values,
+      selectedpoints: selected(), ...poseOf(), hovertemplate: "%{text}: %{marker.color:.3f} deg<extra></extra>", ...axes,
+      marker: { size: 6, color: turns.map((turn) => (turn === null ? NaN : turn)), cmin: -limit, cmax: limit, colorscale: scale,
+        showscale: bar, colorbar: { title: { text: "deg" }, thickness: 10, len: 0.9 } } });
+    const title = (text, x) => ({ text, x, y: 1, xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false });
+    draw("form", [map("data", one.around, {}, false), map("its form", one.form, { xaxis: "x2" }, true)], {
+      showlegend: false, margin: { l: 8, r: 8, t: 22, b: 8 },
+      annotations: [title(`data: turn of joint ${one.joint + 1}`, 0), title("its form", 0.52)],
+      xaxis: { domain: [0, 0.48], title: { text: driver.label, standoff: 4 } },
+      xaxis2: { domain: [0.52, 1], anchor: "y", title: { text: driver.label, standoff: 4 } },
+      yaxis: { title: { text: second.label, standoff: 4 } } }, wireScatter);
+  }
+
+  function details(one) {
+    const lines = [element("p", one.why)], numbers = element("details", "", "lrm-soft");
+    lines.push(element("p", one.online ? "The rover can compensate it." : "Explains a measurement session; never deployed silently.",
+      "lrm-soft"));
+    if (one.rivals.length) lines.push(element("p", "These data cannot tell it from " + one.rivals.join(", ") + ".", "lrm-soft"));
+    numbers.append(element("summary", `${one.estimates.length} coefficients, p ${one.p}`), element("p", one.estimates.join(", ")));
+    return [...lines, numbers];
+  }
+
+  function drawHead() {
+    const head = place("ranking-head"), v = state.values;
+    if (!head) return;
+    const row = element("div", "", "lrm-ranking-row"), marks = [...new Set(v.ranking.map((one) => one.mark))];
+    row.append(element("span", "effect"), element("span", "held-out RMS left, mm"));
+    head.replaceChildren(...(v.ranking.length ? [row, element("p", marks.join("   "), "lrm-legend lrm-soft")] : []));
+    lrmGlossary(head);
+  }
+
+  function drawRanking(choose) {
+    const list = place("ranking"), v = state.values;
+    drawHead();
+    if (!list) return;
+    const worst = Math.max(...v.ranking.map((one) => one.heldOut), 1e-9);
+    list.setAttribute("role", "radiogroup");
+    list.replaceChildren(...v.ranking.map((one, number) => {
+      const button = element("button", "", "lrm-candidate lrm-" + one.standing), is = one.name === state.candidate;
+      button.type = "button";
+      button.setAttribute("role", "radio");
+      button.setAttribute("aria-checked", String(is));
+      button.tabIndex = is || (!state.candidate && !number) ? 0 : -1;
+      button.dataset.name = one.name;
+      const bar = element("span", "", "lrm-bar"), name = element("span", one.title + " ", "lrm-name");
+      bar.style.width = 100 * one.heldOut / worst + "%";
+      name.append(element("small", one.name, "lrm-soft"));
+      button.append(bar, element("span", one.mark.split(" ")[0], "lrm-mark"), name, element("span", one.held, "lrm-held"));
+      button.title = one.mark;
+      button.addEventListener("click", () => choose(one.name));
+      return button;
+    }));
+    list.onkeydown = (event) => {
+      const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      const at = v.ranking.findIndex((one) => one.name === state.candidate);
+      const next = v.ranking[Math.min(Math.max(at + step, 0), v.ranking.length - 1)];
+      choose(next.name);
+      list.querySelector('[aria-checked="true"]').focus();
+    };
+  }
+
+  return { candidate, drawCandidate, drawRanking };
+}

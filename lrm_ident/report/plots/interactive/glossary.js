@@ -1,0 +1,31 @@
+// Words that a newcomer does not know are explained where they stand: pointing at one, or reading it out, tells.
+"use strict";
+const lrmGlossary = (() => {
+  const WORDS = {
+    "held-out": "of poses that the fit has not seen: ten parts of the data, each predicted by a fit to the other nine",
+    "held out": "of poses that the fit has not seen: ten parts of the data, each predicted by a fit to the other nine",
+    "RMS": "root mean square: the typical size of the error, in which large errors count more",
+    "noise floor": "the error that the measurement itself makes; no model can be better",
+    "Moran's I": "likeness of neighbours: 0 if the errors of neighbouring poses have nothing in common, 1 if they are the same",
+    "nameless": "a model that predicts errors from the pose without knowing any cause: what it gains could still be explained",
+    "turn of joint": "the error as the angle by which this joint alone would have to turn to make it",
+  };
+  const ANY = new RegExp(`(${Object.keys(WORDS).sort((a, b) => b.length - a.length).join("|")})`);
+
+  // Marks the first occurrence of every word in each block of an element.
+  return function glossary(root) {
+    for (const block of root.querySelectorAll("p, li, th, h2, caption, span")) {
+      if (block.querySelector("abbr") || block.closest("abbr, button")) continue;
+      for (const node of [...block.childNodes].filter((one) => one.nodeType === Node.TEXT_NODE)) mark(node);
+    }
+  };
+
+  function mark(node) {
+    const [before, word, ...rest] = node.textContent.split(ANY);
+    if (!word) return;
+    const term = document.createElement("abbr");
+    term.textContent = word;
+    term.title = WORDS[word];
+    node.replaceWith(before, term, rest.join(""));
+  }
+})();

@@ -1,0 +1,111 @@
+// The steps that were taken: the sentence of the step shown, the errors of all, and a card of each. `page`: from figures.js.
+"use strict";
+function lrmSteps(page) {
+  const { state, place, element, draw, words } = page;
+  const { colour, binned, range } = lrmChart;
+  const floorWords = () => {
+    const v = state.values;
+    return v.floor !== null ? `noise ${words(v.floor)} mm` : v.bound !== null ? `noise at most ${words(v.bound)} mm` : "";
+  };
+
+  // One sentence and figure on the step shown; what it says and what is drawn are of the same step.
+  function tellFall() {
+    const box = place("fall"), v = state.values, number = state.step, card = v.cards.find((one) => one.step === number);
+    if (!box) return;
+    const what = card ? [card.title, card.estimate].filter(Boolean).join(", ") : number ? v.steps[number].title : "Fitted to the data";
+    const [from, to] = card ? [card.before, card.after] : [number ? v.steps[number - 1].rms : v.nominalRms, v.steps[number].rms];
+    const kind = card && card.held ? "held-out RMS" : number ? "RMS on these data" : "from nominal to fitted, RMS";
+    const figure = element("span", `${words(Number(from))} → ${words(Number(to))} mm`, "lrm-fall-figure");
+    box.replaceChildren(element("span", what + ": ", "lrm-fall-what"), figure, " ",
+      element("span", [kind, floorWords()].filter(Boolean).join(", "), "lrm-soft"));
+    lrmGlossary(box);
+  }
+
+  // The verdict is of the model that is shown; the diagnosis of an earlier one says what led to the next step.
+  function tellVerdict() {
+    const box = place("verdict"), v = state.values, last = v.steps.length - 1;
+    if (!box) return;
+    const first = v.ranking[0], own = state.step === last ? v.verdict : v.steps[state.step].verdict;
+    const missing = state.step === last && first && first.standing === "supported" && own
+      ? ` ${first.title[0].toUpperCase()}${first.title.slice(1)} would leave ${first.held} mm.` : "";
+    const earlier = own ? `At step ${state.step}, before what came next: ${own}` : `Step ${state.step} of ${last} is shown; its diagnosis is not kept.`;
+    box.textContent = state.step === last ? own + missing : earlier;
+  }
+
+  function drawHistory(showStep) {
+    const v = state.values, h = v.history;
+    if (!h.length) return;
+    const x = h.map((_, i) => i), names = h.map((one, i) => `${i} ${one.title}`), other = h.some((one) => !one.here);
+    const line = (name, y, dash, symbol, ink) => ({ type: "scatter", mode: "lines+markers", name, x, y, customdata: x,
+      text: h.map((one, i) => names[i] + (one.data ? `<br>data ${one.data}` : "")), hovertemplate: "%{text}<br>%{y:.2f} mm<extra></extra>",
+      line: { color: ink, dash, width: 2 }, marker: { symbol, size: x.map((i) => i === state.step ? 14 : 9) } });
+    const here = (key) => h.map((one) => (one.here ? one[key] : null));
+    const traces = [line("fit", here("fit"), "solid", "circle", colour("model")),
+      line("held out", here("held"), "dash", "diamond", colour("held"))];
+    if (other) {
+      traces.push({ ...line("fitted to other data, error on these", h.map((one) => (one.here ? null : one.rms)), "solid",
+        "circle-open", colour("soft")), mode: "markers" });
+    }
+    const shapes = [], notes = [], floor = v.floor !== null ? v.floor : v.bound;
+    if (floor !== null) {
+      shapes.push({ type: "line", xref: "paper", x0: 0, x1: 1, y0: floor, y1: floor, line: { dash: "dot", color: colour("ink") } });
+      notes.push({ xref: "paper", x: 1, y: floor, xanchor: "right", yanchor: "top", showarrow: false, text: floorWords() });
+    }
+    const most = Math.max(...h.map((one) => (one.here ? Math.max(one.fit, one.held || 0) : one.rms)));
+    const wide = (place("history") || document.body).clientWidth, fits = Math.max(8, Math.floor(wide / 7 / h.length) - 2); // letters
+    draw("history", traces, { shapes, annotations: notes, dragmode: false,
+      xaxis: { tickvals: x, ticktext: names.map((name) => name.length > fits ? name.slice(0, fits - 1) + "…" : name),
+        title: { text: `${v.poses} poses, data ${v.data.slice(0, 8)}`, font: { size: 11 }, standoff: 4 },
+        range: [-0.4, Math.max(h.length - 0.6, 1.4)], fixedrange: true },
+      yaxis: { title: { text: "RMS error, mm", standoff: 4 }, range: [0, 1.15 * most], fixedrange: true } },
+    (figure) => figure.on("plotly_click", (event) => showStep(event.points[0].customdata)));
+  }
+
+  // ---- cards
+
+  function drawCards() {
+    const box = place("cards"), v = state.values;
+    if (!box) return;
+    if (drawCards.of !== v) box.replaceChildren(...v.cards.map(article), ...(v.cards.length ? [] : [ladder()]));
+    drawCards.of = v;
+    v.cards.forEach(drawCard);
+    lrmGlossary(box);
+  }
+
+  const ladder = () => element("p", "No step beyond the fit was taken.", "lrm-soft");
+
+  function article(card) {
+    const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)} → ${words(card.after)} mm`;
+    const heading = element("h3", `${card.step}. ${[card.title, card.estimate].filter(Boolean).join(", ")}: ${fall}`);
+    const share = card.share === null ? "" : `; ${Math.round(100 * card.share)} % of the mean square above the noise`;
+    out.append(heading, element("p", `${card.claim ? card.claim + ". " : ""}${card.held ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
+    const against = element("div", "", "lrm-rivals");
+    if (card.rivals.length) {
+      const list = element("ul");
+      list.append(...card.rivals.map((one) => element("li", `${one.title} (${one.name}): ${one.why}`)));
+      against.append(element("h4", "What else it could have been, and why not"), list);
+    } else against.append(element("p", card.asked ? "No other effect was near." : "Rivals: the model file does not keep the diagnosis before this step.", "lrm-soft"));
+    const figure = element("div", "", "lrm-figure lrm-card-figure"), more = element("details", "", "lrm-soft");
+    figure.id = "lrm-card-" + card.step;
+    more.append(element("summary", `${card.estimates.length} coefficients of ${card.name}`), element("p", card.estimates.join(", ")));
+    out.append(against, figure, ...(card.estimates.length ? [more] : []));
+    return out;
+  }
+
+  // The residual against what the effect follows, before and after the step.
+  function drawCard(card) {
+    const v = state.values, driver = v.drivers.find((one) => one.name === card.driver);
+    const [before, after] = [v.steps[card.step - 1].turns[card.joint], v.steps[card.step].turns[card.joint]];
+    if (!driver) return;
+    const points = (name, y, ink, symbol) => ({ type: "scatter", mode: "markers", name, x: driver.values, y, hoverinfo: "skip",
+      marker: { size: 5, symbol, color: ink, opacity: 0.55 } });
+    const mean = (name, y, ink) => ({ type: "scatter", mode: "lines", name, ...binned(driver.values, y), hoverinfo: "skip",
+      line: { color: ink, width: 2.5 } });
+    draw("card-" + card.step, [points("before", before, colour("held"), "circle-open"), points("after", after, colour("model"), "circle"),
+      mean("mean before", before, colour("held")), mean("mean after", after, colour("model"))], { dragmode: false,
+      xaxis: { title: { text: driver.label, standoff: 4 } },
+      yaxis: { title: { text: `turn of joint ${card.joint + 1}, deg`, standoff: 4 }, range: range(before).limits } });
+  }
+
+  return { tellFall, tellVerdict, drawHistory, drawCards };
+}

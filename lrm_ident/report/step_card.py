@@ -1,0 +1,157 @@
+"""Cards of the steps that were taken: what each found, how sure, how far the error fell, and what else it could be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.diagnosis.diagnosis_report import with_unit
+from lrm_ident.report.document import Document
+from lrm_ident.report.names.plain_names import place_words, step_title
+from lrm_ident.report.plots.interactive.candidate_view import SHARE, drivers_of, own_joint
+from lrm_ident.residual.covariates import Covariate
+from lrm_ident.residual.error_field import ErrorField
+from lrm_math.effects import Effect
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import HistoryTable, ModelFile
+
+RIVALS_KEPT = 4
+
+
+@dataclass(frozen=True)
+class StepJudgement:
+    """Diagnosis of a model before a step was taken: its verdict, and the sentence on every candidate by its name."""
+
+    verdict: str
+    why: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class ErrorFall:
+    """Fall of the RMS error in a step (mm), on the open data; `held_out`: on poses that no fit has seen."""
+
+    before: float
+    after: float
+    held_out: bool
+
+    def share_of_excess(self, floor: float | None) -> float | None:
+        """Share of the mean square above the noise floor (mm) that the step took away; None where that is not known."""
+        excess = 0.0 if floor is None else self.before**2 - floor**2
+        return float(np.clip((self.before**2 - self.after**2) / excess, 0.0, 1.0)) if excess > 0 else None
+
+
+@dataclass(frozen=True)
+class StepCard:
+    """What stays of a step that was taken.
+
+    Attributes:
+        number: of the step in the history. name: `effect@place`, or the step's own. title: the same in plain words.
+        claim: the sentence with its estimates. estimate: the one number of an effect that has one, else "".
+        estimates: all of them. joint: from 0, driver: name of the covariate, that its motion follows.
+        equivalent: what the data could not tell it from.
+    """
+
+    number: int
+    name: str
+    title: str
+    claim: str
+    estimate: str
+    estimates: tuple[str, ...]
+    joint: int
+    driver: str
+    equivalent: tuple[str, ...]
+
+
+def judgement(diagnosis: Document) -> StepJudgement:
+    """What stays of a diagnosis once an effect has been added."""
+    ranking: Sequence[Mapping[str, str]] = diagnosis.values["ranking"]  # type: ignore[assignment]
+    why = {f"{one['effect']}@{one['place']}": str(one["why"]) for one in ranking}
+    return StepJudgement(str(diagnosis.blocks[0]), why)
+
+
+def rivals(card: StepCard, judged: StepJudgement | None) -> tuple[tuple[str, str], ...]:
+    """The effects that came next to a step's own, and why they were not taken; with what could not be told apart first.
+
+    Without a judgement only the latter are known.
+    """
+    why = {} if judged is None else dict(judged.why)
+    names = dict.fromkeys((*card.equivalent, *why))
+    others = [name for name in names if name != card.name][:RIVALS_KEPT]
+    return tuple((name, why.get(name, "these data cannot tell")) for name in others)
+
+
+def error_fall(file: ModelFile, field: ErrorField, number: int, sha256: str) -> ErrorFall:
+    """Fall in a step: held out where both errors are of the open data, else of the models as they are on these."""
+    if len(file.history) == len(field.steps) and number > 0:
+        before, after = file.history[number - 1 : number + 1]
+        if before.held_out_rms_mm and after.held_out_rms_mm and of_data(before, sha256) and of_data(after, sha256):
+            return ErrorFall(before.held_out_rms_mm, after.held_out_rms_mm, held_out=True)
+    start = field.steps[number - 1].error.rms if number else error_stats(field.nominal_residual).rms
+    return ErrorFall(start * 1e3, field.steps[number].error.rms * 1e3, held_out=False)
+
+
+def of_data(entry: HistoryTable, sha256: str) -> bool:
+    """Whether a step's errors are of the data with this hash."""
+    return entry.provenance is not None and entry.provenance.data_sha256 == sha256
+
+
+def step_cards(
+    file: ModelFile, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate]
+) -> tuple[StepCard, ...]:
+    """A card for every step after the first. `known`: covariates at the drawn poses."""
+    return tuple(
+        _card(number, file.history[number], models[number - 1 : number + 1], field, known)
+        for number in range(1, len(file.history))
+    )
+
+
+def _card(
+    number: int, entry: HistoryTable, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate]
+) -> StepCard:
+    before, after = ({effect.name: effect for effect in model.effects} for model in models)
+    added = [effect for name, effect in after.items() if name not in before]
+    first, _, rest = entry.step.removeprefix("add ").partition(", or ")
+    numbers = {name: words for effect in added for name, words in _estimates(effect, entry).items()}
+    moved = field.steps[number - 1].turns - field.steps[number].turns
+    place = added[0].place if added else ""
+    joint = own_joint(place, (moved**2 * field.lever).sum(axis=1))
+    observable = field.lever[joint] > SHARE**2 * field.lever[joint].mean()
+    driver = drivers_of(moved[joint], known, joint, observable)[0].name if known else ""
+    return StepCard(
+        number=number,
+        name=first,
+        title=_capital(step_title(entry.step)),
+        claim=_claim(added, numbers),
+        estimate=next(iter(numbers.values())) if len(_free(added, entry)) == 1 else "",
+        estimates=tuple(f"{name} = {words}" for name, words in numbers.items()),
+        joint=joint,
+        driver=driver,
+        equivalent=tuple(rest.split(":")[0].split(", ")) if rest else (),
+    )
+
+
+def _estimates(effect: Effect, entry: HistoryTable) -> dict[str, str]:
+    return {
+        parameter.name: with_unit(entry.parameters[key], entry.sigma.get(key), parameter.unit)
+        for key, parameter in zip(effect.keys, effect.parameters, strict=True)
+        if key in entry.parameters
+    }
+
+
+def _free(added: Sequence[Effect], entry: HistoryTable) -> list[str]:
+    return [key for effect in added for key in effect.keys if key in entry.sigma]
+
+
+def _claim(added: Sequence[Effect], numbers: Mapping[str, str]) -> str:
+    """The sentence of the effect that was added; nothing where several were."""
+    if len(added) != 1 or not (sentence := added[0].about.claim):
+        return ""
+    words = {p.name: numbers.get(p.name, "0") for p in added[0].parameters}
+    return _capital(sentence.format(place=place_words(added[0].place), **words))
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]

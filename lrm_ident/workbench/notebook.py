@@ -1,0 +1,80 @@
+"""HTML of results for a notebook: tables of the commands with the picture of `lrm.plot`, and the page of a report."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from functools import singledispatch
+from html import escape
+from pathlib import Path
+
+from lrm_ident.diagnosis.auto import AutoRun
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.report.diagnosis import diagnosis_document, step_blocks
+from lrm_ident.report.document import Block
+from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.fit import comparison_document, parameter_table
+from lrm_ident.report.history import history_table
+from lrm_ident.report.model_report import quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.plots.plot import plot
+from lrm_ident.residual.error_breakdown import ModelComparison
+from lrm_ident.study.study import Study
+from lrm_ident.workbench.html_report import html_report
+from lrm_math.errors import LrmError
+
+FRAME = (
+    '<iframe title="error field and report" style="width:100%;height:900px;border:0" sandbox="allow-scripts" '
+    'srcdoc="{page}"></iframe>'
+)
+
+
+@singledispatch
+def html_of(result: object) -> str:
+    """HTML of a result. Raises `LrmError` for what is none."""
+    raise LrmError(f"no picture is known for a {type(result).__name__}")
+
+
+@html_of.register
+def _(result: ModelComparison) -> str:
+    return blocks_html(comparison_document(result).blocks) + _picture(result)
+
+
+@html_of.register
+def _(result: DiagnosisReport) -> str:
+    return blocks_html(diagnosis_document(result).blocks) + _picture(result)
+
+
+@html_of.register
+def _(result: AutoRun) -> str:
+    taken = result.steps
+    steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
+    return blocks_html(steps) + html_of(report_of(result.confirmed))
+
+
+@html_of.register
+def _(result: Fit) -> str:
+    return blocks_html([parameter_table(result)])
+
+
+@html_of.register
+def _(result: Study) -> str:
+    try:
+        return blocks_html([history_table(result.file)])
+    except LrmError as error:
+        return f"<p>{escape(str(error))}</p>"
+
+
+def page_of(study: Study) -> str:
+    """A frame with the page that `lrm-ident report` writes: error field, where it fails, what is missing, cards."""
+    found = with_comparison(quick_report(study), study.compare())
+    page = html_report(with_diagnosis(found, study.diagnose()))
+    return FRAME.format(page=escape(page, quote=True))
+
+
+def _picture(result: object) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "picture.png"
+        plot(result, path)
+        text = base64.b64encode(path.read_bytes()).decode()
+    return f'<img alt="figure of the tables above" style="max-width:100%" src="data:image/png;base64,{text}">'

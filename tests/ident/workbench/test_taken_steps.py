@@ -1,0 +1,40 @@
+"""Laws of undo and redo over random sequences of what a person does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_ident.workbench.taken_steps import TakenSteps, with_step, with_undone, without_last
+from lrm_ident.workbench.work.tasks import AddTask, OpenFiles, OpenTask, StepResult, StepView
+
+DATA = Path("data.csv")
+
+
+def step(number: int, before: str | None) -> StepResult:
+    """A step whose model is its number."""
+    view = StepView("", "hash", "", True, "{}", "", str(number), before)
+    return StepResult(OpenFiles(Path(f"step-{number}.toml"), DATA), view, b"")
+
+
+@given(st.lists(st.sampled_from(["add", "undo", "redo"]), max_size=30))
+def test_undo_and_redo_are_each_others_inverse(deeds: list[str]) -> None:
+    taken = with_step(TakenSteps(), OpenTask(DATA, None), step(0, None))
+    models, undone = [["0"]], list[list[str]]()
+    for number, deed in enumerate(deeds, 1):
+        last = taken.last
+        assert last is not None
+        if deed == "add":
+            new = step(number, last.shown.model)
+            taken = with_step(taken, AddTask(last.files, "x", new.files.model, b""), new)
+            models, undone = [*models, [*models[-1], str(number)]], []
+        elif deed == "undo" and last.shown.before is not None:
+            undone.append(models.pop())
+            taken = without_last(taken, Path(f"step-{number}.toml"))
+        elif deed == "redo" and undone:
+            models.append(undone.pop())
+            taken = with_undone(taken)
+        assert [one.shown.model for one in taken.steps] == models[-1]
+        assert (taken.undone is not None) == bool(undone)

@@ -1,0 +1,280 @@
+"""What the page promises to who looks at it: each number with its data, nothing moves away, nothing is lost."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import lrm_ident as lrm
+from tests.conftest import EXAMPLE, ROOT
+from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, says, wait_for, workbench
+from tests.support.commands import part_of_example, stdout_of
+
+SIZE = {"width": 1280, "height": 800}
+TWO_STEPS, RANKED = "lrm.state.values.steps.length === 2", "lrm.state.values.ranking.length > 0"
+LINES = """[...document.querySelectorAll('.js-plotly-plot')].flatMap((figure) => figure.data.filter((trace) =>
+  trace.mode.includes('lines')).map((trace) => [...trace.x]))"""
+"""The abscissae of every line that is drawn."""
+BOXES = """Object.fromEntries([...document.querySelectorAll('.lrm-commands [data-name]')].map((one) => {
+  const box = one.getBoundingClientRect();
+  return [one.dataset.name, [box.left, box.top, box.width, box.height].map(Math.round)];
+}))"""
+"""Where each button of the bar is."""
+AXE = Path(os.environ.get("AXE_CORE", ROOT / "node_modules" / "axe-core" / "axe.min.js"))
+
+
+@pytest.fixture(scope="module")
+def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
+    """A workbench on a third of the shipped data set."""
+    assert browser
+    folder = tmp_path_factory.mktemp("small")
+    with workbench(part_of_example(folder, 100), cwd=folder) as found:
+        yield found
+
+
+def breaks_where_data_differ(page: Any) -> None:
+    """Asserts that no line of the chart of the steps joins errors of different data."""
+    history = page.evaluate("lrm.state.values.history.map((one) => [one.here, one.data])")
+    for trace in page.evaluate("document.getElementById('lrm-history').data.filter((t) => t.mode.includes('lines'))"):
+        shown = [data for (_, data), y in zip(history, trace["y"], strict=True) if y is not None]
+        assert len(set(shown)) <= 1, "a line joins errors of different data"
+
+
+@pytest.mark.slow
+def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, tmp_path: Path) -> None:
+    few = part_of_example(tmp_path, 100)
+    stdout_of("fit", few, "-o", tmp_path / "m.toml")
+    data = few.rename(tmp_path / "data.csv").resolve()
+    few.with_suffix(".toml").rename(tmp_path / "data.toml")
+    rows = EXAMPLE.read_text().splitlines(keepends=True)
+    data.write_text("".join(rows[:151]))
+    with workbench(tmp_path / "m.toml", data, cwd=tmp_path) as running:
+        page = opened(browser, running, SIZE)
+        idle(page, RANKED)
+        first = page.evaluate("lrm.state.values.history[0]")
+        assert not first["here"]
+        other = page.evaluate(
+            "document.getElementById('lrm-history').data.find((t) => t.name.includes('other data')).y"
+        )
+        assert other == [pytest.approx(first["rms"])]
+        page.click("[data-name=add]")
+        wait_for(page, TWO_STEPS)
+        page.wait_for_timeout(500)
+        breaks_where_data_differ(page)
+        idle(page, RANKED)
+        data.write_text("".join(rows[:121]))
+        page.wait_for_selector("#lrm-stale")
+        page.click("[data-name=auto]")
+        says(page, "body", "press Reload or Keep first")
+        page.screenshot(path=SHOTS / "changed-on-disk.png")
+        page.click("[data-name=reload]")
+        wait_for(page, "lrm.state.values.poses === 120")
+        page.wait_for_selector("#lrm-stale", state="hidden")
+        breaks_where_data_differ(page)
+        idle(page, RANKED)
+        data.write_text("".join(rows[:80]))
+        page.wait_for_selector("#lrm-stale")
+        page.click("[data-name=keep]")
+        page.wait_for_selector("#lrm-stale", state="hidden")
+        page.keyboard.press("c")
+        says(page, "#lrm-commands", "lrm-ident add")
+        assert page.evaluate("lrm.state.values.poses") == 120
+        page.context.close()
+
+
+@pytest.mark.slow
+def test_the_form_of_two_quantities_is_a_map(browser: Any, small: RunningWorkbench) -> None:
+    page = opened(browser, small, SIZE)
+    idle(page, RANKED)
+    page.wait_for_timeout(1000)
+    for x in page.evaluate(LINES):
+        known = [one for one in x if one is not None]
+        assert all(a < b for a, b in pairwise(known)), "a line joins points of equal x"
+    page.evaluate("""(() => {
+      const values = structuredClone(lrm.state.values), one = values.ranking[0];
+      one.second = values.drivers.find((d) => d.name !== one.driver).name;
+      lrm.show(values);
+    })()""")
+    wait_for(page, "document.getElementById('lrm-form').layout.xaxis2")
+    traces = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.name, t.mode])")
+    assert traces == [["data", "markers"], ["its form", "markers"]]
+    page.screenshot(path=SHOTS / "map.png")
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_the_list_says_what_it_shows(browser: Any, small: RunningWorkbench) -> None:
+    page = opened(browser, small, SIZE)
+    idle(page, RANKED)
+    assert "held-out RMS left, mm" in page.inner_text("#lrm-ranking-head")
+    shown = page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.standing, one.heldOut, one.mark])")
+    for _, _, _, mark in shown:
+        assert mark in page.inner_text("#lrm-ranking-head")
+    least = shown[0][2]
+    assert all(held > 1.05 * least for _, standing, held, _ in shown if standing == "no_evidence")
+    for standing in {one[1] for one in shown} - {"supported"}:
+        held = [one[2] for one in shown if one[1] == standing]
+        assert held == sorted(held)
+    assert page.evaluate("document.querySelector('#lrm-ranking-head abbr').title")
+    assert "play in joint 2" in page.inner_text("#lrm-ranking .lrm-candidate")
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
+    browser: Any, small: RunningWorkbench
+) -> None:
+    seen = BrowserLog()
+    page = opened(browser, small, SIZE, seen)
+    boxes = page.evaluate(BOXES)
+    idle(page, RANKED)
+    before = page.evaluate("lrm.state.values.history[0].held")
+    x, y = boxes["add"][0] + 20, boxes["add"][1] + 10
+    under = f"document.elementFromPoint({x}, {y}).closest('[data-name]').dataset.name"
+    page.mouse.click(x, y)
+    while not page.evaluate(f"{TWO_STEPS} && {RANKED}"):
+        assert page.evaluate(BOXES) == boxes
+        assert page.evaluate(under) == "add"
+        page.wait_for_timeout(100)
+    idle(page, RANKED)
+    assert page.evaluate(BOXES) == boxes
+    after = page.evaluate("lrm.state.values.history[1].held")
+    fall = page.inner_text("#lrm-fall")
+    assert fall.startswith("Play in joint 2")
+    assert f"{before:.2f} → {after:.2f} mm" in fall
+    last = page.inner_text("#lrm-verdict")
+    page.select_option("#lrm-step", "0")
+    assert last not in page.inner_text("#lrm-verdict")
+    assert "An effect is missing" in page.inner_text("#lrm-verdict")
+    assert "nominal" in page.inner_text("#lrm-fall")
+    card = page.inner_text(".lrm-card-of-step")
+    for words in ("Play in joint 2", f"{before:.2f} → {after:.2f} mm", "torque_curve@joint2", "above the noise", "°"):
+        assert words in card
+    wait_for(page, "document.querySelector('#lrm-card-1').data?.length === 4")
+    page.keyboard.press("u")
+    wait_for(page, "lrm.state.values.steps.length === 1")
+    page.click("[data-name=redo]")
+    wait_for(page, TWO_STEPS)
+    assert page.evaluate("lrm.state.values.history[1].held") == after
+    assert page.inner_text(".lrm-card-of-step") == card
+    two = "".join(EXAMPLE.read_text().splitlines(keepends=True)[:3])
+    page.evaluate("(text) => lrmOpen([new File([text], 'two.csv')])", two)
+    says(page, "#lrm-failure", "2 poses for")
+    assert page.evaluate(f"{TWO_STEPS} && lrm.state.values.poses === 100")
+    page.context.close()
+    assert [one for one in seen.errors if "400" not in one] == []
+
+
+@pytest.mark.slow
+def test_the_report_on_paper(browser: Any, tmp_path: Path) -> None:
+    """Charts are as wide as the page and no part lies over another; the cards come first."""
+    data = part_of_example(tmp_path, 100)
+    stdout_of("fit", data, "-o", tmp_path / "m.toml")
+    stdout_of("add", tmp_path / "m.toml", data, "backlash@joint2", "-o", tmp_path / "n.toml")
+    stdout_of("report", tmp_path / "n.toml", data, "-o", tmp_path / "r.html")
+    page = browser.new_context(viewport=SIZE, color_scheme="dark").new_page()
+    page.goto((tmp_path / "r.html").as_uri())
+    wait_for(page, "document.querySelector('#lrm-history .main-svg')")
+    assert "nominal" in page.inner_text(".lrm-ladder")
+    above = "document.querySelector('.lrm-card-of-step').offsetTop < document.querySelector('#lrm-field').offsetTop"
+    assert page.evaluate(above)
+    page.pdf(path=SHOTS / "paper.pdf")
+    page.emulate_media(media="print")
+    page.evaluate("lrm.print(true)")
+    wide, right = page.evaluate("[document.body.clientWidth, document.body.getBoundingClientRect().right]")
+    for svg in page.evaluate("[...document.querySelectorAll('.main-svg')].map((s) => s.getBoundingClientRect().width)"):
+        assert svg <= wide
+    parts = "[...document.querySelectorAll('table, .js-plotly-plot, canvas, h2, h3')].map((one) => "
+    parts += "one.getBoundingClientRect()).filter((box) => box.height)"
+    boxes = page.evaluate(f"{parts}.map((box) => [box.top, box.bottom, box.left, box.right])")
+    for i, one in enumerate(boxes):
+        assert one[3] <= right + 1, "a part is cut at the right"
+        for two in boxes[i + 1 :]:
+            apart = one[1] <= two[0] + 1 or two[1] <= one[0] + 1 or one[3] <= two[2] + 1 or two[3] <= one[2] + 1
+            assert apart, "two parts lie over one another on paper"
+    page.evaluate("lrm.print(false)")
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_a_session_outlasts_its_server(browser: Any, tmp_path: Path) -> None:
+    data = part_of_example(tmp_path, 100)
+    with workbench(data, cwd=tmp_path) as first:
+        assert first.folder.is_relative_to(tmp_path / "state")
+        page = opened(browser, first, SIZE)
+        idle(page, RANKED)
+        page.click("[data-name=add]")
+        wait_for(page, TWO_STEPS)
+        first.stop()
+        wait_for(page, "!document.getElementById('lrm-banner').hidden")
+        assert f"lrm-ident workbench {first.folder / 'step-1.toml'} {data}" in page.inner_text("#lrm-banner")
+        page.context.close()
+    with workbench(data, cwd=tmp_path) as second:
+        page = opened(browser, second, SIZE)
+        says(page, "#lrm-offer", "step-1.toml")
+        idle(page, RANKED)
+        page.click('[data-name="go on"]')
+        wait_for(page, TWO_STEPS)
+        page.wait_for_selector("#lrm-offer", state="hidden")
+        page.context.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: RunningWorkbench, scheme: str) -> None:
+    page = opened(browser, small, {"width": 390, "height": 844}, scheme=scheme)
+    idle(page, RANKED)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    seen = "[...document.querySelectorAll('button, select, input')].filter((one) => one.checkVisibility())"
+    sizes = page.evaluate(f"{seen}.map((one) => [one.dataset.name || one.id, one.getBoundingClientRect().height])")
+    assert [name for name, height in sizes if height and height < 44] == []
+    assert page.evaluate("document.documentElement.lang") == "en"
+    assert page.evaluate("[document.querySelectorAll('main').length, document.querySelectorAll('h1').length]") == [1, 1]
+    page.click("[data-name='light or dark']")
+    turned = page.evaluate("document.documentElement.dataset.theme")
+    assert turned != scheme
+    page.reload()
+    wait_for(page, "window.lrm && lrm.state.values")
+    assert page.evaluate("document.documentElement.dataset.theme") == turned, "the theme is not remembered"
+    page.screenshot(path=SHOTS / f"phone-{turned}.png", full_page=True)
+    page.context.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -> None:
+    """The rules of axe-core on page and report."""
+    if not AXE.is_file():
+        pytest.skip("no axe-core: `npm install axe-core` in the project's folder, or set AXE_CORE to its axe.min.js")
+    page = opened(browser, small, SIZE, scheme=scheme)
+    idle(page, RANKED)
+    page.wait_for_timeout(1000)
+    with page.context.expect_page() as other:
+        page.click("[data-name=report]")
+    other.value.wait_for_selector("#lrm-field canvas")
+    found = []
+    for one in (page, other.value):
+        one.evaluate(AXE.read_text(encoding="utf-8"))
+        for fault in one.evaluate("axe.run().then((result) => result.violations)"):
+            found.append((fault["id"], [node["html"][:120] for node in fault["nodes"]][:3]))
+    page.context.close()
+    assert not found, "\n".join(map(str, found))
+
+
+@pytest.mark.slow
+def test_a_study_draws_itself_in_a_notebook(browser: Any, tmp_path: Path) -> None:
+    """In a frame, as Jupyter and marimo put it into their pages."""
+    study = lrm.Study.of(lrm.load(part_of_example(tmp_path, 100))).fit()
+    page = browser.new_page(viewport=SIZE)
+    page.set_content(f"<!doctype html><body>{study.view()._repr_html_()}")
+    inside = page.frame_locator("iframe")
+    inside.locator("#lrm-field canvas").wait_for()
+    assert "backlash" in inside.locator("#lrm-ranking").inner_text()
+    page.screenshot(path=SHOTS / "notebook.png")
+    page.close()
