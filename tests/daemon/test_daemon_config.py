@@ -70,7 +70,7 @@ WRONG: list[tuple[str, str, str, list[str]]] = [
     ("rest outside", "[0.0, -60.0,", "[0.0, -160.0,", ["rest_q_deg of joint2 is -160", "-100 to 100"]),
     ("rest too short", "0.0, 0.0, 0.0]   #", "0.0, 0.0]   #", ["rest_q_deg has 5 angles", "lrm-rover has 6 joints"]),
     ("heat out of order", "rest_c = 85.0", "rest_c = 96.0", ["ambient_c < derate_c < rest_c < off_c"]),
-    ("unknown joint", "joint6 = 1490.0", "joint7 = 1490.0", ["unknown joint joint7", "did you mean"]),
+    ("unknown joint", "joint6 = 1490.0", "joint7 = 1490.0", ["unknown joint joint7", "valid: joint1"]),
     ("a lease that lasts", "lease_ms = 400", "lease_ms = 4000", ["safety", "lease_ms = 4000", "less than or equal to"]),
     ("no time to answer", "reply_ms = 100", "reply_ms = 10", ["reply_ms = 10", "twice tick_ms = 6.5"]),
     ("patience", "silence_ms = 1000", "silence_ms = 200", ["silence_ms = 200", "twice reply_ms = 100"]),

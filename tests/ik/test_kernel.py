@@ -210,7 +210,7 @@ def test_a_law_that_is_held_beyond_its_range_is_held_in_the_kernel(seed: int, ed
     model = random_model(arm, ("compliance", "nonlinear_stiffness"), seed, 1.5)
     load = {f"{joint}.theta": (-edge, 0.7 * edge) for joint in arm.joint_names}
     model = replace(model, within=MeasuredRange(((-0.1, 0.1),) * 6, (0.0, 0.0), load))
-    assert JointErrorModel(model).complete
+    assert PackedArm(model).complete
     q = rng.uniform(-1.7, 1.7, (5, 6))
     rest = equilibrium(model, poses_of(q, 0.2), tolerance=1e-14)
     expected = moving(model, rest.slots, 5)

@@ -268,7 +268,7 @@ def test_words_that_are_wrong_without_a_daemon(refuses: Callable[..., str], word
     [
         (["move"], "nothing to move"),
         (["move", "--q", "1,2"], "--q has 2 angles; lrm-rover has 6 joints"),
-        (["move", "--joint", "7", "3"], "unknown servo 'joint7'; did you mean"),
+        (["move", "--joint", "7", "3"], "unknown servo 'joint7'; valid: joint1"),
         (["move", "--servo", "griper", "3"], "did you mean gripper?"),
         (["move", "--joint", "1", "3grad"], "should be like 30deg"),
         (["move", "--joint", "1", "1e999"], "should be like 30deg"),

@@ -305,8 +305,8 @@ def test_poses_too_few_for_elimination_are_enough_for_a_prior(tmp_path: Path) ->
     data = part_of_example(tmp_path, 20)
     stderr_of("fit", data, "-o", tmp_path / "none.toml")
     said = stdout_of("fit", data, "--prior", "printed", "-o", tmp_path / "map.toml", "--json", tmp_path / "fit.json")
-    assert "there is none: 20 poses" in " ".join(said.split())
-    assert "20 poses" in json.loads((tmp_path / "fit.json").read_text())["prior"]["elimination"]["reason"]
+    assert "there is none: 20 distinct poses" in " ".join(said.split())
+    assert "20 distinct poses" in json.loads((tmp_path / "fit.json").read_text())["prior"]["elimination"]["reason"]
     assert load_covariance(tmp_path / "map.toml") is not None
 
 

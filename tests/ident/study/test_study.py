@@ -10,7 +10,11 @@ import pytest
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.study.inputs import arm_from
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.support.commands import run_command, stdout_of
 from tests.support.source_files import files, imported_names
@@ -41,9 +45,12 @@ DOORS = ("lrm_ident/cli", "lrm_ident/workbench", "lrm_ident/fleet", "lrm_ident/m
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Measurements of an arm of one's own with four wrong positions, three of which are left out by hand."""
-    folder = tmp_path_factory.mktemp("study")
+    """Measurements of an arm of one's own whose joint 1 turns too far, with four wrong positions, three of them
+    left out by hand."""
+    folder, arm = tmp_path_factory.mktemp("study"), load_arm("two-joint")
     data = random_arm_data("two-joint", 5, poses=60)
+    turned = model_of(arm, effects_at(arm, "servo_gain@joint1"), {"servo_gain.joint1.g_plus_rad_per_rad": 0.05})
+    data.tcp[:] += equilibrium(turned, data.poses).tcp - equilibrium(model_of(arm, ()), data.poses).tcp
     for number in (*LEFT_OUT, WRONG):
         data.tcp[data.pose == number] += [0.03, -0.03, 0.03]
     (folder / "data.csv").write_text(measurements_csv(data))

@@ -10,7 +10,7 @@ import pytest
 from tests.support.browser import SHOTS, chromium
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     """A headless Chromium."""
     with chromium() as found:

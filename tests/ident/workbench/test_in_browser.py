@@ -137,15 +137,18 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
 
 
 @pytest.mark.slow
-def test_same_numbers_everywhere(browser: Any, small: RunningWorkbench, tmp_path: Path) -> None:
+def test_same_numbers_everywhere(browser: Any, tmp_path: Path) -> None:
     """Of the first fit: the page, the report, the JSON files and the printed tables."""
-    model, data = small.folder / "step-0.toml", part_of_example(tmp_path, 100)
-    page = opened(browser, small, SMALL_SIZE)
-    wait_for(page, RANKED)
-    says(page, ".lrm-numbers", "Not testable")
-    on_page = page.inner_text(".lrm-numbers")
-    ranked = dict(page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.heldOut])"))
-    page.context.close()
+    data = part_of_example(tmp_path, 100)
+    with workbench(data, cwd=tmp_path) as running:
+        page = opened(browser, running, SMALL_SIZE)
+        wait_for(page, RANKED)
+        says(page, ".lrm-numbers", "Not testable")
+        on_page = page.inner_text(".lrm-numbers")
+        ranked = dict(page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.heldOut])"))
+        page.context.close()
+        model = tmp_path / "model.toml"
+        model.write_bytes((running.folder / "step-0.toml").read_bytes())
     files = {name: tmp_path / f"{name}.json" for name in ("compare", "diagnose", "report")}
     printed = stdout_of("compare", model, data, "--json", files["compare"], "--all")
     printed += stdout_of("diagnose", model, data, "--json", files["diagnose"], "--all")

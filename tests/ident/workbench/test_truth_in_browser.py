@@ -237,8 +237,8 @@ def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: Runnin
     assert page.evaluate("document.documentElement.lang") == "en"
     assert page.evaluate("[document.querySelectorAll('main').length, document.querySelectorAll('h1').length]") == [1, 1]
     page.click("[data-name='light or dark']")
+    wait_for(page, f"document.documentElement.dataset.theme && document.documentElement.dataset.theme !== '{scheme}'")
     turned = page.evaluate("document.documentElement.dataset.theme")
-    assert turned != scheme
     page.reload()
     wait_for(page, "window.lrm && lrm.state.values")
     assert page.evaluate("document.documentElement.dataset.theme") == turned, "the theme is not remembered"
