@@ -31,7 +31,7 @@ class PlausibleSize:
 
 
 @dataclass(frozen=True)
-class Doubt:
+class ImplausibleValue:
     """A value that is not plausible: its index, what is wrong, and what would be right."""
 
     row: int
@@ -44,7 +44,7 @@ def times(**factors: float) -> Mapping[str, tuple[float, float]]:
     return {unit: (factor, 0.0) for unit, factor in factors.items()}
 
 
-def doubt(quantity: PlausibleSize, values: ArrayLike) -> Doubt | None:
+def implausible_value(quantity: PlausibleSize, values: ArrayLike) -> ImplausibleValue | None:
     """The first value (N,) of no plausible size; None if all are plausible, zero or NaN."""
     sizes = np.abs(np.atleast_1d(np.asarray(values, dtype=np.float64)))
     bad = (sizes > 0.0) & ~((sizes >= quantity.low) & (sizes <= quantity.high)) & ~np.isnan(sizes)
@@ -59,7 +59,7 @@ def doubt(quantity: PlausibleSize, values: ArrayLike) -> Doubt | None:
     ]
     what = f"{_figure(size)} {quantity.unit} is not plausible as {quantity.words}"
     right = quantity.right or f"{_figure(quantity.low)} to {_figure(quantity.high)} {quantity.unit}"
-    return Doubt(row, what + (f": it looks like {' or '.join(seems)}" if seems else ""), right)
+    return ImplausibleValue(row, what + (f": it looks like {' or '.join(seems)}" if seems else ""), right)
 
 
 def _figure(value: float) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.csv_table import CsvTable
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
-from lrm_math.plausibility import PlausibleSize, doubt, times
+from lrm_math.plausibility import PlausibleSize, implausible_value, times
 
 ABOVE_ZERO = ("sd_mm", "sx_mm", "sy_mm", "sz_mm", "srot_deg", "distance_mm", "distance_sd_mm")
 WHOLE = ("pose", "repeat_of")
@@ -66,7 +66,7 @@ class NumberTable:
 
     def reject_implausible(self, name: str, quantity: PlausibleSize) -> None:
         """Raises `FileError` at the first row whose value is of no plausible size."""
-        found = doubt(quantity, self.columns[name])
+        found = implausible_value(quantity, self.columns[name])
         if found:
             raise self.fault(self.cells.at(found.row, name), found.what, found.right)
 

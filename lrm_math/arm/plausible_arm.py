@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lrm_math.arm.arm import Arm
-from lrm_math.plausibility import PlausibleSize, doubt, times
+from lrm_math.plausibility import PlausibleSize, implausible_value, times
 
 LEAST_REACH, MOST_REACH = 0.06, 10.0  # m
 LEAST_MASS, MOST_MASS = 0.05, 1500.0  # kg, of all bodies, per cubed metre of reach
@@ -48,7 +48,7 @@ def implausible(arm: Arm, written: str = "millimetres") -> Iterator[tuple[str, s
         return
     yield from _masses(arm, length, written)
     yield from _centres_of_mass(arm, length)
-    gravity = doubt(GRAVITY, float(np.linalg.norm(arm.gravity)))
+    gravity = implausible_value(GRAVITY, float(np.linalg.norm(arm.gravity)))
     if gravity:
         yield gravity.what, gravity.right
     angles = [abs(angle) for joint in arm.joints for angle in (joint.theta, joint.alpha)]

@@ -30,14 +30,14 @@ SWING = 0.7
 
 
 @dataclass(frozen=True)
-class Milliseconds:
+class CommandTimes:
     """Median and worst processor time of one call (ms)."""
 
     median: float
     worst: float
 
 
-def correction_times(values: dict[str, float]) -> tuple[Milliseconds, Milliseconds]:
+def correction_times(values: dict[str, float]) -> tuple[CommandTimes, CommandTimes]:
     """Times of a command, and of the true angles of an observation, of a model with some parameters."""
     arm = load_arm("so101")
     names = dict.fromkeys(f"{key.split('.')[0]}@{key.split('.')[1]}" for key in values)
@@ -56,5 +56,5 @@ def correction_times(values: dict[str, float]) -> tuple[Milliseconds, Millisecon
     return _of(np.array(commands)), _of(np.array(observations))
 
 
-def _of(nanoseconds: Array) -> Milliseconds:
-    return Milliseconds(1e-6 * float(np.median(nanoseconds)), 1e-6 * float(nanoseconds.max()))
+def _of(nanoseconds: Array) -> CommandTimes:
+    return CommandTimes(1e-6 * float(np.median(nanoseconds)), 1e-6 * float(nanoseconds.max()))

@@ -13,7 +13,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
-from lrm_math.plausibility import doubt
+from lrm_math.plausibility import implausible_value
 from lrm_math.toml_file import read_toml
 
 
@@ -52,7 +52,7 @@ def metadata_of(path: Path) -> Metadata | None:
         return None
     metadata = read_toml(file, Metadata)
     for key, value in metadata.model_dump(exclude_none=True).items():
-        found = doubt(PLAUSIBLE[key], value) if key in PLAUSIBLE else None
+        found = implausible_value(PLAUSIBLE[key], value) if key in PLAUSIBLE else None
         if found:
             raise FileError(file, key, found.what, found.right)
     return metadata

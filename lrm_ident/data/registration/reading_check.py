@@ -122,7 +122,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     """Compares measurements with the nominal arm; None if there are too few poses, or all are one."""
     rows = compared_rows(data)
     data = data.take(rows)
-    if len(rows) < LEAST_POSES or all_one(data.poses.q) or _spread(nominal_tcp(arm, data.poses)) == 0.0:
+    if len(rows) < LEAST_POSES or poses_are_equal(data.poses.q) or _spread(nominal_tcp(arm, data.poses)) == 0.0:
         return None
     points = PointSet(arm, data.poses, data.tcp, data.stated)
     read = points.scored(Hypothesis(data.stated), data.poses.q, data.tcp)
@@ -138,7 +138,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     return ReadingCheck(read, tuple(sorted(chosen, key=lambda scored: scored.share)))
 
 
-def all_one(q: Array) -> bool:
+def poses_are_equal(q: Array) -> bool:
     """Whether all joint angles (N, n), rad, are those of one pose."""
     return bool(np.ptp(q, axis=0).max(initial=0.0) < SAME_POSE)
 

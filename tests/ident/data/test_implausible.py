@@ -22,7 +22,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arm.plausible_arm import implausible
 from lrm_math.errors import FileError
-from lrm_math.plausibility import PlausibleSize, doubt, times
+from lrm_math.plausibility import PlausibleSize, implausible_value, times
 from tests.conftest import EXAMPLE
 from tests.support.commands import run_command, stderr_of, stdout_of
 
@@ -162,7 +162,7 @@ def test_ranges_of_poses_that_cannot_be_left_out(poses: str, said: str) -> None:
 def test_a_value_is_doubted_exactly_outside_its_range(low: float, width: float, values: list[float]) -> None:
     quantity = PlausibleSize("length", "mm", low, low * width, times(m=1e3))
     outside = [row for row, value in enumerate(values) if value and not low <= abs(value) <= low * width]
-    found = doubt(quantity, values)
+    found = implausible_value(quantity, values)
     assert (found is None) == (not outside)
     if found:
         assert found.row == outside[0]
