@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ from lrmd.config import load_config
 from tests.soak.hostile.estop_client import EstopClient
 from tests.soak.hostile.link_proxy import LinkProxy
 from tests.support.daemon.daemon_harness import HOME
-from tests.support.daemon.daemon_process import SECOND, BoardProcess, DaemonProcess, DaemonSetup, wait_for
+from tests.support.daemon.daemon_process import SECOND, BoardProcess, DaemonProcess, DaemonSetup, WaitTimeout, wait_for
 from tests.support.daemon.pulse_invariants import FrameLogEntry, PulseInvariants, pulse_invariants, read_frames
 
 RECOVERY_S = 30.0
@@ -58,7 +58,7 @@ class Trial:
         self.board_started = board.started_at()
         self.armed_at: list[int] = []
         self.estops_at: list[int] = []
-        self.moves = 0
+        self.moves, self.last_refusal = 0, "none"
         self._pause, self._ending = threading.Event(), threading.Event()
         self.start_daemon()
         self._mover = threading.Thread(target=self._keep_moving, daemon=True)
@@ -82,7 +82,8 @@ class Trial:
                         continue
                     try:
                         self._move_once(rover)
-                    except LrmError:
+                    except LrmError as error:
+                        self.last_refusal = str(error)
                         time.sleep(0.1)
 
     def _move_once(self, rover: Rover) -> None:
@@ -128,9 +129,12 @@ class Trial:
             self._pause.clear()
 
     def wait_until_it_moves(self) -> None:
-        """After an attack: the arm can be moved again on request. Raises `WaitTimeout`."""
+        """After an attack: the arm can be moved again on request. Raises `WaitTimeout`, with the last refusal."""
         before = self.moves
-        wait_for(lambda: self.moves > before, "the arm moves again after the attack", RECOVERY_S, pause=0.05)
+        try:
+            wait_for(lambda: self.moves > before, "the arm moves again after the attack", RECOVERY_S, pause=0.05)
+        except WaitTimeout as error:
+            raise WaitTimeout(f"{error}; {self.last_refusal}") from None
 
     def invariants(self) -> PulseInvariants:
         """Asserts the laws over the whole frame log of the board."""
@@ -157,10 +161,10 @@ def estop_delay(lines: Sequence[FrameLogEntry], at: int) -> float | None:
 
 
 @contextmanager
-def trial(folder: Path) -> Iterator[Trial]:
-    """A trial whose arm moves."""
+def trial(folder: Path, changes: Mapping[str, str] | None = None) -> Iterator[Trial]:
+    """A trial whose arm moves. `changes`: as those of `DaemonSetup.make`."""
     with ExitStack() as running:
-        setup = DaemonSetup.make(folder)
+        setup = DaemonSetup.make(folder, changes)
         attacked = Trial(setup, running.enter_context(BoardProcess(setup)), running)
         attacked.wait_until_it_moves()
         yield attacked
