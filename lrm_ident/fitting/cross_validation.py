@@ -146,7 +146,7 @@ def models_without(
     typical = objective.typical
     iterate = objective.at(fitted.model.values[objective.columns] / typical, fitted.rest)
     free = np.array([key not in fitted.at_bound for key in model.free])
-    noise = objective.noise_scale(iterate, None, free)
+    noise = objective.noise_scale(iterate)
     parts = objective.linearise_each(iterate, noise, blocks)
     for left_out in range(len(blocks)):
         others = [part for number, part in enumerate(parts) if number != left_out]

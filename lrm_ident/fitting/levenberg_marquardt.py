@@ -19,7 +19,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.objective import Iterate, NoiseScale, NoiseUpdate, Objective
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.priors import WEAK, WEAK_SD, Prior, weak_prior
-from lrm_ident.fitting.smoothness import weighed
+from lrm_ident.fitting.smoothness import Smoothness
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import Equilibrium, measured_range
@@ -34,6 +34,7 @@ GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 IDLE_STEPS, IDLE_GAIN, IDLE_LIKELIHOOD = 5, 1e-5, 0.3
 """So many steps in a row that each gain no more end a fit: part of the objective, and of it over the squared noise."""
 POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
+PENALISED_TOLERANCE = 1e-3  # the same where penalties of forms, known to a third, decide it: to a part of their errors
 OUTLIER_DISTANCE = 5.0  # robust standard deviations per axis; a clean pose is beyond it once in 60 000
 
 
@@ -128,30 +129,20 @@ def fit(
     check_enough(len(data), len(model.free), prior)
     model = replace(model, within=measured_range(model, data.poses))
     limits = bounds or bounds_of(model, model.free)
-    objective = Objective(model, data, loss, prior)
+    smooth = Smoothness.of(model, prior)
+    objective = Objective(model, data, loss, smooth.prior)
     stated = prior is not None and prior.name != WEAK  # the top of such a posterior is wanted, however flat it is
     idle = MAX_STEPS_WITH_PRIOR if stated else IDLE_STEPS
     lower, upper = limits.lower / objective.typical, limits.upper / objective.typical
-    plain = _LevenbergMarquardt(objective, lower, upper, idle, near)
+    plain = _LevenbergMarquardt(objective, smooth, lower, upper, idle, near)
     try:
-        found = _solve_smooth(plain, MAX_STEPS if prior is None else MAX_STEPS_WITH_PRIOR)
+        found = plain.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR)
     except FitNotConverged:
         if prior is not None:
             raise
-        weakly = replace(objective, prior=weak_prior(model))
-        found = replace(_solve_smooth(replace(plain, objective=weakly), MAX_STEPS_WITH_PRIOR), damped=True)
+        found = replace(plain.with_smoothness(Smoothness.of(model, weak_prior(model))).solve(MAX_STEPS_WITH_PRIOR), damped=True)
     check_arm(found.rest, model.free)
     return found
-
-
-def _solve_smooth(plain: _LevenbergMarquardt, most_steps: int) -> Fit:
-    """The fit, its free forms kept smooth and small."""
-
-    def solved(model: Model, prior: Prior | None) -> Fit:
-        """The fit from a model on, with a prior."""
-        return replace(plain, objective=replace(plain.objective, model=model, prior=prior)).solve(most_steps)
-
-    return weighed(solved, plain.objective.model, plain.objective.prior)
 
 
 def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
@@ -170,41 +161,68 @@ def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> Non
 @dataclass(frozen=True, eq=False)
 class _LevenbergMarquardt:
     objective: Objective
+    smooth: Smoothness
     lower: Array
     upper: Array
     idle_steps: int
     near: Equilibrium | None
 
+    def with_smoothness(self, smooth: Smoothness) -> _LevenbergMarquardt:
+        """The same with these penalties."""
+        return replace(self, smooth=smooth, objective=replace(self.objective, prior=smooth.prior))
+
     def solve(self, most_steps: int) -> Fit:
-        """Iterates until no decrease is predicted. Raises `FitNotConverged`."""
+        """Iterates until no decrease is predicted and the noise and the penalties follow from what is left.
+
+        Both are estimated whenever the parameters have converged for the present ones (MacKay 1992; Wood & Fasiolo
+        2017). Raises `FitNotConverged`.
+        """
         objective, model = self.objective, self.objective.model
         z = model.values[objective.columns] / objective.typical
         iterate = objective.at(np.clip(z, self.lower, self.upper), self.near)
         held = np.zeros(len(model.free), dtype=np.bool_)
-        noise = objective.noise_scale(iterate, None, ~held)
+        noise, solver = objective.noise_scale(iterate), self
         before: NoiseUpdate | None = None
         damping, step, idle, columns = FIRST_DAMPING, np.inf, 0, np.empty((0, len(z)))
+        tolerance = PENALISED_TOLERANCE if self.smooth.known else POSTERIOR_TOLERANCE
         if not model.free:
             return self._result(iterate, columns, held, 0, noise)
         for steps in range(1, most_steps + 1):
+            objective = solver.objective
             rows = objective.linearise(iterate, noise)
             columns, descent = rows.columns, objective.negative_gradient(iterate, rows, noise)
             held = ((iterate.z <= self.lower) & (descent < 0)) | ((iterate.z >= self.upper) & (descent > 0))
-            trial, damping = self._step(iterate, columns, descent, ~held, noise, damping)
+            trial, damping = solver._step(iterate, columns, descent, ~held, noise, damping)
             step = float(np.abs(trial.z - iterate.z).max())
             predicted = float(descent @ (trial.z - iterate.z)) / noise.scale**2
-            least = max(GAIN_TOLERANCE * objective.value(iterate, noise), POSTERIOR_TOLERANCE * noise.prior_weight)
-            idle = idle + 1 if self._gains_nothing(iterate, trial, noise) else 0
-            if idle >= self.idle_steps and not self._well_known(columns, ~held, iterate, noise):
+            least = max(GAIN_TOLERANCE * objective.value(iterate, noise), tolerance * noise.prior_weight)
+            idle = idle + 1 if solver._gains_nothing(iterate, trial, noise) else 0
+            if idle >= self.idle_steps and not solver._well_known(columns, ~held, iterate, noise):
                 raise FitNotConverged(steps, step)
             done = step < STEP_TOLERANCE or predicted < least or idle >= self.idle_steps
             iterate = trial
-            if done:
-                update = NoiseUpdate(noise, objective.noise_scale(iterate, noise, ~held))
-                if update.estimated.close_to(noise, objective.sigma_tolerance):
-                    return self._result(iterate, columns, held, steps, noise)
-                noise, before, damping = update.accelerated(before), update, min(damping, FIRST_DAMPING)
+            if not done:
+                continue
+            update, smooth = solver._likelier(iterate, ~held, noise)
+            if update.estimated.close_to(noise, objective.sigma_tolerance) and smooth.close_to(solver.smooth):
+                return solver._result(iterate, columns, held, steps, noise)
+            solver, noise, before = solver.with_smoothness(smooth), update.accelerated(before), update
+            damping = min(damping, FIRST_DAMPING)
         raise FitNotConverged(most_steps, step)
+
+    def _likelier(
+        self, iterate: Iterate, free: NDArray[np.bool_], noise: NoiseScale
+    ) -> tuple[NoiseUpdate, Smoothness]:
+        """The noise and the penalties that follow from an iterate, which `noise` and the present ones led to."""
+        objective, parameters = self.objective, 0.0
+        covariance = np.zeros((len(free), len(free)))
+        if objective.prior is not None and free.any():
+            inverse = objective.inverse_hessian(objective.linearise(iterate, noise).columns, noise, free)
+            parameters = objective.effective_parameters(inverse, noise, free)
+            covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
+        update = NoiseUpdate(noise, objective.noise_scale(iterate, parameters))
+        model = iterate.rest.model.with_free(objective.model.free)
+        return update, self.smooth.likelier(model, covariance * np.outer(objective.typical, objective.typical))
 
     def _gains_nothing(self, iterate: Iterate, trial: Iterate, noise: NoiseScale) -> bool:
         """Whether a step lowered the objective by a negligible part, and the log-likelihood by next to nothing."""
@@ -276,7 +294,7 @@ class _LevenbergMarquardt:
         covariance, model = np.zeros((len(held), len(held))), iterate.rest.model.with_free(objective.model.free)
         parameters, sigma = 0.0, objective.residual_sd(iterate)
         if free.any():
-            now = NoiseScale(objective.noise_scale(iterate, None, free).scale, noise.sigma)
+            now = NoiseScale(objective.noise_scale(iterate).scale, noise.sigma)
             inverse = objective.inverse_hessian(columns, now, free)
             parameters = objective.effective_parameters(inverse, now, free)
             sigma = objective.residual_sd(iterate, parameters)

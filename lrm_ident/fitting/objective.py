@@ -224,15 +224,11 @@ class Objective:
         freedom = float((self.data.whitening.measured * weight).sum()) - parameters
         return float(np.sqrt((weight[:, None] * iterate.residual**2).sum() / freedom)) if freedom > 0 else np.nan
 
-    def noise_scale(self, iterate: Iterate, before: NoiseScale | None, free: NDArray[np.bool_]) -> NoiseScale:
-        """Estimate from the residual; `before`: the noise scale that the iterate was computed with."""
+    def noise_scale(self, iterate: Iterate, parameters: float = 0.0) -> NoiseScale:
+        """Estimate from the residual; `parameters`: effective number of those fitted to it."""
         scale = self._scale(iterate)
         if self.prior is None:
             return NoiseScale(scale, 0.0)
-        parameters = 0.0
-        if before is not None and free.any():
-            inverse = self.inverse_hessian(self.linearise(iterate, before).columns, before, free)
-            parameters = self.effective_parameters(inverse, before, free)
         sd = self.data.whitening.sd
         least = MIN_SIGMA / (1.0 if sd is None else float(sd.mean()))
         return NoiseScale(scale, max(self.residual_sd(iterate, parameters), least))

@@ -8,9 +8,8 @@ that a form of which the data show nothing is drawn to zero, and nothing is tune
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +19,8 @@ from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.model import Model
 
-if TYPE_CHECKING:
-    from lrm_ident.fitting.levenberg_marquardt import Fit
-
-MOST_WEIGHINGS = 8
+MOST_UPDATES = 8
+FIRST_MOST = 100.0
 LEAST, MOST = 0.1, 1e6
 """Range of a weight, one at typical size: beyond it a form is unlike anything, or nothing."""
 SETTLED = 0.3
@@ -77,6 +74,49 @@ def with_penalties(prior: Prior | None, known: Sequence[Penalty], weights: Array
     return Prior("smooth" if prior is None else prior.name, keys, covariance @ along, covariance)
 
 
+@dataclass(frozen=True, eq=False)
+class Smoothness:
+    """Penalties of a model's forms with their `weights`, each one at typical size at first, beside a `stated` prior.
+
+    updates: how often the weights have been estimated.
+    """
+
+    known: tuple[Penalty, ...]
+    weights: Array
+    stated: Prior | None
+    updates: int = 0
+
+    @staticmethod
+    def of(model: Model, stated: Prior | None) -> Smoothness:
+        """Before any fit, or as the coefficients of an earlier one show."""
+        known = penalties(model)
+        return Smoothness(known, np.array([first_weight(penalty, model) for penalty in known]), stated)
+
+    @property
+    def prior(self) -> Prior | None:
+        """The product of the stated prior and the penalties; None without either."""
+        return with_penalties(self.stated, self.known, self.weights)
+
+    def likelier(self, model: Model, covariance: Array) -> Smoothness:
+        """With the next weights towards the largest marginal likelihood, until they have been estimated often enough:
+        arguments as `likelier_weights`'."""
+        if not self.known or self.updates == MOST_UPDATES:
+            return self
+        weights = likelier_weights(self.known, self.weights, model, covariance)
+        return replace(self, weights=weights, updates=self.updates + 1)
+
+    def close_to(self, other: Smoothness) -> bool:
+        """Whether no weight differs by enough to matter."""
+        return bool((np.abs(np.log(self.weights / other.weights)) < SETTLED).all())
+
+
+def first_weight(penalty: Penalty, model: Model) -> float:
+    """The likeliest weight of coefficients that were known exactly, or 1 where these say nothing yet."""
+    theta = np.array([model.value(key) for key in penalty.keys])
+    size = float(theta @ penalty.S @ theta)
+    return float(np.clip(np.linalg.matrix_rank(penalty.S) / size, LEAST, FIRST_MOST)) if size > 0.0 else 1.0
+
+
 def likelier_weights(known: Sequence[Penalty], weights: Array, model: Model, covariance: Array) -> Array:
     """The next weights towards the maximum of the marginal likelihood: the generalised method of Fellner and Schall.
 
@@ -93,25 +133,6 @@ def likelier_weights(known: Sequence[Penalty], weights: Array, model: Model, cov
         size = float(theta @ penalty.S @ theta)
         out[j] = weights[j] * (gained / size if gained > 0.0 < size else 1.0)
     return np.asarray(np.clip(out, LEAST, MOST))
-
-
-def weighed(solve: Callable[[Model, Prior | None], Fit], model: Model, prior: Prior | None) -> Fit:
-    """The fit with the likeliest weights: `solve` fits from a model on with a prior, beginning with `model`."""
-    known = penalties(model)
-    weights = np.ones(len(known))
-    found = solve(model, with_penalties(prior, known, weights))
-    for _ in range(MOST_WEIGHINGS if known else 0):
-        likelier = likelier_weights(known, weights, found.model, found.covariance)
-        if _settled(weights, likelier):
-            break
-        weights = likelier
-        found = solve(found.model, with_penalties(prior, known, weights))
-    return found
-
-
-def _settled(before: Array, after: Array) -> bool:
-    """Whether no weight changes enough to matter."""
-    return bool((np.abs(np.log(after / before)) < SETTLED).all())
 
 
 def _trace(covariance: Array, rows: Sequence[int], S: Array) -> float:
