@@ -44,6 +44,7 @@ def main(argv: list[str] | None = None) -> int:
 
     from lrmd import log
     from lrmd.config import load_config
+    from lrmd.heap import return_freed_memory
 
     try:
         config = load_config(options.config)
@@ -52,6 +53,7 @@ def main(argv: list[str] | None = None) -> int:
 
             print(f"{options.config}: in order; {check_start(config)}")
             return 0
+        return_freed_memory()
         log.set_up(options.log_level)
         if not options.simulated:
             return run(config)

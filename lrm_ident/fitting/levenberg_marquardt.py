@@ -140,7 +140,9 @@ def fit(
     except FitNotConverged:
         if prior is not None:
             raise
-        found = replace(plain.with_smoothness(Smoothness.of(model, weak_prior(model))).solve(MAX_STEPS_WITH_PRIOR), damped=True)
+        found = replace(
+            plain.with_smoothness(Smoothness.of(model, weak_prior(model))).solve(MAX_STEPS_WITH_PRIOR), damped=True
+        )
     check_arm(found.rest, model.free)
     return found
 
@@ -187,6 +189,9 @@ class _LevenbergMarquardt:
         tolerance = PENALISED_TOLERANCE if self.smooth.known else POSTERIOR_TOLERANCE
         if not model.free:
             return self._result(iterate, columns, held, 0, noise)
+        if self.smooth.begun:
+            first, smooth = self._likelier(iterate, ~held, noise)
+            noise, solver = first.estimated, self.with_smoothness(smooth)
         for steps in range(1, most_steps + 1):
             objective = solver.objective
             rows = objective.linearise(iterate, noise)
@@ -210,9 +215,7 @@ class _LevenbergMarquardt:
             damping = min(damping, FIRST_DAMPING)
         raise FitNotConverged(most_steps, step)
 
-    def _likelier(
-        self, iterate: Iterate, free: NDArray[np.bool_], noise: NoiseScale
-    ) -> tuple[NoiseUpdate, Smoothness]:
+    def _likelier(self, iterate: Iterate, free: NDArray[np.bool_], noise: NoiseScale) -> tuple[NoiseUpdate, Smoothness]:
         """The noise and the penalties that follow from an iterate, which `noise` and the present ones led to."""
         objective, parameters = self.objective, 0.0
         covariance = np.zeros((len(free), len(free)))

@@ -86,6 +86,11 @@ class Smoothness:
     stated: Prior | None
     updates: int = 0
 
+    @property
+    def begun(self) -> bool:
+        """Whether coefficients of an earlier fit say something of the weights."""
+        return bool((self.weights != 1.0).any())
+
     @staticmethod
     def of(model: Model, stated: Prior | None) -> Smoothness:
         """Before any fit, or as the coefficients of an earlier one show."""

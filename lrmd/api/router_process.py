@@ -24,6 +24,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from lrm_math.errors import LrmError
+from lrmd.heap import return_freed_memory
 from lrmd.messages.inbox import Inbox
 from lrmd.ramp.parent import die_with_parent
 from lrmd.ramp.shared_fd import SharedFd
@@ -161,6 +162,7 @@ def tell_gone(session: zenoh.Session, gone: str, event: zenoh.TransportEvent) ->
 def run(setup: RouterSetup) -> None:
     """Entry point of the process: routes until SIGTERM or until its parent ends."""
     die_with_parent()
+    return_freed_memory()
     ending: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: ending.append(number))
     for number in (signal.SIGINT, signal.SIGHUP):

@@ -19,6 +19,7 @@ from lrm_math.errors import FileError, LrmError
 from lrmd import log
 from lrmd.config import MS, Config
 from lrmd.errors import RequestError
+from lrmd.heap import return_freed_memory
 from lrmd.ik.deployed_model import deploy, digest_of
 from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
@@ -257,5 +258,6 @@ def _plan_content(path: JointPath | str) -> dict[str, Any]:
 def run(config: Config, memory: SharedFd, boot_id: str) -> None:
     """Entry point of the process: answers queries until SIGTERM or until its parent ends."""
     die_with_parent()
+    return_freed_memory()
     log.set_up()
     IkProcess(config, memory, boot_id).run()
