@@ -45,10 +45,10 @@ def publish(
     draw: Callable[[Path], None] | None = None,
     most: int | None = None,
 ) -> None:
-    """Prints a result (`most` lines of a list), then writes its JSON file, its figure, and the numbers behind that."""
-    write(out, result.blocks, most)
+    """Writes a result's JSON file, prints it (`most` lines of a list), and draws its figure with the numbers behind."""
     if json:
         write_text(json, result.json())
+    write(out, result.blocks, most)
     if figure and draw:
         publish_figure(figure, draw, result.behind)
 

@@ -114,8 +114,8 @@ def add(
         after = study.add(effect)
         tell(after.notices[len(study.notices) :])
         before, errors = after.errors_before, after.errors
-    publish(step_document(effect, after.taken, before, errors), json, most=None if show_all else LISTED)
     after.save(output)
+    publish(step_document(effect, after.taken, before, errors), json, most=None if show_all else LISTED)
     show(f"Model written to {output}")
 
 

@@ -1,4 +1,4 @@
-"""Commands that fit, predict and compare. Each reads, calls pure functions, prints, and writes its files last."""
+"""Commands that fit, predict and compare. Each reads, calls pure functions, writes its files, and prints."""
 
 from __future__ import annotations
 
@@ -105,9 +105,9 @@ def fit(
             beside = _without_prior(begun, fitted, step.stated_prior, parameters, unbounded)
             blocks, values = [*document.blocks, *beside.blocks()], {**document.values, "prior": beside}
             document = replace(document, blocks=blocks, values=values)
-    publish(document, json, most=None if show_all else LISTED)
     if output:
         fitted.save(output)
+    publish(document, json, most=None if show_all else LISTED)
     show(f"Model written to {output}" if output else "Not saved; give -o MODEL to keep it.")
 
 

@@ -199,6 +199,8 @@ def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:
         needs = dict.fromkeys(kinds[name].about.needs for name in names if kinds[name].about.needs)
         what = "; ".join(needs) or "poses that differ in load, angle and order independently"
         return f"To tell {names[0]} from {names[1]}: {what}."
+    if names:
+        return f"Nothing else that we know looks like {names[0]} here: add it, and see what is left."
     for effect, reason in diagnosis.not_testable:
         if effect.about.needs and "typical size" not in reason:
             return f"To test {effect.name} ({reason}): {effect.about.needs}."

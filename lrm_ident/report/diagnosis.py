@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -12,6 +12,7 @@ from rich.text import Text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
@@ -103,9 +104,17 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
     blocks += section("\nHints that are no effects", report.hints)
     blocks += section("\nWhat these data cannot show", report.limitations)
     if refused := tuple(_untestable(found.not_testable)):
-        names = ", ".join(dict.fromkeys(effect.id for effect, _ in found.not_testable))
+        names = ", ".join(_untestable_names(found))
         blocks.append(FoldedSection("\nNot testable", refused, f"{names}; --all says where and why"))
     return [*blocks, f"\nNext poses: {report.hint}"]
+
+
+def _untestable_names(found: Diagnosis) -> Iterator[str]:
+    """Effects that are not testable, and at how many of their places, where they are at others."""
+    refused = Counter(effect.id for effect, _ in found.not_testable)
+    tested = Counter(scored.candidate.effect.id for scored in found.scored)
+    for name, count in refused.items():
+        yield f"{name} at {count} of {count + tested[name]} places" if tested[name] else name
 
 
 def _floor_mm(report: DiagnosisReport) -> float | None:
@@ -213,7 +222,7 @@ def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: Err
     tables = [*error_blocks(before, f"before: {free} parameters"), *error_blocks(after, f"with {effect}: {now}")]
     errors = {"before": before, "after": after}
     values = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
-    return Document([parameter_table(step.fit), *tables], "lrm/step/1", {"added": effect, "parameters": now, **values})
+    return Document([*tables, parameter_table(step.fit)], "lrm/step/1", {"added": effect, "parameters": now, **values})
 
 
 def course_document(
