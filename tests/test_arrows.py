@@ -20,7 +20,7 @@ STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
     "lrm_math": "errors arrays plausibility toml_file arm kinematics collision effects model ik",
     "lrm_ident": "data fitting residual diagnosis study design report fleet measuring workbench cli",
-    "lrmd": "errors log config persistence link messages ramp safety control sim ik api client cli main demo",
+    "lrmd": "errors heap log config persistence link messages ramp safety control sim ik api client cli main demo",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""
 
