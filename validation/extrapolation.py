@@ -36,7 +36,7 @@ PLAIN = ("offsets", "compliance")
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ExtrapolationOutcome:
     """One arm: errors (m) beyond the range without forms and with all, anywhere, and of the nominal arm anywhere.
 
     parameters: fitted, without forms and with all.
@@ -59,7 +59,7 @@ class Outcome:
         return self.anywhere[1].max / self.nominal.max
 
 
-def examine(seed: int, poses: int = POSES, forms: Sequence[type[Effect]] = FREE_FORMS) -> Outcome:
+def examine(seed: int, poses: int = POSES, forms: Sequence[type[Effect]] = FREE_FORMS) -> ExtrapolationOutcome:
     """Simulates an arm, fits it on one half, and predicts the rest."""
     arm, described = arm_file.load_arm(ARM_FILE), synthetic.load_arm(ARM_FILE)
     rng = np.random.default_rng([seed, 31])
@@ -74,7 +74,7 @@ def examine(seed: int, poses: int = POSES, forms: Sequence[type[Effect]] = FREE_
     anywhere = _measured(arm, described, truth, rng.uniform(lower, upper, (5 * poses, arm.dof)), None)
     plain = _fitted(arm, data, ())
     every = _fitted(arm, data, [effect for kind in forms for effect in effects_of(kind, arm)], plain)
-    return Outcome(
+    return ExtrapolationOutcome(
         seed,
         (len(plain.free), len(every.free)),
         (_error(plain, beyond), _error(every, beyond)),
@@ -117,7 +117,7 @@ def _error(model: Model, data: Measurements) -> ErrorStats:
     return error_stats(data.tcp - equilibrium(model, data.poses).tcp)
 
 
-def table(outcomes: Sequence[Outcome]) -> str:
+def table(outcomes: Sequence[ExtrapolationOutcome]) -> str:
     """The table as Markdown, mm."""
     head = (
         "| arm | parameters, with forms | other half, RMS (mm) | with forms | ratio | anywhere, worst (mm) | "

@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 
 @dataclass(frozen=True)
-class Beside:
+class CompanionFiles:
     """Mark of an output: the files written beside it, by their ending, and whether an existing one goes on."""
 
     files: Mapping[str, str] = field(default_factory=dict)
@@ -41,7 +41,7 @@ FigureFile = Annotated[
 FigureAndNumbers = Annotated[
     Path | None,
     Option("--figure", metavar="FILE", help="Also draw the result: .png, .svg or .pdf; its numbers beside it as .csv."),
-    Beside({".csv": "numbers"}),
+    CompanionFiles({".csv": "numbers"}),
 ]
 EffectsFile = Annotated[
     Path | None,

@@ -63,7 +63,7 @@ def measure(
     output: Annotated[
         Path,
         Option("-o", "--output", metavar="DATA", help="Measurements; an interrupted file goes on."),
-        arg.Beside(appended=True),
+        arg.CompanionFiles(appended=True),
     ],
     robot: AnyRobot = "rover",
     connect: Connect = None,
@@ -194,7 +194,7 @@ def import_(
     output: Annotated[
         Path,
         Option("-o", "--output", metavar="DATA", help="Measurements; a .toml file beside them."),
-        arg.Beside({".toml": "metadata"}),
+        arg.CompanionFiles({".toml": "metadata"}),
     ],
     arm: arg.ArmName = None,
     tool: Annotated[str | None, Option(help="Name of the body at the tip; not needed if there is only one.")] = None,

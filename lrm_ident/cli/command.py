@@ -12,13 +12,13 @@ from pydantic import ValidationError
 from typer import Option, Typer
 
 from lrm_ident.cli.app import app
-from lrm_ident.cli.arguments import Beside
+from lrm_ident.cli.arguments import CompanionFiles
 from lrm_ident.data.output_files import check_outputs, is_something_else
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import Reading
 
 OUTPUTS = {"output": "-o", "json": "--json", "figure": "--figure", "cross_figure": "--cross-figure"}
-"""Parameters of commands that name files to be written; what is written beside them, `arguments.Beside` says."""
+"""Parameters of commands that name files to be written; `arguments.CompanionFiles` says what is written beside them."""
 READING_OPTIONS: dict[str, Any] = {
     "unit": Option("--unit", help="Unit of the positions: mm, m, cm, um or inch. Default: as the columns' names say."),
     "angle_unit": Option("--angle-unit", help="Unit of the joint angles: deg or rad. Default: as the names say."),
@@ -73,11 +73,11 @@ def _checked(function: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _marks(hint: Any) -> list[Beside]:
-    return [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Beside)]
+def _marks(hint: Any) -> list[CompanionFiles]:
+    return [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, CompanionFiles)]
 
 
-def _outputs(values: dict[str, Any], beside: Mapping[str, Beside]) -> dict[str, Path]:
+def _outputs(values: dict[str, Any], beside: Mapping[str, CompanionFiles]) -> dict[str, Path]:
     """Files that the command writes, by the option that names them, those beside them too."""
     named = {name: values[name] for name in OUTPUTS if values.get(name) is not None}
     out = {OUTPUTS[name]: path for name, path in named.items()}

@@ -16,22 +16,22 @@ from lrm_math.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Split:
+class FoldSplit:
     """Rows that parameters are estimated from, and rows that the estimate is for: of a fold, or all from all.
 
     Attributes:
         absent: (A,), rows left out of the estimate.
-        told: T rows that are predicted.
+        predicted_rows: T rows that are predicted.
         predictor: (T, p), what the amounts along p orthonormal directions of the estimate's rows predict.
     """
 
     absent: NDArray[np.int64]
-    told: NDArray[np.int64] | slice
+    predicted_rows: NDArray[np.int64] | slice
     predictor: Array
 
 
 @dataclass(frozen=True, eq=False)
-class Stack:
+class EqualSizedSets:
     """Sets of one size: their `numbers` (n,), the first of their columns, the first of their places among all sets in
     the order of columns, and their `size`."""
 
@@ -65,7 +65,7 @@ class ColumnSets:
 
     columns: Array
     explained: tuple[Array, ...]
-    stacks: tuple[Stack, ...]
+    stacks: tuple[EqualSizedSets, ...]
     grams: tuple[Array, ...]
 
     def __len__(self) -> int:
@@ -77,7 +77,7 @@ class ColumnSets:
         for stack, gram in zip(self.stacks, self.grams, strict=True):
             [found] = np.nonzero(stack.numbers == number)
             if len(found):
-                alone = Stack(np.zeros(1, dtype=np.int64), 0, 0, stack.size)
+                alone = EqualSizedSets(np.zeros(1, dtype=np.int64), 0, 0, stack.size)
                 explained = tuple(part[:, own] for part in self.explained)
                 return ColumnSets(self.columns[:, own], explained, (alone,), (gram[:, found],))
         raise IndexError(number)
@@ -100,7 +100,7 @@ class ColumnSets:
         """(S,), number of each set, in the order of the columns."""
         return np.concatenate([stack.numbers for stack in self.stacks])
 
-    def products(self, parts: Sequence[Split], other: ColumnSets) -> list[Array]:
+    def products(self, parts: Sequence[FoldSplit], other: ColumnSets) -> list[Array]:
         """Products for each part (m, M) of the columns of the other, a single set, with these over the rows of the
         estimate, without what is explained of both."""
         whole = other.columns.T @ self.columns
@@ -109,9 +109,9 @@ class ColumnSets:
             for part, theirs, own in zip(parts, other.explained, self.explained, strict=True)
         ]
 
-    def predicted(self, part: Split, amounts: Array, theta: Array) -> Array:
+    def predicted(self, part: FoldSplit, amounts: Array, theta: Array) -> Array:
         """(T, S), what each set says of the rows that a part predicts. amounts: (p, M), theta: (M,)."""
-        columns = self.columns[part.told]
+        columns = self.columns[part.predicted_rows]
         along, found = np.empty((len(amounts), len(self))), np.empty((len(columns), len(self)))
         for stack in self.stacks:
             own = theta[stack.columns].reshape(-1, stack.size)
@@ -131,23 +131,23 @@ class ColumnSets:
         return replace(self, explained=explained, grams=tuple(less))
 
 
-def by_set(rows: Array, stack: Stack) -> Array:
+def by_set(rows: Array, stack: EqualSizedSets) -> Array:
     """(n, rows, m), columns of a stack's sets."""
     own = rows[:, stack.columns]
     return own.reshape(len(own), len(stack.numbers), stack.size).transpose(1, 0, 2)
 
 
-def stacks_of(sizes: Sequence[int]) -> tuple[Stack, ...]:
+def stacks_of(sizes: Sequence[int]) -> tuple[EqualSizedSets, ...]:
     """Sets of these sizes, those of one size together, the smallest first."""
     found, start, place = [], 0, 0
     for size in sorted(set(sizes)):
         numbers = np.flatnonzero(np.array(sizes) == size)
-        found.append(Stack(numbers, start, place, size))
+        found.append(EqualSizedSets(numbers, start, place, size))
         start, place = start + len(numbers) * size, place + len(numbers)
     return tuple(found)
 
 
-def columns_of(stacks: Sequence[Stack]) -> dict[int, slice]:
+def columns_of(stacks: Sequence[EqualSizedSets]) -> dict[int, slice]:
     """Places of the columns of each set, by its number."""
     return {
         int(number): slice(stack.start + i * stack.size, stack.start + (i + 1) * stack.size)
@@ -157,7 +157,7 @@ def columns_of(stacks: Sequence[Stack]) -> dict[int, slice]:
 
 
 def column_sets(
-    columns: Array, explained: tuple[Array, ...], stacks: tuple[Stack, ...], parts: Sequence[Split]
+    columns: Array, explained: tuple[Array, ...], stacks: tuple[EqualSizedSets, ...], parts: Sequence[FoldSplit]
 ) -> ColumnSets:
     """Sets whose columns and explained amounts are known."""
     grams = []
@@ -173,7 +173,7 @@ def column_sets(
     return ColumnSets(columns, explained, stacks, tuple(grams))
 
 
-def joined(sets: Sequence[ColumnSets], parts: Sequence[Split], together: bool = False) -> ColumnSets:
+def joined(sets: Sequence[ColumnSets], parts: Sequence[FoldSplit], together: bool = False) -> ColumnSets:
     """Sets of the same fit side by side, in this order; `together`: as one set."""
     sizes = [one.columns.shape[1] for one in sets]
     order = range(len(sets)) if together else [int(i) for stack in stacks_of(sizes) for i in stack.numbers]

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.column_sets import ColumnSets, Split, column_sets, columns_of, joined, stacks_of
+from lrm_ident.diagnosis.column_sets import ColumnSets, FoldSplit, column_sets, columns_of, joined, stacks_of
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes
@@ -48,7 +48,7 @@ class LinearEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class SelectedColumns:
     """Columns that are in the fit too, with what was known of them before.
 
     Attributes:
@@ -74,13 +74,13 @@ class LinearisedFit:
 
     residual: Array
     basis: Array
-    parts: tuple[Split, ...]
+    parts: tuple[FoldSplit, ...]
     sigma: float
     rows: int = 3
-    taken: tuple[Taken, ...] = ()
+    taken: tuple[SelectedColumns, ...] = ()
 
     @property
-    def folds(self) -> tuple[Split, ...]:
+    def folds(self) -> tuple[FoldSplit, ...]:
         """The parts that are predicted by the others."""
         return self.parts[1:]
 
@@ -122,7 +122,7 @@ class LinearisedFit:
         explained = []
         for part in self.parts:
             fitted = part.predictor[:, : part.predictor.shape[1] - later]
-            explained.append(-fitted.T @ columns[part.told])
+            explained.append(-fitted.T @ columns[part.predicted_rows])
         return column_sets(columns, tuple(explained), stacks_of(sizes), self.parts)
 
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:
@@ -144,9 +144,9 @@ class LinearisedFit:
         root = _inverse_root(columns.grams[0][:, 0], self.ridge)
         parts = []
         for part, W, amounts in zip(self.parts, root, columns.explained, strict=True):
-            left = columns.columns[part.told] - part.predictor @ amounts
+            left = columns.columns[part.predicted_rows] - part.predictor @ amounts
             parts.append(replace(part, predictor=np.concatenate([part.predictor, left @ W.T], axis=1)))
-        return replace(self, parts=tuple(parts), taken=(*self.taken, Taken(columns, root)))
+        return replace(self, parts=tuple(parts), taken=(*self.taken, SelectedColumns(columns, root)))
 
     @cached_property
     def now(self) -> LinearEstimate:
@@ -188,7 +188,7 @@ class LinearisedFit:
     def _left(self, number: int) -> Array:
         """(T,), what the fit leaves of the residual in the rows that a part predicts."""
         part = self.parts[number]
-        return np.asarray(self.residual[part.told] - part.predictor @ self.own.explained[number][:, 0])
+        return np.asarray(self.residual[part.predicted_rows] - part.predictor @ self.own.explained[number][:, 0])
 
     def _by_pose(self, left: Sequence[Array]) -> Array:
         """(S, N), squared 3-D distance of each pose from what is left (T, S) of the rows that the folds predict."""
@@ -205,16 +205,16 @@ def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]]
     basis = _svd(A)[0]
     rows = len(residual) // sum(len(poses) for poses in test_poses)
     every = np.arange(len(residual))
-    whole = Split(every[:0], slice(None), np.empty((len(every), 0)))
+    whole = FoldSplit(every[:0], slice(None), np.empty((len(every), 0)))
     folds = (_fold(A, rows * poses[:, None] + np.arange(rows)) for poses in test_poses)
     return LinearisedFit(residual - basis @ (basis.T @ residual), basis, (whole, *folds), sigma, rows)
 
 
-def _fold(A: Array, test: NDArray[np.int64]) -> Split:
+def _fold(A: Array, test: NDArray[np.int64]) -> FoldSplit:
     """The part that predicts test rows (poses, R)."""
     absent = test.reshape(-1)
     inverse_factor = _svd(np.asarray(np.linalg.qr(np.delete(A, absent, axis=0), mode="r")))[1]
-    return Split(absent, absent, A[absent] @ inverse_factor)
+    return FoldSplit(absent, absent, A[absent] @ inverse_factor)
 
 
 def _svd(A: Array) -> tuple[Array, Array]:

@@ -32,7 +32,7 @@ ROUND_OFF = 1e-15
 MIN_SIGMA = 1e-5  # m: below any tracker's noise; at much smaller values the prior is lost in round-off
 
 
-class Untold(LrmError):
+class UnidentifiableParameters(LrmError):
     """Parameters to fit that nothing at these poses depends on; carries their `keys`."""
 
     def __init__(self, keys: Sequence[str]) -> None:
@@ -195,11 +195,11 @@ class Objective:
 
     def inverse_hessian(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
         """(p, p), inverse of `gauss_newton` of the p parameters off their bounds, by QR, which does not square the
-        condition number. Raises `Untold`: parameters of which neither the data nor a prior say anything."""
+        condition number. Raises `UnidentifiableParameters`: neither the data nor a prior say anything of them."""
         rows = np.concatenate([J[:, free], noise.sigma * self._prior_root[:, free]])
-        untold = np.flatnonzero(free)[~rows.any(axis=0)]
-        if len(untold):
-            raise Untold([self.model.free[j] for j in untold])
+        unknown = np.flatnonzero(free)[~rows.any(axis=0)]
+        if len(unknown):
+            raise UnidentifiableParameters([self.model.free[j] for j in unknown])
         _, R = np.linalg.qr(rows)
         try:
             root = np.linalg.solve(R, np.eye(len(R)))

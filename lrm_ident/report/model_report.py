@@ -14,7 +14,7 @@ from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.history import history_table, history_values, provenance_table
 from lrm_ident.report.plots.interactive.candidate_view import CandidateView, candidate_view
-from lrm_ident.report.step_card import StepCard, StepJudgement, judgement, step_cards
+from lrm_ident.report.step_card import EarlierDiagnosis, StepCard, judgement, step_cards
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.error_field import ErrorField, error_field
@@ -49,7 +49,7 @@ class ModelReport:
     candidates: tuple[CandidateView, ...] = ()
     marked: Mapping[str, tuple[int, ...]] | None = None
     cards: tuple[StepCard, ...] = ()
-    judged: Mapping[int, StepJudgement] | None = None
+    judged: Mapping[int, EarlierDiagnosis] | None = None
 
     @property
     def history(self) -> ResultTable:

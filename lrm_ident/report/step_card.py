@@ -22,7 +22,7 @@ RIVALS_KEPT = 4
 
 
 @dataclass(frozen=True)
-class StepJudgement:
+class EarlierDiagnosis:
     """Diagnosis of a model before a step was taken: its verdict, and the sentence on every candidate by its name."""
 
     verdict: str
@@ -65,14 +65,14 @@ class StepCard:
     equivalent: tuple[str, ...]
 
 
-def judgement(diagnosis: Document) -> StepJudgement:
+def judgement(diagnosis: Document) -> EarlierDiagnosis:
     """What stays of a diagnosis once an effect has been added."""
     ranking: Sequence[Mapping[str, str]] = diagnosis.values["ranking"]  # type: ignore[assignment]
     why = {f"{one['effect']}@{one['place']}": str(one["why"]) for one in ranking}
-    return StepJudgement(str(diagnosis.blocks[0]), why)
+    return EarlierDiagnosis(str(diagnosis.blocks[0]), why)
 
 
-def rivals(card: StepCard, judged: StepJudgement | None) -> tuple[tuple[str, str], ...]:
+def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, str], ...]:
     """The effects that came next to a step's own, and why they were not taken; with what could not be told apart first.
 
     Without a judgement only the latter are known.

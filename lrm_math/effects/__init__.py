@@ -8,9 +8,9 @@ from importlib import import_module
 from lrm_math.arm.arm import Arm
 from lrm_math.effects.base import (
     AngleDependentEffect,
-    Beyond,
     Description,
     Effect,
+    Extrapolation,
     JointEffect,
     LinearEffect,
     LoadedJointEffect,
@@ -124,9 +124,9 @@ __all__ = [
     "CATALOGUE",
     "FREE_FORMS",
     "AngleDependentEffect",
-    "Beyond",
     "Description",
     "Effect",
+    "Extrapolation",
     "JointEffect",
     "LinearEffect",
     "LoadedJointEffect",

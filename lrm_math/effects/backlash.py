@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from lrm_math.effects.base import (
     FEW_REVERSALS,
     Amounts,
-    Beyond,
     Description,
     Excitation,
+    Extrapolation,
     JointEffect,
     LinearEffect,
     LoadedJointEffect,
@@ -23,7 +23,7 @@ class _Play(LoadedJointEffect):
     """Clearance that the load takes up: δ = ½ b tanh(load/l0), for parameters b and l0."""
 
     depends_on = ()
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """½ b tanh(load/l0)."""
@@ -98,7 +98,7 @@ class Hysteresis(JointEffect, LinearEffect):
         needs="measured order, and each joint approached from both sides",
     )
     depends_on = ("direction",)
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
     parameters = (Parameter("h_rad", "difference between the two approaches, of either sign", 0.02),)
 
     def missing_excitation(self, excitation: Excitation) -> str | None:

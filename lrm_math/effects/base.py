@@ -125,7 +125,7 @@ class Description:
     needs: str = ""
 
 
-class Beyond(Enum):
+class Extrapolation(Enum):
     """Validity of an effect's formula beyond the range that it was fitted on.
 
     Amounts are those of any parameters. `HELD`: they stay what they are at the range's edge (`measured_range`).
@@ -154,7 +154,7 @@ class Effect(ABC):
     """Ids of the effects of which this is another form, fitted beside them (`variants` gives their names); empty for an
     effect of its own."""
 
-    beyond: ClassVar[Beyond] = Beyond.HELD
+    extrapolation: ClassVar[Extrapolation] = Extrapolation.HELD
     """Continuation of its formula beyond the measured range. A law of physics says so; what says nothing is held."""
 
     @classmethod

@@ -5,9 +5,9 @@ from __future__ import annotations
 from lrm_math.arm.arm import BASE, Arm
 from lrm_math.effects.base import (
     Amounts,
-    Beyond,
     Description,
     Excitation,
+    Extrapolation,
     LinearEffect,
     LoadedJointEffect,
     Parameter,
@@ -22,7 +22,7 @@ class Spring(LinearEffect):
     """Linear springs of some slots, one parameter each: δ = k · load."""
 
     depends_on = ()
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
 
     @property
     def load_slots(self) -> tuple[str, ...]:

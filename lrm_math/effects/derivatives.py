@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrm_math.effects.base import Amounts, Beyond, Effect, LinearEffect
+from lrm_math.effects.base import Amounts, Effect, Extrapolation, LinearEffect
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.dual import Dual
@@ -32,7 +32,7 @@ def amounts_within(
 
 
 def _seen(effect: Effect, poses: Poses, tau: Amounts, within: MeasuredRange | None) -> tuple[Poses, Amounts]:
-    if within is None or effect.beyond is not Beyond.HELD:
+    if within is None or effect.extrapolation is not Extrapolation.HELD:
         return poses, tau
     return within.poses(poses), within.loads(effect.load_slots, tau)
 

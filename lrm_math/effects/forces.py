@@ -10,9 +10,9 @@ from lrm_math.arm.arm import TOOL, Arm
 from lrm_math.effects.base import (
     Amounts,
     AngleDependentEffect,
-    Beyond,
     Description,
     Excitation,
+    Extrapolation,
     LinearEffect,
     Parameter,
     separately,
@@ -35,7 +35,7 @@ class CableSpring(AngleDependentEffect, LinearEffect):
         claim="a cable pulls {place} back with {c_Nm_per_rad}",
         needs="several levels of the joint",
     )
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
     parameters = (Parameter("c_Nm_per_rad", "stiffness of the cable", 0.2, lower=0.0),)
 
     @property
@@ -52,7 +52,7 @@ class _BodyError(LinearEffect):
     """Errors of the mass and centre of mass of some bodies, the same of each."""
 
     depends_on = ()
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
 
     @property
     @abstractmethod

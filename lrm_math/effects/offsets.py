@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cached_property
 
 from lrm_math.arm.arm import BASE, TOOL, Arm
-from lrm_math.effects.base import Amounts, Beyond, Description, LinearEffect, Parameter, separately
+from lrm_math.effects.base import Amounts, Description, Extrapolation, LinearEffect, Parameter, separately
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.poses import Poses
 
@@ -27,7 +27,7 @@ class Offsets(LinearEffect):
     )
 
     depends_on = ()
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:

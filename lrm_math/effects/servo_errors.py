@@ -9,10 +9,10 @@ from lrm_math.arm.servo_table import PwmClock, rounding
 from lrm_math.effects.base import (
     Amounts,
     AngleDependentEffect,
-    Beyond,
     Description,
     Effect,
     Excitation,
+    Extrapolation,
     LinearEffect,
     Parameter,
     joint_number,
@@ -32,7 +32,7 @@ class ServoGain(AngleDependentEffect, LinearEffect):
         claim="{place} turns {g_plus_rad_per_rad} too far above zero and {g_minus_rad_per_rad} below",
         needs="five or more levels of the joint, to tell it from eccentricity",
     )
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
     parameters = (
         Parameter("g_plus_rad_per_rad", "gain error for q > 0", 0.02),
         Parameter("g_minus_rad_per_rad", "gain error for q < 0", 0.02),
@@ -57,7 +57,7 @@ class Eccentricity(AngleDependentEffect, LinearEffect):
         claim="{place} turns unevenly: {a1_rad} and {b1_rad} once a turn, {a2_rad} and {b2_rad} twice",
         needs="five or more levels of the joint, to tell it from gain",
     )
-    beyond = Beyond.PERIODIC
+    extrapolation = Extrapolation.PERIODIC
     parameters = tuple(
         Parameter(f"{letter}{n}_rad", f"amplitude of {wave} {n}q", 0.02)
         for n in (1, 2)
@@ -83,7 +83,7 @@ class Coupling(LinearEffect):
     )
 
     depends_on = ("angle",)
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -121,7 +121,7 @@ class Quantisation(Effect):
         needs="the PWM frequency",
     )
     depends_on = ("counts",)
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
     parameters = (
         Parameter("pwm_Hz", "PWM frequency", 50.0, lower=24.0, fixed=50.0),
         Parameter("oscillator_Hz", "oscillator of the board", 25e6, lower=20e6, fixed=25e6),

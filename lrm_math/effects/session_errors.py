@@ -9,7 +9,16 @@ import numpy as np
 
 from lrm_math.arm.arm import BASE, Arm
 from lrm_math.arrays import Array
-from lrm_math.effects.base import Amounts, Beyond, Description, Effect, Excitation, LinearEffect, Parameter, separately
+from lrm_math.effects.base import (
+    Amounts,
+    Description,
+    Effect,
+    Excitation,
+    Extrapolation,
+    LinearEffect,
+    Parameter,
+    separately,
+)
 from lrm_math.effects.targets import FRAME_ENTRIES
 from lrm_math.kinematics.poses import Poses
 
@@ -26,7 +35,7 @@ class _SessionError(Effect):
     """An error of one joint's angle, or of where the base stands before the tracker, in one measurement session."""
 
     depends_on: ClassVar[tuple[str, ...]] = ("session",)
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -140,7 +149,7 @@ class MeasurementFrame(LinearEffect):
 
     id = "measurement_frame"
     depends_on = ("session",)
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
     targets = tuple(f"frame.{entry}" for entry in FRAME_ENTRIES)
     about = Description(
         cause="The tracker's calibration stretches or shears space, or its frame is turned against the base target.",
@@ -178,7 +187,7 @@ class Anchor(LinearEffect):
         needs="distances from a fixed point (distance_mm)",
     )
     depends_on = ("instrument",)
-    beyond = Beyond.PROPORTIONAL
+    extrapolation = Extrapolation.PROPORTIONAL
     targets = ("anchor.x", "anchor.y", "anchor.z")
     parameters = tuple(
         Parameter(f"{axis}_mm", f"{axis} of the fixed end of the distances", ANCHOR_TYPICAL) for axis in "xyz"

@@ -103,7 +103,7 @@ def read(
     output: Annotated[
         Path,
         Option("-o", "--output", metavar="DATA", help="Where to write the measurements (.csv)."),
-        arg.Beside({".toml": "metadata", ".camera.toml": "session"}),
+        arg.CompanionFiles({".toml": "metadata", ".camera.toml": "session"}),
     ],
 ) -> None:
     """Turn photos of the board on the arm into measurements: its pose, with its covariance, for every commanded pose.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.column_sets import Split
+from lrm_ident.diagnosis.column_sets import FoldSplit
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD, LinearisedFit
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.fitting.progress import OnProgress, silent
@@ -75,10 +75,10 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
             train = whole.less(_products(motions[fold.absent], residual[fold.absent], group))
             train = train.less(_products(amounts, known, group))
             theta, explained = _solve(train, group, linear)
-            test = motions[fold.told] - fold.predictor @ amounts
+            test = motions[fold.predicted_rows] - fold.predictor @ amounts
             predicted = test[:, group.first] * theta[0, :, 0]
             predicted[:, group.pairs] += test[:, group.second[group.pairs]] * theta[1, group.pairs, 0]
-            left = residual[fold.told] - fold.predictor @ known - predicted
+            left = residual[fold.predicted_rows] - fold.predictor @ known - predicted
             held_out[_poses(fold, linear)] = (left**2).reshape(-1, linear.rows, left.shape[1]).sum(axis=1)
             squares_left = (residual**2).sum() - (residual[fold.absent] ** 2).sum() - (known**2).sum()
             by_fold[k] = _bic_gain(explained, rows - len(fold.absent), squares_left, group)[:, 0]
@@ -141,6 +141,6 @@ def _bic_gain(explained: Array, count: int, total: Array | float, group: LawColu
     return np.asarray(-count * np.log1p(-np.minimum(explained / total, 1.0 - 1e-12)) - terms[:, None] * np.log(count))
 
 
-def _poses(fold: Split, linear: LinearisedFit) -> NDArray[np.int64]:
+def _poses(fold: FoldSplit, linear: LinearisedFit) -> NDArray[np.int64]:
     """Those that a fold predicts."""
     return fold.absent[:: linear.rows] // linear.rows

@@ -152,6 +152,8 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     assert last not in page.inner_text("#lrm-verdict")
     assert "An effect is missing" in page.inner_text("#lrm-verdict")
     assert "nominal" in page.inner_text("#lrm-fall")
+    drawn = "document.querySelector('#lrm-card-1 .legend')"
+    wait_for(page, drawn)
     card = page.inner_text(".lrm-card-of-step")
     for words in ("Play in joint 2", f"{before:.2f} → {after:.2f} mm", "torque_curve@joint2", "above the noise", "°"):
         assert words in card
@@ -161,6 +163,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     page.click("[data-name=redo]")
     wait_for(page, TWO_STEPS)
     assert page.evaluate("lrm.state.values.history[1].held") == after
+    wait_for(page, drawn)
     assert page.inner_text(".lrm-card-of-step") == card
     two = "".join(EXAMPLE.read_text().splitlines(keepends=True)[:3])
     page.evaluate("(text) => lrmOpen([new File([text], 'two.csv')])", two)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import ALL_EFFECTS, FREE_FORMS, Beyond, Effect, effects_at
+from lrm_math.effects import ALL_EFFECTS, FREE_FORMS, Effect, Extrapolation, effects_at
 from lrm_math.effects.base import LinearEffect
 from lrm_math.effects.derivatives import amounts_within
 from lrm_math.effects.measured_range import FADE, MeasuredRange, held
@@ -23,7 +23,7 @@ from lrm_math.model.model import model_of
 
 LAB = load_arm("lrm-lab")
 COUNT = 200
-by_class = {beyond: [kind for kind in ALL_EFFECTS if kind.beyond is beyond] for beyond in Beyond}
+by_class = {each: [kind for kind in ALL_EFFECTS if kind.extrapolation is each] for each in Extrapolation}
 
 
 class Driven:
@@ -61,7 +61,7 @@ def every_place(kind: type[Effect]) -> list[Effect]:
     return [kind(LAB, place) for place in dict.fromkeys([kind.places(LAB)[0], kind.places(LAB)[-1]])]
 
 
-@pytest.mark.parametrize("kind", by_class[Beyond.HELD], ids=lambda kind: kind.id)
+@pytest.mark.parametrize("kind", by_class[Extrapolation.HELD], ids=lambda kind: kind.id)
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_a_held_form_is_at_twice_its_range_what_it_is_at_the_edge(kind: type[Effect], seed: int) -> None:
@@ -72,7 +72,7 @@ def test_a_held_form_is_at_twice_its_range_what_it_is_at_the_edge(kind: type[Eff
             np.testing.assert_allclose(beyond, at_edge, rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", by_class[Beyond.PROPORTIONAL], ids=lambda kind: kind.id)
+@pytest.mark.parametrize("kind", by_class[Extrapolation.PROPORTIONAL], ids=lambda kind: kind.id)
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_a_law_grows_no_faster_than_in_proportion(kind: type[Effect], seed: int) -> None:
@@ -87,7 +87,7 @@ def test_a_law_grows_no_faster_than_in_proportion(kind: type[Effect], seed: int)
             assert (twice <= 2.0 * within + 1e-12).all(), parameter.name
 
 
-@pytest.mark.parametrize("kind", by_class[Beyond.PERIODIC], ids=lambda kind: kind.id)
+@pytest.mark.parametrize("kind", by_class[Extrapolation.PERIODIC], ids=lambda kind: kind.id)
 def test_a_periodic_law_is_the_same_after_a_turn(kind: type[Effect]) -> None:
     for effect in every_place(kind):
         p, q = [parameter.typical for parameter in effect.parameters], np.random.default_rng(1).uniform(-3, 3, (9, 6))
@@ -97,7 +97,7 @@ def test_a_periodic_law_is_the_same_after_a_turn(kind: type[Effect]) -> None:
 
 def test_every_other_form_is_held_or_a_spring() -> None:
     """A free function is known where it was measured; what is linear in a load is a law."""
-    assert {kind.id for kind in FREE_FORMS if kind.beyond is not Beyond.HELD} == {"bending_ends"}
+    assert {kind.id for kind in FREE_FORMS if kind.extrapolation is not Extrapolation.HELD} == {"bending_ends"}
     assert all(issubclass(kind, LinearEffect) for kind in FREE_FORMS)
 
 
