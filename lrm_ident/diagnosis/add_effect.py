@@ -16,6 +16,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_math.effects import Effect, name_of_key, split_key
 from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 
 MAX_SHAPE_FITS = 12
@@ -49,9 +50,11 @@ def add_effects(
     best = fit_identifiable(extended, data, keys, loss).fit
     if not set(new) & set(best.model.free):
         raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
-    for key, parameter in own.items():
-        if parameter.scan and parameter.fixed is not None:
-            best = _fit_shape(best, data, key, parameter.scan, loss)
+    for effect in effects:
+        for name, values in effect.shapes_to_try(data.poses).items():
+            key = f"{effect.id}.{effect.place}.{name}"
+            moment = best.model.parameters[best.model.position(key)].unit == "pose"
+            best = _fit_moment(best, data, key, loss) if moment else _fit_shape(best, data, key, values, loss)
     return free_base_parameters(best, data, loss)
 
 
@@ -91,8 +94,8 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
     return replace(model_of(model.arm, (*model.effects, effect), known), free=model.free, within=model.within)
 
 
-def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], how: Loss) -> Fit:
-    """The best fit over a shape parameter, on a logarithmic scale around its present value.
+def _fit_shape(best: Fit, data: Measurements, key: str, tried: Sequence[float], how: Loss) -> Fit:
+    """The best fit over a shape parameter, between the neighbours of its present value among those that are tried.
 
     Of thousands of poses a part is searched, then all are fitted.
     """
@@ -100,25 +103,45 @@ def _fit_shape(best: Fit, data: Measurements, key: str, scan: Sequence[float], h
 
     part = data.take(some_rows(len(data)))
     if len(part) < len(data):
-        found = _fit_shape(fit(best.model, part, loss=how), part, key, scan, how)
+        found = _fit_shape(fit(best.model, part, loss=how), part, key, tried, how)
         return fit(found.model, data, loss=how)
+    places = np.arange(len(tried))
 
-    def rms_at(log_value: float) -> float:
-        """RMS of the fit with the shape held at this value (m)."""
+    def rms_at(place: float) -> float:
+        """RMS of the fit with the shape held at this place between the values that are tried (m)."""
         nonlocal best
-        values = best.model.values.copy()
-        values[best.model.position(key)] = np.exp(log_value)
         try:
-            tried = fit(best.model.with_values(values), data, loss=how)
+            found = fit(_with_value(best.model, key, float(np.interp(place, places, tried))), data, loss=how)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return np.inf
-        rms = error_stats(tried.residual).rms
-        if rms < error_stats(best.residual).rms:
-            best = tried
-        return rms
+        best = min(best, found, key=lambda one: error_stats(one.residual).rms)
+        return error_stats(found.residual).rms
 
-    present = np.log(best.model.value(key))
-    step = np.log(max(np.array(scan[1:]) / np.array(scan[:-1])))
-    bracket = (max(present - step, np.log(scan[0])), min(present + step, np.log(scan[-1])))
+    present = float(np.interp(best.model.value(key), tried, places))
+    bracket = (max(present - 1.0, 0.0), min(present + 1.0, float(places[-1])))
     minimize_scalar(rms_at, bounds=bracket, method="bounded", options={"maxiter": MAX_SHAPE_FITS, "xatol": 0.03})
     return best
+
+
+def _fit_moment(best: Fit, data: Measurements, key: str, how: Loss) -> Fit:
+    """The best fit over the last pose before a change: maximum likelihood of the moment with all else as it is (Hinkley
+    1970), then of all else, in turn until neither moves."""
+    numbers, row = np.unique(data.poses.names(np.arange(len(data))), return_inverse=True)
+    for _ in range(MAX_SHAPE_FITS):
+        ends = (_with_value(best.model, key, float(end)) for end in (numbers[-1], numbers[0] - 1))
+        squares = [best.weight * (data.residual(equilibrium(model, data.poses)) ** 2).sum(axis=1) for model in ends]
+        added = np.cumsum(np.bincount(row.reshape(-1), squares[0] - squares[1]))
+        moment = float(numbers[np.argmin(added)])
+        if moment == best.model.value(key):
+            break
+        found = fit(_with_value(best.model, key, moment), data, loss=how)
+        if error_stats(found.residual).rms >= error_stats(best.residual).rms:
+            break
+        best = found
+    return best
+
+
+def _with_value(model: Model, key: str, value: float) -> Model:
+    values = model.values.copy()
+    values[model.position(key)] = value
+    return model.with_values(values)

@@ -124,16 +124,10 @@ def differentiate_candidates(
 
 
 def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response: Response, standing: int) -> Candidate:
-    parameters = effect.parameters
-    present = [extended.value(key) for key in effect.keys]
-    shapes = _shapes(parameters, present, fixed=any(key in extended.free for key in effect.keys))
-    return Candidate(effect, rows, shapes, standing, response)
-
-
-def _shapes(parameters: Sequence[Parameter], present: Sequence[float], fixed: bool) -> tuple[tuple[float, ...], ...]:
-    """Parameter vectors with every combination of the shape parameters' scan values."""
-    shapes = [tuple(present)]
-    for row, parameter in enumerate(parameters):
-        if parameter.scan and not fixed:
-            shapes = [(*shape[:row], value, *shape[row + 1 :]) for shape in shapes for value in parameter.scan]
-    return tuple(shapes)
+    shapes = [tuple(extended.value(key) for key in effect.keys)]
+    if not any(key in extended.free for key in effect.keys):
+        tried = effect.shapes_to_try(response.equilibrium.poses)
+        for row, parameter in enumerate(effect.parameters):
+            if parameter.name in tried:
+                shapes = [(*one[:row], value, *one[row + 1 :]) for one in shapes for value in tried[parameter.name]]
+    return Candidate(effect, rows, tuple(shapes), standing, response)

@@ -187,6 +187,8 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
 def with_unit(value: float, error: float | None, unit: str) -> str:
     """An estimate with its standard error, if it has one, in the unit that is shown, for instance `2.3 ± 0.1°`."""
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
+    if unit == "pose":
+        return f"pose {value:.0f}"
     number = f"{value * scale:.3g}" if error is None else quantity(value * scale, error * scale)
     return f"{number}{symbol}"
 

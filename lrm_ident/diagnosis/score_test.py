@@ -14,7 +14,7 @@ from lrm_ident.diagnosis.column_sets import ColumnSets
 from lrm_ident.diagnosis.linearised_fit import AT_ONCE, LinearEstimate, LinearisedFit, orthonormal_basis, projected_rank
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.significance import f_test_p_value
-from lrm_ident.residual.thresholds import MIN_DETECTABLE, Z_THRESHOLD
+from lrm_ident.residual.thresholds import MIN_DETECTABLE, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 
@@ -57,7 +57,8 @@ class ScoredCandidate:
 def score_candidates(
     found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights, progress: OnProgress
 ) -> tuple[list[ScoredCandidate], list[tuple[Effect, str]]]:
-    """Scores every candidate; those not detectable at their typical size come apart, with the reason.
+    """Scores every candidate; those not detectable at their typical size, and not significant, come apart, with the
+    reason.
 
     Args:
         weigh: relative weights of the rows.
@@ -67,14 +68,16 @@ def score_candidates(
         alone, shape, projected, columns = min(tried, key=lambda one: one[0].in_sample)
         rank, projected = projected_rank(projected.columns, columns), projected.copy()
         moved = float(np.linalg.norm(projected.columns))
-        if rank == 0 or moved < MIN_DETECTABLE * linear.sigma:
+        p_value = (
+            f_test_p_value(linear.now.in_sample, alone.in_sample, rank, linear.degrees_of_freedom) if rank else 1.0
+        )
+        p_value = min(1.0, p_value * len(tried))
+        if rank == 0 or (moved < MIN_DETECTABLE * linear.sigma and p_value > SIGNIFICANCE):
             each = moved / np.sqrt(len(linear.residual) / linear.rows)
             size = f"a typical size moves the TCP by only {each * 1e3:.2g} mm"
             undetectable.append((candidate.effect, f"{size} beyond what the fitted parameters already explain"))
         else:
-            p_value = f_test_p_value(linear.now.in_sample, alone.in_sample, rank, linear.degrees_of_freedom)
-            p_value, implausible = min(1.0, p_value * len(tried)), _implausible(candidate, alone)
-            scored.append(ScoredCandidate(candidate, shape, projected, alone, p_value, implausible))
+            scored.append(ScoredCandidate(candidate, shape, projected, alone, p_value, _implausible(candidate, alone)))
         progress(number + 1, 2 * len(found))
     return scored, undetectable
 

@@ -156,7 +156,8 @@ class Study(ShownInNotebook):
         own = self.identifiable()
         added = effects_at(own.model.arm, effect, own.catalogue)
         found = screened or own.screen()
-        fitted = add_effects(own.model, found.data, added, loss=own.loss)
+        shape = next((one.shape for one in found.scored if (one.name,) == tuple(effect.name for effect in added)), None)
+        fitted = add_effects(own.model, found.data, added, shape, own.loss)
         left_out = f"outliers, left out: poses {', '.join(map(str, found.outliers))}"
         notices = (*own.notices, left_out) if found.outliers else own.notices
         then = replace(own, data=found.data, notices=notices)

@@ -47,6 +47,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "forces.Mass",
         "session_errors.Drift",
         "session_errors.Session",
+        "session_errors.ChangePoint",
         "session_errors.MeasurementFrame",
         "session_errors.Anchor",
         "compliance.ServoDroop",
@@ -60,6 +61,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "curves.CouplingCurve",
         "curves.CableCurve",
         "drift_curve.DriftCurve",
+        "session_errors.SecondChangePoint",
     )
 )
 CATALOGUE = tuple(kind for kind in ALL_EFFECTS if not kind.variant_of)

@@ -27,6 +27,7 @@ UNIT_IN_SI = {
     "mm": 1e-3,
     "g": 1e-3,
     "s": 1.0,
+    "pose": 1.0,
     "Hz": 1.0,
     "N": 1.0,
     "Nm": 1.0,
@@ -186,6 +187,10 @@ class Effect(ABC):
             tau: gravity's load on each of `load_slots`, N·m (N along a translation), each (N,).
             p: the parameters' values in SI.
         """
+
+    def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
+        """Values, ascending, of each shape parameter that is searched at these poses, by its name."""
+        return {parameter.name: parameter.scan for parameter in self.parameters if parameter.scan}
 
     @property
     def curves(self) -> tuple[tuple[str, ...], ...]:

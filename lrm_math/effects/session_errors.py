@@ -23,6 +23,8 @@ from lrm_math.effects.targets import FRAME_ENTRIES
 from lrm_math.kinematics.poses import Poses
 
 MOST_SESSIONS = 6
+MOMENTS = 24
+"""Moments of a change that are tried first; the search goes on between the best and its neighbours."""
 BASE_MOTIONS = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "rad")
 """Motions of the base as a whole and the units of their parameters: all six, since what is not the arm's, a table or a
 tracker that is pushed, moves by any of them."""
@@ -142,6 +144,57 @@ class Session(_SessionError, LinearEffect):
 def base_or_joint(place: str) -> tuple[str, ...]:
     """The slots of a motion of the base in all six directions, or of a joint's angle."""
     return tuple(f"{BASE}.{name}" for name in BASE_MOTIONS) if place == BASE else (f"{place}.theta",)
+
+
+class ChangePoint(_SessionError):
+    """Sudden displacement of a joint, or of the base against the tracker, at an unknown moment: a level shift."""
+
+    id = "change_point"
+    depends_on = ("time",)
+    extrapolation = Extrapolation.HELD
+    about = Description(
+        cause=(
+            "A belt skips a tooth, a horn or a clamp slips, a reflector turns; a base or a tracker is pushed. What was "
+            "measured before stands elsewhere than what was measured after."
+        ),
+        formula="a constant up to one pose, nothing after it",
+        source="change point in the mean (Page 1955; Hinkley 1970), its moment searched by least squares",
+        claim="{place} stood elsewhere up to {last_pose}",
+        needs="numbered poses on both sides of the moment, in an order that does not run with one joint",
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What each motion was before, against after; the number of the last pose before."""
+        return (
+            *(
+                Parameter(f"before{end}_{of}", f"{self.place}{end} before it, less after", TYPICAL[of])
+                for end, of in self._motions
+            ),
+            Parameter("last_pose", "number of the last pose before it", 1.0, fixed=0.0),
+        )
+
+    def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
+        """Moments with equally many poses between them."""
+        number = np.unique(poses.names(np.arange(len(poses))))
+        moments = np.linspace(0.0, len(number) - 1.0, MOMENTS + 2)[1:-1].astype(int)
+        return {"last_pose": tuple(np.unique(number[moments]).astype(float).tolist())}
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """Nothing after the moment, and where poses have no numbers: as the arm is now."""
+        before = 0.0 if poses.number is None else (poses.number <= p[-1]).astype(float)
+        return tuple(size * before for size in p[:-1])
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """The order of the poses must be known."""
+        return "the poses have no numbers" if excitation.poses.number is None else None
+
+
+class SecondChangePoint(ChangePoint):
+    """A second displacement of what was displaced once (binary segmentation: Scott and Knott 1974)."""
+
+    id = "second_change_point"
+    variant_of = ("change_point",)
 
 
 class MeasurementFrame(LinearEffect):

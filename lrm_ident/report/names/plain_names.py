@@ -25,6 +25,8 @@ PLAIN = {
     "payload": "load other than written",
     "mass": "weight of {place} other than known",
     "drift": "warm-up drift of {place}",
+    "change_point": "sudden displacement of {place}",
+    "second_change_point": "second displacement of {place}",
     "session": "new zero of {place} in each session",
     "measurement_frame": "stretched tracker space",
     "anchor": "start of the distances",
