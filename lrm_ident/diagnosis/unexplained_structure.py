@@ -19,7 +19,7 @@ class UnexplainedStructure:
     """Free functions that explain what the selected effects leave.
 
     Attributes:
-        functions: those outside the catalogue that save much, all at one joint.
+        functions: those outside the catalogue that save much, all at one place.
         spurious: name of a selected effect that they replace -> name of the first of them.
         ranking: the best five of all, with their held-out RMS (m).
     """
@@ -35,8 +35,8 @@ def unexplained_structure(
     """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows."""
     linear, fit = selection.steps[0].fit, selection.steps[-1].fit
     tried: dict[FreeFunction, LinearEstimate] = {}
-    for joint in {one.joint: None for one in functions}:  # one after the other: all columns together need much memory
-        own = [one for one in functions if one.joint == joint]
+    for place in {one.place: None for one in functions}:  # one after the other: all columns together need much memory
+        own = [one for one in functions if one.place == place]
         tried |= dict(zip(own, fit.explain_each(_projected(own, fit, weigh)), strict=True))
     ranking = sorted(((one, tried[one].rms) for one in functions), key=lambda one: one[1])
     free = _select_free(functions, tried, fit, weigh)
@@ -46,7 +46,7 @@ def unexplained_structure(
         own = [
             one
             for one in functions
-            if len(one.covariates) == 1 and one.joint == free[0].joint and one.covariates[0] in names
+            if len(one.covariates) == 1 and one.place == free[0].place and one.covariates[0] in names
         ]
         among = _projected([*free, *own], linear, weigh)
         for scored in selection.effects:
@@ -67,7 +67,7 @@ def _select_free(
     fit: LinearisedFit,
     weigh: RowWeights,
 ) -> list[FreeFunction]:
-    """Forward selection of free functions outside the catalogue while one saves enough, all at the joint of the first.
+    """Forward selection of free functions outside the catalogue while one saves enough, all at the place of the first.
 
     Args:
         tried: what each explains beside the fit.
@@ -79,7 +79,7 @@ def _select_free(
         if not predicts_better(tried[best].held_out, fit.now.held_out, MIN_FREE_GAIN):
             break
         chosen.append(best)
-        left = [one for one in left if one is not best and one.joint == best.joint]
+        left = [one for one in left if one is not best and one.place == best.place]
         fit = fit.beside(_projected([best], fit, weigh))
         tried = dict(zip(left, fit.explain_each(_projected(left, fit, weigh)), strict=True)) if left else {}
     return chosen

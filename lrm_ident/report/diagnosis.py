@@ -59,11 +59,11 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
         "unexplained": [
-            {"acts_like": function.name, "joint": function.joint + 1, "follows": function.covariates}
+            {"acts_like": function.name, "place": function.place, "follows": function.covariates}
             for function in found.unexplained.functions
         ],
         "anatomy": [
-            {"joint": function.joint + 1, "follows": function.covariates, "held_out_rms_mm": rms * 1e3}
+            {"place": function.place, "follows": function.covariates, "held_out_rms_mm": rms * 1e3}
             for function, rms in found.unexplained.ranking
         ],
         "outliers": found.outliers,

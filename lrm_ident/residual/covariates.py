@@ -13,9 +13,23 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 
-Kind = Literal["angle", "torque", "load", "order", "time", "temperature"]
-NAMES = {"load": "load", "order": "order of measurement", "time": "time", "temperature": "temperature"}
-UNITS = {"angle": "deg", "torque": "N·m", "load": "g", "order": "", "time": "min", "temperature": "°C"}
+Kind = Literal["angle", "torque", "load", "order", "time", "temperature", "total torque"]
+NAMES = {
+    "load": "load",
+    "order": "order of measurement",
+    "time": "time",
+    "temperature": "temperature",
+    "total torque": "sum of the joints' torques",
+}
+UNITS = {
+    "angle": "deg",
+    "torque": "N·m",
+    "load": "g",
+    "order": "",
+    "time": "min",
+    "temperature": "°C",
+    "total torque": "N·m",
+}
 CONSTANT = 1e-9  # SI: a quantity that varies less is round-off
 
 

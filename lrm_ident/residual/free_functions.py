@@ -1,8 +1,10 @@
-"""Free functions at one joint: the part of the residual that a smooth function explains, whatever its physical cause.
+"""Free functions: the part of the residual that a smooth function at one place explains, whatever its physical cause.
 
 A rotation of joint j that is any smooth function (Legendre series) of one or two covariates: joint angles, the joint's
 own torque (now, or at the poses before: creep), order of measurement. Of the other error motions of an axis of rotation
 (ISO 230-7) effects of the catalogue are tilt and axial motion; the radial one is a free function of the force across.
+Common modes: what all joints do alike (a servo gain or a yielding that they share), or all lengths, as a function of
+the total torque, load, order, time or temperature: one cause that many local effects would spell.
 A named effect must not predict far worse than a free function at its own place, and structure that no effect explains
 is described by the best of them.
 """
@@ -25,6 +27,7 @@ SINGLE_DEGREE, PRODUCT_DEGREE, TYPICAL_SIZE = 6, 5, 0.02  # degrees of the Legen
 TYPICAL_SHIFT = 1e-3  # m
 RADIAL_SCALES = (0.03, 0.15, 0.7)  # of the largest weight across an axis
 MEMORY = 12  # poses
+COMMON_DRIVERS = ("load", "order", "time", "temperature")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,17 +40,24 @@ class RadialShift:
 
 @dataclass(frozen=True, eq=False)
 class FreeFunction:
-    """A motion of joint `joint` (from 0) as a function of one or two covariates.
+    """A motion of one place as a function of one or two covariates.
 
     Attributes:
+        joint: from 0, that moves; None of a common mode, which `common` names.
         terms: motions of the TCP (R, N) for a unit of it, m or m/rad, each with the basis (N, m) of a function.
         shift: across the joint's axis; None: a rotation about it.
     """
 
-    joint: int
+    joint: int | None
     covariates: tuple[str, ...]
     terms: tuple[tuple[Array, Array], ...]
     shift: RadialShift | None = None
+    common: str = ""
+
+    @property
+    def place(self) -> str:
+        """Where it acts, in words."""
+        return self.common if self.joint is None else f"joint {self.joint + 1}"
 
     @property
     def size(self) -> int:
@@ -62,12 +72,13 @@ class FreeFunction:
     @property
     def in_catalogue(self) -> bool:
         """Whether effects of the catalogue can be such a function: of the joint's own angle or torque, or of order."""
-        return self.covariates in ((f"q{self.joint + 1}",), (f"tau{self.joint + 1}",), ("order",))
+        joint = self.joint
+        return joint is not None and self.covariates in ((f"q{joint + 1}",), (f"tau{joint + 1}",), ("order",))
 
     @property
     def name(self) -> str:
         """Description, for instance `a free function of q1 and q4 at joint 3`."""
-        return f"a free function of {' and '.join(self.covariates)} at joint {self.joint + 1}"
+        return f"a free function of {' and '.join(self.covariates)} {'in' if self.common else 'at'} {self.place}"
 
 
 def free_functions(
@@ -86,7 +97,8 @@ def free_functions(
     """
     known = [one for one in covariates(data, rest.joint_torque) if len(levels(scaled(one.values), 3)[0]) > 1]
     shared = [one for one in known if one.kind in ("angle", "order")]
-    univariate, bivariate, products = _radial(joint_jacobian, rest), [], cache(_products)  # alike at every joint
+    univariate = _radial(joint_jacobian, rest) + _common_modes(joint_jacobian, data, rest)
+    bivariate, products = [], cache(_products)  # alike at every joint
     for joint, motion in enumerate(joint_jacobian):
         own = [one for one in known if one.kind == "torque" and one.joint == joint]
         candidates = [*shared, *own]
@@ -132,6 +144,30 @@ def _radial(joint_jacobian: Array, rest: Equilibrium) -> list[FreeFunction]:
         shift = RadialShift(size, world / np.maximum(size, CONSTANT))
         found.append(FreeFunction(joint, ("the force across its axis",), tuple(terms), shift))
     return found
+
+
+def _common_modes(joint_jacobian: Array, data: Measurements, rest: Equilibrium) -> list[FreeFunction]:
+    """A gain of all joints, a yielding of all joints, and a scale of all lengths, as functions of what all share."""
+    torque = rest.joint_torque
+    drivers = [one for one in covariates(data, torque[:, :0]) if one.kind in COMMON_DRIVERS]
+    if np.ptp(total := np.abs(torque).sum(axis=1)) > CONSTANT:
+        drivers.append(Covariate("total torque", total))
+    stretch = np.zeros_like(joint_jacobian[0])
+    stretch[:3] = rest.tcp.T
+    motions = {
+        "the gain of all joints": np.einsum("jrn,nj->rn", joint_jacobian, data.poses.q),
+        "the yielding of all joints": np.einsum("jrn,nj->rn", joint_jacobian, torque),
+        "the scale of all lengths": stretch,
+    }
+    constant = np.ones((len(data), 1))
+    return [
+        FreeFunction(
+            None, (one.symbol,), ((motion, np.hstack([constant, one.legendre_basis(SINGLE_DEGREE)])),), None, place
+        )
+        for place, motion in motions.items()
+        for one in drivers
+        if motion.any()
+    ]
 
 
 def lagged(values: Array) -> Array:

@@ -40,9 +40,11 @@ QUIET, HONEST = ("nothing_missing",), ("unexplained_structure", "unpredictable")
 
 @dataclass(frozen=True, eq=False)
 class HealthyMeasurement:
-    """A healthy measurement: commands q (N, 6) (rad), positions tcp (N, 3) (m); `at`: those of other joint angles."""
+    """A healthy measurement: commands q (N, 6) (rad), load (N,) (kg), positions tcp (N, 3) (m); `at`: positions at
+    other joint angles."""
 
     q: Array
+    load: Array
     tcp: Array
     at: Callable[[Array], Array]
     rng: np.random.Generator
@@ -150,6 +152,13 @@ def _grows(taken: HealthyMeasurement) -> SpoiledMeasurement:
     return SpoiledMeasurement(taken.tcp * (1.0 + 0.006 * np.linspace(0.0, 1.0, len(taken.q)) ** 2)[:, None])
 
 
+def _supply_sags(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """All servos fall short of their angles together, the more the farther out the arm holds itself and its load."""
+    moment = np.linalg.norm(taken.tcp[:, :2], axis=1) * (0.2 + taken.load)
+    sag = taken.rng.uniform(0.03, 0.05) * moment / moment.max()
+    return SpoiledMeasurement(taken.at(taken.q * (1.0 - sag[:, None])))
+
+
 def _belt_across(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """A belt beside two joints turns one by the sine of the sum of the others' angles."""
     q, joint = taken.q.copy(), _joint(taken)
@@ -187,6 +196,7 @@ CASES = (
     FaultCase("a loose screw", _loose, HONEST),
     FaultCase("a screw comes loose", _loosens, HONEST),
     FaultCase("all lengths grow", _grows, HONEST),
+    FaultCase("a supply that sags", _supply_sags, HONEST),
     FaultCase("a belt across two joints", _belt_across, HONEST),
     FaultCase("reflections", _line_of_sight, (*QUIET, *HONEST)),
     FaultCase("heavier tails", _heavy_tails, (*QUIET, "unpredictable")),
@@ -244,7 +254,7 @@ def spoiled(case: FaultCase, seed: int, count: int) -> tuple[Measurements, tuple
     def at(angles: Array) -> Array:
         return measure(described, truth, angles, load, NOISE_M, seed, plan)
 
-    found = case.spoil(HealthyMeasurement(q, at(q), at, rng))
+    found = case.spoil(HealthyMeasurement(q, load, at(q), at, rng))
     noise, pose = NOISE_M if case.noise_known else None, np.arange(1, count + 1)
     poses = Poses(q, load, directions(q, np.zeros(6)), plan.time_s, found.session, number=pose)
     return Measurements(poses, pose, found.tcp, None, noise, pose, Path("simulated.csv"), ""), found.right

@@ -12,6 +12,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.report.plots.driver_curve import DriverCurve, driver_curve
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
+from lrm_ident.residual.covariates import covariates
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_math.arrays import Array
 
@@ -86,13 +87,13 @@ def _draw_form(axes: Axes, curve: DriverCurve) -> None:
 
 
 def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
-    """The motion of a joint that each residual acts like, against what it follows; a second quantity in three bands."""
-    shift, number = function.shift, function.joint + 1
-    motion = found.joint_jacobian[function.joint] if shift is None else shift.direction
+    """The motion that each residual acts like, against what it follows; a second quantity in three bands."""
+    shift = function.shift
+    motion = function.terms[0][0][:3] if shift is None else shift.direction
     length = np.maximum((motion**2).sum(axis=0), 1e-12)
-    amount = (found.fit.residual[found.screened].T * motion).sum(axis=0) / length
-    amount = np.degrees(amount) if shift is None else amount * 1e3
-    name = function.covariates[0] if shift is None else f"{function.covariates[0]}, N"
+    scale, acts_like = _motion_shown(function)
+    amount = scale * (found.fit.residual[found.screened].T * motion).sum(axis=0) / length
+    name = _with_unit(function.covariates[0]) if shift is None else f"{function.covariates[0]}, N"
     values = _values(found, function.covariates[0]) if shift is None else shift.force
     if len(function.covariates) == 1:
         axes.scatter(values, amount, s=12, color=MODEL)
@@ -105,23 +106,36 @@ def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
             axes.scatter(values[band], amount[band], s=14, color=colour, marker=marker, label=label)
     limit = float(np.quantile(np.abs(amount), 0.98))
     axes.set_ylim(-1.3 * limit, 1.3 * limit)
-    acts_like = f"turn of joint {number}, deg" if shift is None else f"shift of joint {number} along that force, mm"
     title = f"Anatomy: {function.name}"
     finish(axes, name, f"acts like a {acts_like}", title, legend=len(function.covariates) > 1)
 
 
+def _motion_shown(function: FreeFunction) -> tuple[float, str]:
+    """Factor to the unit that is shown, and the motion in words with that unit."""
+    if function.shift is not None:
+        return 1e3, f"shift of {function.place} along that force, mm"
+    if function.joint is not None:
+        return float(np.degrees(1.0)), f"turn of {function.place}, deg"
+    if "yielding" in function.place:
+        return 1.0, f"change of {function.place}, rad/N·m"
+    return 100.0, f"change of {function.place}, %"
+
+
 def _with_unit(name: str) -> str:
-    return "order" if name == "order" else f"{name}, {'deg' if name.startswith('q') else 'N·m'}"
+    units = {"order": "", "load": "g", "time": "min", "temperature": "°C"}
+    unit = units.get(name, "deg" if name.startswith("q") else "N·m")
+    return f"{name}, {unit}" if unit else name
 
 
 def _values(found: Diagnosis, name: str) -> Array:
-    """(N,), a covariate at the poses that were screened (deg, N·m); at the pose before, of all that were measured."""
+    """(N,), a covariate at the poses that were screened as shown; at the pose before, of all that were measured."""
+    torque = found.fit.rest.joint_torque
+    if name == "total torque":
+        return np.asarray(np.abs(torque[found.screened]).sum(axis=1))
     if name == "order":
         return found.screened.astype(np.float64)
-    quantity, _, before = name.partition(" ")
-    joint = int(quantity.lstrip("qtau")) - 1
-    if quantity.startswith("q"):
-        return np.asarray(np.degrees(found.data.poses.q[found.screened, joint]))
-    torque = found.fit.rest.joint_torque[:, joint]
-    values = np.concatenate([torque[:1], torque[:-1]]) if before else torque
-    return np.asarray(values[found.screened])
+    known = {one.symbol: one for one in covariates(found.data, torque)}
+    if name in known:
+        return known[name].shown[found.screened]
+    joint = int(name.partition(" ")[0].removeprefix("tau")) - 1
+    return np.asarray(np.concatenate([torque[:1, joint], torque[:-1, joint]])[found.screened])
