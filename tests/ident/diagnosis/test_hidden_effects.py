@@ -101,7 +101,7 @@ OF_SIZE_ZERO = [
 PLACE = re.compile(
     r"(backlash|hysteresis|servo_gain|eccentricity|nonlinear_stiffness|cable_spring)@joint[1-6]"
     r"|coupling@joint[1-6]<-joint[1-6]|lateral_compliance@link[1-5]|mass@link[1-6]|base_compliance@base|payload@tool"
-    r"|drift@(joint[1-6]|base)|session@joint[1-6]|measurement_frame@frame"
+    r"|drift@(joint[1-6]|base)|(session|change_point)@joint[1-6]|measurement_frame@frame"
 )
 
 
@@ -328,7 +328,7 @@ def test_cases_cover_the_vocabulary() -> None:
         assert case.truth
         assert all(PLACE.fullmatch(place) for place in case.truth), case.name
     named = {place.partition("@")[0] for case in SINGLE.values() for place in case.truth or ()}
-    assert len(named) == 14  # those of DESIGN but offsets, compliance (always fitted) and quantisation (known)
+    assert len(named) == 15  # all but those that are always fitted or known
     assert all(case.truth is None for case in OUTSIDE.values())
 
 
