@@ -106,50 +106,46 @@ def confirm(
     while now.supported and len(reasons) < MOST_REFUSED:
         scored = now.supported[0]
         on_progress(f"refitting with {scored.name}")
-        reason, refit = _tried(now, scored, blocks)
-        if refit is not None and not reason:
-            if _share_saved(squared(refit.blocks), squared(blocks)) >= EQUIVALENT_GAIN * promised:
-                return ConfirmedDiagnosis(now, blocks, refit, now.supported, reasons)
-            reasons[scored.name] = f"it saves far less than {of} promised, which its refit refused"
+        trial = _tried(now, scored, blocks)
+        if trial.refit and _share_saved(squared(trial.refit.blocks), squared(blocks)) >= EQUIVALENT_GAIN * promised:
+            return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons)
+        reasons[scored.name] = trial.objection or f"it saves far less than {of} promised, which its refit refused"
+        if trial.refit:
             break
-        reasons[scored.name] = reason
-        saved = _share_saved(scored.alone.held_out, now.squared_held_out)
-        if refit is not None and saved > promised:
-            promised, of = saved, scored.name
+        if trial.fitted:
+            saved = _share_saved(scored.alone.held_out, now.squared_held_out)
+            promised, of = max((promised, of), (saved, scored.name))
         now = select_without(now, reasons)
     return ConfirmedDiagnosis(now, blocks, None, (), reasons)
 
 
-def _tried(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> tuple[str, Refit | None]:
-    """Why a refit refuses a candidate, empty if it does not; and the refit, if there is one."""
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Trial of a candidate: its refit, or the objection to it; whether there was a fit at all."""
+
+    refit: Refit | None
+    objection: str = ""
+    fitted: bool = True
+
+
+def _tried(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
+    data, loss, effect = diagnosis.data, diagnosis.loss, scored.candidate.effect
     try:
-        refit = _refit(diagnosis, scored)
+        fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
+        if zero_p_value(fitted, [effect.keys[row] for row in scored.candidate.rows]) > WITHIN_TWO_DEVIATIONS:
+            return _Trial(None, "refitted, its own parameters lie within two standard deviations of zero")
+        refit = Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
     except LrmError as error:
-        return f"it could not be refitted: {error}", None
-    return _objection(scored, refit, blocks), refit
-
-
-def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit:
-    """The refit, held out as it was fitted. Raises `LrmError`: it does not converge."""
-    effect, data, loss = scored.candidate.effect, diagnosis.data, diagnosis.loss
-    fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
-    return Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
+        return _Trial(None, f"it could not be refitted: {error}", fitted=False)
+    if predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
+        return _Trial(refit)
+    before, after = in_mm(error_stats(held_out_rows(blocks)).rms), in_mm(refit.error.rms)
+    return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")
 
 
 def _share_saved(then: Array, now: Array) -> float:
     """Share of the mean square (N,) that is saved."""
     return 1.0 - float(then.mean() / now.mean())
-
-
-def _objection(scored: ScoredCandidate, refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> str:
-    """Why a refit does not confirm a candidate; empty if it does."""
-    effect, rows = scored.candidate.effect, scored.candidate.rows
-    if zero_p_value(refit.fit, [effect.keys[row] for row in rows]) > WITHIN_TWO_DEVIATIONS:
-        return "refitted, its own parameters lie within two standard deviations of zero"
-    if predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
-        return ""
-    before, after = error_stats(held_out_rows(blocks)).rms, refit.error.rms
-    return f"refitted, it does not surely predict better: {in_mm(before)} mm held out, {in_mm(after)} with it"
 
 
 def zero_p_value(fitted: Fit, keys: Collection[str]) -> float:
