@@ -219,13 +219,13 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
 
 def _share_words(step: AutoStep) -> str:
     """Share of the error that a step took away, and whether it names a cause."""
-    of = "mean square" if noise_floor(step.data).rms is None else "mean square above the noise"
-    took = f"took {100 * step.share:.0f} % of the {of}"
+    known = noise_floor(step.data).rms is not None
+    took = f"took {100 * step.share:.0f} % of the mean square{' above the noise' if known else ''}"
     if step.refines:
         return f"{took}; description: another form of {' or '.join(step.refines)}, no new cause"
-    return f"{took}; " + (
-        "description: too little to name a cause while so much stays" if step.describes else "finding"
-    )
+    if step.describes:
+        return f"{took}; description: too little to name a cause while {'so much' if known else 'more'} stays"
+    return f"{took}; finding"
 
 
 def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:
