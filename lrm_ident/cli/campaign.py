@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import signal
@@ -18,7 +19,7 @@ from typer import Argument, Exit, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command, stated_reading
 from lrm_ident.cli.common import notice, one_of, publish, show
-from lrm_ident.cli.groups.lerobot import LEROBOT, LEROBOT_ROBOT, SO101, import_lerobot
+from lrm_ident.cli.groups.lerobot import LEROBOT, SO101, import_lerobot
 from lrm_ident.data.apply_reading import LENGTH_UNITS
 from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
@@ -28,7 +29,11 @@ if TYPE_CHECKING:
 
 RobotName = Annotated[str, Option(help="Whose daemon.")]
 AnyRobot = Annotated[
-    str, Option(help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine.")
+    str,
+    Option(
+        help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
+        "servos: feetech:/dev/ttyACM0,ids=1-5."
+    ),
 ]
 Connect = Annotated[
     str | None, Option(metavar="ENDPOINT", help="zenoh endpoint. Default: LRM_CONNECT, or tcp/127.0.0.1:7447.")
@@ -82,14 +87,18 @@ def measure(
         bool, Option("--explain", help="Adaptive: until what is missing has a name, and nothing is missing any more.")
     ] = False,
     take: Take = False,
+    speed: Annotated[
+        float | None,
+        Option(min=1.0, max=180.0, metavar="DEG_PER_S", help="Of the fastest joint, without a daemon. Default: 30."),
+    ] = None,
 ) -> None:
     """Drive the arm through POSES and measure its tip at each: DATA, one row as soon as it is known.
 
     The arm must be armed. It takes planned ways, and pauses when a servo is warm. A rest in which a target is hidden,
     the tracker is frozen, or a frame lies far off is repeated. Interrupted, it holds; the same command goes on.
 
-    With LeRobot (put the arm down before: connecting switches torque off for a moment) ways are straight, at 30 deg/s:
-    keep them free of anything.
+    With LeRobot (put the arm down before: connecting switches torque off for a moment) or bare Feetech servos (they
+    get torque where they stand) ways are straight, at 30 deg/s: keep them free of anything.
 
     Adaptive (--until, --explain), it takes the most informative of POSES: after every batch it fits, diagnoses, and
     chooses the next ones, until that is enough; some are measured twice.
@@ -97,7 +106,8 @@ def measure(
     from lrm_ident.design.adaptive_batch import StoppingGoal
     from lrm_ident.measuring.campaign.plan import load_plan
     from lrm_ident.measuring.campaign.run import PoseTiming
-    from lrm_ident.measuring.campaign.session import CampaignOrder, by_daemon, by_lerobot, connected
+    from lrm_ident.measuring.campaign.servo_arm import SPEED
+    from lrm_ident.measuring.campaign.session import CampaignOrder, by_daemon, by_servos, connected, drives_servos
     from lrm_ident.measuring.campaign.session import measure as run
     from lrm_ident.measuring.tracker.frames import TargetNumbers
     from lrmd.client import Rover
@@ -105,12 +115,17 @@ def measure(
     signal.signal(signal.SIGTERM, _stop)
     goal = StoppingGoal(None if until is None else _length(until), explain) if until or explain else None
     numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
-    daemon = None if robot.startswith(LEROBOT_ROBOT) else Rover(robot, connect.split(",") if connect else None)
+    daemon = None if drives_servos(robot) else Rover(robot, connect.split(",") if connect else None)
+    if daemon is not None and speed is not None:
+        raise LrmError(
+            "--speed: a daemon's arm moves at the speed of its lrmd.toml; it goes with lerobot: and feetech:"
+        )
     with daemon or nullcontext():
         name = arm or (SO101 if daemon is None else daemon.info().arm)
         the_arm = load_arm(name)
         plan = load_plan(poses, the_arm)
-        drive = by_lerobot(robot, the_arm) if daemon is None else by_daemon(daemon, take)
+        fast = SPEED if speed is None else math.radians(speed)
+        drive = by_servos(robot, the_arm, fast) if daemon is None else by_daemon(daemon, take)
         track = partial(connected, daemon, tracker, numbers)
         timing = PoseTiming(pause, settle, dwell)
         order = CampaignOrder(drive, track, tracker, numbers, the_arm, name, timing, _loads(load_command), _say, show)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -12,8 +12,8 @@ from typing import TypeAlias
 from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.measuring.campaign.data_file import CampaignHead, DataFile
-from lrm_ident.measuring.campaign.lerobot_arm import LeRobotArm
-from lrm_ident.measuring.campaign.lerobot_robot import connected_robot
+from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
+from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
 from lrm_ident.measuring.campaign.run import (
@@ -24,7 +24,10 @@ from lrm_ident.measuring.campaign.run import (
     PoseCampaign,
     PoseTiming,
 )
+from lrm_ident.measuring.campaign.servo_arm import ServoArm, Servos
 from lrm_ident.measuring.campaign.zenoh_tracker import ZenohTracker
+from lrm_ident.measuring.feetech.servos import KIND as FEETECH
+from lrm_ident.measuring.feetech.servos import connected_bus
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import open_tracker
 from lrm_math.arm.arm import Arm
@@ -124,17 +127,30 @@ def by_daemon(rover: Rover, take: bool) -> OpenArm:
     return drive
 
 
-def by_lerobot(text: str, arm: Arm) -> OpenArm:
-    """The arm of a robot of LeRobot, see `connected_robot`. Every connection counts as a power-on session."""
+def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
+    """The arm of bare servos (`connected_bus`) or of a robot of LeRobot (`connected_robot`), as the text names it.
+
+    Every connection counts as a power-on session. `speed`: rad/s of the fastest joint.
+    """
 
     @contextmanager
     def drive(clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
-        """Connects the robot."""
-        with connected_robot(text) as robot:
-            driven = LeRobotArm(robot, arm, clock, loads)
-            yield DrivenArm(driven, text, arm.dof, driven.seen(), f"lerobot-{time.time_ns()}")
+        """Connects the servos."""
+        with ExitStack() as held:
+            servos: Servos
+            if text.startswith(FEETECH):
+                servos = held.enter_context(connected_bus(text, arm))
+            else:
+                servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
+            driven = ServoArm(servos, arm, clock, loads, speed)
+            yield DrivenArm(driven, text, arm.dof, driven.seen(), f"{text.partition(':')[0]}-{time.time_ns()}")
 
     return drive
+
+
+def drives_servos(robot: str) -> bool:
+    """Whether a text names servos of its own, and not a daemon."""
+    return robot.startswith((FEETECH, LEROBOT))
 
 
 def first_frame(tracker: Tracker, name: str) -> TrackerFrame:
