@@ -48,6 +48,12 @@ class Servos(Protocol):
     def angles(self) -> tuple[float, ...]:
         """(n,), what the encoders read (rad)."""
 
+    def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
+        """(n,), the nearest angles (rad) that can be commanded."""
+
+    def beyond_limits(self, q: Sequence[float]) -> str:
+        """The first of angles (n,), rad, that is beyond its servo's own limits, in words; empty if none is."""
+
     def command(self, q: Sequence[float]) -> None:
         """Commands angles (n,), rad."""
 
@@ -91,8 +97,11 @@ class ServoArm:
         ]
         if outside:
             raise Unreachable(f"joint {outside[0] + 1} would leave its limits")
+        beside = [self._within(i, q - pose.approach * APPROACH) for i, q in enumerate(pose.q)]
+        if why := self.servos.beyond_limits(pose.q) or self.servos.beyond_limits(beside):
+            raise Unreachable(why)
         if pose.approach:
-            self._move([self._within(i, q - pose.approach * APPROACH) for i, q in enumerate(pose.q)])
+            self._move(beside)
         self._move(pose.q)
         self._rest = self._quiet()
         return ArmState(self._target, self.direction, self.temperature(), self.session)
@@ -138,8 +147,7 @@ class ServoArm:
             self.clock.sleep(TICK_S)
             if step % WATCHED == 0:
                 self._check_follows()
-        self._target = tuple(goal)
-        self.direction = last_directions([start, goal], self.direction)
+        self.direction = last_directions([start, self._target], self.direction)
 
     def _check_follows(self) -> None:
         seen = self.seen()
@@ -160,8 +168,13 @@ class ServoArm:
         return seen
 
     def _send(self, q: Sequence[float]) -> None:
-        self.servos.command(q)
-        self._target = tuple(q)
+        target = self.servos.rounded(q)
+        self._patiently(lambda: self.servos.command(target))
+        self._target = target
+
+    def commanded(self) -> tuple[float, ...]:
+        """See `GoalArm`."""
+        return self._target
 
     def seen(self) -> tuple[float, ...]:
         """(n,), what the encoders read (rad)."""
@@ -169,13 +182,13 @@ class ServoArm:
 
     def _patiently(self, ask: Callable[[], Answer]) -> Answer:
         """Asks again where an answer came too late, and forgets that one. Raises `LrmError`: none comes."""
-        for _ in range(READS - 1):
+        why = ""
+        for attempt in range(READS):
             try:
+                if attempt:
+                    self.clock.sleep(GLANCE_S)
+                    self.servos.forget_late_answers()
                 return ask()
-            except (ConnectionError, RuntimeError):
-                self.clock.sleep(GLANCE_S)
-                self.servos.forget_late_answers()
-        try:
-            return ask()
-        except (ConnectionError, RuntimeError) as error:
-            raise LrmError(f"{self.servos.name} does not answer: {' '.join(str(error).split())}") from None
+            except (ConnectionError, RuntimeError) as error:
+                why = " ".join(str(error).split())
+        raise LrmError(f"{self.servos.name} does not answer: {why}")
