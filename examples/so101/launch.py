@@ -28,5 +28,3 @@ def simulated_so101(folder: Path, effect: str, seed: int) -> Iterator[Path]:
     finally:
         process.terminate()
         process.wait()
-
-

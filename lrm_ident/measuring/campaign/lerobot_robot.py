@@ -76,9 +76,10 @@ class LeRobotServos:
         values = self.robot.get_observation()
         return tuple(math.radians(float(values[f"{name}{SUFFIX}"])) for name in self.joints)
 
-    def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
+    @property
+    def step(self) -> float:
         """See `Servos`: LeRobot takes any angle, and rounds it by itself."""
-        return tuple(q)
+        return 0.0
 
     def beyond_limits(self, q: Sequence[float]) -> str:
         """See `Servos`: by the ranges that the robot was calibrated with, about whose middle LeRobot counts angles."""

@@ -48,8 +48,9 @@ class Servos(Protocol):
     def angles(self) -> tuple[float, ...]:
         """(n,), what the encoders read (rad)."""
 
-    def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
-        """(n,), the nearest angles (rad) that can be commanded."""
+    @property
+    def step(self) -> float:
+        """Angle (rad) of one count, whose multiples can be commanded; 0 if any angle can."""
 
     def beyond_limits(self, q: Sequence[float]) -> str:
         """The first of angles (n,), rad, that is beyond its servo's own limits, in words; empty if none is."""
@@ -134,6 +135,19 @@ class ServoArm:
         """Temperature of the hottest servo (degC). Raises `LrmError`: the robot has no thermometers."""
         return float(max(self._patiently(self.servos.temperature).values()))
 
+    def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
+        """(n,), the nearest angles (rad) that can be commanded; within the limits for angles (n,) that are."""
+        return tuple(self._rounded(i, angle) for i, angle in enumerate(q))
+
+    def _rounded(self, joint: int, angle: float) -> float:
+        step, low, high = self.servos.step, self.arm.joints[joint].lower, self.arm.joints[joint].upper
+        if not step:
+            return angle
+        nearest = round(angle / step) * step
+        if low <= angle <= high and not low <= nearest <= high:
+            return nearest + math.copysign(step, angle - nearest)
+        return nearest
+
     def _within(self, joint: int, q: float) -> float:
         return min(max(q, self.arm.joints[joint].lower), self.arm.joints[joint].upper)
 
@@ -143,7 +157,8 @@ class ServoArm:
         far = max(abs(b - a) for a, b in zip(start, goal, strict=True))
         steps = max(1, math.ceil(far / (self.speed * TICK_S)))
         for step in range(1, steps + 1):
-            self._send([a + (b - a) * step / steps for a, b in zip(start, goal, strict=True)])
+            share = step / steps
+            self._send([(1.0 - share) * a + share * b for a, b in zip(start, goal, strict=True)])
             self.clock.sleep(TICK_S)
             if step % WATCHED == 0:
                 self._check_follows()
@@ -168,12 +183,12 @@ class ServoArm:
         return seen
 
     def _send(self, q: Sequence[float]) -> None:
-        target = self.servos.rounded(q)
+        target = self.rounded(q)
         self._patiently(lambda: self.servos.command(target))
         self._target = target
 
     def commanded(self) -> tuple[float, ...]:
-        """See `GoalArm`."""
+        """See `CampaignArm`."""
         return self._target
 
     def seen(self) -> tuple[float, ...]:

@@ -12,8 +12,8 @@ from lrm_ident.measuring.feetech import memory_table as table
 from lrm_ident.measuring.feetech.memory_table import Register
 from lrm_ident.measuring.feetech.packets import BROADCAST, Instruction, Packet, PacketReader
 
-ANSWER_S = 0.1
-"""Time for an answer; USB adapters hand bytes on every 16 ms."""
+ANSWER_S, LOOK_S = 0.5, 0.1
+"""Time (s) for an answer, of a servo that should be there and of one that may; USB adapters hand on every 16 ms."""
 ATTEMPTS = 3
 """Of asking a servo that should be there."""
 
@@ -80,7 +80,7 @@ class FeetechHost:
 
     def _answers(self, number: int) -> bool:
         try:
-            self._ask(Packet(number, Instruction.PING))
+            self._ask(Packet(number, Instruction.PING), LOOK_S)
         except GarbledAnswer:
             return True
         except NoAnswer:
@@ -101,12 +101,12 @@ class FeetechHost:
             raise GarbledAnswer(f"servo {number} answers {len(data)} bytes in place of {length}")
         return data
 
-    def _ask(self, question: Packet) -> Packet:
-        """The answer of one servo; an adapter that hands back what was sent is listened through."""
+    def _ask(self, question: Packet, patience: float = ANSWER_S) -> Packet:
+        """The answer of one servo within a time (s); an adapter that hands back what was sent is listened through."""
         self.forget_late_answers()
         with _line_is_there():
             self.line.write(question.encoded())
-            reader, heard, end = PacketReader(), b"", time.monotonic() + ANSWER_S
+            reader, heard, end = PacketReader(), b"", time.monotonic() + patience
             while time.monotonic() < end:
                 came = self.line.read(max(1, self.line.in_waiting))
                 heard += came

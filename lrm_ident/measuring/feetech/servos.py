@@ -45,9 +45,10 @@ class FeetechServos:
         """See `Servos`."""
         return tuple((self.host.read(number, table.POSITION) - MIDDLE) * STEP for number in self.numbers)
 
-    def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
-        """See `Servos`: whole counts."""
-        return tuple(round(angle / STEP) * STEP for angle in q)
+    @property
+    def step(self) -> float:
+        """See `Servos`."""
+        return STEP
 
     def beyond_limits(self, q: Sequence[float]) -> str:
         """See `Servos`: those in its memory, where it would stop short without a word."""

@@ -1,7 +1,8 @@
-"""`lrm-ident measure` and its refusals with bare Feetech servos: the simulated bus at a pty, a tracker beside it."""
+"""`lrm-ident measure` and `verify` with bare Feetech servos: the simulated bus at a pty, a tracker beside it."""
 
 from __future__ import annotations
 
+import json
 import socket
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.measuring.feetech.servos import STEP
 from lrm_math.arm.arm_file import load_arm
 from tests.support.commands import run_command, stderr_of
+from validation.lerobot_robot.fitted_model import fit_hidden
 from validation.synthetic import load_arm as described_arm
 
 POSES_DEG = ((0, 0, 0, 0, 0), (15, -10, 12, 5, -8), (-12, 8, -15, 10, 20), (6, 14, -6, -12, 4))
@@ -93,3 +95,27 @@ def test_a_wrong_number_on_a_real_line_is_one_line(tmp_path: Path) -> None:
         said = stderr_of("measure", poses, "--robot", robot, "--tracker", tracker, "-o", tmp_path / "d.csv")
     assert said.endswith("servo 9 does not answer; on the bus are 1, 2, 3, 4, 5, 6\n")
     assert said.count("\n") == 1
+
+
+def test_the_tip_lands_nearer_with_the_model_of_this_arm(tmp_path: Path) -> None:
+    model = fit_hidden(hidden_truth(described_arm(ARM_FILE), "gain", 1), "gain", 1, tmp_path)
+    found = {}
+    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+        words = ["verify", "--robot", f"feetech:{link}", "--tracker", tracker, *QUICK[2:], "--goals", "3"]
+        for name, more in {"drawn": [], "fitted": ["--model", model]}.items():
+            code, _, complaint = run_command(*words, *more, "--json", tmp_path / f"{name}.json")
+            assert (code, complaint) == (0, "")
+            found[name] = json.loads((tmp_path / f"{name}.json").read_text())
+    assert [found[name]["model"] for name in ("drawn", "fitted")] == ["nominal", str(model)]
+    assert len(found["fitted"]["goals"]) == 3
+    assert found["fitted"]["error"]["rms_mm"] < 0.2 * found["drawn"]["error"]["rms_mm"]
+    assert 0.0 < found["fitted"]["rounding_rms_mm"] < 0.5  # half a count of each joint
+
+
+def test_a_model_for_a_daemon_and_one_of_another_arm_are_one_line(tmp_path: Path) -> None:
+    assert "a daemon uses its own model" in stderr_of("verify", "--tracker", "dtrack:45991", "--model", "m.toml")
+    model = tmp_path / "other.toml"
+    model.write_text('schema = "lrm/model/1"\narm = "ur5"\neffects = []\n')
+    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+        said = stderr_of("verify", "--robot", f"feetech:{link}", "--tracker", tracker, "--model", model)
+    assert "a model of ur5" in said
