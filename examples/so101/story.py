@@ -50,10 +50,10 @@ POSE_RANGE, GOAL_RANGE = math.radians(75.0), math.radians(45.0)
 """Of every joint, from its zero."""
 JOINTS = tuple(f"offsets@joint{number}" for number in range(1, 6))
 """Where base and tool are is known: the tracker's targets sit there."""
-TRUTHS = {
-    "play": ("backlash@joint3", "nonlinear_stiffness@joint3"),
-    "friction": ("hysteresis@joint2",),
-    "gain": ("servo_gain@joint3", "eccentricity@joint3", "cable_spring@joint3"),
+TRUTHS = {  # another form of a name, and those that a few poses cannot tell from it, are right too
+    "play": ("backlash@joint3", "nonlinear_stiffness@joint3", "torque_curve@joint3"),
+    "friction": ("hysteresis@joint2", "friction_curve@joint2"),
+    "gain": ("servo_gain@joint3", "eccentricity@joint3", "cable_spring@joint3", "angle_curve@joint3"),
 }
 STARTS_S = 20.0
 
