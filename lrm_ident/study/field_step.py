@@ -46,4 +46,4 @@ def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None
         )
     fitted = fit_with_field(fit(model, data, loss=loss, prior=prior), data)
     held_out = HeldOutResidual(then, blocks=blocks)
-    return StudyStep(f"add {field.name} ({NOT_A_CAUSE})", fitted, start=model, stated_prior=prior, held_out=held_out)
+    return StudyStep(f"add {field.name}, {NOT_A_CAUSE}", fitted, start=model, stated_prior=prior, held_out=held_out)

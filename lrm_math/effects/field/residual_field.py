@@ -8,7 +8,7 @@ can be learned from hundreds of poses. Outside the range it fades to zero.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import product
@@ -113,16 +113,19 @@ class ResidualField(LinearEffect):
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ c f along each axis; functions that no coefficient asks for are left out."""
-        cosines, waves = self._cosines(poses), wave_numbers(self.arm.dof)
-        inside, out = self.inside(poses), list[Number]()
-        for axis in range(3):
-            own = p[axis * (len(waves) + 1) : (axis + 1) * (len(waves) + 1)]
-            total: Number = 0.0
-            for value, wave in zip(own, waves, strict=False):
-                if value:
-                    total = total + value * _product(cosines, wave)
-            out.append(total * inside + own[-1] * (1.0 - inside))
+        cosines, inside, each = self._cosines(poses), self.inside(poses), len(p) // 3
+        out: list[Number] = [p[each * (axis + 1) - 1] * (1.0 - inside) for axis in range(3)]
+        for axis, waves, value in self.terms(p):
+            out[axis] = out[axis] + value * inside * _product(cosines, waves)
         return tuple(out)
+
+    def terms(self, p: Sequence[float]) -> Iterator[tuple[int, tuple[int, ...], float]]:
+        """Axis, wave numbers and coefficient (m) of every function that has one."""
+        every, each = wave_numbers(self.arm.dof), len(p) // 3
+        for axis in range(3):
+            for waves, value in zip(every, p[axis * each : (axis + 1) * each - 1], strict=True):
+                if value:
+                    yield axis, waves, value
 
     def functions(self, poses: Poses) -> Amounts:
         """Each function at the poses, a float or (N,), as if it went on beyond the range; of unit mean square."""
@@ -132,21 +135,22 @@ class ResidualField(LinearEffect):
     def inside(self, poses: Poses) -> Number:
         """1 where all angles lie in the range, on the way to 0 beyond its edge."""
         out: Number = 1.0
-        for joint, ends in enumerate(self._ends):
+        for joint, ends in enumerate(self.ends):
             out = out * fading(poses.angle(joint), *ends)
         return out
 
     def _cosines(self, poses: Poses) -> tuple[Amounts, ...]:
         """1, √2 cos φ and √2 cos 2φ of each joint; φ runs from 0 to π over the box."""
         out = []
-        for joint, (lower, upper) in enumerate(self._ends):
+        for joint, (lower, upper) in enumerate(self.ends):
             half = 0.5 * MARGIN * (upper - lower) or 1.0
             c = cos((poses.angle(joint) - 0.5 * (lower + upper) + half) * (pi / (2.0 * half)))
             out.append((1.0, sqrt(2.0) * c, sqrt(2.0) * (2.0 * c * c - 1.0)))
         return tuple(out)
 
     @property
-    def _ends(self) -> tuple[tuple[float, float], ...]:
+    def ends(self) -> tuple[tuple[float, float], ...]:
+        """Range of every joint's command (rad)."""
         if self.within is None:
             return tuple((joint.lower, joint.upper) for joint in self.arm.joints)
         return self.within.angle

@@ -25,6 +25,7 @@ from lrm_math.model.covariance import to_covariance
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.uncertainty import position_covariance
+from tests.support.commands import run_command, stdout_of
 
 LAB = load_arm("lrm-lab")
 NOISE = 3e-4
@@ -151,3 +152,14 @@ def test_the_real_arm_is_predicted_better(real: Measurements, tmp_path: Path) ->
     )
     assert read.held_out.error is not None
     assert read.held_out.error.rms == pytest.approx(after.rms, rel=1e-3)
+
+
+def test_the_command_adds_it_and_says_that_it_is_no_cause(real: Measurements, tmp_path: Path) -> None:
+    Study.of(replace(real, arm_name="lrm-lab")).fit("option1").save(tmp_path / "plain.toml")
+    words = ("add", tmp_path / "plain.toml", real.path, "residual_field", "-o", tmp_path / "field.toml")
+    out = " ".join(stdout_of(*words).split())
+    assert NOT_A_CAUSE in out
+    assert "numbers of a residual field, which are not causes" in out
+    assert "residual_field.tool" not in out, "no coefficient means anything alone"
+    _, _, told = run_command("diagnose", tmp_path / "field.toml", real.path)
+    assert "the residual field is left out here" in " ".join(told.split())
