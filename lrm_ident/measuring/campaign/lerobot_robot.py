@@ -76,6 +76,21 @@ class LeRobotServos:
         values = self.robot.get_observation()
         return tuple(math.radians(float(values[f"{name}{SUFFIX}"])) for name in self.joints)
 
+    @property
+    def step(self) -> float:
+        """See `Servos`: LeRobot takes any angle, and rounds it by itself."""
+        return 0.0
+
+    def beyond_limits(self, q: Sequence[float]) -> str:
+        """See `Servos`: by the ranges that the robot was calibrated with, about whose middle LeRobot counts angles."""
+        bus = self.robot.bus
+        for name, angle in zip(self.joints, q, strict=True):
+            swept, turn = bus.calibration[name], bus.model_resolution_table[bus.motors[name].model] - 1
+            most = 180.0 * (swept.range_max - swept.range_min) / turn
+            if abs(at := math.degrees(angle)) > most:
+                return f"{name}: {at:.1f} deg is beyond the {most:.0f} deg to either side of its calibration"
+        return ""
+
     def command(self, q: Sequence[float]) -> None:
         """See `Servos`."""
         keys = (f"{name}{SUFFIX}" for name in self.joints)

@@ -48,6 +48,13 @@ class Servos(Protocol):
     def angles(self) -> tuple[float, ...]:
         """(n,), what the encoders read (rad)."""
 
+    @property
+    def step(self) -> float:
+        """Angle (rad) of one count, whose multiples can be commanded; 0 if any angle can."""
+
+    def beyond_limits(self, q: Sequence[float]) -> str:
+        """The first of angles (n,), rad, that is beyond its servo's own limits, in words; empty if none is."""
+
     def command(self, q: Sequence[float]) -> None:
         """Commands angles (n,), rad."""
 
@@ -91,8 +98,11 @@ class ServoArm:
         ]
         if outside:
             raise Unreachable(f"joint {outside[0] + 1} would leave its limits")
+        beside = [self._within(i, q - pose.approach * APPROACH) for i, q in enumerate(pose.q)]
+        if why := self.servos.beyond_limits(pose.q) or self.servos.beyond_limits(beside):
+            raise Unreachable(why)
         if pose.approach:
-            self._move([self._within(i, q - pose.approach * APPROACH) for i, q in enumerate(pose.q)])
+            self._move(beside)
         self._move(pose.q)
         self._rest = self._quiet()
         return ArmState(self._target, self.direction, self.temperature(), self.session)
@@ -125,6 +135,19 @@ class ServoArm:
         """Temperature of the hottest servo (degC). Raises `LrmError`: the robot has no thermometers."""
         return float(max(self._patiently(self.servos.temperature).values()))
 
+    def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
+        """(n,), the nearest angles (rad) that can be commanded; within the limits for angles (n,) that are."""
+        return tuple(self._rounded(i, angle) for i, angle in enumerate(q))
+
+    def _rounded(self, joint: int, angle: float) -> float:
+        step, low, high = self.servos.step, self.arm.joints[joint].lower, self.arm.joints[joint].upper
+        if not step:
+            return angle
+        nearest = round(angle / step) * step
+        if low <= angle <= high and not low <= nearest <= high:
+            return nearest + math.copysign(step, angle - nearest)
+        return nearest
+
     def _within(self, joint: int, q: float) -> float:
         return min(max(q, self.arm.joints[joint].lower), self.arm.joints[joint].upper)
 
@@ -134,12 +157,12 @@ class ServoArm:
         far = max(abs(b - a) for a, b in zip(start, goal, strict=True))
         steps = max(1, math.ceil(far / (self.speed * TICK_S)))
         for step in range(1, steps + 1):
-            self._send([a + (b - a) * step / steps for a, b in zip(start, goal, strict=True)])
+            share = step / steps
+            self._send([(1.0 - share) * a + share * b for a, b in zip(start, goal, strict=True)])
             self.clock.sleep(TICK_S)
             if step % WATCHED == 0:
                 self._check_follows()
-        self._target = tuple(goal)
-        self.direction = last_directions([start, goal], self.direction)
+        self.direction = last_directions([start, self._target], self.direction)
 
     def _check_follows(self) -> None:
         seen = self.seen()
@@ -160,8 +183,13 @@ class ServoArm:
         return seen
 
     def _send(self, q: Sequence[float]) -> None:
-        self.servos.command(q)
-        self._target = tuple(q)
+        target = self.rounded(q)
+        self._patiently(lambda: self.servos.command(target))
+        self._target = target
+
+    def commanded(self) -> tuple[float, ...]:
+        """See `CampaignArm`."""
+        return self._target
 
     def seen(self) -> tuple[float, ...]:
         """(n,), what the encoders read (rad)."""
@@ -169,13 +197,13 @@ class ServoArm:
 
     def _patiently(self, ask: Callable[[], Answer]) -> Answer:
         """Asks again where an answer came too late, and forgets that one. Raises `LrmError`: none comes."""
-        for _ in range(READS - 1):
+        why = ""
+        for attempt in range(READS):
             try:
+                if attempt:
+                    self.clock.sleep(GLANCE_S)
+                    self.servos.forget_late_answers()
                 return ask()
-            except (ConnectionError, RuntimeError):
-                self.clock.sleep(GLANCE_S)
-                self.servos.forget_late_answers()
-        try:
-            return ask()
-        except (ConnectionError, RuntimeError) as error:
-            raise LrmError(f"{self.servos.name} does not answer: {' '.join(str(error).split())}") from None
+            except (ConnectionError, RuntimeError) as error:
+                why = " ".join(str(error).split())
+        raise LrmError(f"{self.servos.name} does not answer: {why}")

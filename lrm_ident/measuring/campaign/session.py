@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
@@ -16,6 +17,7 @@ from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
+from lrm_ident.measuring.campaign.rover_solver import DaemonSolver
 from lrm_ident.measuring.campaign.run import (
     CampaignArm,
     CampaignProgress,
@@ -30,6 +32,7 @@ from lrm_ident.measuring.feetech.servos import KIND as FEETECH
 from lrm_ident.measuring.feetech.servos import connected_bus
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import open_tracker
+from lrm_ident.measuring.verification.goal_commands import GoalSolver, ModelSolver
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
@@ -57,7 +60,8 @@ class RealClock:
 class DrivenArm:
     """An arm that is ready to be driven. `robot`: its name. `joints`: how many it has. `start`: commanded angles (rad).
 
-    `power_on`: name of the servos' present power-on session.
+    `power_on`: name of the servos' present power-on session. `solver`: gives its inverse kinematics; without a daemon
+    with the model of a file, or of the arm as drawn.
     """
 
     arm: CampaignArm
@@ -65,6 +69,7 @@ class DrivenArm:
     joints: int
     start: tuple[float, ...]
     power_on: str
+    solver: Callable[[Path | None], GoalSolver]
 
 
 Loads: TypeAlias = Callable[[float], object]
@@ -114,15 +119,16 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
         return AdaptiveCampaign(campaign, order.arm, goal, order.on_findings).run(plan.poses, file)
 
 
-def by_daemon(rover: Rover, take: bool) -> OpenArm:
-    """The arm of a daemon, its lease held meanwhile."""
+def by_daemon(rover: Rover, take: bool, client: str = "lrm-ident measure") -> OpenArm:
+    """The arm of a daemon, its lease held meanwhile by a client of that name."""
 
     @contextmanager
     def drive(clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
         """Acquires the lease."""
-        with rover.control("lrm-ident measure", take):
+        with rover.control(client, take):
             arm = RoverArm(rover, clock, loads, 1)
-            yield DrivenArm(arm, arm.info.robot, len(arm.names), tuple(rover.commanded_q()), power_on(rover))
+            solver = DaemonSolver.of(rover)
+            yield DrivenArm(arm, arm.info.robot, len(arm.names), arm.commanded(), power_on(rover), lambda _: solver)
 
     return drive
 
@@ -143,7 +149,9 @@ def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
             else:
                 servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
             driven = ServoArm(servos, arm, clock, loads, speed)
-            yield DrivenArm(driven, text, arm.dof, driven.seen(), f"{text.partition(':')[0]}-{time.time_ns()}")
+            session = f"{text.partition(':')[0]}-{time.time_ns()}"
+            solver = partial(ModelSolver.of, arm=arm, rounded=driven.rounded)
+            yield DrivenArm(driven, text, arm.dof, driven.seen(), session, solver)
 
     return drive
 

@@ -37,6 +37,8 @@ class FakeBus:
     def __post_init__(self) -> None:
         self.motors = {name: SimpleNamespace(model="sts3215") for name in NAMES}
         self.model_ctrl_table: dict[str, Any] = {"sts3215": {"Torque_Limit": (48, 2)}}
+        self.model_resolution_table = {"sts3215": 4096}
+        self.calibration = {name: SimpleNamespace(range_min=1024, range_max=3071) for name in NAMES}
 
     def sync_read(self, register: str, motors: list[str]) -> dict[str, float]:
         if self.refusals:
