@@ -48,12 +48,14 @@ from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.study.field_step import NOT_A_CAUSE, NoBetterPrediction
 from lrm_ident.study.inputs import arm_from
 from lrm_ident.study.model_history import fit_words, undo_step
 from lrm_ident.study.study import MAX_EFFECTS, Study, write_model
 from lrm_math.arm.arm_file import MM, load_arm
-from lrm_math.effects import FREE_FORMS, OWN_EFFECT
+from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT
 from lrm_math.errors import LrmError, UnknownName
+from lrm_math.model.deployed_model import field_of
 from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
@@ -68,7 +70,7 @@ def effects(
     effects_file: arg.EffectsFile = None,
 ) -> None:
     """Explain the effects that the tool knows: cause, formula, parameters, what data it takes to see them."""
-    catalogue = (*catalogue_with(effects_file), *FREE_FORMS)
+    catalogue = (*catalogue_with(effects_file), *FREE_FORMS, *FIELDS)
     chosen = [kind for kind in catalogue if name in (None, kind.id)]
     if not chosen:
         raise UnknownName("effect", str(name), [kind.id for kind in catalogue], OWN_EFFECT)
@@ -143,6 +145,10 @@ def auto(
             "takes no more than two minutes.",
         ),
     ] = None,
+    field: Annotated[
+        bool,
+        Option("--field", help="At the end add a residual field, which is no cause, if the model predicts better so."),
+    ] = False,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
@@ -153,7 +159,7 @@ def auto(
     """Follow the tool's own advice, effect by effect, until it says stop.
 
     With --prior: effects that arms of this kind often have need less evidence, and at the end all parameters are fitted
-    together with the prior.
+    together with the prior. With --field: what no name explains is predicted too, beside the names.
     """
     study = identifiable(read_study(model, data, effects_file, reading))
     numbers, begun, taken = count(), monotonic(), list[AutoStep]()
@@ -175,6 +181,8 @@ def auto(
         final = after.fit_all(prior)
         with_prior, last = final.errors, final.file.history[-1]
         show(*error_blocks(with_prior, f"Then {last.step}: all {len(last.sigma)} parameters fitted"))
+    if field:
+        final = _with_field(final)
     final.save(output)
     show(f"Model written to {output}")
     whole = HeldOutResidual(None, "not requested (--no-nested)")
@@ -186,10 +194,26 @@ def auto(
         with kept_when_interrupted(output, taken), executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
             whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
     publish(
-        course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior),
+        course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior, _field_errors(final)),
         json,
         most=None if show_all else LISTED,
     )
+
+
+def _with_field(study: Study) -> Study:
+    """With a residual field, or as it is and one line that says why."""
+    try:
+        then = study.add_field()
+    except NoBetterPrediction as refused:
+        show(f"{str(refused)[0].upper()}{str(refused)[1:]}.")
+        return study
+    show(*error_blocks(then.errors, f"Then a residual field, {NOT_A_CAUSE}"))
+    return then
+
+
+def _field_errors(study: Study) -> ErrorSummary | None:
+    """Errors with a residual field; None without one."""
+    return None if field_of(study.model) is None else study.errors
 
 
 @contextmanager

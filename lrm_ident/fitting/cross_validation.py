@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.block_qr import CompressedRows
+from lrm_ident.fitting.field.fit import blocks_with_field
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -26,6 +27,7 @@ from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
@@ -91,10 +93,15 @@ def held_out_blocks(
 ) -> tuple[HeldOutBlock, ...]:
     """Each fold predicted by a fit of the free parameters to the other folds; residuals are measured − predicted TCP.
 
-    Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`models_without`).
+    Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`models_without`). A residual
+    field is learned anew in every fold, after the fit of what names a cause.
 
     Raises `LrmError`: too few poses, or a fold that does not converge.
     """
+    field = field_of(model)
+    if field is not None and model.free:
+        named = held_out_blocks(named_part(model), data, bounds, loss, progress, count, prior)
+        return blocks_with_field(field, data, named)
     fold = joint_space_folds(data.poses.q, data.repeat_of, count)
     left_out, blocks = [np.flatnonzero(fold == number) for number in range(count)], []
     refitted = models_without if len(data) > MOST_AT_ONCE else _refitted

@@ -22,6 +22,7 @@ from lrm_ident.fitting.priors import WEAK, WEAK_SD, Prior, weak_prior
 from lrm_ident.fitting.smoothness import Smoothness
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.model.deployed_model import field_of
 from lrm_math.model.equilibrium import Equilibrium, equilibrium, measured_range
 from lrm_math.model.model import Model
 
@@ -127,6 +128,8 @@ def fit(
         NoEquilibrium: the start has no elastic equilibrium.
     """
     check_enough(len(data), len(model.free), prior)
+    if field_of(model) is not None:
+        raise LrmError("a residual field is fitted last, on what the causes leave; take it out first (undo)")
     start = equilibrium(model, data.poses, near)
     model = replace(model, within=measured_range(start))
     limits = bounds or bounds_of(model, model.free)

@@ -21,8 +21,10 @@ from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.residual.residual_structure import noise_floor
 from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.study.field_step import NOT_A_CAUSE
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import Effect, compensable
+from lrm_math.model.deployed_model import field_of
 
 SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED, BAR = 8, 4, 4, 30, 24
 VERDICTS = {
@@ -231,10 +233,18 @@ def _share_words(step: AutoStep) -> str:
 def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:
     """Result of `lrm-ident add`, schema `lrm/step/1`."""
     free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
-    tables = [*error_blocks(before, f"before: {free} parameters"), *error_blocks(after, f"with {effect}: {now}")]
+    tables = [
+        *error_blocks(before, f"before: {free} parameters"),
+        *error_blocks(after, f"with {_said(step, effect)}: {now}"),
+    ]
     errors = {"before": before, "after": after}
     values = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
     return Document([*tables, parameter_table(step.fit)], "lrm/step/1", {"added": effect, "parameters": now, **values})
+
+
+def _said(step: StudyStep, effect: str) -> str:
+    """An effect that was added, and that it is no cause where it is none."""
+    return f"{effect}, {NOT_A_CAUSE}" if field_of(step.fit.model) is not None else effect
 
 
 def course_document(
@@ -243,10 +253,12 @@ def course_document(
     held_out: HeldOutResidual,
     nested: HeldOutResidual,
     with_prior: ErrorSummary | None,
+    with_field: ErrorSummary | None = None,
 ) -> Document:
     """Result of `lrm-ident auto`, schema `lrm/course/1`: the nested held-out error and the last diagnosis.
 
-    with_prior: errors of the last fit, together with a prior, if there was one.
+    with_prior: errors of the last fit, together with a prior, if there was one. with_field: with a residual field, if
+    one was added.
     """
     what = "Held out, effects chosen anew in every fold (nested):"
     last: Block = f"{what} none, because {nested.reason}"
@@ -271,6 +283,7 @@ def course_document(
         "held_out_effects_fixed": held_out.error,
         "held_out": nested.error,
         **({} if with_prior is None else {"with_prior": with_prior}),
+        **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
     return Document([last, *diagnosis_document(report).blocks], "lrm/course/1", values)
 

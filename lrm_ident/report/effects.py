@@ -12,6 +12,7 @@ from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import Effect, Parameter, compensable, split_name
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 
+MOST_PARAMETERS = 24
 OFFLINE = "explains a measurement session; never deployed silently"
 
 
@@ -31,7 +32,9 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
         yield f"    places on {arm.name}: {', '.join(kind.places(arm))}"
         yield f"    acts on: {_acts_on(effect)}"
         yield f"    parameters, for instance at {effect.place}:"
-        yield from (f"      {_parameter(parameter)}" for parameter in effect.parameters)
+        yield from (f"      {_parameter(parameter)}" for parameter in effect.parameters[:MOST_PARAMETERS])
+        if len(effect.parameters) > MOST_PARAMETERS:
+            yield f"      and {len(effect.parameters) - MOST_PARAMETERS} more"
 
 
 def _acts_on(effect: Effect) -> str:

@@ -17,6 +17,7 @@ from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGrou
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.model_history import fit_words
 from lrm_math.arrays import Array
+from lrm_math.model.deployed_model import named_part
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 from lrm_math.plausibility import far_from_typical
@@ -182,14 +183,19 @@ def parameter_table(fit: Fit) -> ResultTable:
 
 
 def estimate_table(model: Model, errors: Mapping[str, float]) -> ResultTable:
-    """The free parameters of a model with their standard errors (SI); those without one are at a bound."""
-    rows = []
-    for key in model.free:
+    """The free parameters of a model with their standard errors (SI); those without one are at a bound.
+
+    Coefficients of a residual field, of which none means anything, are counted only.
+    """
+    rows, named = [], named_part(model).free
+    for key in named:
         name, scale, unit = screen_unit(model, key)
         value, error = wording.with_error(model.value(key) * scale, errors.get(key, 0.0) * scale)
         rows.append((name, value, f"± {error}" if key in errors else "at its bound", unit))
     columns = ("parameter", "value|", "± standard error|", "unit")
-    return ResultTable(columns, rows, f"{len(model.free)} parameters")
+    field = len(model.free) - len(named)
+    beside = f", and {field} numbers of a residual field, which are not causes" if field else ""
+    return ResultTable(columns, rows, f"{len(named)} parameters{beside}")
 
 
 def _implausible(model: Model) -> Iterator[str]:

@@ -40,6 +40,7 @@ from lrm_ident.study.model_history import (
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
+from lrm_math.model.deployed_model import named_part
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, to_model
@@ -104,7 +105,7 @@ class Study(ShownInNotebook):
         Raises `LrmError`: unknown names, too few poses, no convergence, or nothing that these poses can tell.
         """
         known = None if prior is None else load_prior(prior, self.model, self.catalogue)
-        result = fit_model(self.model, self.data, parameters, loss, unbounded, known)
+        result = fit_model(named_part(self.model), self.data, parameters, loss, unbounded, known)
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
         step = StudyStep("fit", result.fit, result.held, bounds=bounds, stated_prior=known, prior_name=name)
@@ -155,6 +156,8 @@ class Study(ShownInNotebook):
 
         own = self.identifiable()
         added = effects_at(own.model.arm, effect, own.catalogue)
+        if not all(one.names_a_cause for one in added):
+            return self.add_field()
         found = screened or own.screen()
         shape = next((one.shape for one in found.scored if (one.name,) == tuple(effect.name for effect in added)), None)
         fitted = add_effects(own.model, found.data, added, shape, own.loss)
@@ -162,6 +165,17 @@ class Study(ShownInNotebook):
         notices = (*own.notices, left_out) if found.outliers else own.notices
         then = replace(own, data=found.data, notices=notices)
         return then._after(StudyStep(f"add {effect}", fitted, start=own.model), self)
+
+    def add_field(self) -> Study:
+        """Adds a residual field, or fits the one that is there anew: what no name explains, and no cause itself.
+
+        Raises `NoBetterPrediction` where it does not predict better held out, `LrmError` without measured positions.
+        """
+        from lrm_ident.study.field_step import field_step
+
+        own = self.named()
+        step = field_step(own.model, own.data, own.loss, self.prior, partial(self.progress, "held-out error"))
+        return own._after(replace(step, prior_name=self.prior_name), self)
 
     def auto(
         self,
@@ -201,10 +215,11 @@ class Study(ShownInNotebook):
 
     def fit_all(self, prior: str) -> Study:
         """Fits all parameters of the model together with a prior (name or path). Raises `LrmError`."""
-        known = load_prior(prior, self._fitted, self.catalogue)
-        result = fit_model(self._fitted, self.data, "identifiable", self.loss, prior=known).fit
+        start = named_part(self._fitted)
+        known = load_prior(prior, start, self.catalogue)
+        result = fit_model(start, self.data, "identifiable", self.loss, prior=known).fit
         name = f"with the prior {known.name}"
-        step = StudyStep(name, result, start=self._fitted, stated_prior=known, prior_name=prior_name_for(prior))
+        step = StudyStep(name, result, start=start, stated_prior=known, prior_name=prior_name_for(prior))
         return self._after(step, self)
 
     def propose(self) -> LawProposal:
@@ -225,15 +240,24 @@ class Study(ShownInNotebook):
         return replace(self, model=model, source=file, step=None)
 
     def identifiable(self) -> Study:
-        """Frees only parameters that the data alone identify, whatever a prior decided in the fit."""
+        """Frees only parameters that the data alone identify, whatever a prior decided in the fit; without a field."""
         if self.prior_name is None:
-            return self
-        fitted = fit_identifiable(self.model, self.data, self.model.free, self.loss).fit.model
+            return self.named()
+        model = named_part(self.model)
+        fitted = fit_identifiable(model, self.data, model.free, self.loss).fit.model
         words = (
             f"the model was fitted with the prior '{self.prior_name}'; this goes on with the "
-            f"{len(fitted.free)} of its {len(self.model.free)} parameters that the data can tell without it"
+            f"{len(fitted.free)} of its {len(model.free)} parameters that the data can tell without it"
         )
         return replace(self, model=fitted, source=None, step=None, before=self, notices=(*self.notices, words))
+
+    def named(self) -> Study:
+        """Without a residual field, as every diagnosis looks at the model: a field is no cause and may hide one."""
+        model = named_part(self.model)
+        if model is self.model:
+            return self
+        words = "the residual field is left out here: it is no cause; add it again when all causes are in the model"
+        return replace(self, model=model, source=None, step=None, before=self, notices=(*self.notices, words))
 
     @cached_property
     def prior(self) -> Prior | None:

@@ -22,7 +22,7 @@ from lrm_math.errors import UnknownName
 
 
 def _effect_class(path: str) -> type[Effect]:
-    module, name = path.split(".")
+    module, name = path.rsplit(".", 1)
     found: type[Effect] = getattr(import_module(f"lrm_math.effects.{module}"), name)
     return found
 
@@ -62,11 +62,15 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "curves.CableCurve",
         "drift_curve.DriftCurve",
         "session_errors.SecondChangePoint",
+        # no causes
+        "field.residual_field.ResidualField",
     )
 )
-CATALOGUE = tuple(kind for kind in ALL_EFFECTS if not kind.variant_of)
+CATALOGUE = tuple(kind for kind in ALL_EFFECTS if kind.names_a_cause and not kind.variant_of)
 FREE_FORMS = tuple(kind for kind in ALL_EFFECTS if kind.variant_of)
 """Other forms of effects of the catalogue, fitted beside them."""
+FIELDS = tuple(kind for kind in ALL_EFFECTS if not kind.names_a_cause)
+"""What predicts and names no cause: fitted last, and never a candidate of a diagnosis."""
 OWN_EFFECT = "an effect of your own comes with its file: --effects-file FILE.py, in Python catalogue_with"
 NOT_OF_THE_ROVER = frozenset({"time", "session", "instrument"})
 
@@ -78,7 +82,7 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
         UnknownName: no such effect, or it cannot act at that place; the message lists what there is.
     """
     effect_id, place = split_name(name)
-    by_id = {effect.id: effect for effect in (*catalogue, *FREE_FORMS)}
+    by_id = {effect.id: effect for effect in (*catalogue, *FREE_FORMS, *FIELDS)}
     if effect_id not in by_id:
         raise UnknownName("effect", effect_id, by_id, OWN_EFFECT)
     places = by_id[effect_id].places(arm)
@@ -124,6 +128,7 @@ def constant(effect: Effect) -> bool:
 __all__ = [
     "ALL_EFFECTS",
     "CATALOGUE",
+    "FIELDS",
     "FREE_FORMS",
     "AngleDependentEffect",
     "Description",

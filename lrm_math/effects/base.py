@@ -18,6 +18,7 @@ import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number, is_zero
 from lrm_math.kinematics.poses import Poses
@@ -135,6 +136,7 @@ class Extrapolation(Enum):
     HELD = "constant: a description of what was measured"
     PROPORTIONAL = "as stated, growing no faster than in proportion: a linear law, a saturation, a constant"
     PERIODIC = "as stated, the same after every turn"
+    FADING = "to zero: it says nothing where nothing was measured"
 
 
 @dataclass(frozen=True)
@@ -155,6 +157,8 @@ class Effect(ABC):
     """Ids of the effects of which this is another form, fitted beside them (`variants` gives their names); empty for an
     effect of its own."""
 
+    names_a_cause: ClassVar[bool] = True
+    """Whether it is physics. What is not is fitted last, on what the others leave, and no diagnosis looks at it."""
     extrapolation: ClassVar[Extrapolation] = Extrapolation.HELD
     """Continuation of its formula beyond the measured range. A law of physics says so; what says nothing is held."""
 
@@ -188,6 +192,10 @@ class Effect(ABC):
             p: the parameters' values in SI.
         """
 
+    def over(self, within: MeasuredRange | None) -> Effect:
+        """The effect over the range of its fit, for one that fades: its functions may be stated by that range."""
+        return self
+
     def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
         """Values, ascending, of each shape parameter that is searched at these poses, by its name."""
         return {parameter.name: parameter.scan for parameter in self.parameters if parameter.scan}
@@ -214,6 +222,9 @@ class Effect(ABC):
 
 class LinearEffect(Effect):
     """An effect that is linear in its parameters: it gives the basis instead of the amounts."""
+
+    keeps_basis: ClassVar[bool] = True
+    """Whether the basis at poses is kept for all iterates of a fit."""
 
     @abstractmethod
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:

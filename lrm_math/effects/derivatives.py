@@ -27,7 +27,9 @@ Rows = tuple[Amounts, ...]
 def amounts_within(
     effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float], within: MeasuredRange | None
 ) -> Amounts:
-    """`Effect.amounts`, held at the edge of a range where the effect is held."""
+    """`Effect.amounts`, held at the edge of a range where the effect is held, zero far beyond it where it fades."""
+    if effect.extrapolation is Extrapolation.FADING:
+        return effect.over(within).amounts(poses, tau, p)
     return effect.amounts(*_seen(effect, poses, tau, within), p)
 
 
@@ -42,6 +44,8 @@ def by_parameters(
 ) -> Rows:
     """∂amount/∂p: for each parameter one number or (N,) for each target; arguments as of `amounts_within`."""
     poses, tau = _seen(effect, poses, tau, within)
+    if effect.extrapolation is Extrapolation.FADING:
+        effect = effect.over(within)
     if isinstance(effect, LinearEffect):
         return effect.basis(poses, tau)
     if "counts" in effect.depends_on:  # a staircase

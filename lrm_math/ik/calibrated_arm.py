@@ -97,10 +97,13 @@ class CalibratedArm(PackedArm):
 
         Where effects without formula act on joints alone, the kernel's state is the model's, and stays.
         """
+        joints = self.errors.moving.joints
         q, side, detour = self._command(query, slots, tau)
         for _ in range(LINEARISATIONS):
-            springs = self.errors.linearised(self.poses(query, q[None], side[None]), tau)
-            state = self.kernel(query.payload).with_springs(*springs).newton(query.goal, slots)
+            zero, compliances = self.errors.linearised(self.poses(query, q[None], side[None]), tau)
+            by_springs = slots - self.errors.constants - self.errors.compliances @ tau
+            about = self.kernel(query.payload).with_springs(zero, compliances)
+            state = about.with_commands_off(q - by_springs[joints]).newton(query.goal, slots)
             if state is None:
                 return []
             moved = float(np.abs(state[0] - slots).max())

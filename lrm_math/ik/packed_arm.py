@@ -12,7 +12,7 @@ from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.kernel.kernel_model import KernelModel, frames_as_numbers, packed, with_laws
-from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, without_formula
+from lrm_math.ik.kernel.laws import KernelLaw, kernel_field, kernel_laws, without_formula
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
@@ -91,7 +91,8 @@ class PackedArm:
         moments, (play, force) = errors.moving.moments(self.model.weights(0.0)), errors.axial_play
         arm = packed(errors.moving, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = arm.with_springs(errors.constants, errors.compliances).with_(play=play, play_force=force)
-        return with_laws(arm.with_form(self.form), self.laws, self.complete, 0.0)
+        arm = arm.with_form(self.form).with_field(kernel_field(self.model.binding), errors.row)
+        return with_laws(arm, self.laws, self.complete, 0.0)
 
     @cached_property
     def library(self) -> PoseLibrary:

@@ -1,14 +1,15 @@
-"""Part of a model that a rover can compensate."""
+"""Parts of a model: what a rover can compensate, and what names a cause."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.effects import Effect
+from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.servo_errors import Quantisation
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
@@ -38,11 +39,27 @@ def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
                 f"effect {effect.name} explains a measurement session and cannot be compensated on the "
                 f"rover; name it as left out (left_out = ['{effect.id}']) to deploy the others"
             )
-    effects = tuple(e for e, keep in zip(model.effects, kept, strict=True) if keep)
-    spans = [s for e, s, keep in zip(model.effects, model.spans, kept, strict=True) if keep]
+    return _part(model, [effect for effect, keep in zip(model.effects, kept, strict=True) if keep])
+
+
+def named_part(model: Model) -> Model:
+    """The model without a residual field: that is no cause, and is fitted anew after whatever changes the causes."""
+    return _part(model, [effect for effect in model.effects if effect.names_a_cause])
+
+
+def field_of(model: Model) -> ResidualField | None:
+    """The residual field of a model; None without one."""
+    return next((effect for effect in model.effects if isinstance(effect, ResidualField)), None)
+
+
+def _part(model: Model, effects: Collection[Effect]) -> Model:
+    if len(effects) == len(model.effects):
+        return model
+    spans = [span for effect, span in zip(model.effects, model.spans, strict=True) if effect in effects]
     values = np.concatenate([np.empty(0), *(model.values[span] for span in spans)])
-    smooth = Model(model.arm, effects, values, within=model.within)
-    return replace(smooth, free=tuple(key for key in model.free if key in smooth.keys))
+    part = Model(model.arm, tuple(effects), values, within=model.within)
+    keys = set(part.keys)
+    return replace(part, free=tuple(key for key in model.free if key in keys))
 
 
 def after_changes(model: Model) -> Model:

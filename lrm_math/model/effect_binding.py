@@ -63,7 +63,7 @@ class BoundEffect:
         """Slots that it moves or loads, and the amounts, where `tau` are the loads on `Model.load_slots` (N·m)."""
         if self.idle:
             return zip(self.slots, (0.0,) * len(self.slots), strict=True)
-        if not isinstance(self.effect, LinearEffect):
+        if not (isinstance(self.effect, LinearEffect) and self.effect.keeps_basis):
             return zip(self.slots, self.at(poses, self.felt(tau)), strict=True)
         return zip(self.slots, linear_combination(self.p, self._basis(poses, tau), len(self.slots)), strict=True)
 

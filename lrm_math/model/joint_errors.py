@@ -20,6 +20,7 @@ from lrm_math.effects.compliance import Spring
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.moving_slots import MovingSlots, moving_slots_of
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.deployed_model import named_part
 from lrm_math.model.effect_binding import BoundEffect
 from lrm_math.model.equilibrium import effect_loads, rigid_amounts
 from lrm_math.model.model import Model
@@ -38,6 +39,10 @@ class JointErrorModel:
     model: Model
 
     @cached_property
+    def _causes(self) -> Model:
+        return named_part(self.model)
+
+    @cached_property
     def moving(self) -> MovingSlots:
         """The arm, everything that never moves joined by fixed transforms."""
         binding = self.model.binding
@@ -51,37 +56,41 @@ class JointErrorModel:
         return np.array(self.model.binding.constants)[self.moving.slots]
 
     @cached_property
-    def _row(self) -> dict[int, int]:
+    def row(self) -> dict[int, int]:
+        """Position of each moving slot of the chain among them."""
         return {int(k): v for v, k in enumerate(self.moving.slots)}
 
     @cached_property
     def _load_rows(self) -> list[int]:
-        return [self._row[k] for k in self.model.load_slots]
+        return [self.row[k] for k in self.model.load_slots]
 
     @cached_property
     def compliances(self) -> Array:
         """(V, V), response of the springs to loads on the moving slots (rad/N·m, m/N·m)."""
         return self._responses(
-            poses_of([0.0] * self.model.arm.dof), np.zeros(len(self._row)), self.model.binding.of_class(Spring)
+            poses_of([0.0] * self.model.arm.dof), np.zeros(len(self.row)), self.model.binding.of_class(Spring)
         )
 
     @cached_property
     def axial_play(self) -> tuple[Array, Array]:
         """Play of the moving slots from end to end (V,), m, zero of most, and the force that takes it up (V,), N."""
-        play, force = np.zeros(len(self._row)), np.ones(len(self._row))
+        play, force = np.zeros(len(self.row)), np.ones(len(self.row))
         for bound in self.model.binding.of_class(AxialPlay):
-            play[self._row[bound.slots[0]]], force[self._row[bound.slots[0]]] = bound.p
+            play[self.row[bound.slots[0]]], force[self.row[bound.slots[0]]] = bound.p
         return play, force
 
     def slots_at(self, poses: Poses, tau: Array) -> Array:
-        """(K, V), amounts that the moving slots are due for commands under gravity loads (K, V): rad, m."""
-        count, rigid, pushed = len(poses), rigid_amounts(self.model, poses), effect_loads(self.model, poses)
+        """(K, V), amounts that the moving slots are due for commands under gravity loads (K, V): rad, m.
+
+        Without a residual field (`displaced`), for which the kernel has a formula whatever else the model has.
+        """
+        count, rigid, pushed = len(poses), rigid_amounts(self._causes, poses), effect_loads(self.model, poses)
         felt = self.felt(tau, pushed)
-        due = {k: rigid[k] for k in self._row}
+        due = {k: rigid[k] for k in self.row}
         for bound in self.model.binding.elastic:
             for k, amount in bound.amounts(poses, felt):
                 due[k] = due[k] + amount
-        return np.stack([np.broadcast_to(due[k], count) for k in self._row], axis=1)
+        return np.stack([np.broadcast_to(due[k], count) for k in self.row], axis=1)
 
     def command(self, poses: Poses, tau: Array, slots: Array) -> Array:
         """(K, n), commands that hold slot amounts (K, V) under gravity loads (K, V); not finite where none does.
@@ -116,10 +125,19 @@ class JointErrorModel:
         due = self.slots_at(poses, tau[None])[0] - compliances @ tau
         for bound in sliding:
             for k, amount in bound.amounts(poses, self.felt(tau[None], {})):
-                due[self._row[k]] -= float(amount)
+                due[self.row[k]] -= float(amount)
         zero = self.constants.copy()
         zero[others] = due[others]
         return zero, compliances
+
+    def displaced(self, poses: Poses) -> Array:
+        """(V,), what a residual field adds to the slots at one pose (m)."""
+        out = np.zeros(len(self.row))
+        for bound in self.model.binding.rigid:
+            if not bound.effect.names_a_cause:
+                for k, amount in bound.amounts(poses, []):
+                    out[self.row[k]] += float(amount)
+        return out
 
     def felt(self, tau: Array, pushed: dict[int, Number]) -> list[Number]:
         """Loads on `model.load_slots`, floats for one pose: gravity's (K, V) and those that effects put on slots."""
@@ -130,10 +148,10 @@ class JointErrorModel:
         self, pose: Poses, tau: Array, effects: Sequence[BoundEffect], pushed: dict[int, Number] | None = None
     ) -> Array:
         """(V, V), derivatives of some effects by the loads, at one pose and gravity loads (V,)."""
-        out, felt = np.zeros((len(self._row), len(self._row))), self.felt(tau[None], pushed or {})
+        out, felt = np.zeros((len(self.row), len(self.row))), self.felt(tau[None], pushed or {})
         for bound in effects:
             rows = bound.by_loads(pose, bound.felt(felt))
             for i, responses in zip(bound.loads, rows, strict=True):
                 for k, response in zip(bound.slots, responses, strict=True):
-                    out[self._row[k], self._load_rows[i]] += response
+                    out[self.row[k], self._load_rows[i]] += response
         return out

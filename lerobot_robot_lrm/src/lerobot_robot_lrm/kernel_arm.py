@@ -131,7 +131,7 @@ class KernelArmModel:
     def _lacking(self, poses: Poses, tau: Array, slots: Array, added: Array) -> Array:
         """(V,), what slot amounts in equilibrium under loads (1, V) lack of the model's, `added` (V,) being in them."""
         if any(bound.kind is not Kind.MOTION for bound in self._missing):  # loads, which all effects feel
-            return np.asarray(self.errors.slots_at(poses, tau)[0] - slots)
+            return np.asarray(self.errors.slots_at(poses, tau)[0] + self.errors.displaced(poses) - slots)
         pushed = effect_loads(self.model, poses) if self.model.binding.loading else {}
         felt, out = self.errors.felt(tau, pushed), -added
         for bound in self._missing:

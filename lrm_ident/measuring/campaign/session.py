@@ -105,7 +105,7 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
     file = DataFile(output, order.arm.dof)
     file.check_plan(plan.sha256)
     clock: Clock = RealClock()
-    with file, order.track() as tracker, order.drive(clock, order.loads) as driven:
+    with order.track() as tracker, order.drive(clock, order.loads) as driven, file:
         if driven.joints != order.arm.dof:
             raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {driven.robot} has {driven.joints}")
         first = first_frame(tracker, order.tracker)

@@ -38,6 +38,7 @@ PLAIN = {
     "bearing_curve": "loose bearing of {place}, free curve",
     "base_curve": "yielding of the base, free curve",
     "friction_curve": "friction of {place}, free curve",
+    "residual_field": "what no name explains (a field, not a cause)",
 }
 
 

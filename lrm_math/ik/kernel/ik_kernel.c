@@ -26,10 +26,11 @@
 /* ---------------------------------------------------------------- 1 Arm, state ---------------------------------- */
 
 enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48,
-       MAX_POSES = 2048 };
+       MAX_POSES = 2048, MAX_TERMS = 128 };
 enum { MEETING, PARALLEL, SKEW };                                            /* the first two axes, see pieper.py */
 enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
 #define FADE 0.05 /* measured_range.FADE */
+#define MARGIN 1.25 /* residual_field.MARGIN */
 enum { RANKED = 512, KEPT = 128 };
 
 typedef struct { /* Pieper's normal form of an arm of six joints; pieper.py says what each number is */
@@ -49,6 +50,8 @@ typedef struct { /* a model with one payload; moving_slots.py says what slots, f
     double spring[MAX_SPRINGS], play[MAX_SLOTS], play_force[MAX_SLOTS]; /* axial play: m from end to end, N */
     int law[MAX_LAWS], law_joint[MAX_LAWS];
     double law_p[MAX_LAWS][4];
+    int terms, term_axis[MAX_TERMS], term_factor[MAX_TERMS][3], field_slot[3]; /* residual field: residual_field.py */
+    double term[MAX_TERMS], field_lower[MAX_JOINTS], field_upper[MAX_JOINTS];
     Form form; /* of the arm itself if nothing deflects, else of one that looks like it: seeds */
     const double *library_q, *library_slots; /* commands (M,n) and slot amounts (M,slots) of poses at rest */
     const float *library_columns;            /* (12,M): their tool frames, for one pass */
@@ -67,6 +70,7 @@ typedef struct {
 static const int UNKNOWN[MAX_JOINTS] = {0}; /* sides of arrival */
 static const double NOTHING[MAX_SLOTS] = {0};
 typedef double Row[MAX_JOINTS + 1]; /* of a matrix whose columns are joints, and at last what is lacking */
+typedef struct { double value[3], slope[3][MAX_JOINTS]; } Displacement; /* by a residual field: m, m/rad */
 typedef struct { /* what belongs to one set of slot amounts */
     double tcp[12], axis[MAX_SLOTS][3], origin[MAX_SLOTS][3], tau[MAX_SLOTS];
     double lever[MAX_SLOTS][3], by_counted[MAX_SLOTS][3], by_moved[MAX_SLOTS][3];
@@ -74,6 +78,7 @@ typedef struct { /* what belongs to one set of slot amounts */
     double J[6][MAX_SLOTS], e[6], lack[MAX_SLOTS];
     Row total[6], follow[MAX_SLOTS];
     int follower[MAX_SLOTS], followers;
+    Displacement field;
 } State;
 
 static const double LEVER = 0.1;     /* m: weight of a turn by 1 rad against a distance (characteristic length) */
@@ -312,6 +317,36 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
     }
 }
 
+/* residual_field.py: the displacement of all base slots for commands q, and its derivatives. */
+static void displacement(const Arm *a, const double *q, Displacement *out) {
+    double t[2 * MAX_JOINTS + 1] = {1}, by_q[2 * MAX_JOINTS + 1] = {0}, fade[MAX_JOINTS], inside = 1;
+    memset(out, 0, sizeof *out);
+    for (int j = 0; j < a->joints && a->terms; j++) {
+        const double l = a->field_lower[j], u = a->field_upper[j], half = u > l ? 0.5 * MARGIN * (u - l) : 1;
+        const double wave = 0.25 * TURN / half, x = wave * (q[j] - 0.5 * (l + u) + half), c = cos(x), s = sin(x);
+        const double root = sqrt(2.0), over = q[j] > u ? q[j] - u : q[j] < l ? q[j] - l : 0;
+        const double width = FADE * (u - l) + 1e-9, part = over / width;
+        t[1 + 2 * j] = root * c, by_q[1 + 2 * j] = -root * s * wave;
+        t[2 + 2 * j] = root * (2 * c * c - 1), by_q[2 + 2 * j] = -4 * root * c * s * wave;
+        inside *= exp(-part * part), fade[j] = -2 * part / width;
+    }
+    for (int k = 0; k < a->terms; k++) {
+        const int *f = a->term_factor[k], i = a->term_axis[k];
+        out->value[i] += a->term[k] * t[f[0]] * t[f[1]] * t[f[2]];
+        for (int r = 0; r < 3; r++)
+            if (f[r]) out->slope[i][(f[r] - 1) / 2] += a->term[k] * by_q[f[r]] * t[f[(r + 1) % 3]] * t[f[(r + 2) % 3]];
+    }
+    for (int i = 0; i < 3 && a->terms; i++) {
+        for (int j = 0; j < a->joints; j++) out->slope[i][j] = inside * (out->slope[i][j] + out->value[i] * fade[j]);
+        out->value[i] *= inside;
+    }
+}
+/* The axis along which the residual field moves slot v, or -1. */
+static int field_axis(const Arm *a, int v) {
+    for (int i = 0; i < 3 && a->terms; i++) if (a->field_slot[i] == v) return i;
+    return -1;
+}
+
 /* One step of Anderson's (1965) method with a memory of one: x moves by the step, or by a secant along the last two. */
 typedef struct { double x[MAX_SLOTS], step[MAX_SLOTS]; int known; } Memory;
 static void accelerate(Memory *m, double *x, const double *step, int n) {
@@ -349,12 +384,14 @@ static int command(const Arm *a, const double *tau, const double *s, const int *
  * state is that of the amounts before the last step. Iterations, or -1. */
 static int settle(const Arm *a, const double *q, const int *side, double tolerance, double *s, State *w) {
     Memory memory = {.known = 0};
+    displacement(a, q, &w->field);
     for (int it = 1; it <= 300; it++) {
         double error[MAX_JOINTS], step[MAX_SLOTS], change = 0;
         forward(a, s, w);
         joint_errors(a, w->tau, q, side, error);
         for (int j = 0; j < a->joints; j++) step[a->joint[j]] = q[j] + error[j] - s[a->joint[j]];
         for (int i = 0; i < a->others; i++) step[a->other[i]] = spring_rest(a, w->tau, a->other[i]) - s[a->other[i]];
+        for (int i = 0; i < 3 && a->terms; i++) step[a->field_slot[i]] += w->field.value[i];
         for (int v = 0; v < a->slots; v++) change += fabs(step[v]) * (a->axis[v] < 3 ? a->reach : 1);
         if (!(change < 1e6)) return -1;
         if (change <= tolerance) {
@@ -395,12 +432,17 @@ static double goal_error(const double *g, int rows, State *w) {
     return dot(e, e) + angle * angle;
 }
 
-/* How far the slots that are no joints are from where their loads would have them, w->lack; in m at the tool. */
-static double lacking(const Arm *a, const double *s, State *w) {
-    double out = 0;
+/* How far the slots that are no joints are from where loads and joints would have them, w->lack; in m at the tool.
+ * side: of each joint's arrival, on which the command depends and so the residual field. */
+static double lacking(const Arm *a, const double *s, const int *side, State *w) {
+    double out = 0, q[MAX_JOINTS];
+    if (a->terms) {
+        if (!command(a, w->tau, s, side, q)) linear_command(a, w->tau, s, q);
+        displacement(a, q, &w->field);
+    }
     for (int i = 0; i < a->others; i++) {
-        const int v = a->other[i];
-        w->lack[i] = spring_rest(a, w->tau, v) - s[v];
+        const int v = a->other[i], axis = field_axis(a, v);
+        w->lack[i] = spring_rest(a, w->tau, v) - s[v] + (axis < 0 ? 0 : w->field.value[axis]);
         out += fabs(w->lack[i]) * (a->axis[v] < 3 ? a->reach : 1);
     }
     return out;
@@ -421,7 +463,9 @@ static void total_jacobian(const Arm *a, int rows, const double *law_slope, Stat
     for (int i = 0; i < count; i++) {
         deflection_derivative(a, w, slot[i], M[i]);
         if (law_slope && law_slope[slot[i]] != 0) add_load_derivatives(a, w, slot[i], law_slope[slot[i]], M[i]);
+        const int axis = field_axis(a, slot[i]);
         for (int j = 0; j < n; j++) first[i][j] = M[i][a->joint[j]];
+        for (int j = 0; j < n && axis >= 0; j++) first[i][j] += w->field.slope[axis][j];
         first[i][n] = w->lack[i];
     }
     for (int i = 0; i < count; i++) {
@@ -476,15 +520,17 @@ typedef enum { REACHED, STUCK, BEYOND, KNOWN } Ending;
 
 /* Newton's method in the slot amounts s, in place: the joints go to the goal, the other slots to their equilibrium.
  * Damping in proportion to the squared error keeps convergence fast and works where the Jacobian is singular
- * (Yamashita & Fukushima 2001). `limited` gives up what leads beyond the limits; `found`: not to be found again. */
-static Ending newton(const Arm *a, const double *goal, int rows, double *s, State *w, Found *found, int limited) {
+ * (Yamashita & Fukushima 2001). `limited` gives up what leads beyond the limits; `found`: not to be found again.
+ * `side`: of arrival, where known. */
+static Ending newton(const Arm *a, const double *goal, int rows, const int *side, double *s, State *w, Found *found,
+                     int limited) {
     const double least_damping = 1e-3, tiny = 1e-15, nearly = 1e-5;
     double before = INFINITY, damping = least_damping, best = INFINITY;
     int since = 0;
     for (int step = 0;; step++, found->steps++) {
         double turns[MAX_JOINTS], q[MAX_JOINTS];
         forward(a, s, w);
-        const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, w);
+        const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, side, w);
         if (miss <= CLOSE) return REACHED;
         if (step == MOST_STEPS || !(miss < 1e6)) return STUCK;
         if (miss < 0.5 * best) best = miss, since = 0;
@@ -779,9 +825,17 @@ static int keep(const Arm *a, const State *w, const double *s, const double *nea
     found->count++;
     return 1;
 }
+/* Whether a state at the goal stays there, s in place, when the joints arrive from the sides that its command has coming
+ * from `near` (or NULL): the residual field is of the command. */
+static int arrived(const Arm *a, const double *goal, int rows, const double *near, double *s, State *w, Found *found) {
+    Solution at;
+    if (!a->terms || !a->laws || !near) return 1;
+    return command_from(a, w, s, near, &at) && newton(a, goal, rows, at.side, s, w, found, 0) == REACHED;
+}
 static void attempt(const Arm *a, const double *goal, const double *near, double *s, int limited, Found *found) {
     State w;
-    if (newton(a, goal, 6, s, &w, found, limited) == REACHED) keep(a, &w, s, near, SAME, found);
+    if (newton(a, goal, 6, UNKNOWN, s, &w, found, limited) == REACHED && arrived(a, goal, 6, near, s, &w, found))
+        keep(a, &w, s, near, SAME, found);
 }
 static int solved(const Found *found) {
     int out = 0;
@@ -886,7 +940,7 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         Row N[6];
         int stuck[MAX_JOINTS] = {0}, changed = 1;
         forward(a, s, w);
-        const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, w);
+        const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, UNKNOWN, w);
         if (!(miss < 1e6)) return STUCK;
         linear_command(a, w->tau, s, q);
         if (miss <= CLOSE && settled) return REACHED;
@@ -947,7 +1001,8 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
         if (k >= 0) COPY(s, a->library_slots + close[k] * a->slots, a->slots);
         else if (from) start_at(a, from, s);
         else continue;
-        if (slide(a, goal, rows, towards, s, &w, found) == REACHED) keep(a, &w, s, near, ONE_FAMILY, found);
+        if (slide(a, goal, rows, towards, s, &w, found) == REACHED && arrived(a, goal, rows, near, s, &w, found))
+            keep(a, &w, s, near, ONE_FAMILY, found);
     }
     return solved(found);
 }
@@ -967,6 +1022,7 @@ static void command_jacobian(const Arm *a, int rows, const double *q, State *w) 
     double more[MAX_SLOTS], less[MAX_SLOTS], up[MAX_JOINTS], down[MAX_JOINTS], law_slope[MAX_SLOTS] = {0};
     for (int v = 0; v < a->slots; v++) w->lack[v] = 0, more[v] = w->tau[v] + h, less[v] = w->tau[v] - h;
     joint_errors(a, more, q, UNKNOWN, up), joint_errors(a, less, q, UNKNOWN, down);
+    displacement(a, q, &w->field);
     for (int j = 0; j < a->joints && a->laws; j++) {
         const int v = a->joint[j];
         law_slope[v] = (up[j] - down[j] - spring_rest(a, more, v) + spring_rest(a, less, v)) / (2 * h);
@@ -1114,7 +1170,8 @@ API int ik_newton(const Arm *a, const double *goal, int rows, const double *near
     State w;
     double along[MAX_JOINTS], direction[6];
     found->count = found->steps = 0;
-    if (newton(a, goal, rows, s, &w, found, 0) != REACHED) return 0;
+    if (newton(a, goal, rows, UNKNOWN, s, &w, found, 0) != REACHED) return 0;
+    if (!arrived(a, goal, rows, near, s, &w, found)) return 0;
     COPY(tau, w.tau, a->slots);
     if (!keep(a, &w, s, near, SAME, found)) return 1;
     found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
@@ -1137,7 +1194,7 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
         double s[MAX_SLOTS], member[MAX_SLOTS], along[MAX_JOINTS], direction[6];
         scratch.count = scratch.steps = 0;
         start_at(a, b.q[k], s);
-        if (newton(a, goal, 6, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
+        if (newton(a, goal, 6, UNKNOWN, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
         if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
             kind[k] = b.lost[k] + 1;
             COPY(member, s, a->slots);

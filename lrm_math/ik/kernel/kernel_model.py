@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.kernel import structures
-from lrm_math.ik.kernel.laws import KERNEL_LAWS, KernelLaw
+from lrm_math.ik.kernel.laws import KERNEL_LAWS, KernelField, KernelLaw
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import KernelArm, KernelFound
 from lrm_math.kinematics.moving_slots import MovingSlots
@@ -29,6 +29,7 @@ BELOW = {
     "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
     "law": ("", len(KERNEL_LAWS)), "spring_from": ("", structures.MAX_SPRINGS + 1),
+    "term_axis": ("", 3), "field_slot": ("slots", 0), "term_factor": ("", 2 * structures.MAX_JOINTS + 1),
 }  # fmt: skip
 """Bounds of an array's indices into other arrays: a count of the arm's, and a number."""
 
@@ -92,6 +93,23 @@ class KernelModel:
         return self.with_(
             zero=zero, spring_from=[0, *counts.tolist()], spring_load=columns, spring=compliances[rows, columns]
         )
+
+    def with_field(self, field: KernelField | None, row: Mapping[int, int]) -> KernelModel:
+        """A copy with a residual field, None without one; `row`: position of each moving slot of the chain."""
+        if field is None:
+            return self.with_(terms=0)
+        fits("terms of the residual field", len(field.coefficients), structures.MAX_TERMS)
+        return self.with_(
+            terms=len(field.coefficients), term=field.coefficients, term_axis=field.axes, term_factor=field.factors,
+            field_slot=[row[k] for k in field.slots], field_lower=field.lower, field_upper=field.upper,
+        )  # fmt: skip
+
+    def with_commands_off(self, shift: Array) -> KernelModel:
+        """A copy whose residual field is that of commands `shift` (n,) beyond those by springs (rad)."""
+        if not self.memory.terms:
+            return self
+        lower, upper = (np.array(ends[: self.joints]) for ends in (self.memory.field_lower, self.memory.field_upper))
+        return self.with_(field_lower=lower - shift, field_upper=upper - shift)
 
     def forward(self, slots: Array) -> tuple[Array, Array]:
         """Tool frames (K, 4, 4) and gravity loads (K, V) at slot amounts (K, V)."""

@@ -6,11 +6,12 @@ Springs and axial play act on any slot, the laws here on joints alone; a test co
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from lrm_math.effects.backlash import AxialPlay, Backlash, Hysteresis
 from lrm_math.effects.base import Effect
 from lrm_math.effects.compliance import NonlinearStiffness, Spring
+from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, ResidualField
 from lrm_math.effects.forces import CableSpring
 from lrm_math.effects.servo_errors import Coupling, Eccentricity, ServoGain, coupled_joints
 from lrm_math.effects.targets import Kind
@@ -44,7 +45,8 @@ def without_formula(
 
     In the kernel a load that an effect puts on a joint acts on joints alone.
     """
-    known = {id(bound) for bound in (*binding.of_class(Spring), *binding.of_class(AxialPlay))}
+    fields = (bound for bound in binding.rigid if isinstance(bound.effect, ResidualField))
+    known = {id(bound) for bound in (*binding.of_class(Spring), *binding.of_class(AxialPlay), *fields)}
     elsewhere = {load_slots[i] for b in binding.elastic if not {*b.slots} <= {*joint_slots} for i in b.loads}
     for bound in acting(binding):
         alone = bound.kind is Kind.MOTION or elsewhere.isdisjoint(bound.slots)
@@ -57,6 +59,39 @@ def kernel_laws(binding: EffectBinding, joint_slots: Sequence[int]) -> tuple[Ker
     """The laws of a model's joints, of effects that the kernel has a formula for; `joint_slots`: of the chain."""
     laws = [bound for bound in acting(binding) if type(bound.effect) in KERNEL_LAWS]
     return tuple((KERNEL_LAWS[type(b.effect)], joint_slots.index(b.slots[0]), _parameters(b)) for b in laws)
+
+
+class KernelField(NamedTuple):
+    """A residual field: of each of T terms the axis, the numbers of its three factors and the coefficient (m).
+
+    A factor is 0, a one, or 1 + 2 j and 2 + 2 j, the two cosines of joint j. `slots`: of the chain that it moves along
+    x, y and z. `lower`, `upper`: range of the joints' commands (rad).
+    """
+
+    axes: tuple[int, ...]
+    factors: tuple[tuple[int, ...], ...]
+    coefficients: tuple[float, ...]
+    slots: tuple[int, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+
+def kernel_field(binding: EffectBinding) -> KernelField | None:
+    """The residual field of a model as the kernel computes it; None without one."""
+    bound = next((bound for bound in binding.rigid if isinstance(bound.effect, ResidualField)), None)
+    if bound is None or not isinstance(bound.effect, ResidualField):
+        return None
+    field = bound.effect.over(bound.within)
+    terms = tuple(field.terms(bound.p))
+    factors = tuple(_factors(waves) for _, waves, _ in terms)
+    lower, upper = zip(*field.ends, strict=True)
+    axes, coefficients = tuple(axis for axis, _, _ in terms), tuple(value for _, _, value in terms)
+    return KernelField(axes, factors, coefficients, bound.slots, tuple(lower), tuple(upper))
+
+
+def _factors(waves: Sequence[int]) -> tuple[int, ...]:
+    factors = [2 * joint + wave for joint, wave in enumerate(waves) if wave]
+    return (*factors, *[0] * (JOINTS_TOGETHER - len(factors)))
 
 
 def _parameters(bound: BoundEffect) -> tuple[float, ...]:

@@ -6,6 +6,7 @@ import ctypes
 
 MAX_SLOTS, MAX_JOINTS, MAX_BODIES, MAX_LAWS, MAX_SPRINGS, MAX_FOUND = 48, 10, 16, 96, 256, 48
 MAX_POSES = 2048
+MAX_TERMS = 128
 BRANCHES = 8
 Real, Integer, Pointer = ctypes.c_double, ctypes.c_int, ctypes.c_void_p
 
@@ -35,6 +36,9 @@ class KernelArm(ctypes.Structure):
         ("spring_from", Integer * (MAX_SLOTS + 1)), ("spring_load", Integer * MAX_SPRINGS),
         ("spring", Real * MAX_SPRINGS), ("play", Real * MAX_SLOTS), ("play_force", Real * MAX_SLOTS),
         ("law", Integer * MAX_LAWS), ("law_joint", Integer * MAX_LAWS), ("law_p", Real * (4 * MAX_LAWS)),
+        ("terms", Integer), ("term_axis", Integer * MAX_TERMS), ("term_factor", Integer * (3 * MAX_TERMS)),
+        ("field_slot", Integer * 3), ("term", Real * MAX_TERMS),
+        ("field_lower", Real * MAX_JOINTS), ("field_upper", Real * MAX_JOINTS),
         ("form", KernelForm),
         *((f"library_{name}", Pointer) for name in ("q", "slots", "columns")),
     ]  # fmt: skip

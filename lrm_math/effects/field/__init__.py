@@ -1,0 +1,1 @@
+"""What predicts without naming a cause."""

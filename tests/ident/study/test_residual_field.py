@@ -1,0 +1,165 @@
+"""The step that adds a residual field: only where it predicts better, never as a cause, and honest of its error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.field.regression import MOST_NUMBERS, field_posterior
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.study.field_step import NOT_A_CAUSE, NoBetterPrediction
+from lrm_ident.study.inputs import read_study
+from lrm_ident.study.study import Study
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.effects.field.residual_field import ResidualField
+from lrm_math.effects.measured_range import MeasuredRange
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.covariance import to_covariance
+from lrm_math.model.deployed_model import field_of, named_part
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.uncertainty import position_covariance
+from tests.support.commands import run_command, stdout_of
+
+LAB = load_arm("lrm-lab")
+NOISE = 3e-4
+
+
+def measured(seed: int, size: float, count: int = 260) -> Measurements:
+    """Soft arm with small zero errors and noise, and a smooth displacement of this amplitude (m) that has no name."""
+    rng = np.random.default_rng(seed)
+    poses, number = poses_of(rng.uniform(-1.2, 1.2, (count, LAB.dof))), np.arange(1, count + 1)
+    nothing = np.zeros((count, 3))
+    truth = Study.of(Measurements(poses, number, nothing, None, NOISE, number, Path("none"), "", arm=LAB))
+    springs = np.where([key.startswith("compliance") for key in truth.model.keys], 0.03, 0.0)
+    tcp = equilibrium(truth.model.with_values(springs), poses).tcp + nameless(poses.q, size)
+    tcp = tcp + rng.normal(0.0, NOISE, tcp.shape)
+    return replace(truth.data, tcp=tcp, sha256=str(seed))
+
+
+def nameless(q: Array, size: float) -> Array:
+    """(N, 3), a smooth displacement that no joint's error makes: the height alone, by two joints."""
+    return np.stack([0.0 * q[:, 0], 0.0 * q[:, 0], size * np.sin(2.0 * q[:, 3]) * np.cos(1.5 * q[:, 0])], axis=1)
+
+
+@pytest.fixture(scope="module")
+def fitted() -> Study:
+    return Study.of(measured(1, 3e-3)).fit("option1")
+
+
+@pytest.fixture(scope="module")
+def with_field(fitted: Study) -> Study:
+    return fitted.add("residual_field")
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_where_nothing_is_left_it_is_not_added(seed: int) -> None:
+    with pytest.raises(NoBetterPrediction, match="does not surely predict better"):
+        Study.of(measured(seed, 0.0)).fit("option1").add_field()
+
+
+def test_held_out_and_at_new_poses_it_predicts_better(fitted: Study, with_field: Study) -> None:
+    before, after = fitted.held_out.error, with_field.held_out.error
+    assert before is not None
+    assert after is not None
+    assert after.rms < 0.7 * before.rms
+    new = measured(2, 3e-3)
+    errors = [error_stats(new.position_error(equilibrium(s.model, new.poses))).rms for s in (fitted, with_field)]
+    assert errors[1] < 0.7 * errors[0]
+    assert after.rms == pytest.approx(errors[1], rel=0.25), "the held-out error is the error at new poses"
+
+
+def test_its_deviation_is_that_of_its_error(with_field: Study) -> None:
+    """Noise-free displacements at new poses lie within two predicted deviations about as often as they should."""
+    poses = poses_of(np.random.default_rng(5).uniform(-1.1, 1.1, (200, LAB.dof)))
+    file, clean = with_field.file, measured(2, 3e-3)
+    assert file.covariance is not None
+    known = to_covariance(file.covariance, file.sigma, with_field.model)
+    predicted = equilibrium(with_field.model, clean.poses)
+    variance = np.einsum("nii->ni", position_covariance(predicted, known)) + NOISE**2
+    z = clean.position_error(predicted) / np.sqrt(variance)
+    assert 0.85 < float((np.abs(z) < 2.0).mean()) <= 1.0
+    far = poses_of(poses.q[:1] + 1.5)
+    assert (
+        np.trace(position_covariance(equilibrium(with_field.model, far), known)[0]) > 2.0 * variance.sum(axis=1).mean()
+    )
+
+
+def test_its_file_holds_no_more_than_a_hundred_numbers_of_it(with_field: Study, tmp_path: Path) -> None:
+    own = [key for key in with_field.file.parameters if key.startswith("residual_field")]
+    assert 3 < len(own) <= MOST_NUMBERS
+    assert NOT_A_CAUSE in with_field.file.history[-1].step
+    with_field.save(tmp_path / "model.toml")
+    assert "residual_field" in (tmp_path / "model.toml").read_text()
+
+
+def test_the_causes_keep_their_values_and_diagnosis_does_not_see_it(fitted: Study, with_field: Study) -> None:
+    causes = named_part(with_field.model)
+    np.testing.assert_allclose(causes.values, fitted.model.values, atol=1e-6)
+    seen = with_field.identifiable()
+    assert field_of(seen.model) is None
+    assert seen.notices[-1].startswith("the residual field is left out here")
+    assert [one.name for one in seen.screen().scored] == [one.name for one in fitted.screen().scored]
+    assert with_field.undo().model.free == fitted.model.free
+
+
+def test_added_twice_it_is_fitted_anew(with_field: Study) -> None:
+    again = with_field.add_field()
+    assert [effect.name for effect in again.model.effects] == [effect.name for effect in with_field.model.effects]
+    assert again.taken.fit.sigma == pytest.approx(with_field.taken.fit.sigma, rel=0.01)
+
+
+def test_least_squares_refuses_it(with_field: Study) -> None:
+    with pytest.raises(LrmError, match="fitted last"):
+        fit(with_field.model, with_field.data)
+
+
+def test_poses_without_a_position_are_refused(fitted: Study) -> None:
+    tcp = fitted.data.tcp.copy()
+    tcp[3] = np.nan
+    with pytest.raises(LrmError, match="1 poses have no measured position"):
+        replace(fitted, data=replace(fitted.data, tcp=tcp)).add_field()
+
+
+def test_half_of_the_joint_space_says_nothing_of_the_other(fitted: Study) -> None:
+    """Learned where joint 1 is negative, it leaves the poses far on the other side as they are."""
+    data, left = fitted.data, fitted.data.position_error(equilibrium(fitted.model, fitted.data.poses))
+    known, far = data.poses.q[:, 0] < 0.0, data.poses.q[:, 0] > 0.4
+    q = data.poses.q[known]
+    ends = zip(q.min(axis=0).tolist(), q.max(axis=0).tolist(), strict=True)
+    field = ResidualField(LAB, "tool").over(MeasuredRange(tuple(ends), (0.0, 0.0)))
+    values = field_posterior(field, data.poses.take(known), left[known]).values.tolist()
+    assert np.abs(field.amounts(data.poses.take(far), (), values)).max() < 1e-12
+
+
+def test_the_real_arm_is_predicted_better(real: Measurements, tmp_path: Path) -> None:
+    study = Study.of(replace(real, arm_name="lrm-lab")).fit("option1")
+    then = study.add_field()
+    before, after = study.held_out.error, then.held_out.error
+    assert before is not None
+    assert after is not None
+    assert after.rms < 0.5 * before.rms
+    then.save(tmp_path / "model.toml")
+    read = read_study(tmp_path / "model.toml", real.path)
+    np.testing.assert_allclose(
+        equilibrium(read.model, real.poses).tcp, equilibrium(then.taken.fit.model, real.poses).tcp, atol=1e-13
+    )
+    assert read.held_out.error is not None
+    assert read.held_out.error.rms == pytest.approx(after.rms, rel=1e-3)
+
+
+def test_the_command_adds_it_and_says_that_it_is_no_cause(real: Measurements, tmp_path: Path) -> None:
+    Study.of(replace(real, arm_name="lrm-lab")).fit("option1").save(tmp_path / "plain.toml")
+    words = ("add", tmp_path / "plain.toml", real.path, "residual_field", "-o", tmp_path / "field.toml")
+    out = " ".join(stdout_of(*words).split())
+    assert NOT_A_CAUSE in out
+    assert "numbers of a residual field, which are not causes" in out
+    assert "residual_field.tool" not in out, "no coefficient means anything alone"
+    _, _, told = run_command("diagnose", tmp_path / "field.toml", real.path)
+    assert "the residual field is left out here" in " ".join(told.split())

@@ -1,0 +1,112 @@
+"""The inverse of a model with a residual field: the kernel computes it as Python does, answers reach their goals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.effects.field.residual_field import ResidualField
+from lrm_math.effects.measured_range import MeasuredRange
+from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.cube import Cube
+from lrm_math.ik.direct import Direct
+from lrm_math.ik.goal import Goal, point
+from lrm_math.ik.solutions import IkQuery, IkSolutions
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.deployed_model import named_part
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+
+LAB = load_arm("lrm-lab")
+LOWER, UPPER = (np.array([getattr(joint, end) for joint in LAB.joints]) for end in ("lower", "upper"))
+KNOWN = (
+    "offsets",
+    "compliance",
+    "servo_gain@joint2",
+    "backlash@joint3",
+    "hysteresis@joint4",
+    "coupling@joint5<-joint1",
+)
+UNKNOWN = (*KNOWN, "angle_curve@joint4")
+"""With an effect that the kernel has no formula for."""
+
+
+def with_field(names: tuple[str, ...], seed: int, size: float = 1.5e-3, share: float = 0.8) -> Model:
+    """A model with a field of a hundred coefficients, which fades within the joints' limits."""
+    rng = np.random.default_rng(seed)
+    causes = model_of(LAB, [effect for name in names for effect in effects_at(LAB, name)])
+    fixed = np.array([p.fixed is not None for p in causes.parameters])
+    small = 0.3 * rng.uniform(0.0, 1.0, len(fixed)) * [p.typical for p in causes.parameters]
+    field = ResidualField(LAB, "tool")
+    p = np.zeros(len(field.parameters))
+    chosen = [row for row, parameter in enumerate(field.parameters) if "beyond" not in parameter.name]
+    p[rng.choice(chosen, 97, replace=False)] = rng.normal(0.0, size / np.sqrt(33.0), 97)
+    ends = zip((share * LOWER).tolist(), (share * UPPER).tolist(), strict=True)
+    values = np.concatenate([np.where(fixed, causes.values, small), p])
+    return Model(LAB, (*causes.effects, field), values, (), MeasuredRange(tuple(ends), (0.0, 0.0)))
+
+
+def commands(seed: int, count: int, share: float = 1.0) -> Array:
+    return np.random.default_rng(seed).uniform(share * LOWER, share * UPPER, (count, LAB.dof))
+
+
+@pytest.mark.parametrize("names", [("compliance",), KNOWN])
+def test_the_kernel_settles_where_python_does(names: tuple[str, ...]) -> None:
+    model = with_field(names, 1)
+    solver, poses = CalibratedSolver.of(model), poses_of(commands(2, 100))
+    assert solver.arm.complete
+    side = np.random.default_rng(3).integers(-1, 2, poses.q.shape).astype(float)
+    kernel = solver.arm.equilibria(IkQuery(point((0.0, 0.0, 0.0)), 0.0, None), poses.q, side, tolerance=1e-12)
+    ours = equilibrium(model, Poses(poses.q, poses.payload, side), tolerance=1e-12)
+    np.testing.assert_allclose(kernel.tcp[:, 9:], ours.tcp[kernel.rows], atol=1e-10)
+    moved = equilibrium(named_part(model), poses).tcp - equilibrium(model, poses).tcp
+    assert np.linalg.norm(moved, axis=1).max() > 1e-3, "a field worth the name"
+
+
+@pytest.mark.parametrize("method", [Direct(), Cube()], ids=lambda method: method.name)
+@pytest.mark.parametrize("names", [("compliance",), KNOWN, UNKNOWN], ids=["plain", "laws", "law in Python"])
+def test_answers_reach_their_goals(names: tuple[str, ...], method: Direct | Cube) -> None:
+    """Within and beyond the field's range; each branch settles at the goal, coming from where the arm was."""
+    model = with_field(names, 4)
+    solver, solved = CalibratedSolver.of(model), 0
+    assert solver.arm.complete == (names != UNKNOWN)
+    here = tuple(commands(8, 1, 0.5)[0].tolist())
+    goals = commands(5, 25, 0.95).tolist()
+    for q in goals:
+        there = solver.forward(q, near=here)
+        found = method.find(solver.arm, IkQuery(Goal(there.tcp, there.rotation), 0.0, here))
+        assert isinstance(found, IkSolutions)
+        solved += bool(found.within)
+        for branch in found.within:
+            side = np.array([branch.direction], dtype=float)
+            rest = equilibrium(model, Poses(np.array([branch.q]), np.zeros(1), side), tolerance=1e-12)
+            assert np.linalg.norm(rest.tcp[0] - there.tcp) < 2e-9
+    assert solved == len(goals)
+
+
+def test_no_branch_is_lost() -> None:
+    """Wherever the arm without the field has a branch well within the limits, that with it has one beside it."""
+    model = with_field(("compliance",), 6)
+    plain, field = CalibratedSolver.of(named_part(model)), CalibratedSolver.of(model)
+    for q in commands(7, 30, 0.9).tolist():
+        there = plain.forward(q)
+        goal = Goal(there.tcp, there.rotation)
+        before, after = (getattr(solver.solve(goal, method=Direct()), "branches", ()) for solver in (plain, field))
+        for branch in before:
+            if branch.margin > 0.2 and _slowest(plain, branch.q) > 0.03:
+                assert min(np.abs(np.subtract(branch.q, other.q)).max() for other in after) < 0.2
+
+
+def _slowest(solver: CalibratedSolver, q: tuple[float, ...]) -> float:
+    """m/rad, by finite differences: how slowly some joint motion moves the tool, turns weighed by 0.1 m."""
+    h, columns = 1e-5, []
+    for joint in range(len(q)):
+        up, down = (
+            solver.forward([angle + (s * h if k == joint else 0.0) for k, angle in enumerate(q)]) for s in (1, -1)
+        )
+        turn = (np.array(up.rotation) - np.array(down.rotation)).ravel() / np.sqrt(2.0)
+        columns.append(np.concatenate([np.subtract(up.tcp, down.tcp), 0.1 * turn]) / (2.0 * h))
+    return float(np.linalg.svd(np.array(columns).T, compute_uv=False)[-1])

@@ -1,0 +1,131 @@
+"""Held-out error of a residual field, of names and of regressors without names, nested: all choices inside the folds.
+
+`python -m validation.residual_field`: the real arm, the same folds for every line, in blocks of joint space and at
+random. Option 1 of the thesis and `auto` from there are fitted without each fold, names chosen anew; a field learns,
+hyperparameters and all, what that leaves of the other folds, and the regressors what option 1 leaves.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.auto import run_auto
+from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds
+from lrm_ident.fitting.field.fit import blocks_with_field
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.residual.better_prediction import paired_z
+from lrm_ident.study.study import Study
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.effects.field.residual_field import ResidualField
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT.parent / "shared" / "data" / "lrm-lab-no-load" / "measurements.csv"
+Folds = NDArray[np.int64]
+Regression = Callable[[Array, Array, Array], Array]
+"""Predictions at inputs (m, n), learned from inputs (k, n) and outputs (k, 3)."""
+
+
+def random_folds(data: Measurements, seed: int) -> Folds:
+    """(N,), folds drawn at random; repetitions of a pose share one."""
+    distinct, row = np.unique(data.repeat_of, return_inverse=True)
+    return np.asarray(np.random.default_rng(seed).permutation(len(distinct)) % FOLDS)[row.reshape(-1)]
+
+
+def nested_blocks(
+    data: Measurements, fold: Folds, model_without: Callable[[Measurements], Model]
+) -> list[HeldOutBlock]:
+    """Each fold predicted by the model that the others give."""
+    blocks = []
+    for number in range(FOLDS):
+        train, test = np.flatnonzero(fold != number), np.flatnonzero(fold == number)
+        model = model_without(data.take(train))
+        left = [part.position_error(equilibrium(model, part.poses)) for part in (data.take(train), data.take(test))]
+        blocks.append(HeldOutBlock(train, test, lambda left=left: left[0], left[1]))  # type: ignore[misc]
+    return blocks
+
+
+def regressed(data: Measurements, blocks: Sequence[HeldOutBlock], regression: Regression) -> Array:
+    """(N, 3), what a regression on the joint angles leaves of the blocks' residuals (m)."""
+    out = np.empty_like(data.tcp)
+    for block in blocks:
+        q, scale = data.poses.q, float(np.sqrt((block.train_residual**2).mean()))
+        predicted = regression(q[block.train], block.train_residual / scale, q[block.test])
+        out[block.test] = block.test_residual - scale * predicted
+    return out
+
+
+def outside_regressions() -> Iterator[tuple[str, Regression]]:
+    """Regressions of scikit-learn, where that is installed."""
+    try:
+        from sklearn.ensemble import HistGradientBoostingRegressor
+        from sklearn.gaussian_process import GaussianProcessRegressor, kernels
+    except ImportError:
+        return
+
+    def process(known: Array, outputs: Array, unseen: Array) -> Array:
+        kernel = kernels.ConstantKernel() * kernels.RBF([1.0] * known.shape[1], (0.1, 100.0)) + kernels.WhiteKernel(0.1)
+        models = [GaussianProcessRegressor(kernel).fit(known, column) for column in outputs.T]
+        return np.stack([model.predict(unseen) for model in models], axis=1)
+
+    def boosting(known: Array, outputs: Array, unseen: Array) -> Array:
+        models = [HistGradientBoostingRegressor(random_state=0).fit(known, column) for column in outputs.T]
+        return np.stack([model.predict(unseen) for model in models], axis=1)
+
+    yield "Gaussian process of scikit-learn on option 1", process
+    yield "gradient boosting of scikit-learn on option 1", boosting
+
+
+def lines(data: Measurements, fold: Folds) -> Iterator[tuple[str, Array]]:
+    """Name and held-out residual (N, 3) of each way to predict, m."""
+    assert data.arm is not None
+    start, field = Study.of(data).fit("option1").model, ResidualField(data.arm, "tool")
+    plain = nested_blocks(data, fold, lambda part: fit(start, part).model)
+    yield "option 1", held_out_rows(plain)
+    yield "field on option 1", held_out_rows(blocks_with_field(field, data, plain))
+    for name, regression in outside_regressions():
+        yield name, regressed(data, plain, regression)
+    named = nested_blocks(data, fold, lambda part: run_auto(start, part).model)
+    yield "named (`auto`)", held_out_rows(named)
+    yield "field on named", held_out_rows(blocks_with_field(field, data, named))
+
+
+def report(title: str, results: Sequence[tuple[str, Array]]) -> Table:
+    """Table of held-out errors; z of the paired difference of squares against the last line (Vuong 1989)."""
+    table = Table("model", "held-out mean mm", "held-out RMS mm", "z of the last line's gain", title=title)
+    best = (results[-1][1] ** 2).sum(axis=1)
+    for name, residual in results:
+        stats, squares = error_stats(residual), (residual**2).sum(axis=1)
+        table.add_row(name, f"{stats.mean * 1e3:.2f}", f"{stats.rms * 1e3:.2f}", f"{paired_z(best, squares):.1f}")
+    return table
+
+
+def main() -> None:
+    """Prints the tables."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("data", nargs="?", type=Path, default=DATA)
+    asked.add_argument("--arm", default="lrm-lab")
+    known = asked.parse_args()
+    data, console = load_measurements(known.data, load_arm(known.arm)), Console(width=110)
+    for title, fold in (
+        ("blocks of joint space", joint_space_folds(data.poses.q, data.repeat_of)),
+        ("random folds", random_folds(data, 0)),
+    ):
+        console.print(report(f"{len(data)} poses, {FOLDS} {title}", list(lines(data, fold))))
+
+
+if __name__ == "__main__":
+    main()
