@@ -30,6 +30,7 @@ import numpy as np
 
 from examples.demo.simulated_tracker import FRAME_SD_M, REST_SD_M
 from examples.so101.hidden_arm import HIDDEN
+from examples.so101.launch import simulated_so101
 from lerobot_robot_lrm.correction import Correction
 from lerobot_robot_lrm.motion import Motion
 from lrm_ident.cli.app import app
@@ -55,7 +56,6 @@ TRUTHS = {  # another form of a name, and those that a few poses cannot tell fro
     "friction": ("hysteresis@joint2", "friction_curve@joint2"),
     "gain": ("servo_gain@joint3", "eccentricity@joint3", "cable_spring@joint3", "angle_curve@joint3"),
 }
-STARTS_S = 20.0
 
 
 @dataclass(frozen=True)
@@ -68,29 +68,17 @@ class Bench:
 
 @contextmanager
 def bench(folder: Path, effect: str, seed: int) -> Iterator[Bench]:
-    """Runs arm and tracker, each a process of its own. Raises `LrmError`: they do not start."""
-    link = folder / "so101"
+    """Runs arm and tracker, each a process of its own. Raises `LrmError`: the arm does not start."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
-    words = [[str(link), effect, str(seed)], [str(link), str(port), str(seed)]]
-    running = []
-    try:
-        for module, arguments in zip(("examples.so101", "examples.so101.tracker"), words, strict=True):
-            process = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments], stdout=subprocess.PIPE, text=True, stderr=subprocess.DEVNULL
-            )
-            running.append(process)
-            end = time.monotonic() + STARTS_S
-            while not link.exists():
-                if process.poll() is not None or time.monotonic() > end:
-                    raise LrmError(f"{module} does not start")
-                time.sleep(0.05)
-        yield Bench(link, port)
-    finally:
-        for process in running:
-            process.kill()
-            process.wait()
+    with simulated_so101(folder, effect, seed) as link:
+        tracker = subprocess.Popen([sys.executable, "-m", "examples.so101.tracker", str(link), str(port), str(seed)])
+        try:
+            yield Bench(link, port)
+        finally:
+            tracker.kill()
+            tracker.wait()
 
 
 @dataclass(frozen=True)
