@@ -77,8 +77,8 @@ def outside_regressions() -> Iterator[tuple[str, Regression]]:
         models = [HistGradientBoostingRegressor(random_state=0).fit(known, column) for column in outputs.T]
         return np.stack([model.predict(unseen) for model in models], axis=1)
 
-    yield "Gaussian process of scikit-learn on option 1", process
-    yield "gradient boosting of scikit-learn on option 1", boosting
+    yield "Gaussian process", process
+    yield "gradient boosting", boosting
 
 
 def lines(data: Measurements, fold: Folds) -> Iterator[tuple[str, Array]]:
@@ -89,9 +89,11 @@ def lines(data: Measurements, fold: Folds) -> Iterator[tuple[str, Array]]:
     yield "option 1", held_out_rows(plain)
     yield "field on option 1", held_out_rows(blocks_with_field(field, data, plain))
     for name, regression in outside_regressions():
-        yield name, regressed(data, plain, regression)
+        yield f"{name} on option 1", regressed(data, plain, regression)
     named = nested_blocks(data, fold, lambda part: run_auto(start, part).model)
     yield "named (`auto`)", held_out_rows(named)
+    for name, regression in outside_regressions():
+        yield f"{name} on named", regressed(data, named, regression)
     yield "field on named", held_out_rows(blocks_with_field(field, data, named))
 
 

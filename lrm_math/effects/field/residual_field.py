@@ -33,8 +33,7 @@ from lrm_math.kinematics.scalar_or_array import cos
 MARGIN = 1.25
 """Half width of the box over half the width of the range."""
 WAVES, JOINTS_TOGETHER = 2, 3
-"""Cosines of one angle beside the constant; most joints of one product. Two joints leave 1.7 times the error of three
-on the plain elastic model of the real arm (docs/results.md)."""
+"""Cosines of one angle beside the constant; most joints of one product: on the real arm two do not suffice."""
 TYPICAL = 1e-3
 """m: typical size of a coefficient."""
 
