@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 
-from examples.so101 import memory_table as table
 from examples.so101.feetech_servo import FeetechServo
-from examples.so101.packets import BROADCAST, Instruction, Packet, PacketReader
+from lrm_ident.measuring.feetech import memory_table as table
+from lrm_ident.measuring.feetech.packets import BROADCAST, Instruction, Packet, PacketReader
 
 NO_ERROR = 0
 ALL = 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import signal
@@ -17,18 +18,24 @@ from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command, stated_reading
-from lrm_ident.cli.common import notice, one_of, publish, show
-from lrm_ident.cli.groups.lerobot import LEROBOT, LEROBOT_ROBOT, SO101, import_lerobot
+from lrm_ident.cli.common import notice, one_of, show
+from lrm_ident.cli.groups.lerobot import LEROBOT, SO101, import_lerobot
 from lrm_ident.data.apply_reading import LENGTH_UNITS
 from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
 
 if TYPE_CHECKING:
     from lrm_ident.measuring.campaign.run import CampaignProgress, CampaignResult
+    from lrm_ident.measuring.campaign.session import OpenArm
+    from lrm_math.arm.arm import Arm
+    from lrmd.client import Rover
 
-RobotName = Annotated[str, Option(help="Whose daemon.")]
 AnyRobot = Annotated[
-    str, Option(help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine.")
+    str,
+    Option(
+        help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
+        "servos: feetech:/dev/ttyACM0,ids=1-5."
+    ),
 ]
 Connect = Annotated[
     str | None, Option(metavar="ENDPOINT", help="zenoh endpoint. Default: LRM_CONNECT, or tcp/127.0.0.1:7447.")
@@ -52,6 +59,10 @@ LoadCommand = Annotated[
         metavar="COMMAND",
         help="Changes the load, with the grams as its last word. Default: a question on the terminal.",
     ),
+]
+Speed = Annotated[
+    float | None,
+    Option(min=1.0, max=180.0, metavar="DEG_PER_S", help="Of the fastest joint, without a daemon. Default: 30."),
 ]
 Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]
 
@@ -82,14 +93,15 @@ def measure(
         bool, Option("--explain", help="Adaptive: until what is missing has a name, and nothing is missing any more.")
     ] = False,
     take: Take = False,
+    speed: Speed = None,
 ) -> None:
     """Drive the arm through POSES and measure its tip at each: DATA, one row as soon as it is known.
 
     The arm must be armed. It takes planned ways, and pauses when a servo is warm. A rest in which a target is hidden,
     the tracker is frozen, or a frame lies far off is repeated. Interrupted, it holds; the same command goes on.
 
-    With LeRobot (put the arm down before: connecting switches torque off for a moment) ways are straight, at 30 deg/s:
-    keep them free of anything.
+    With LeRobot (put the arm down before: connecting switches torque off for a moment) or bare Feetech servos (they
+    get torque where they stand) ways are straight, at 30 deg/s: keep them free of anything.
 
     Adaptive (--until, --explain), it takes the most informative of POSES: after every batch it fits, diagnoses, and
     chooses the next ones, until that is enough; some are measured twice.
@@ -97,20 +109,19 @@ def measure(
     from lrm_ident.design.adaptive_batch import StoppingGoal
     from lrm_ident.measuring.campaign.plan import load_plan
     from lrm_ident.measuring.campaign.run import PoseTiming
-    from lrm_ident.measuring.campaign.session import CampaignOrder, by_daemon, by_lerobot, connected
+    from lrm_ident.measuring.campaign.session import CampaignOrder, connected
     from lrm_ident.measuring.campaign.session import measure as run
     from lrm_ident.measuring.tracker.frames import TargetNumbers
-    from lrmd.client import Rover
 
-    signal.signal(signal.SIGTERM, _stop)
+    signal.signal(signal.SIGTERM, end)
     goal = StoppingGoal(None if until is None else _length(until), explain) if until or explain else None
     numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
-    daemon = None if robot.startswith(LEROBOT_ROBOT) else Rover(robot, connect.split(",") if connect else None)
+    daemon = daemon_of(robot, connect, speed)
     with daemon or nullcontext():
         name = arm or (SO101 if daemon is None else daemon.info().arm)
         the_arm = load_arm(name)
         plan = load_plan(poses, the_arm)
-        drive = by_lerobot(robot, the_arm) if daemon is None else by_daemon(daemon, take)
+        drive = drive_of(daemon, take, robot, the_arm, speed, "lrm-ident measure")
         track = partial(connected, daemon, tracker, numbers)
         timing = PoseTiming(pause, settle, dwell)
         order = CampaignOrder(drive, track, tracker, numbers, the_arm, name, timing, _loads(load_command), _say, show)
@@ -120,6 +131,32 @@ def measure(
             show(f"stopped; the arm holds. What is measured is in {output}; the same command goes on")
             raise Exit(1) from None
     _conclude(result, len(plan.poses) if goal is None else None, output)
+
+
+def daemon_of(robot: str, connect: str | None, speed: float | None, model: Path | None = None) -> Rover | None:
+    """The connection with a daemon, None for servos without one. Raises `LrmError`: what only these take."""
+    from lrm_ident.measuring.campaign.session import drives_servos
+    from lrmd.client import Rover
+
+    if drives_servos(robot):
+        return None
+    if speed is not None:
+        raise LrmError(
+            "--speed: a daemon's arm moves at the speed of its lrmd.toml; it goes with lerobot: and feetech:"
+        )
+    if model is not None:
+        raise LrmError(f"--model {model}: a daemon uses its own model (lrm deploy); it goes with lerobot: and feetech:")
+    return Rover(robot, connect.split(",") if connect else None)
+
+
+def drive_of(daemon: Rover | None, take: bool, robot: str, arm: Arm, speed: float | None, client: str) -> OpenArm:
+    """Opens the arm of a daemon, or of servos without one."""
+    from lrm_ident.measuring.campaign.servo_arm import SPEED
+    from lrm_ident.measuring.campaign.session import by_daemon, by_servos
+
+    if daemon is not None:
+        return by_daemon(daemon, take, client)
+    return by_servos(robot, arm, SPEED if speed is None else math.radians(speed))
 
 
 def _length(text: str) -> float:
@@ -179,7 +216,8 @@ def _loads(load_command: str | None) -> Callable[[float], None]:
     return when_changed
 
 
-def _stop(*_: object) -> NoReturn:
+def end(*_: object) -> NoReturn:
+    """Ends the program as an interruption does; for signals."""
     raise SystemExit(1)
 
 
@@ -235,52 +273,3 @@ def import_(
     for number, why in found.left_out.items():
         show(f"left out: pose {number}: {why}")
     show(f"{len(found.tip)} of {len(found.tip) + len(found.left_out)} poses are in {output}")
-
-
-@command
-def verify(
-    tracker: TrackerName,
-    robot: RobotName = "rover",
-    connect: Connect = None,
-    goals: Annotated[
-        str, Option(help="How many random goals; a CSV of x_mm, y_mm, z_mm to visit in order; or hole-to-basket.")
-    ] = "50",
-    arm: arg.ArmName = None,
-    payload_g: Annotated[float, Option(min=0, help="What the tool carries.")] = 0.0,
-    seed: Annotated[int, Option(help="Of the goals: the same goals before and after.")] = 0,
-    before: Annotated[
-        Path | None, Option(metavar="JSON", help="An earlier result (--json), of another model, to stand beside.")
-    ] = None,
-    tool: ToolTarget = 1,
-    base: BaseTarget = 0,
-    settle: Settle = 0.5,
-    dwell: Dwell = 1.0,
-    take: Take = False,
-    json: arg.JsonFile = None,
-) -> None:
-    """Send the tip to goals through the daemon's inverse kinematics, and measure where it lands.
-
-    The model is the one that the daemon uses. Beside the measured error stands what it predicts: rounding to counts,
-    and the model's own uncertainty.
-    """
-    from lrm_ident.measuring.campaign.goals import goals_named
-    from lrm_ident.measuring.campaign.rover_arm import RoverArm
-    from lrm_ident.measuring.campaign.run import PoseTiming
-    from lrm_ident.measuring.campaign.session import RealClock, connected
-    from lrm_ident.measuring.campaign.verification import GoalRun
-    from lrm_ident.measuring.campaign.verification_report import read_verification, verification_document
-    from lrm_ident.measuring.tracker.frames import TargetNumbers
-    from lrmd.client import Rover
-
-    signal.signal(signal.SIGTERM, _stop)
-    earlier = None if before is None else read_verification(before)
-    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
-    with Rover(robot, connect.split(",") if connect else None) as rover:
-        nominal = load_arm(arm or rover.info().arm)
-        wanted = goals_named(goals, nominal, seed)
-        with connected(rover, tracker, numbers) as opened, rover.control("lrm-ident verify", take):
-            clock = RealClock()
-            rover_arm = RoverArm(rover, clock, lambda _: None, 1)
-            run = GoalRun(rover_arm, nominal, opened, numbers, clock, PoseTiming(0.0, settle, dwell), payload_g * GRAM)
-            found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
-    publish(verification_document(found, earlier), json)

@@ -48,7 +48,7 @@ SECTIONS = {
         ListedCommand("reach", "workspace", "Map what an arm can reach; compare variants of it."),
     ),
     "Drive": (
-        ListedCommand("verify", "campaign", "Send the tip to goals and measure where it lands."),
+        ListedCommand("verify", "verification", "Send the tip to goals and measure where it lands."),
     ),
 }  # fmt: skip
 COMMANDS = {command.name: command for section in SECTIONS.values() for command in section}

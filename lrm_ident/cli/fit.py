@@ -37,6 +37,7 @@ from lrm_ident.report.fit import comparison_document, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
 from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.inputs import at_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError, LrmError
@@ -128,7 +129,7 @@ def predict(
             f"{poses.name}: angles read as the options, the file beside it or the model's fit say; "
             "those written are the arm file's own, in deg"
         )
-    rest = equilibrium(the_model, load_poses(poses, the_model.arm, how))
+    rest = equilibrium(at_data(the_model, file, poses), load_poses(poses, the_model.arm, how))
     table = _predictions(rest)
     within, q = the_model.within, rest.poses.q
     if within is not None and (said := within.sentence(q)):

@@ -119,7 +119,7 @@ def _fit_shape(best: Fit, data: Measurements, key: str, tried: Sequence[float], 
 
     present = float(np.interp(best.model.value(key), tried, places))
     bracket = (max(present - 1.0, 0.0), min(present + 1.0, float(places[-1])))
-    minimize_scalar(rms_at, bounds=bracket, method="bounded", options={"maxiter": MAX_SHAPE_FITS, "xatol": 0.03})
+    minimize_scalar(rms_at, bounds=bracket, method="bounded", options={"maxiter": MAX_SHAPE_FITS, "xatol": 0.1})
     return best
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
@@ -16,10 +17,14 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.thresholds import FLOOR_RATIO, SMALL_SHARE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
+
+NEGLIGIBLE = 1e-3
+"""Part of the mean square that is no excess over the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +37,8 @@ class AutoStep:
         data: the measurements that were fitted, outliers left out.
         equivalent: the rest of its class: effects that these data cannot distinguish from it.
         freed: keys of base parameters that could be determined with it.
+        share: of the held-out mean square above the noise (all of it, where that is unknown) that it took away.
+        describes: whether it is no cause that was shown: a form of one, or a small share while much stays.
     """
 
     added: str
@@ -41,6 +48,8 @@ class AutoStep:
     equivalent: tuple[str, ...] = ()
     refines: tuple[str, ...] = ()
     freed: tuple[str, ...] = ()
+    share: float = 0.0
+    describes: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -106,7 +115,7 @@ def run_auto(
             refused = (*refused, added.name)
             now = confirm(diagnose(steps[-1].fit.model, data, kinds, progress, loss, rates), before, refused=refused)
             continue
-        steps.append(_step(added, now))
+        steps.append(_step(added, now, steps[-1].held_out))
         on_step(steps[-1])
     return AutoRun(tuple(steps), now)
 
@@ -128,7 +137,13 @@ def _added(before: ConfirmedDiagnosis, one: ScoredCandidate) -> _Added:
     )
 
 
-def _step(added: _Added, after: ConfirmedDiagnosis) -> AutoStep:
+def _step(added: _Added, after: ConfirmedDiagnosis, held_out_before: Array) -> AutoStep:
     found = after.diagnosis
     freed = tuple(key for key in found.fit.model.free if key not in added.keys)
-    return AutoStep(added.name, found.fit, after.held_out, found.data, added.equivalent, added.refines, freed)
+    now, before = (error_stats(of).rms for of in (after.held_out, held_out_before))
+    floor = found.floor.rms or 0.0
+    share = (before**2 - now**2) / max(before**2 - floor**2, now**2 * NEGLIGIBLE)
+    describes = bool(added.refines) or (share < SMALL_SHARE and now > FLOOR_RATIO * floor)
+    return AutoStep(
+        added.name, found.fit, after.held_out, found.data, added.equivalent, added.refines, freed, share, describes
+    )

@@ -16,7 +16,7 @@ from scipy.special import chdtrc
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
+from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, select_without
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
@@ -25,6 +25,9 @@ from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.thresholds import EQUIVALENT_GAIN, MIN_GAIN, WITHIN_TWO_DEVIATIONS
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
+
+MOST_REFUSED = 8
+"""Effects that are refused before the rest is left as structure: a bound on time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +77,8 @@ class ConfirmedDiagnosis:
 
     @property
     def verdict(self) -> Verdict:
-        """The diagnosis's, unless what it supports does not lower the held-out error when refitted."""
-        lost = self.diagnosis.verdict == "effect_missing" and not self.supported
-        return "unexplained_structure" if lost else self.diagnosis.verdict
+        """The diagnosis's, unless what it selected does not lower the held-out error when refitted."""
+        return "unexplained_structure" if self.refused and not self.supported else self.diagnosis.verdict
 
 
 def confirm(
@@ -85,9 +87,10 @@ def confirm(
     on_progress: Callable[[str], object] = str,
     refused: Collection[str] = (),
 ) -> ConfirmedDiagnosis:
-    """Refits the supported effects in turn until one predicts better.
+    """Refits the first supported effect; while a refit refuses it, selects again without it.
 
-    What saves far less than one that was refused had promised is no name for it: that is structure.
+    Support is conditional on what was selected before. What saves far less than one that was refused had promised is no
+    name for it: that is structure.
 
     Args:
         blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
@@ -97,47 +100,52 @@ def confirm(
     if not blocks:
         on_progress("cross-validating the model as it is")
         blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
-    supported = tuple(scored for scored in diagnosis.supported if scored.name not in refused)
     reasons = dict.fromkeys(refused, "a model with it could not be gone on with")
+    now = select_without(diagnosis, reasons) if refused else diagnosis
     promised, of = 0.0, ""
-    for number, scored in enumerate(supported):
+    while now.supported and len(reasons) < MOST_REFUSED:
+        scored = now.supported[0]
         on_progress(f"refitting with {scored.name}")
-        try:
-            refit = _refit(diagnosis, scored)
-        except LrmError as error:
-            reasons[scored.name] = f"it could not be refitted: {error}"
-            continue
-        reason = _objection(scored, refit, blocks)
-        if not reason and _share_saved(squared(refit.blocks), squared(blocks)) >= EQUIVALENT_GAIN * promised:
-            return ConfirmedDiagnosis(diagnosis, blocks, refit, supported[number:], reasons)
-        reasons[scored.name] = reason or f"it saves far less than {of} promised, which its refit refused"
-        saved = _share_saved(scored.alone.held_out, diagnosis.squared_held_out)
-        if reason and saved > promised:
-            promised, of = saved, scored.name
-    return ConfirmedDiagnosis(diagnosis, blocks, None, (), reasons)
+        trial = _tried(now, scored, blocks)
+        if trial.refit and _share_saved(squared(trial.refit.blocks), squared(blocks)) >= EQUIVALENT_GAIN * promised:
+            return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons)
+        reasons[scored.name] = trial.objection or f"it saves far less than {of} promised, which its refit refused"
+        if trial.refit:
+            break
+        if trial.fitted:
+            saved = _share_saved(scored.alone.held_out, now.squared_held_out)
+            promised, of = max((promised, of), (saved, scored.name))
+        now = select_without(now, reasons)
+    return ConfirmedDiagnosis(now, blocks, None, (), reasons)
 
 
-def _refit(diagnosis: Diagnosis, scored: ScoredCandidate) -> Refit:
-    """The refit, held out as it was fitted. Raises `LrmError`: it does not converge."""
-    effect, data, loss = scored.candidate.effect, diagnosis.data, diagnosis.loss
-    fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
-    return Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Trial of a candidate: its refit, or the objection to it; whether there was a fit at all."""
+
+    refit: Refit | None
+    objection: str = ""
+    fitted: bool = True
+
+
+def _tried(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
+    data, loss, effect = diagnosis.data, diagnosis.loss, scored.candidate.effect
+    try:
+        fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
+        if zero_p_value(fitted, [effect.keys[row] for row in scored.candidate.rows]) > WITHIN_TWO_DEVIATIONS:
+            return _Trial(None, "refitted, its own parameters lie within two standard deviations of zero")
+        refit = Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
+    except LrmError as error:
+        return _Trial(None, f"it could not be refitted: {error}", fitted=False)
+    if predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
+        return _Trial(refit)
+    before, after = in_mm(error_stats(held_out_rows(blocks)).rms), in_mm(refit.error.rms)
+    return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")
 
 
 def _share_saved(then: Array, now: Array) -> float:
     """Share of the mean square (N,) that is saved."""
     return 1.0 - float(then.mean() / now.mean())
-
-
-def _objection(scored: ScoredCandidate, refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> str:
-    """Why a refit does not confirm a candidate; empty if it does."""
-    effect, rows = scored.candidate.effect, scored.candidate.rows
-    if zero_p_value(refit.fit, [effect.keys[row] for row in rows]) > WITHIN_TWO_DEVIATIONS:
-        return "refitted, its own parameters lie within two standard deviations of zero"
-    if predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
-        return ""
-    before, after = error_stats(held_out_rows(blocks)).rms, refit.error.rms
-    return f"refitted, it does not surely predict better: {in_mm(before)} mm held out, {in_mm(after)} with it"
 
 
 def zero_p_value(fitted: Fit, keys: Collection[str]) -> float:

@@ -9,7 +9,7 @@ Of thousands of poses a part is screened, drawn at random, with those that the f
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -57,6 +57,7 @@ class Diagnosis:
         selected: by forward selection, in that order, spurious ones included.
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
         joint_jacobian: (joints, 3, n), motion of the TCP for a unit rotation of each joint (m/rad).
+        screening: what it selected from.
         outliers: numbers of the poses left out. shifted: rows that carry another row's position.
         loss: of every fit.
     """
@@ -74,6 +75,7 @@ class Diagnosis:
     not_testable: tuple[tuple[Effect, str], ...]
     joint_jacobian: Array
     screened: NDArray[np.int64]
+    screening: Screening
     outliers: tuple[int, ...] = ()
     shifted: tuple[ShiftedRows, ...] = ()
     loss: Loss = SQUARED
@@ -143,19 +145,20 @@ def diagnose(
         del found  # it holds the columns of every candidate
         before = free_base_parameters(fit(before, rest, loss=loss), rest, loss).model  # before any name
         found = _score(before, rest, kinds, progress, loss)
-    selected = _select(found, progress, rates)
+    selected = _select(replace(found, rates=rates), progress)
     if not left_out:
         return selected
     return replace(selected, outliers=tuple(sorted(left_out)), shifted=_shifted(selected, data))
 
 
 @dataclass(frozen=True, eq=False)
-class _Scores:
+class Screening:
     """Every candidate alone on what a fit leaves; attributes as of `Diagnosis`.
 
     Attributes:
         weigh, linear: relative weights of the screened rows, and the fit linearised there.
         response: of the model with every candidate in it. ranked: the testable candidates, best first.
+        rates: how often arms of this kind have each effect, where that is known.
     """
 
     fit: Fit
@@ -166,11 +169,19 @@ class _Scores:
     response: Response
     ranked: list[ScoredCandidate]
     not_testable: tuple[tuple[Effect, str], ...]
+    rates: EffectRates | None = None
+
+
+def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
+    """The same diagnosis with other effects selected: none of the refused (`effect@place`), of which those that were
+    selected beside them may not be needed, and others may."""
+    found = _select(diagnosis.screening, silent, refused)
+    return replace(found, outliers=diagnosis.outliers, shifted=diagnosis.shifted)
 
 
 def _score(
     model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: OnProgress, loss: Loss
-) -> _Scores:
+) -> Screening:
     whole = fit(model, data, loss=loss)
     screened = rows_to_screen(whole)
     fitted, part = whole.take(screened), data.take(screened)
@@ -181,16 +192,17 @@ def _score(
     response, found = differentiate_candidates(fitted.model, part.poses, testable, sensed)
     scored, undetectable = score_candidates(found, linear, weigh, progress)
     ranked = sorted(scored, key=lambda one: one.alone.rms)
-    return _Scores(whole, data, screened, weigh, linear, response, ranked, (*not_testable, *undetectable))
+    return Screening(whole, data, screened, weigh, linear, response, ranked, (*not_testable, *undetectable))
 
 
-def _select(scores: _Scores, progress: OnProgress, rates: EffectRates | None) -> Diagnosis:
+def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
     whole, data, linear, ranked = scores.fit, scores.data, scores.linear, scores.ranked
     fitted, part = whole.take(scores.screened), data.take(scores.screened)
     floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
     quiet = _like_noise(whole, data, floor, structure)
-    tried = [one for one in ranked if not quiet or one.candidate.standing == REFINEMENT]
-    weights = None if rates is None else rates.weights([one.name for one in tried])
+    possible = [one for one in ranked if one.name not in refused]
+    tried = [one for one in possible if not quiet or one.candidate.standing == REFINEMENT]
+    weights = None if scores.rates is None else scores.rates.weights([one.name for one in tried])
     selection = forward_select(tried, linear, progress, weights, [one for one in ranked if one not in tried])
     selected = selection.effects
     joint_jacobian = scores.response.slots[list(scores.response.equilibrium.model.chain.joint_slots)]
@@ -205,11 +217,12 @@ def _select(scores: _Scores, progress: OnProgress, rates: EffectRates | None) ->
         scored=(*selected, *(one for one in ranked if one not in selected)),
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
         selected=selected,
-        equivalent={one.name: equivalent_effects(selection, i, ranked) for i, one in enumerate(selected)},
+        equivalent={one.name: equivalent_effects(selection, i, possible) for i, one in enumerate(selected)},
         unexplained=unexplained_structure(selection, functions, scores.weigh),
         not_testable=scores.not_testable,
         joint_jacobian=joint_jacobian[:, :3],
         screened=scores.screened,
+        screening=scores,
         loss=whole.loss,
     )
 
@@ -248,7 +261,7 @@ def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> Linearised
     return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma)
 
 
-def _outliers(scores: _Scores) -> list[int]:
+def _outliers(scores: Screening) -> list[int]:
     """Rows farther out than twice the outlier distance of a fit, with the best single candidate and without it.
 
     Twice, because an effect that is still missing may put whole groups of poses far out. As measured: a robust loss

@@ -176,12 +176,13 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     numbers = {p.name: words.get(p.name, "0") for p in effect.parameters}
     sentence = effect.about.claim
     claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
-    if any(name in sentence for name in words):
+    left = [one for one in estimates if one[0] not in sentence]
+    if any(one not in left for one in estimates if one[2]) or not left:
         return claim
-    surest = sorted(estimates, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
+    surest = sorted(left, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
     shown = [name for name in words if name in {one[0] for one in surest}]
     surest_values = ", ".join(f"{name.removesuffix('_rad')} {words[name]}" for name in shown)
-    return f"{claim} ({surest_values}{f' and {len(words) - MOST_WORDS} more' if len(words) > MOST_WORDS else ''})"
+    return f"{claim} ({surest_values}{f' and {len(left) - MOST_WORDS} more' if len(left) > MOST_WORDS else ''})"
 
 
 def with_unit(value: float, error: float | None, unit: str) -> str:

@@ -23,7 +23,7 @@ from lrm_ident.fitting.smoothness import Smoothness
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.deployed_model import field_of
-from lrm_math.model.equilibrium import Equilibrium, measured_range
+from lrm_math.model.equilibrium import Equilibrium, equilibrium, measured_range
 from lrm_math.model.model import Model
 
 MAX_STEPS = 60
@@ -130,14 +130,15 @@ def fit(
     check_enough(len(data), len(model.free), prior)
     if field_of(model) is not None:
         raise LrmError("a residual field is fitted last, on what the causes leave; take it out first (undo)")
-    model = replace(model, within=measured_range(model, data.poses))
+    start = equilibrium(model, data.poses, near)
+    model = replace(model, within=measured_range(start))
     limits = bounds or bounds_of(model, model.free)
     smooth = Smoothness.of(model, prior)
     objective = Objective(model, data, loss, smooth.prior)
     stated = prior is not None and prior.name != WEAK  # the top of such a posterior is wanted, however flat it is
     idle = MAX_STEPS_WITH_PRIOR if stated else IDLE_STEPS
     lower, upper = limits.lower / objective.typical, limits.upper / objective.typical
-    plain = _LevenbergMarquardt(objective, smooth, lower, upper, idle, near)
+    plain = _LevenbergMarquardt(objective, smooth, lower, upper, idle, start)
     try:
         found = plain.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR)
     except FitNotConverged:

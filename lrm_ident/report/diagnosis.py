@@ -19,6 +19,7 @@ from lrm_ident.report.document import Block, Document, FoldedSection, ResultTabl
 from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.predictable_residual import PredictableResidual
+from lrm_ident.residual.residual_structure import noise_floor
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import NOT_A_CAUSE
 from lrm_ident.study.step import StudyStep
@@ -212,10 +213,21 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
     yield f"{number:3d}  {step.added or 'start':28s} {len(step.fit.model.free):3d} parameters   {errors}"
     if step.equivalent:
         yield Text(f"       or {enumerate_words(step.equivalent, RIVALS_SHOWN)}: these data cannot tell", style="dim")
-    if step.refines:
-        yield Text(f"       another form of {' or '.join(step.refines)}, no new cause", style="dim")
+    if step.added:
+        yield Text(f"       {_share_words(step)}", style="dim")
     if step.freed:
         yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
+
+
+def _share_words(step: AutoStep) -> str:
+    """Share of the error that a step took away, and whether it names a cause."""
+    known = noise_floor(step.data).rms is not None
+    took = f"took {100 * step.share:.0f} % of the mean square{' above the noise' if known else ''}"
+    if step.refines:
+        return f"{took}; description: another form of {' or '.join(step.refines)}, no new cause"
+    if step.describes:
+        return f"{took}; description: too little to name a cause while {'so much' if known else 'more'} stays"
+    return f"{took}; finding"
 
 
 def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:
@@ -258,6 +270,8 @@ def course_document(
                 "added": step.added,
                 "indistinguishable_from": step.equivalent,
                 "form_of": step.refines,
+                "share_of_excess": step.share,
+                **({"is": "description" if step.describes else "finding"} if step.added else {}),
                 "freed": step.freed,
                 "parameters": len(step.fit.model.free),
                 "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,

@@ -160,12 +160,11 @@ def _common_modes(joint_jacobian: Array, data: Measurements, rest: Equilibrium) 
         "the scale of all lengths": stretch,
     }
     constant = np.ones((len(data), 1))
+    bases = {one.symbol: np.hstack([constant, one.legendre_basis(SINGLE_DEGREE)]) for one in drivers}
     return [
-        FreeFunction(
-            None, (one.symbol,), ((motion, np.hstack([constant, one.legendre_basis(SINGLE_DEGREE)])),), None, place
-        )
+        FreeFunction(None, (symbol,), ((motion, basis),), common=place)
         for place, motion in motions.items()
-        for one in drivers
+        for symbol, basis in bases.items()
         if motion.any()
     ]
 

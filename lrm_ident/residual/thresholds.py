@@ -27,6 +27,9 @@ EQUIVALENCE_COSINE = 0.95
 EQUIVALENT_GAIN, SIMILAR_GAIN = 0.5, 0.8
 """Share of an effect's gain that one of its class must have (decision 6), and a simpler one to be taken instead
 (decision 10, set on the half for tuning of the second catalogue)."""
+SMALL_SHARE = 0.10
+"""Share of the mean square above the noise below which a step, while much stays, describes and names no cause: local
+effects that spell one common cause took 3 to 8 % each."""
 VERY_STRONG = 10.0
 """Difference of Schwarz's criterion that is very strong evidence (Kass & Raftery 1995)."""
 MIN_DETECTABLE = 3.0

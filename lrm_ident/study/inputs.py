@@ -18,6 +18,7 @@ from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import shipped_arms
+from lrm_math.model.deployed_model import after_changes
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, arm_of, to_model
@@ -54,7 +55,7 @@ def read_study(
             measured = part(measured, ())
         if how := fit_words(known.loss, measured.left_out):
             notices += (f"as in the model's fit: {how}",)
-    anchored = with_anchor(loaded, measured)
+    anchored = with_anchor(at_data(loaded, file, measured.path), measured)
     weighed = with_model_error(measured, equilibrium(anchored, measured.poses), len(anchored.free))
     return Study(
         anchored,
@@ -76,6 +77,12 @@ def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tupl
     if own and known and known.effects_sha256 not in (None, sha256_of(own)):
         return file, model, (f"{own} is not the file that {path.name} was fitted with (its SHA-256 differs)",)
     return file, model, ()
+
+
+def at_data(model: Model, file: ModelFile, data: Path) -> Model:
+    """The model at the poses of a file: that of its fit, which may have grown, or another one, measured since."""
+    known = file.provenance
+    return model if known is None or known.data == data.name else after_changes(model)
 
 
 def read_measurements(

@@ -54,7 +54,7 @@ BODY = """<header>
 <section>
 <h2>Which effect</h2>
 <div class="two"><div><div id="lrm-ranking-head"></div><div id="lrm-ranking" aria-label="candidates"></div></div>
-<div id="lrm-detail"></div></div>
+<div><div id="lrm-what-if" class="lrm-controls screen-only" hidden></div><div id="lrm-detail"></div></div></div>
 <p class="lrm-soft screen-only">Choose an effect to see what it would add to the model.</p>
 <div class="two"><div id="lrm-added" class="lrm-figure medium"></div>
 <div id="lrm-form" class="lrm-figure medium"></div></div>

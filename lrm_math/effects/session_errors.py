@@ -68,7 +68,7 @@ class Drift(_SessionError):
         formula="A (1 − exp(−t/T)), and c (temperature − first temperature) where measured",
         source="first-order warm-up; 15 °C in ten minutes seen on RC servos",
         claim="{place} drifts as it warms up",
-        needs="times (t_s); a pose order that does not run with one joint",
+        needs="times (t_s), or poses numbered as they were measured; an order that does not run with one joint",
     )
 
     @property
@@ -93,14 +93,14 @@ class Drift(_SessionError):
     def _courses(self, poses: Poses, time_constant: float) -> tuple[Array, Array]:
         """(N,) each: 1 − exp(−t/T), and temperature − first temperature (K); zero where not measured."""
         still = np.zeros(len(poses))
-        warm = still if poses.t is None else 1.0 - np.exp(-poses.t / time_constant)
+        warm = still if poses.clock is None else 1.0 - np.exp(-poses.clock / time_constant)
         heat = still if poses.warmed is None else poses.warmed
         return warm, heat
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
-        """Times or temperatures must be known."""
-        if excitation.poses.t is None and excitation.poses.temperature is None:
-            return "the data have neither times (t_s) nor temperatures (temp_c)"
+        """Times, temperatures or the order must be known."""
+        if excitation.poses.clock is None and excitation.poses.temperature is None:
+            return "the data have neither times (t_s) nor temperatures (temp_c), and no order of poses"
         return None
 
 

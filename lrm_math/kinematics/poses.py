@@ -11,6 +11,9 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number
 
+PACE_S = 10.0
+"""From pose to pose, where no times were measured: what drifts follows their order then."""
+
 
 @dataclass(frozen=True, eq=False)
 class Poses:
@@ -54,6 +57,11 @@ class Poses:
 
     def __len__(self) -> int:
         return len(self.q)
+
+    @property
+    def clock(self) -> Array | None:
+        """(N,), time since the start (s); where it was not measured, `PACE_S` for each pose by its number; or None."""
+        return PACE_S * self.number.astype(np.float64) if self.t is None and self.number is not None else self.t
 
     def names(self, rows: ArrayLike) -> list[int]:
         """The numbers of some rows."""

@@ -62,6 +62,12 @@ def _part(model: Model, effects: Collection[Effect]) -> Model:
     return replace(part, free=tuple(key for key in model.free if key in keys))
 
 
+def after_changes(model: Model) -> Model:
+    """The model at poses that were measured after those of its fit: no moment of a change is still to come."""
+    moments = np.array([parameter.unit == "pose" for parameter in model.parameters], dtype=np.bool_)
+    return model.with_values(np.where(moments, 0.0, model.values)) if moments.any() else model
+
+
 def clock_of(model: Model) -> PwmClock | None:
     """The clock of the servo board whose rounding is an effect of a model; None without that effect."""
     return next((PwmClock(p[0], p[1]) for effect, p in model.parts() if isinstance(effect, Quantisation)), None)

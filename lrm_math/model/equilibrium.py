@@ -116,12 +116,12 @@ def equilibrium(
     return Equilibrium(model, poses, tuple(found.slots), tuple(found.tau), measured, true, found.number)
 
 
-def measured_range(model: Model, poses: Poses) -> MeasuredRange:
-    """The range of some poses and of the loads that a model finds at them. Raises `NoEquilibrium`."""
-    rest, chain = equilibrium(model, poses), model.chain
-    slots = sorted({*model.load_slots, *chain.joint_slots})
+def measured_range(rest: Equilibrium) -> MeasuredRange:
+    """The range of some poses and of the loads at them."""
+    poses, chain = rest.poses, rest.model.chain
+    slots = sorted({*rest.model.load_slots, *chain.joint_slots})
     loads = {chain.slots[k].key: _ends(column) for k, column in zip(slots, rest.loads_on(slots).T, strict=True)}
-    for k, load in zip(model.load_slots, rest.tau, strict=True):
+    for k, load in zip(rest.model.load_slots, rest.tau, strict=True):
         loads[chain.slots[k].key] = _ends(np.atleast_1d(load))
     times = {name: None if of is None else _ends(of) for name, of in (("t", poses.t), ("running", poses.running))}
     return MeasuredRange(tuple(map(_ends, poses.q.T)), _ends(poses.payload), loads, **times)

@@ -16,8 +16,9 @@ pytest.importorskip("lerobot", reason="LeRobot is not installed (it needs torch;
 pytest.importorskip("scservo_sdk", reason="feetech-servo-sdk is not installed")
 
 import lerobot_robot_lrm  # noqa: F401  (registers, where it is not installed for LeRobot to find)
+from examples.so101.launch import simulated_so101
 from validation.lerobot_robot.closed_loop import closed_loop
-from validation.lerobot_robot.simulated_follower import MOTORS, follower, patiently, simulated_so101
+from validation.lerobot_robot.simulated_follower import MOTORS, follower, patiently
 
 MODEL = """\
 schema = "lrm/model/1"

@@ -15,9 +15,10 @@ pytest.importorskip("lerobot", reason="LeRobot is not installed (it needs torch;
 pytest.importorskip("scservo_sdk", reason="feetech-servo-sdk is not installed")
 
 from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth, tip_after
+from examples.so101.launch import simulated_so101
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_math.arm.arm_file import load_arm
-from validation.lerobot_robot.simulated_follower import MOTORS, ROBOT_ID, simulated_so101
+from validation.lerobot_robot.simulated_follower import MOTORS, ROBOT_ID
 from validation.synthetic import load_arm as described_arm
 
 PATIENT_COMMAND = """

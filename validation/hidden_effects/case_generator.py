@@ -19,6 +19,7 @@ from validation.synthetic import (
     FrictionLag,
     HardeningSpring,
     HiddenEffect,
+    JointSlip,
     LinkBending,
     OneSidedGain,
     SessionStep,
@@ -188,6 +189,15 @@ def warms(joint: int, final_deg: float) -> HiddenEffectCase:
         f"warm{joint}",
         f"drift@joint{joint}",
         lambda by: WarmUp(joint, by.sign() * by.size(final_deg * DEG), by.size(30.0 * MINUTE_S)),
+    )
+
+
+def slip(joint: int, size_deg: float) -> HiddenEffectCase:
+    """A joint that slips once, while it is measured."""
+    return case(
+        f"slip{joint}",
+        f"change_point@joint{joint}",
+        lambda by: JointSlip(joint, by.sign() * by.size(size_deg * DEG), by.size(14.0 * MINUTE_S)),
     )
 
 

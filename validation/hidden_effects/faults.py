@@ -208,11 +208,13 @@ CASES = (
 
 @dataclass(frozen=True)
 class FaultOutcome:
-    """The steps of `auto`, each with its class, the verdict of the report, and what is left over the noise."""
+    """The steps of `auto`, each with its class, which of them are findings, the verdict of the report, and what is left
+    over the noise."""
 
     case: FaultCase
     right: tuple[str, ...]
     steps: tuple[tuple[str, ...], ...]
+    findings: tuple[bool, ...]
     verdict: str
     ratio: float
 
@@ -221,6 +223,12 @@ class FaultOutcome:
         """First names of steps in whose class nothing is right."""
         new = [step for step in self.steps if step[0].partition("@")[0] not in ALWAYS_TRUE]
         return tuple(step[0] for step in new if not set(step) & set(self.right))
+
+    @property
+    def false_findings(self) -> tuple[str, ...]:
+        """Those of them that are said to be findings."""
+        said = {step[0] for step, finding in zip(self.steps, self.findings, strict=True) if finding}
+        return tuple(name for name in self.false_names if name in said)
 
     @property
     def honest(self) -> bool:
@@ -239,9 +247,12 @@ def examine(case: FaultCase, half: str, number: int, poses: int) -> FaultOutcome
     try:
         run = run_auto(fit_identifiable(model, data, model.keys).fit.model, data)
     except LrmError as error:
-        return FaultOutcome(case, right, (), str(error), np.nan)
+        return FaultOutcome(case, right, (), (), str(error), np.nan)
     steps = tuple(step.names for step in run.steps[1:])
-    return FaultOutcome(case, right, steps, report_of(run.confirmed).verdict, run.steps[-1].fit.sigma / NOISE_M)
+    findings = tuple(not step.describes for step in run.steps[1:])
+    return FaultOutcome(
+        case, right, steps, findings, report_of(run.confirmed).verdict, run.steps[-1].fit.sigma / NOISE_M
+    )
 
 
 def spoiled(case: FaultCase, seed: int, count: int) -> tuple[Measurements, tuple[str, ...]]:
@@ -262,16 +273,22 @@ def spoiled(case: FaultCase, seed: int, count: int) -> tuple[Measurements, tuple
 
 def table(outcomes: Sequence[FaultOutcome]) -> str:
     """Totals, then every run, as Markdown."""
-    false, honest = (sum(map(bool, of)) for of in ([o.false_names for o in outcomes], [o.honest for o in outcomes]))
-    rows = [
-        (one.case.name, " > ".join(" or ".join(step) for step in one.steps) or "–", one.verdict, f"{one.ratio:.2f}")
-        for one in outcomes
-    ]
+    false, said, honest = (
+        sum(map(bool, of)) for of in zip(*((o.false_names, o.false_findings, o.honest) for o in outcomes), strict=True)
+    )
+    rows = [(one.case.name, _steps(one), one.verdict, f"{one.ratio:.2f}") for one in outcomes]
     head = (
-        f"{len(outcomes)} runs: a false name in {false}, first name or verdict right in {honest} "
-        "(*left*: residual over the noise)."
+        f"{len(outcomes)} runs: a false name in {false}, as a finding in {said}, first name or verdict right in "
+        f"{honest} (*left*: residual over the noise; in brackets: steps that only describe)."
     )
     return f"{head}\n\n{markdown_table(('fault', 'named', 'verdict', 'left'), rows)}"
+
+
+def _steps(one: FaultOutcome) -> str:
+    """Names of the steps with their classes; those that only describe in brackets."""
+    named = [" or ".join(step) for step in one.steps]
+    said = (name if finding else f"({name})" for name, finding in zip(named, one.findings, strict=True))
+    return " > ".join(said) or "–"
 
 
 def main() -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth
+from examples.so101.launch import simulated_so101
 from lrm_math.arrays import Array
 from validation.lerobot_robot.fitted_model import fit_hidden
-from validation.lerobot_robot.simulated_follower import angles_of, follower, patiently, rest_at, simulated_so101
+from validation.lerobot_robot.simulated_follower import angles_of, follower, patiently, rest_at
 from validation.synthetic import ArmDescription, GroundTruth, Schedule, load_arm, random_poses, true_state
 
 GOALS, LIMIT_DEG = 8, 50.0

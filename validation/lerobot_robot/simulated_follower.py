@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -23,8 +21,6 @@ from lrmd.sim.control_socket import query_board
 
 MOTORS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
 ROBOT_ID = "simulated"
-SPEED = 10.0
-"""Of the simulated clock."""
 TRIES = 20
 Answer = TypeVar("Answer")
 
@@ -34,22 +30,6 @@ class Parsed:
     """What LeRobot's commands parse, as far as it is needed."""
 
     robot: RobotConfig
-
-
-@contextmanager
-def simulated_so101(folder: Path, effect: str, seed: int) -> Iterator[Path]:
-    """Runs the bus; yields its serial device."""
-    link = folder / "so101"
-    words = [sys.executable, "-m", "examples.so101", str(link), effect, str(seed), str(SPEED)]
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout is not None
-        if not process.stdout.readline():
-            raise RuntimeError(f"the simulated bus ended with exit code {process.wait()}")
-        yield link
-    finally:
-        process.terminate()
-        process.wait()
 
 
 @contextmanager

@@ -164,6 +164,18 @@ class WarmUp(HiddenEffect):
 
 
 @dataclass(frozen=True)
+class JointSlip(HiddenEffect):
+    """A joint that stands elsewhere from one moment on: a belt that skips a tooth, a horn that slips."""
+
+    joint: int
+    size_rad: float
+    since_s: float
+
+    def added_angles(self, load: JointLoad) -> Array:
+        return at_joint(self.joint, np.where(load.poses.time_s >= self.since_s, self.size_rad, 0.0), load.tau_nm)
+
+
+@dataclass(frozen=True)
 class SessionStep(HiddenEffect):
     """Zero offset of a joint that changes at power-on: one angle per session."""
 

@@ -13,7 +13,7 @@ from lrm_ident.measuring.recordings.lerobot import read_lerobot, rests_csv
 from lrm_ident.study.model_history import arm_name_for
 from lrm_math.arm.arm_file import load_arm
 
-LEROBOT, LEROBOT_ROBOT = "lerobot", "lerobot:"
+LEROBOT = "lerobot"
 SO101 = "so101"
 
 

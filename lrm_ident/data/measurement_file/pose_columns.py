@@ -9,6 +9,7 @@ import numpy as np
 
 from lrm_ident.data.apply_reading import read_joints
 from lrm_ident.data.number_table import NumberTable
+from lrm_ident.data.pose_table import angle_columns, full_turns
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -120,9 +121,16 @@ def rotations_of(unit: Array) -> Array:
 
 
 def read_feedback(table: NumberTable, arm: Arm, how: Reading) -> Array | None:
-    """(N, n), what the joints' encoders read (rad), NaN where a cell is empty; None without such columns."""
+    """(N, n), what the joints' encoders read (rad), NaN where a cell is empty; None without such columns.
+
+    An encoder that counts from 0 to 360 deg is read in the turn of the command.
+    """
     columns = feedback_columns(arm)
-    return np.radians(read_joints(how, table.stack(columns))) if table.has(columns) else None
+    if not table.has(columns):
+        return None
+    read, stated = (np.radians(read_joints(how, table.stack(names))) for names in (columns, angle_columns(arm)))
+    turn = 2.0 * np.pi
+    return np.asarray(read + turn * np.round((full_turns(stated, arm)[0] - read) / turn))
 
 
 def covariance_columns(covariance: Array) -> list[tuple[str, Array, int]]:

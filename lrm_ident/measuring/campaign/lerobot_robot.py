@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError, UnknownName
 
 KIND = "lerobot:"
+SUFFIX, MOST_TORQUE = ".pos", 1000
+"""Ending of a joint's position; a Feetech servo's greatest torque, in thousandths."""
 CONNECTS = 3
 """Number of attempts: LeRobot asks each motor once, and a bus loses an answer now and then."""
 SET = {"use_degrees": True, "disable_torque_on_disconnect": False}
@@ -42,6 +46,80 @@ def robot_of(text: str) -> Any:
         return make_robot_from_config(known[kind](**options))
     except (TypeError, ValueError) as error:
         raise LrmError(f"--robot {text}: {_one_line(error)}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class LeRobotServos:
+    """See `Servos`. `robot`: a connected robot of LeRobot, in degrees."""
+
+    robot: Any
+    joints: tuple[str, ...]
+
+    @classmethod
+    def of(cls, robot: Any, arm: Arm) -> LeRobotServos:
+        """The servos of an arm's joints. Raises `LrmError`: they are not the robot's, or have no registers to read."""
+        names = tuple(joint.name or f"joint{i}" for i, joint in enumerate(arm.joints, start=1))
+        have = [key.removesuffix(SUFFIX) for key in robot.action_features if key.endswith(SUFFIX)]
+        if missing := [name for name in names if name not in have]:
+            raise LrmError(f"{robot.name} has no '{missing[0]}' of {arm.name}; it has {', '.join(have)}")
+        if getattr(robot, "bus", None) is None:
+            raise LrmError(f"{robot.name} has no motor bus whose temperature can be read; measuring needs it")
+        return cls(robot, names)
+
+    @property
+    def name(self) -> str:
+        """See `Servos`."""
+        return str(self.robot.name)
+
+    def angles(self) -> tuple[float, ...]:
+        """See `Servos`."""
+        values = self.robot.get_observation()
+        return tuple(math.radians(float(values[f"{name}{SUFFIX}"])) for name in self.joints)
+
+    @property
+    def step(self) -> float:
+        """See `Servos`: LeRobot takes any angle, and rounds it by itself."""
+        return 0.0
+
+    def beyond_limits(self, q: Sequence[float]) -> str:
+        """See `Servos`: by the ranges that the robot was calibrated with, about whose middle LeRobot counts angles."""
+        bus = self.robot.bus
+        for name, angle in zip(self.joints, q, strict=True):
+            swept, turn = bus.calibration[name], bus.model_resolution_table[bus.motors[name].model] - 1
+            most = 180.0 * (swept.range_max - swept.range_min) / turn
+            if abs(at := math.degrees(angle)) > most:
+                return f"{name}: {at:.1f} deg is beyond the {most:.0f} deg to either side of its calibration"
+        return ""
+
+    def command(self, q: Sequence[float]) -> None:
+        """See `Servos`."""
+        keys = (f"{name}{SUFFIX}" for name in self.joints)
+        self.robot.send_action(dict(zip(keys, map(math.degrees, q), strict=True)))
+
+    def powered(self) -> Mapping[str, bool]:
+        """See `Servos`."""
+        return {name: bool(value) for name, value in self._read("Torque_Enable").items()}
+
+    def temperature(self) -> Mapping[str, float]:
+        """See `Servos`."""
+        return {name: float(value) for name, value in self._read("Present_Temperature").items()}
+
+    def bound_torque(self, share: float) -> None:
+        """See `Servos`."""
+        bus = self.robot.bus
+        for name in self.joints:
+            if "Torque_Limit" in bus.model_ctrl_table[bus.motors[name].model]:
+                bus.write("Torque_Limit", name, round(share * MOST_TORQUE))
+
+    def forget_late_answers(self) -> None:
+        """See `Servos`: LeRobot would take them for answers to what is asked next."""
+        port = getattr(getattr(self.robot.bus, "port_handler", None), "ser", None)
+        if port is not None:
+            port.reset_input_buffer()
+
+    def _read(self, register: str) -> Mapping[str, Any]:
+        found = dict(self.robot.bus.sync_read(register, list(self.joints)))
+        return {name: found[name] for name in self.joints}
 
 
 @contextmanager

@@ -67,6 +67,10 @@ class RoverArm:
             raise MotionInterrupted(self.standing.mode, self.standing.why)
         return ArmState(goal, self.direction, temperature, self.session)
 
+    def commanded(self) -> tuple[float, ...]:
+        """See `CampaignArm`."""
+        return tuple(self.rover.commanded_q())
+
     def disturbed(self) -> str:
         """See `CampaignArm`."""
         try:

@@ -28,6 +28,9 @@ class CampaignArm(Protocol):
     def go(self, pose: PlannedPose) -> ArmState:
         """Moves there and waits. Raises `Unreachable`; other `LrmError`s end the campaign."""
 
+    def commanded(self) -> tuple[float, ...]:
+        """(n,), angles that are commanded now (rad)."""
+
     def disturbed(self) -> str:
         """Changes since `go`, so that the arm may not stand there any more, in words; empty if nothing has."""
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
 from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.measuring.campaign.data_file import CampaignHead, DataFile
-from lrm_ident.measuring.campaign.lerobot_arm import LeRobotArm
-from lrm_ident.measuring.campaign.lerobot_robot import connected_robot
+from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
+from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
+from lrm_ident.measuring.campaign.rover_solver import DaemonSolver
 from lrm_ident.measuring.campaign.run import (
     CampaignArm,
     CampaignProgress,
@@ -24,9 +26,13 @@ from lrm_ident.measuring.campaign.run import (
     PoseCampaign,
     PoseTiming,
 )
+from lrm_ident.measuring.campaign.servo_arm import ServoArm, Servos
 from lrm_ident.measuring.campaign.zenoh_tracker import ZenohTracker
+from lrm_ident.measuring.feetech.servos import KIND as FEETECH
+from lrm_ident.measuring.feetech.servos import connected_bus
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import open_tracker
+from lrm_ident.measuring.verification.goal_commands import GoalSolver, ModelSolver
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
@@ -54,7 +60,8 @@ class RealClock:
 class DrivenArm:
     """An arm that is ready to be driven. `robot`: its name. `joints`: how many it has. `start`: commanded angles (rad).
 
-    `power_on`: name of the servos' present power-on session.
+    `power_on`: name of the servos' present power-on session. `solver`: gives its inverse kinematics; without a daemon
+    with the model of a file, or of the arm as drawn.
     """
 
     arm: CampaignArm
@@ -62,6 +69,7 @@ class DrivenArm:
     joints: int
     start: tuple[float, ...]
     power_on: str
+    solver: Callable[[Path | None], GoalSolver]
 
 
 Loads: TypeAlias = Callable[[float], object]
@@ -97,7 +105,7 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
     file = DataFile(output, order.arm.dof)
     file.check_plan(plan.sha256)
     clock: Clock = RealClock()
-    with file, order.track() as tracker, order.drive(clock, order.loads) as driven:
+    with order.track() as tracker, order.drive(clock, order.loads) as driven, file:
         if driven.joints != order.arm.dof:
             raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {driven.robot} has {driven.joints}")
         first = first_frame(tracker, order.tracker)
@@ -111,30 +119,46 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
         return AdaptiveCampaign(campaign, order.arm, goal, order.on_findings).run(plan.poses, file)
 
 
-def by_daemon(rover: Rover, take: bool) -> OpenArm:
-    """The arm of a daemon, its lease held meanwhile."""
+def by_daemon(rover: Rover, take: bool, client: str = "lrm-ident measure") -> OpenArm:
+    """The arm of a daemon, its lease held meanwhile by a client of that name."""
 
     @contextmanager
     def drive(clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
         """Acquires the lease."""
-        with rover.control("lrm-ident measure", take):
+        with rover.control(client, take):
             arm = RoverArm(rover, clock, loads, 1)
-            yield DrivenArm(arm, arm.info.robot, len(arm.names), tuple(rover.commanded_q()), power_on(rover))
+            solver = DaemonSolver.of(rover)
+            yield DrivenArm(arm, arm.info.robot, len(arm.names), arm.commanded(), power_on(rover), lambda _: solver)
 
     return drive
 
 
-def by_lerobot(text: str, arm: Arm) -> OpenArm:
-    """The arm of a robot of LeRobot, see `connected_robot`. Every connection counts as a power-on session."""
+def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
+    """The arm of bare servos (`connected_bus`) or of a robot of LeRobot (`connected_robot`), as the text names it.
+
+    Every connection counts as a power-on session. `speed`: rad/s of the fastest joint.
+    """
 
     @contextmanager
     def drive(clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
-        """Connects the robot."""
-        with connected_robot(text) as robot:
-            driven = LeRobotArm(robot, arm, clock, loads)
-            yield DrivenArm(driven, text, arm.dof, driven.seen(), f"lerobot-{time.time_ns()}")
+        """Connects the servos."""
+        with ExitStack() as held:
+            servos: Servos
+            if text.startswith(FEETECH):
+                servos = held.enter_context(connected_bus(text, arm))
+            else:
+                servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
+            driven = ServoArm(servos, arm, clock, loads, speed)
+            session = f"{text.partition(':')[0]}-{time.time_ns()}"
+            solver = partial(ModelSolver.of, arm=arm, rounded=driven.rounded)
+            yield DrivenArm(driven, text, arm.dof, driven.seen(), session, solver)
 
     return drive
+
+
+def drives_servos(robot: str) -> bool:
+    """Whether a text names servos of its own, and not a daemon."""
+    return robot.startswith((FEETECH, LEROBOT))
 
 
 def first_frame(tracker: Tracker, name: str) -> TrackerFrame:

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from examples.so101 import memory_table as table
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import STEP, STS3215, FeetechServo
-from examples.so101.packets import BROADCAST, Instruction, Packet, PacketReader
+from lrm_ident.measuring.feetech import memory_table as table
+from lrm_ident.measuring.feetech.packets import BROADCAST, Instruction, Packet, PacketReader
 
 PACKETS = st.builds(Packet, st.integers(0, 253), st.integers(0, 0x83), st.binary(max_size=40))
 

@@ -105,7 +105,7 @@ def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Pa
     assert course["held_out_effects_fixed"]["rms_mm"] <= course["held_out"]["rms_mm"] + 0.01 < 1.25 * 0.3 * 3**0.5
     assert [entry["step"] for entry in tomllib.loads((folder / "best.toml").read_text())["history"]] == [
         "fit",
-        "add backlash@joint2",
+        "add backlash@joint2, or nonlinear_stiffness@joint2: these data cannot tell",
     ]
 
 

@@ -90,6 +90,22 @@ def test_written_and_read_again(so101: Arm, tmp_path: Path) -> None:
     assert again.whitening.measured[4] == 6 + 4
 
 
+def test_encoders_that_count_from_0_to_360_deg_read_the_turn_of_the_command(so101: Arm, tmp_path: Path) -> None:
+    path, again = tmp_path / "plain.csv", []
+    plain = measurements_csv(measured(hidden(so101), 12, 1)).splitlines()
+    header = plain[0].split(",")
+    turned = [line.split(",") for line in plain[1:]]
+    for row in turned:
+        for j in (header.index(f"q{i}_meas_deg") for i in range(1, so101.dof + 1)):
+            row[j] = repr(float(row[j]) % 360.0)
+    for rows in (plain[1:], [",".join(row) for row in turned]):
+        path.write_text("\n".join([plain[0], *rows]) + "\n")
+        path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\nfeedback_sd_deg = 0.1\n')
+        again.append(load_measurements(path, so101).feedback)
+    assert again[0] is not None
+    np.testing.assert_allclose(again[1], again[0], atol=1e-9)
+
+
 def test_scatter_of_positions_alone(so101: Arm, tmp_path: Path) -> None:
     """A covariance without an orientation weighs the positions, along the axes that it is read in."""
     C = np.diag([3e-4, 4e-4, 3e-3, 1.0, 1.0, 1.0]) ** 2

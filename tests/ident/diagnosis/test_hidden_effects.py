@@ -39,6 +39,7 @@ from validation.synthetic import (
     HardStop,
     HiddenEffect,
     HingedLink,
+    JointSlip,
     LiftingBase,
     LinkBending,
     OneSidedGain,
@@ -77,6 +78,8 @@ OF_SIZE_ZERO = [
     LinkBending(2, 0.0, (1.0, 2.0)),
     OneSidedGain(1, 1, 0.0, 0.1),
     SessionStep(1, (0.0, 0.0)),
+    JointSlip(2, 0.0, 400.0),
+    JointSlip(2, 0.0, 400.0),
     SkewTracker(NONE, NONE, NONE),
     SoftPlay(2, 0.0, 0.04),
     WarmUp(2, 0.0, 1000.0),
@@ -101,7 +104,7 @@ OF_SIZE_ZERO = [
 PLACE = re.compile(
     r"(backlash|hysteresis|servo_gain|eccentricity|nonlinear_stiffness|cable_spring)@joint[1-6]"
     r"|coupling@joint[1-6]<-joint[1-6]|lateral_compliance@link[1-5]|mass@link[1-6]|base_compliance@base|payload@tool"
-    r"|drift@(joint[1-6]|base)|session@joint[1-6]|measurement_frame@frame"
+    r"|drift@(joint[1-6]|base)|(session|change_point)@joint[1-6]|measurement_frame@frame"
 )
 
 
@@ -328,7 +331,7 @@ def test_cases_cover_the_vocabulary() -> None:
         assert case.truth
         assert all(PLACE.fullmatch(place) for place in case.truth), case.name
     named = {place.partition("@")[0] for case in SINGLE.values() for place in case.truth or ()}
-    assert len(named) == 14  # those of DESIGN but offsets, compliance (always fitted) and quantisation (known)
+    assert len(named) == 15  # all but those that are always fitted or known
     assert all(case.truth is None for case in OUTSIDE.values())
 
 

@@ -18,9 +18,11 @@ from scipy.spatial import cKDTree
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
+from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.error_field import joint_turns
 from lrm_math.arrays import Array
+from lrm_math.effects import Description
 
 SHARE = 0.2
 """Part of a joint's lever below which its turn cannot be observed at a pose, as a share of the RMS lever."""
@@ -38,7 +40,8 @@ class CandidateView:
         joint: from 0, the one whose turn its motion is most like. driver: name of what its form is a function of.
         second: name of the other driver of a form of two, else "". refused: why it cannot be the cause, else "".
         form: (M,), the turn of that joint that the candidate says (rad). around: (M,), with what would then be left.
-        observable: (M,), whether the joint's lever is long enough to observe a turn.
+        observable: (M,), whether the joint's lever is long enough to observe a turn. about: texts of the effect.
+        size: estimate that `added` is of, in the file's unit, with that unit, where the effect has one parameter.
     """
 
     name: str
@@ -51,6 +54,8 @@ class CandidateView:
     form: Array
     around: Array
     observable: NDArray[np.bool_]
+    about: Description
+    size: tuple[float, str] | None = None
 
 
 def candidate_view(
@@ -84,7 +89,16 @@ def candidate_view(
         form=_drawn(turns[joint], rows),
         around=_drawn(around, rows),
         observable=observable[rows] & (rows >= 0),
+        about=scored.candidate.effect.about,
+        size=_size(scored),
     )
+
+
+def _size(scored: ScoredCandidate) -> tuple[float, str] | None:
+    if scored.size != 1:
+        return None
+    [parameter], [theta] = scored.candidate.parameters, scored.alone.theta
+    return float(theta * parameter.typical / parameter.si), parameter.unit
 
 
 def _drawn(values: Array, rows: NDArray[np.int64]) -> Array:

@@ -63,7 +63,13 @@ function lrmCandidates(page) {
       "lrm-soft"));
     if (one.rivals.length) lines.push(element("p", "These data cannot tell it from " + one.rivals.join(", ") + ".", "lrm-soft"));
     numbers.append(element("summary", `${one.estimates.length} coefficients, p ${one.p}`), element("p", one.estimates.join(", ")));
-    return [...lines, numbers];
+    return [...lines, explained(one.about), numbers];
+  }
+
+  function explained(about) {
+    const box = element("details", "", "lrm-soft lrm-explain"), lines = [about.cause, about.formula, about.needs && `Shown by ${about.needs}.`, about.source];
+    box.append(element("summary", "Explain"), ...lines.filter(Boolean).map((text) => element("p", text)));
+    return box;
   }
 
   function drawHead() {

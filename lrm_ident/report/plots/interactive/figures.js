@@ -4,7 +4,7 @@
 const lrm = (() => {
   const PAPER_RATIO = 3, GLIDE_MS = 1000;
   const { colour, layout, binned, range, onPaper, CONFIG } = lrmChart;
-  const state = { values: null, step: 0, beside: null, joint: 0, driver: "", candidate: null, brushed: null, pose: null };
+  const state = { values: null, step: 0, beside: null, joint: 0, driver: "", candidate: null, brushed: null, pose: null, size: 0 };
   const scenes = {};
   const place = (id) => document.getElementById("lrm-" + id);
   const emit = (name, value) => { if (window.lrmEmit) window.lrmEmit(name, value); };
@@ -79,6 +79,7 @@ const lrm = (() => {
 
   const page = { state, place, element, draw, selected, wireScatter, words };
   const { candidate, drawCandidate, drawRanking } = lrmCandidates(page);
+  const whatIf = lrmWhatIf(page);
   const { tellFall, tellVerdict, drawHistory, drawCards } = lrmSteps(page);
 
   // ---- the error field
@@ -105,14 +106,22 @@ const lrm = (() => {
     requestAnimationFrame(frame);
   }
 
-  function drawStep(id, number, bar, residual = state.values.steps[number]?.residual) {
+  function drawStep(id, number, bar, residual = left(number)) {
     const v = state.values, step = v.steps[number], box = place(id), chosen = selected();
     if (!box || !step) return;
+    const title = whatIf.active(number, candidate())
+      ? `what if: RMS ${words(whatIf.rms(residual))} mm, before any refit` : `${number} ${step.title}: RMS ${step.rms} mm`;
     const deed = { hover, toggle, mark: (rows) => brush(new Set(rows.map((row) => v.pose[row]))) };
     scenes[id] = scenes[id] || lrmScene(box, deed);
-    scenes[id].show({ title: `${number} ${step.title}: RMS ${step.rms} mm`, box: boxOfField(), bar,
+    scenes[id].show({ title, box: boxOfField(), bar,
       tcp: v.tcp, residual, magnification: v.scale.magnification, largest: v.scale.largest,
       colours: v.scale.colours, marked: chosen && new Set(chosen), row: rowOfPose(), arms: arms() });
+  }
+
+  // The residual of a step; of the last one without what the chosen effect would explain at the size that is tried.
+  function left(number) {
+    const one = candidate(), residual = state.values.steps[number]?.residual;
+    return residual && whatIf.active(number, one) ? whatIf.without(residual, one.added) : residual;
   }
 
   // The same for all steps and poses: the measured positions, the arms, and all but the longest arrows of the first step.
@@ -184,7 +193,9 @@ const lrm = (() => {
   function drawTurn() {
     const v = state.values, driver = v.drivers.find((d) => d.name === state.driver), step = v.steps[state.step];
     if (!driver || !step) return;
-    const y = step.turns[state.joint], means = binned(driver.values, y), one = candidate();
+    const one = candidate(), turns = step.turns[state.joint];
+    const y = whatIf.active(state.step, one) ? whatIf.without(turns, one.turns[state.joint]) : turns;
+    const means = binned(driver.values, y);
     const seen = range(y, v.steps[0].turns[state.joint]); // the same for all steps
     const traces = [
       { type: "scatter", mode: "markers", name: "residual, as a turn", x: driver.values, y, selectedpoints: selected(),
@@ -205,6 +216,14 @@ const lrm = (() => {
     }, wireScatter);
   }
 
+  // ---- the effect that may be added
+
+  function drawWhatIf() {
+    const tried = state.size;
+    whatIf.draw(state.step === state.values.steps.length - 1 ? candidate() : null, () => { drawField(); drawTurn(); });
+    if (tried && !state.size) drawField();
+  }
+
   // ---- the steps that were taken
 
   function choose(name) {
@@ -217,6 +236,7 @@ const lrm = (() => {
     }
     drawRanking(choose);
     drawCandidate();
+    drawWhatIf();
     drawTurn();
     emit("lrm_choose", name);
   }
@@ -227,7 +247,7 @@ const lrm = (() => {
     state.step = number;
     fill();
     if (from) glide(from.residual);
-    drawTurn(); drawHistory(showStep); tell();
+    drawWhatIf(); drawTurn(); drawHistory(showStep); tell();
     emit("lrm_step", number);
   }
 
@@ -288,7 +308,7 @@ const lrm = (() => {
 
   function redraw() {
     if (!state.values) return;
-    fill(); drawRanking(choose); drawField(); drawArm(); tell(); drawTurn(); drawHistory(showStep); drawCandidate(); drawCards();
+    fill(); drawRanking(choose); drawWhatIf(); drawField(); drawArm(); tell(); drawTurn(); drawHistory(showStep); drawCandidate(); drawCards();
   }
 
   function show(values) {

@@ -10,6 +10,7 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm
+from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS
 from lrm_ident.report.diagnosis import MARKS
 from lrm_ident.report.history import data_of
 from lrm_ident.report.model_report import ModelReport
@@ -191,6 +192,8 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
             f"{key} = {one['value']:.4g}" + (f" ± {one['se']:.2g}" if one["se"] else "")
             for key, one in advice["parameters"].items()
         ],
+        "size": _size(view),
+        "about": {name: getattr(view.about, name) for name in ("cause", "formula", "needs", "source")},
         "added": rounded(view.added * 1e3, UM),
         "turns": rounded(np.degrees(view.turns), ANGLE),
         "joint": view.joint,
@@ -199,3 +202,12 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
         "form": rounded(np.where(observable, np.degrees(view.form), np.nan), ANGLE),
         "around": rounded(np.where(observable, np.degrees(view.around), np.nan), ANGLE),
     }
+
+
+def _size(view: CandidateView) -> dict[str, object] | None:
+    """Size of an effect that has one, as `added` shows it, in the unit that is shown; None of others."""
+    if view.size is None:
+        return None
+    value, unit = view.size
+    scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
+    return {"value": value * scale, "unit": symbol}

@@ -1,4 +1,4 @@
-"""The arm of a campaign, driven through LeRobot: straight slow moves in joint space, watched by its own encoders.
+"""The arm of a campaign, driven servo by servo: straight slow moves in joint space, watched by its own encoders.
 
 Nothing is known of obstacles here: every pose and the straight way to it has to be free.
 """
@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Any
+from typing import Protocol, TypeVar
 
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
@@ -28,41 +27,69 @@ QUIET, LONGEST_S, GLANCE_S = math.radians(0.3), 5.0, 0.2
 """rad: an arm that moves less in a glance (s) stands; s that it may take to."""
 HOT_C, COOL_C = 55.0, 45.0
 """Servos switch off at 70 °C."""
-TORQUE = 600
-"""Thousandths of a Feetech servo's greatest torque that it may use meanwhile."""
+TORQUE = 0.6
+"""Share of a servo's greatest torque that it may use meanwhile."""
 READS = 5
-SUFFIX = ".pos"
+Answer = TypeVar("Answer")
+
+
+class Servos(Protocol):
+    """Servos of an arm, one for each of its `joints`, in their order. A method that asks them raises `ConnectionError`
+    or `RuntimeError` where an answer did not come."""
+
+    @property
+    def name(self) -> str:
+        """Name of what drives them, for messages."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Their names."""
+
+    def angles(self) -> tuple[float, ...]:
+        """(n,), what the encoders read (rad)."""
+
+    @property
+    def step(self) -> float:
+        """Angle (rad) of one count, whose multiples can be commanded; 0 if any angle can."""
+
+    def beyond_limits(self, q: Sequence[float]) -> str:
+        """The first of angles (n,), rad, that is beyond its servo's own limits, in words; empty if none is."""
+
+    def command(self, q: Sequence[float]) -> None:
+        """Commands angles (n,), rad."""
+
+    def powered(self) -> Mapping[str, bool]:
+        """Whether each holds torque."""
+
+    def temperature(self) -> Mapping[str, float]:
+        """°C of each."""
+
+    def bound_torque(self, share: float) -> None:
+        """Bounds the torque of those that can, to a share of their greatest, until they are switched on anew."""
+
+    def forget_late_answers(self) -> None:
+        """Drops what has come, so that it is not taken for answers to what is asked next."""
 
 
 @dataclass
-class LeRobotArm:
-    """See `CampaignArm`. `robot`: a connected robot of LeRobot, in degrees; `ask_for_load` as of `RoverArm`.
+class ServoArm:
+    """See `CampaignArm`. `speed`: rad/s of the fastest joint; `ask_for_load` as of `RoverArm`. Raises `LrmError`."""
 
-    Raises `LrmError`: not the arm's joints, or no thermometers.
-    """
-
-    robot: Any
+    servos: Servos
     arm: Arm
     clock: Clock
     ask_for_load: Callable[[float], object]
+    speed: float = SPEED
     session: int = 1
     direction: tuple[int, ...] = field(init=False)
     _target: tuple[float, ...] = field(init=False)
     _rest: tuple[float, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        names = [joint.name or f"joint{i}" for i, joint in enumerate(self.arm.joints, start=1)]
-        self.keys = [f"{name}{SUFFIX}" for name in names]
-        have = [key for key in self.robot.action_features if key.endswith(SUFFIX)]
-        if missing := [key for key in self.keys if key not in have]:
-            listed = ", ".join(key.removesuffix(SUFFIX) for key in have)
-            what = f"{self.robot.name} has no '{missing[0].removesuffix(SUFFIX)}' of {self.arm.name}"
-            raise LrmError(f"{what}; it has {listed}")
-        self.motors = [key.removesuffix(SUFFIX) for key in self.keys]
         self.direction = (0,) * self.arm.dof
         self._target = self._rest = self.seen()
         self.temperature()
-        self._bound_torque()
+        self._patiently(lambda: self.servos.bound_torque(TORQUE))
 
     def go(self, pose: PlannedPose) -> ArmState:
         """See `CampaignArm`."""
@@ -71,25 +98,27 @@ class LeRobotArm:
         ]
         if outside:
             raise Unreachable(f"joint {outside[0] + 1} would leave its limits")
+        beside = [self._within(i, q - pose.approach * APPROACH) for i, q in enumerate(pose.q)]
+        if why := self.servos.beyond_limits(pose.q) or self.servos.beyond_limits(beside):
+            raise Unreachable(why)
         if pose.approach:
-            self._move([self._within(i, q - pose.approach * APPROACH) for i, q in enumerate(pose.q)])
+            self._move(beside)
         self._move(pose.q)
         self._rest = self._quiet()
         return ArmState(self._target, self.direction, self.temperature(), self.session)
 
     def disturbed(self) -> str:
         """See `CampaignArm`."""
-        torque = self._read("Torque_Enable")
-        limp = [name for name in self.motors if not torque[name]]
+        limp = [name for name, powered in self._patiently(self.servos.powered).items() if not powered]
         if limp:
             return f"{limp[0]} has no torque"
         off = [abs(a - b) for a, b in zip(self.seen(), self._rest, strict=True)]
-        return f"{self.motors[off.index(max(off))]} was moved" if max(off) > MOVED else ""
+        return f"{self.servos.joints[off.index(max(off))]} was moved" if max(off) > MOVED else ""
 
     def too_warm(self) -> str:
         """See `CampaignArm`."""
-        heat = self._read("Present_Temperature")
-        hot = next((name for name in self.motors if heat[name] >= HOT_C), None)
+        heat = self._patiently(self.servos.temperature)
+        hot = next((name for name, degrees in heat.items() if degrees >= HOT_C), None)
         return "" if hot is None else f"{hot} is {heat[hot]:g} °C"
 
     def cool(self, rest: PlannedPose) -> None:
@@ -104,8 +133,20 @@ class LeRobotArm:
 
     def temperature(self) -> float:
         """Temperature of the hottest servo (degC). Raises `LrmError`: the robot has no thermometers."""
-        heat = self._read("Present_Temperature")
-        return float(max(heat[name] for name in self.motors))
+        return float(max(self._patiently(self.servos.temperature).values()))
+
+    def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
+        """(n,), the nearest angles (rad) that can be commanded; within the limits for angles (n,) that are."""
+        return tuple(self._rounded(i, angle) for i, angle in enumerate(q))
+
+    def _rounded(self, joint: int, angle: float) -> float:
+        step, low, high = self.servos.step, self.arm.joints[joint].lower, self.arm.joints[joint].upper
+        if not step:
+            return angle
+        nearest = round(angle / step) * step
+        if low <= angle <= high and not low <= nearest <= high:
+            return nearest + math.copysign(step, angle - nearest)
+        return nearest
 
     def _within(self, joint: int, q: float) -> float:
         return min(max(q, self.arm.joints[joint].lower), self.arm.joints[joint].upper)
@@ -114,21 +155,21 @@ class LeRobotArm:
         """Straight there, each joint in time with the slowest. Raises `LrmError` and holds if one is held up."""
         start = self._target
         far = max(abs(b - a) for a, b in zip(start, goal, strict=True))
-        steps = max(1, math.ceil(far / (SPEED * TICK_S)))
+        steps = max(1, math.ceil(far / (self.speed * TICK_S)))
         for step in range(1, steps + 1):
-            self._send([a + (b - a) * step / steps for a, b in zip(start, goal, strict=True)])
+            share = step / steps
+            self._send([(1.0 - share) * a + share * b for a, b in zip(start, goal, strict=True)])
             self.clock.sleep(TICK_S)
             if step % WATCHED == 0:
                 self._check_follows()
-        self._target = tuple(goal)
-        self.direction = last_directions([start, goal], self.direction)
+        self.direction = last_directions([start, self._target], self.direction)
 
     def _check_follows(self) -> None:
         seen = self.seen()
         behind = [abs(a - b) for a, b in zip(seen, self._target, strict=True)]
         if max(behind) > BEHIND:
             self._send(seen)
-            name, off = self.motors[behind.index(max(behind))], math.degrees(max(behind))
+            name, off = self.servos.joints[behind.index(max(behind))], math.degrees(max(behind))
             raise LrmError(f"{name} does not follow: {off:.0f} deg behind its command; is it held up? The arm holds")
 
     def _quiet(self) -> tuple[float, ...]:
@@ -142,43 +183,27 @@ class LeRobotArm:
         return seen
 
     def _send(self, q: Sequence[float]) -> None:
-        self.robot.send_action(dict(zip(self.keys, map(math.degrees, q), strict=True)))
-        self._target = tuple(q)
+        target = self.rounded(q)
+        self._patiently(lambda: self.servos.command(target))
+        self._target = target
+
+    def commanded(self) -> tuple[float, ...]:
+        """See `CampaignArm`."""
+        return self._target
 
     def seen(self) -> tuple[float, ...]:
         """(n,), what the encoders read (rad)."""
-        values: Mapping[str, Any] = self._patiently(self.robot.get_observation)
-        return tuple(math.radians(float(values[key])) for key in self.keys)
+        return self._patiently(self.servos.angles)
 
-    def _read(self, register: str) -> Mapping[str, Any]:
-        bus = getattr(self.robot, "bus", None)
-        if bus is None:
-            raise LrmError(f"{self.robot.name} has no motor bus whose {register} can be read; measuring needs it")
-        return dict(self._patiently(lambda: bus.sync_read(register, self.motors)))
-
-    def _bound_torque(self) -> None:
-        """Bounds the torque of servos that can; it is theirs again when they are switched on anew."""
-        bus = self.robot.bus
-        tables = {name: bus.model_ctrl_table[bus.motors[name].model] for name in self.motors}
-        for name, table in tables.items():
-            if "Torque_Limit" in table:
-                self._patiently(partial(bus.write, "Torque_Limit", name, TORQUE))
-
-    def _patiently(self, ask: Callable[[], Any]) -> Any:
+    def _patiently(self, ask: Callable[[], Answer]) -> Answer:
         """Asks again where an answer came too late, and forgets that one. Raises `LrmError`: none comes."""
-        for _ in range(READS - 1):
+        why = ""
+        for attempt in range(READS):
             try:
+                if attempt:
+                    self.clock.sleep(GLANCE_S)
+                    self.servos.forget_late_answers()
                 return ask()
-            except (ConnectionError, RuntimeError):
-                self.clock.sleep(GLANCE_S)
-                self._forget_late_answers()
-        try:
-            return ask()
-        except (ConnectionError, RuntimeError) as error:
-            raise LrmError(f"{self.robot.name} does not answer: {' '.join(str(error).split())}") from None
-
-    def _forget_late_answers(self) -> None:
-        """Empties the serial port: LeRobot would take them for answers to what is asked next."""
-        port = getattr(getattr(self.robot.bus, "port_handler", None), "ser", None)
-        if port is not None:
-            port.reset_input_buffer()
+            except (ConnectionError, RuntimeError) as error:
+                why = " ".join(str(error).split())
+        raise LrmError(f"{self.servos.name} does not answer: {why}")

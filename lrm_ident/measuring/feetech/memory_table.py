@@ -7,7 +7,7 @@ from dataclasses import dataclass
 SIZE = 88
 EEPROM_END = 40
 """Registers below keep their value without power if they were written while `LOCK` was 0."""
-MODEL_STS3215 = 777
+MODEL_STS3215, MODEL_STS3250 = 777, 2825
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,8 @@ POSITION, VELOCITY, LOAD = Register(56, 2, sign=15), Register(58, 2, sign=15), R
 VOLTAGE, TEMPERATURE, STATUS, MOVING, CURRENT = (
     Register(62), Register(63), Register(65), Register(66), Register(69, 2, sign=15),
 )  # fmt: skip
+LAST_READ = 71
+"""Registers below say all of a servo's settings and state."""
 READ_ONLY = frozenset({*range(5), *range(56, 71)})
 """Addresses that a host cannot write."""
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lrm_ident.measuring.campaign.verification import AttainedPosition, Verification
+from lrm_ident.measuring.verification.goal_run import AttainedPosition, Verification
 from lrm_ident.report.document import Document, ResultTable
 from lrm_math.errors import FileError
 

@@ -1,4 +1,4 @@
-"""Goals of the tip through the calibrated inverse kinematics, and where the tip lands: what a deployment is worth."""
+"""Goals of the tip through the inverse kinematics of a model, and where the tip lands: what the model is worth."""
 
 from __future__ import annotations
 
@@ -8,17 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.measuring.campaign.goals import PlacedGoal
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest
-from lrm_ident.measuring.campaign.rover_arm import RoverArm
-from lrm_ident.measuring.campaign.run import Clock, PoseTiming, Unreachable, rest_at
+from lrm_ident.measuring.campaign.run import CampaignArm, Clock, PoseTiming, Unreachable, rest_at
 from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker
+from lrm_ident.measuring.verification.goal_commands import GoalSolver
+from lrm_ident.measuring.verification.goals import PlacedGoal
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
-from lrmd.client import GoalEntry, IkAnswer, IkRequest
-
-DEADLINE_MS = 10_000.0
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,8 @@ class Verification:
 class GoalRun:
     """Parts that goals are tried with. `nominal`: the arm as drawn, for the pose to cool at."""
 
-    arm: RoverArm
+    arm: CampaignArm
+    solver: GoalSolver
     nominal: Arm
     tracker: Tracker
     numbers: TargetNumbers
@@ -96,7 +94,6 @@ class GoalRun:
     def visit(self, goals: Sequence[PlacedGoal], on_attained: Callable[[int, str], object]) -> Verification:
         """Sends the tip to every goal, and measures where it lands. A servo that is too warm cools first."""
         attained, failed = [], {}
-        model = self.arm.rover.info()
         reached = [self._here()]
         for number, goal in enumerate(goals, start=1):
             if why := self.arm.too_warm():
@@ -110,17 +107,16 @@ class GoalRun:
             else:
                 failed[number] = found
                 on_attained(number, found)
-        return Verification(model.model or "nominal", model.model_sha256, tuple(attained), failed)
+        return Verification(self.solver.model, self.solver.model_sha256, tuple(attained), failed)
 
     def _here(self) -> PlannedPose:
-        q = self.arm.rover.commanded_q()
-        return PlannedPose(0, tuple(q), self.payload, 0, 0)
+        return PlannedPose(0, self.arm.commanded(), self.payload, 0, 0)
 
     def _land(self, number: int, goal: PlacedGoal) -> AttainedPosition | str:
-        answer = self._solve(goal.position)
-        if answer.rounded_q_rad is None:
-            return f"{answer.verdict}: {answer.text}"
-        pose = PlannedPose(number, tuple(answer.rounded_q_rad), self.payload, 0, number)
+        command = self.solver.solve(goal.position, self.arm.commanded(), self.payload)
+        if isinstance(command, str):
+            return command
+        pose = PlannedPose(number, command.q, self.payload, 0, number)
         why = ""
         for _ in range(self.timing.attempts):
             try:
@@ -131,20 +127,6 @@ class GoalRun:
             why = self.arm.disturbed() or (rest.why if isinstance(rest, UnstableDwell) else "")
             if isinstance(rest, RestMean) and not why:
                 spread = rest.sd / rest.frames**0.5
-                rounding = answer.rounded_error_m or 0.0
                 tip = tuple(rest.tip.tolist())
-                return AttainedPosition(number, goal.place, goal.position, tip, rounding, answer.sd_m, spread)
+                return AttainedPosition(number, goal.place, goal.position, tip, command.rounding, command.sd, spread)
         return why
-
-    def _solve(self, goal: Sequence[float]) -> IkAnswer:
-        here = self.arm.rover.commanded_q()
-        entry = GoalEntry(position_m=list(goal))
-        request = IkRequest(
-            goals=[entry],
-            near_rad=here,
-            payload_kg=self.payload,
-            round="best",
-            method="direct",
-            deadline_ms=DEADLINE_MS,
-        )
-        return self.arm.rover.ik(request).answers[0]

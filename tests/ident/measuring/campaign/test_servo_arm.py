@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.measuring.campaign.lerobot_arm import SPEED, TICK_S, TORQUE, LeRobotArm
+from lrm_ident.measuring.campaign.lerobot_robot import MOST_TORQUE, LeRobotServos
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Unreachable
+from lrm_ident.measuring.campaign.servo_arm import SPEED, TICK_S, TORQUE, ServoArm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.support.commands import stderr_of
@@ -36,6 +37,8 @@ class FakeBus:
     def __post_init__(self) -> None:
         self.motors = {name: SimpleNamespace(model="sts3215") for name in NAMES}
         self.model_ctrl_table: dict[str, Any] = {"sts3215": {"Torque_Limit": (48, 2)}}
+        self.model_resolution_table = {"sts3215": 4096}
+        self.calibration = {name: SimpleNamespace(range_min=1024, range_max=3071) for name in NAMES}
 
     def sync_read(self, register: str, motors: list[str]) -> dict[str, float]:
         if self.refusals:
@@ -80,8 +83,8 @@ class FakeClock:
         self.t += seconds
 
 
-def driven(robot: FakeRobot, clock: FakeClock | None = None) -> LeRobotArm:
-    return LeRobotArm(robot, ARM, clock or FakeClock(), lambda _: None)
+def driven(robot: FakeRobot, clock: FakeClock | None = None) -> ServoArm:
+    return ServoArm(LeRobotServos.of(robot, ARM), ARM, clock or FakeClock(), lambda _: None)
 
 
 def pose(q: list[float], approach: int = 0) -> PlannedPose:
@@ -103,7 +106,7 @@ def test_it_goes_straight_and_no_faster_than_it_may(goals: list[list[float]], ap
         now = [math.radians(action[f"{name}.pos"]) for name in NAMES]
         assert max(abs(a - b) for a, b in zip(now, before, strict=True)) <= SPEED * TICK_S + 1e-9
         before = now
-    assert robot.bus.limits == dict.fromkeys(NAMES, TORQUE)
+    assert robot.bus.limits == dict.fromkeys(NAMES, TORQUE * MOST_TORQUE)
 
 
 def test_a_joint_that_is_held_up_ends_it_and_the_arm_holds() -> None:

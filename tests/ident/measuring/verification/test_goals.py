@@ -11,11 +11,12 @@ import pytest
 
 from lrm_ident.design.workspace.presets import default_study
 from lrm_ident.design.workspace.voxel_grid import parse_area
-from lrm_ident.measuring.campaign.goals import PLACES, ROUNDS, TASK, PlacedGoal, goals_named
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseTiming, Unreachable
-from lrm_ident.measuring.campaign.verification import AttainedPosition, GoalRun, Verification
-from lrm_ident.measuring.campaign.verification_report import values, verification_document
+from lrm_ident.measuring.verification.goal_commands import GoalCommand
+from lrm_ident.measuring.verification.goal_run import AttainedPosition, GoalRun, Verification
+from lrm_ident.measuring.verification.goals import PLACES, ROUNDS, TASK, PlacedGoal, goals_named
+from lrm_ident.measuring.verification.report import values, verification_document
 from lrm_ident.report.document import ResultTable
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
@@ -56,15 +57,13 @@ class WarmArm:
     """An arm that is too warm after its second goal; its first pose loads the joints more than the goals do."""
 
     def __init__(self) -> None:
-        self.q, self.log = [0.0] * 6, list[str]()
-        answer = SimpleNamespace(rounded_q_rad=list(FOLDED), rounded_error_m=0.0, sd_m=None)
-        info = SimpleNamespace(model="", model_sha256="")
-        self.rover: Any = SimpleNamespace(
-            info=lambda: info, commanded_q=lambda: self.q, ik=lambda _: SimpleNamespace(answers=[answer])
-        )
+        self.q, self.log = (0.0,) * 6, list[str]()
+
+    def commanded(self) -> tuple[float, ...]:
+        return self.q
 
     def go(self, pose: PlannedPose) -> None:
-        self.q = list(pose.q)
+        self.q = pose.q
         self.log.append("goal")
         raise Unreachable("no way back")
 
@@ -79,8 +78,9 @@ class WarmArm:
 def test_a_warm_arm_cools_before_the_next_goal() -> None:
     arm: Any = WarmArm()
     nothing: Any = None
+    folded: Any = SimpleNamespace(model="", model_sha256="", solve=lambda *_: GoalCommand(FOLDED, 0.0, None))
     said: list[str] = []
-    run = GoalRun(arm, ROVER, nothing, nothing, nothing, PoseTiming(), 0.0)
+    run = GoalRun(arm, folded, ROVER, nothing, nothing, nothing, PoseTiming(), 0.0)
     found = run.visit([PlacedGoal((0.3, 0.0, 0.1))] * 4, lambda _, words: said.append(words))
     assert arm.log == ["goal", "goal", "cool", "goal", "goal"]
     assert said.count("joint2 is hot: cooling") == 1

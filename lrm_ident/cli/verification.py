@@ -1,0 +1,83 @@
+"""The command that sends the tip to goals and measures where it lands."""
+
+from __future__ import annotations
+
+import signal
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.campaign import (
+    AnyRobot,
+    BaseTarget,
+    Connect,
+    Dwell,
+    Settle,
+    Speed,
+    Take,
+    ToolTarget,
+    TrackerName,
+    daemon_of,
+    drive_of,
+    end,
+)
+from lrm_ident.cli.command import command
+from lrm_ident.cli.common import publish, show
+from lrm_ident.cli.groups.lerobot import SO101
+from lrm_math.arm.arm_file import GRAM, load_arm
+
+
+@command
+def verify(
+    tracker: TrackerName,
+    robot: AnyRobot = "rover",
+    connect: Connect = None,
+    goals: Annotated[
+        str, Option(help="How many random goals; a CSV of x_mm, y_mm, z_mm to visit in order; or hole-to-basket.")
+    ] = "50",
+    arm: arg.ArmName = None,
+    payload_g: Annotated[float, Option(min=0, help="What the tool carries.")] = 0.0,
+    seed: Annotated[int, Option(help="Of the goals: the same goals before and after.")] = 0,
+    before: Annotated[
+        Path | None, Option(metavar="JSON", help="An earlier result (--json), of another model, to stand beside.")
+    ] = None,
+    tool: ToolTarget = 1,
+    base: BaseTarget = 0,
+    settle: Settle = 0.5,
+    dwell: Dwell = 1.0,
+    take: Take = False,
+    model: Annotated[
+        Path | None,
+        Option(metavar="MODEL", help="Corrects the commands, without a daemon. Default: none, the arm as drawn."),
+    ] = None,
+    speed: Speed = None,
+    json: arg.JsonFile = None,
+) -> None:
+    """Send the tip to goals through inverse kinematics with a model, and measure where it lands.
+
+    The model is the one that the daemon uses; with LeRobot or bare Feetech servos that of --model. Beside the measured
+    error stands what it predicts: rounding to counts, and the model's own uncertainty.
+    """
+    from lrm_ident.measuring.campaign.run import PoseTiming
+    from lrm_ident.measuring.campaign.session import RealClock, connected
+    from lrm_ident.measuring.tracker.frames import TargetNumbers
+    from lrm_ident.measuring.verification.goal_run import GoalRun
+    from lrm_ident.measuring.verification.goals import goals_named
+    from lrm_ident.measuring.verification.report import read_verification, verification_document
+
+    signal.signal(signal.SIGTERM, end)
+    earlier = None if before is None else read_verification(before)
+    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
+    daemon, clock, timing = daemon_of(robot, connect, speed, model), RealClock(), PoseTiming(0.0, settle, dwell)
+    with daemon or nullcontext():
+        nominal = load_arm(arm or (SO101 if daemon is None else daemon.info().arm))
+        wanted = goals_named(goals, nominal, seed)
+        drive = drive_of(daemon, take, robot, nominal, speed, "lrm-ident verify")
+        with connected(daemon, tracker, numbers) as opened, drive(clock, lambda _: None) as driven:
+            parts = (nominal, opened, numbers, clock, timing, payload_g * GRAM)
+            run = GoalRun(driven.arm, driven.solver(model), *parts)
+            found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
+    publish(verification_document(found, earlier), json)

@@ -1,0 +1,1 @@
+"""Verification: goals of the tip, commands for them by a model, and where the tip lands."""

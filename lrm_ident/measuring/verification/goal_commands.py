@@ -1,0 +1,79 @@
+"""Commands for goals of the tip: whoever gives them, and the inverse kinematics of a model file."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import compensable
+from lrm_math.errors import FileError, LrmError
+from lrm_math.ik.answer import Solved
+from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.goal import point
+from lrm_math.model.model import model_of
+from lrm_math.model.model_file import load_covariance, load_model
+
+NOMINAL = "nominal"
+
+
+@dataclass(frozen=True)
+class GoalCommand:
+    """A command (n,), rad, in whole counts. `rounding`: error that the model predicts from rounding to them (m).
+
+    `sd`: standard deviation of the model's prediction (m), None without a covariance.
+    """
+
+    q: tuple[float, ...]
+    rounding: float
+    sd: float | None
+
+
+class GoalSolver(Protocol):
+    """Inverse kinematics with a model of that name and SHA-256 (empty: the nominal arm)."""
+
+    @property
+    def model(self) -> str: ...
+    @property
+    def model_sha256(self) -> str: ...
+
+    def solve(self, goal: Sequence[float], near: Sequence[float], payload: float) -> GoalCommand | str:
+        """The command for a goal (3,), m, from commanded angles (n,), rad, with a payload (kg), or why not."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelSolver:
+    """See `GoalSolver`: with a model of its own. `rounded`: the nearest angles that the servos take."""
+
+    solver: CalibratedSolver
+    rounded: Callable[[Sequence[float]], tuple[float, ...]]
+    model: str = NOMINAL
+    model_sha256: str = ""
+
+    @classmethod
+    def of(cls, path: Path | None, arm: Arm, rounded: Callable[[Sequence[float]], tuple[float, ...]]) -> ModelSolver:
+        """The solver of a model file, or of the arm as drawn. Raises `FileError`: another arm's, or none."""
+        if path is None:
+            return cls(CalibratedSolver.of(model_of(arm, ())), rounded)
+        model = load_model(path)
+        if model.arm.name != arm.name:
+            raise FileError(path, "arm", f"a model of {model.arm.name}", f"the arm is {arm.name}; give --arm")
+        left_out = sorted({effect.id for effect in model.effects if not compensable(effect)})
+        solver = CalibratedSolver.of(model, left_out=left_out, covariance=load_covariance(path))
+        return cls(solver, rounded, str(path), hashlib.sha256(path.read_bytes()).hexdigest())
+
+    def solve(self, goal: Sequence[float], near: Sequence[float], payload: float) -> GoalCommand | str:
+        """See `GoalSolver`."""
+        try:
+            reply = self.solver.solve(point(goal), payload, near)
+            if not isinstance(reply, Solved):
+                return str(reply)
+            q = self.rounded(reply.q)
+            rounding = math.dist(self.solver.forward(q, payload, near).tcp, reply.tcp)
+        except LrmError as error:
+            return str(error)
+        return GoalCommand(q, rounding, reply.sd)

@@ -1,0 +1,121 @@
+"""`lrm-ident measure` and `verify` with bare Feetech servos: the simulated bus at a pty, a tracker beside it."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth, tip_after
+from examples.so101.launch import simulated_so101
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.measuring.feetech.servos import STEP
+from lrm_math.arm.arm_file import load_arm
+from tests.support.commands import run_command, stderr_of
+from validation.lerobot_robot.fitted_model import fit_hidden
+from validation.synthetic import load_arm as described_arm
+
+POSES_DEG = ((0, 0, 0, 0, 0), (15, -10, 12, 5, -8), (-12, 8, -15, 10, 20), (6, 14, -6, -12, 4))
+QUICK = ("--pause", "0", "--settle", "0.1", "--dwell", "0.2", "--speed", "120")
+
+
+def poses_file(folder: Path, count: int = len(POSES_DEG)) -> Path:
+    lines = [",".join(map(str, (number, *q))) for number, q in enumerate(POSES_DEG[:count], start=1)]
+    path = folder / "poses.csv"
+    path.write_text("pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg\n" + "\n".join(lines) + "\n")
+    return path
+
+
+@contextmanager
+def tracker_beside(link: Path) -> Iterator[str]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = str(probe.getsockname()[1])
+    process = subprocess.Popen([sys.executable, "-m", "examples.so101.tracker", str(link), port, "1"])
+    try:
+        yield f"dtrack:{port}"
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_poses_are_measured_and_an_interrupted_file_goes_on(tmp_path: Path) -> None:
+    poses, data = poses_file(tmp_path), tmp_path / "data.csv"
+    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+        words = ["measure", poses, "--robot", f"feetech:{link}", "--tracker", tracker, *QUICK, "-o", data]
+        code, said, complaint = run_command(*words)
+        assert (code, complaint) == (0, "")
+        assert "4 of 4 poses are in" in said
+        kept = data.read_text().splitlines()[:3]
+        data.write_text("\n".join(kept) + "\n3,1.0")  # as a crash in the middle of a line leaves it
+        code, said, complaint = run_command(*words)
+        assert (code, complaint) == (0, "")
+    assert data.read_text().splitlines()[:3] == kept
+    q = load_poses(data, load_arm("so101")).q
+    assert np.abs(q - np.radians(POSES_DEG)).max() <= 0.5 * STEP + 1e-7
+    np.testing.assert_allclose(q / STEP, np.round(q / STEP), atol=1e-4)  # what the servos were sent
+    table = np.genfromtxt(data, delimiter=",", names=True)
+    tips = 1e-3 * np.stack([table[f"{axis}_mm"] for axis in "xyz"], axis=1)
+    arm = described_arm(ARM_FILE)
+    true = [
+        tip_after(arm, hidden_truth(arm, "gain", 1), np.array([np.zeros(JOINTS), one])) for one in q
+    ]  # this effect does not remember where the arm was
+    assert np.linalg.norm(tips - true, axis=1).max() < 1.5e-3  # five sd of the tracker's noise
+
+
+@pytest.mark.parametrize(
+    ("robot", "words"),
+    [
+        ("feetech:{link},ids=1-4", "should be one id for each of the 5 joints"),
+        ("feetech:{link},ids=1+2+3+4+4", "should be one id for each of the 5 joints"),
+        ("feetech:{link},id=1-5", "'id=1-5'; should be ids=1-5"),
+        ("feetech:{link}", "cannot be opened"),
+    ],
+)
+def test_words_that_name_no_bus_are_one_line(tmp_path: Path, robot: str, words: str) -> None:
+    given = robot.format(link=tmp_path / "nothing")
+    (tmp_path / "seen.csv").write_text("t_s,x_mm,y_mm,z_mm\n")
+    tracker = f"csv:{tmp_path / 'seen.csv'}"
+    said = stderr_of("measure", poses_file(tmp_path), "--robot", given, "--tracker", tracker, "-o", tmp_path / "d.csv")
+    assert words in said
+    assert said.count("\n") == 1
+
+
+def test_a_wrong_number_on_a_real_line_is_one_line(tmp_path: Path) -> None:
+    poses = poses_file(tmp_path)
+    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+        robot = f"feetech:{link},ids=1+2+3+4+9"
+        said = stderr_of("measure", poses, "--robot", robot, "--tracker", tracker, "-o", tmp_path / "d.csv")
+    assert said.endswith("servo 9 does not answer; on the bus are 1, 2, 3, 4, 5, 6\n")
+    assert said.count("\n") == 1
+
+
+def test_the_tip_lands_nearer_with_the_model_of_this_arm(tmp_path: Path) -> None:
+    model = fit_hidden(hidden_truth(described_arm(ARM_FILE), "gain", 1), "gain", 1, tmp_path)
+    found = {}
+    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+        words = ["verify", "--robot", f"feetech:{link}", "--tracker", tracker, *QUICK[2:], "--goals", "3"]
+        for name, more in {"drawn": [], "fitted": ["--model", model]}.items():
+            code, _, complaint = run_command(*words, *more, "--json", tmp_path / f"{name}.json")
+            assert (code, complaint) == (0, "")
+            found[name] = json.loads((tmp_path / f"{name}.json").read_text())
+    assert [found[name]["model"] for name in ("drawn", "fitted")] == ["nominal", str(model)]
+    assert len(found["fitted"]["goals"]) == 3
+    assert found["fitted"]["error"]["rms_mm"] < 0.2 * found["drawn"]["error"]["rms_mm"]
+    assert 0.0 < found["fitted"]["rounding_rms_mm"] < 0.5  # half a count of each joint
+
+
+def test_a_model_for_a_daemon_and_one_of_another_arm_are_one_line(tmp_path: Path) -> None:
+    assert "a daemon uses its own model" in stderr_of("verify", "--tracker", "dtrack:45991", "--model", "m.toml")
+    model = tmp_path / "other.toml"
+    model.write_text('schema = "lrm/model/1"\narm = "ur5"\neffects = []\n')
+    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+        said = stderr_of("verify", "--robot", f"feetech:{link}", "--tracker", tracker, "--model", model)
+    assert "a model of ur5" in said

@@ -1,0 +1,188 @@
+"""Bare Feetech servos over a line that is the simulated bus: what is asked for, held, refused, and said in one line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from examples.so101.feetech_bus import FeetechBus
+from examples.so101.feetech_servo import STEP, FeetechServo
+from lrm_ident.measuring.campaign.plan import PlannedPose
+from lrm_ident.measuring.campaign.run import Unreachable
+from lrm_ident.measuring.campaign.servo_arm import SPEED, TICK_S, TORQUE, ServoArm
+from lrm_ident.measuring.feetech import memory_table as table
+from lrm_ident.measuring.feetech.bus import FeetechHost
+from lrm_ident.measuring.feetech.servos import MOST_TORQUE, FeetechServos, held_servos
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import LrmError
+
+ARM = load_arm("so101")
+ANGLES = st.lists(st.floats(-1.5, 1.5), min_size=5, max_size=5)
+WITHIN = st.tuples(
+    *(st.one_of(st.sampled_from([j.lower, j.upper]), st.floats(j.lower, j.upper)) for j in ARM.joints)
+).map(list)
+
+
+@dataclass
+class BusLine:
+    """A serial line to a simulated bus, and the clock of both: servos move while the host sleeps."""
+
+    bus: FeetechBus
+    t: float = 0.0
+    waiting: bytes = b""
+    echo: bool = False
+    lost: int = 0
+    seen: list[list[float]] = field(default_factory=list)
+
+    def write(self, data: bytes) -> int:
+        if self.lost:  # a bus loses an answer now and then
+            self.lost -= 1
+            return len(data)
+        self.waiting += (data if self.echo else b"") + self.bus.feed(data, self.t)
+        self.seen.append([servo.target for servo in self.bus.servos])
+        return len(data)
+
+    def read(self, size: int = 1) -> bytes:
+        out, self.waiting = self.waiting[:size], self.waiting[size:]
+        return out
+
+    def reset_input_buffer(self) -> None:
+        self.waiting = b""
+
+    @property
+    def in_waiting(self) -> int:
+        return len(self.waiting)
+
+    def now(self) -> float:
+        return self.t
+
+    def sleep(self, seconds: float) -> None:
+        self.t += seconds
+
+
+def line_of(*numbers: int, echo: bool = False) -> BusLine:
+    return BusLine(FeetechBus([FeetechServo(number) for number in numbers]), echo=echo)
+
+
+def held(line: BusLine, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> FeetechServos:
+    return held_servos("feetech:/dev/x", FeetechHost(line), ARM, numbers)
+
+
+def pose(q: list[float], approach: int = 0) -> PlannedPose:
+    return PlannedPose(1, tuple(q), 0.0, approach, 1)
+
+
+@given(ANGLES, st.booleans())
+def test_torque_comes_where_they_stand_and_moves_nothing(angles: list[float], echo: bool) -> None:
+    line = line_of(1, 2, 3, 4, 5, 6, echo=echo)
+    for servo, angle in zip(line.bus.servos, angles, strict=False):
+        servo.angle = round(angle / STEP) * STEP
+        table.GOAL_POSITION.write(servo.memory, 3000)
+    servos = held(line)
+    line.sleep(5.0)
+    assert servos.angles() == pytest.approx([round(angle / STEP) * STEP for angle in angles])
+    assert all(servos.powered().values())
+    assert not line.bus.servos[5].powered  # the gripper is no joint: it is left alone
+
+
+@given(st.lists(WITHIN, min_size=1, max_size=3), st.sampled_from([-1, 0, 1]))
+def test_rows_have_the_whole_counts_that_were_commanded_and_speed_is_bounded(
+    goals: list[list[float]], approach: int
+) -> None:
+    line = line_of(1, 2, 3, 4, 5)
+    arm = ServoArm(held(line), ARM, line, lambda _: None)
+    line.seen.clear()
+    for goal in goals:
+        state = arm.go(pose(goal, approach))
+        targets = [servo.target for servo in line.bus.servos]
+        assert state.q == pytest.approx(targets)
+        assert max(abs(a - b) for a, b in zip(state.q, goal, strict=True)) <= STEP
+        inside = [j.lower <= q <= j.upper for q, j in zip(state.q, ARM.joints, strict=True)]
+        assert all(inside)
+        assert arm.commanded() == state.q
+    before = [0.0] * 5
+    for now in line.seen:
+        assert max(abs(a - b) for a, b in zip(now, before, strict=True)) <= SPEED * TICK_S + STEP + 1e-9
+        before = now
+    for servo in line.bus.servos:
+        assert table.TORQUE_LIMIT.read(servo.memory) == round(TORQUE * MOST_TORQUE)
+
+
+def test_a_pose_beyond_a_servos_own_limits_is_not_tried() -> None:
+    line = line_of(1, 2, 3, 4, 5)
+    table.MAX_POSITION.write(line.bus.servos[2].memory, 2500)
+    arm = ServoArm(held(line), ARM, line, lambda _: None)
+    for one in (pose([0.0, 0.0, 1.2, 0.0, 0.0]), pose([0.0, 0.0, 452 * STEP, 0.0, 0.0], -1)):
+        with pytest.raises(Unreachable, match=r"elbow_flex: .* deg is beyond its servo's own limits, -180 to 40 deg"):
+            arm.go(one)
+    line.sleep(5.0)
+    assert [servo.angle for servo in line.bus.servos] == [0.0] * 5
+
+
+def test_an_interrupted_move_holds_where_it_was_sent_last() -> None:
+    line = line_of(1, 2, 3, 4, 5)
+    arm = ServoArm(held(line), ARM, line, lambda _: None)
+    slept = line.sleep
+
+    def interrupted(seconds: float) -> None:
+        slept(seconds)
+        if line.t > 1.0:
+            raise KeyboardInterrupt
+
+    line.sleep = interrupted  # type: ignore[method-assign]
+    with pytest.raises(KeyboardInterrupt):
+        arm.go(pose([1.5] * 5))
+    line.bus.advance(60.0)
+    assert [servo.angle for servo in line.bus.servos] == pytest.approx(arm.commanded(), abs=1e-6)
+    assert max(arm.commanded()) <= SPEED * (1.0 + 2 * TICK_S)
+    assert all(servo.powered for servo in line.bus.servos)
+
+
+def test_lost_answers_are_asked_for_again_and_a_lost_line_is_said() -> None:
+    line = line_of(1, 2, 3, 4, 5)
+    line.lost = 2
+    arm = ServoArm(held(line), ARM, line, lambda _: None)
+    line.lost = 1
+    assert arm.too_warm() == ""
+
+    def gone(_: bytes) -> int:
+        raise OSError("device disconnected?\nno data")
+
+    line.write = gone  # type: ignore[method-assign]
+    with pytest.raises(LrmError, match=r"does not answer: the serial line is gone \(device disconnected\? no data\)$"):
+        arm.go(pose([0.1] * 5))
+
+
+def refusal(line: BusLine, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> str:
+    with pytest.raises(LrmError) as caught:
+        held(line, numbers)
+    assert "\n" not in str(caught.value)
+    assert not any(servo.powered for servo in line.bus.servos)  # none gets torque unless all are fit
+    return str(caught.value)
+
+
+def test_a_missing_motor_and_a_wrong_number() -> None:
+    assert refusal(line_of(1, 2, 4, 5, 6)).endswith("servo 3 does not answer; on the bus are 1, 2, 4, 5, 6")
+    wrong = refusal(line_of(1, 2, 3, 4, 5, 6), (1, 2, 3, 4, 9))
+    assert wrong == "--robot feetech:/dev/x: servo 9 does not answer; on the bus are 1, 2, 3, 4, 5, 6"
+    assert refusal(line_of()).endswith("nor does any other: is the power on, is it the right port?")
+
+
+@given(st.floats(0.01, 3.0), st.integers(0, 4))
+def test_two_servos_of_one_number(apart: float, which: int) -> None:
+    numbers = (1, 2, 3, 4, 5)
+    line = line_of(*numbers, numbers[which])
+    line.bus.servos[5].angle = apart
+    assert f"the answer of servo {numbers[which]} is garbled: two servos have this number?" in refusal(line)
+
+
+def test_other_servos_and_modes() -> None:
+    line = line_of(1, 2, 3, 4, 5)
+    table.MODEL.write(line.bus.servos[1].memory, 1284)
+    assert refusal(line).endswith("servo 2 is of model 1284; should be STS3215 or STS3250")
+    line = line_of(1, 2, 3, 4, 5)
+    table.MODE.write(line.bus.servos[3].memory, 1)
+    assert refusal(line).endswith("servo 4 is in mode 1; should be 0, which goes to angles")
