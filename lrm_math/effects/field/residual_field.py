@@ -23,7 +23,6 @@ from lrm_math.effects.base import (
     LinearEffect,
     Parameter,
     joint_number,
-    separately,
 )
 from lrm_math.effects.measured_range import MeasuredRange, fading
 from lrm_math.kinematics.chain import Number
@@ -33,8 +32,7 @@ from lrm_math.kinematics.scalar_or_array import cos
 MARGIN = 1.25
 """Half width of the box over half the width of the range."""
 WAVES, JOINTS_TOGETHER = 2, 3
-"""Cosines of one angle beside the constant; most joints of one product. Two joints leave 1.7 times the error of three
-on the plain elastic model of the real arm (docs/results.md)."""
+"""Cosines of one angle beside the constant; most joints of one product: on the real arm two do not suffice."""
 TYPICAL = 1e-3
 """m: typical size of a coefficient."""
 
@@ -108,15 +106,20 @@ class ResidualField(LinearEffect):
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """Every function, within the range; one beyond it."""
         inside = self.inside(poses)
-        functions = (*(f * inside for f in self.functions(poses)), 1.0 - inside)
-        return separately([functions] * 3)
+        functions = (*[f * inside for f in self.functions(poses)], 1.0 - inside)
+        x, y, z = (
+            [(f, 0.0, 0.0) for f in functions],
+            [(0.0, f, 0.0) for f in functions],
+            [(0.0, 0.0, f) for f in functions],
+        )
+        return (*x, *y, *z)
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ c f along each axis; functions that no coefficient asks for are left out."""
         cosines, inside, each = self._cosines(poses), self.inside(poses), len(p) // 3
         out: list[Number] = [p[each * (axis + 1) - 1] * (1.0 - inside) for axis in range(3)]
         for axis, waves, value in self.terms(p):
-            out[axis] = out[axis] + value * inside * _product(cosines, waves)
+            out[axis] = out[axis] + value * inside * _product(cosines, _factors(waves))
         return tuple(out)
 
     def terms(self, p: Sequence[float]) -> Iterator[tuple[int, tuple[int, ...], float]]:
@@ -130,7 +133,7 @@ class ResidualField(LinearEffect):
     def functions(self, poses: Poses) -> Amounts:
         """Each function at the poses, a float or (N,), as if it went on beyond the range; of unit mean square."""
         cosines = self._cosines(poses)
-        return tuple(_product(cosines, waves) for waves in wave_numbers(self.arm.dof))
+        return tuple([_product(cosines, _factors(waves)) for waves in wave_numbers(self.arm.dof)])
 
     def inside(self, poses: Poses) -> Number:
         """1 where all angles lie in the range, on the way to 0 beyond its edge."""
@@ -156,9 +159,14 @@ class ResidualField(LinearEffect):
         return self.within.angle
 
 
-def _product(cosines: Sequence[Amounts], waves: Sequence[int]) -> Number:
+@lru_cache(maxsize=8192)
+def _factors(waves: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
+    """Joints from 0 whose cosines a function holds, and which."""
+    return tuple((joint, wave) for joint, wave in enumerate(waves) if wave)
+
+
+def _product(cosines: Sequence[Amounts], factors: Sequence[tuple[int, int]]) -> Number:
     out: Number = 1.0
-    for own, wave in zip(cosines, waves, strict=True):
-        if wave:
-            out = out * own[wave]
+    for joint, wave in factors:
+        out = out * cosines[joint][wave]
     return out

@@ -15,8 +15,6 @@ from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.study.field_step import NOT_A_CAUSE, NoBetterPrediction
 from lrm_ident.study.inputs import read_study
 from lrm_ident.study.study import Study
-from lrm_math.arm.arm_file import load_arm
-from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
@@ -26,26 +24,7 @@ from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.uncertainty import position_covariance
 from tests.support.commands import run_command, stdout_of
-
-LAB = load_arm("lrm-lab")
-NOISE = 3e-4
-
-
-def measured(seed: int, size: float, count: int = 260) -> Measurements:
-    """Soft arm with small zero errors and noise, and a smooth displacement of this amplitude (m) that has no name."""
-    rng = np.random.default_rng(seed)
-    poses, number = poses_of(rng.uniform(-1.2, 1.2, (count, LAB.dof))), np.arange(1, count + 1)
-    nothing = np.zeros((count, 3))
-    truth = Study.of(Measurements(poses, number, nothing, None, NOISE, number, Path("none"), "", arm=LAB))
-    springs = np.where([key.startswith("compliance") for key in truth.model.keys], 0.03, 0.0)
-    tcp = equilibrium(truth.model.with_values(springs), poses).tcp + nameless(poses.q, size)
-    tcp = tcp + rng.normal(0.0, NOISE, tcp.shape)
-    return replace(truth.data, tcp=tcp, sha256=str(seed))
-
-
-def nameless(q: Array, size: float) -> Array:
-    """(N, 3), a smooth displacement that no joint's error makes: the height alone, by two joints."""
-    return np.stack([0.0 * q[:, 0], 0.0 * q[:, 0], size * np.sin(2.0 * q[:, 3]) * np.cos(1.5 * q[:, 0])], axis=1)
+from validation.residual_field.nameless_arm import ARM, NOISE, measured
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +56,7 @@ def test_held_out_and_at_new_poses_it_predicts_better(fitted: Study, with_field:
 
 def test_its_deviation_is_that_of_its_error(with_field: Study) -> None:
     """Noise-free displacements at new poses lie within two predicted deviations about as often as they should."""
-    poses = poses_of(np.random.default_rng(5).uniform(-1.1, 1.1, (200, LAB.dof)))
+    poses = poses_of(np.random.default_rng(5).uniform(-1.1, 1.1, (200, ARM.dof)))
     file, clean = with_field.file, measured(2, 3e-3)
     assert file.covariance is not None
     known = to_covariance(file.covariance, file.sigma, with_field.model)
@@ -133,7 +112,7 @@ def test_half_of_the_joint_space_says_nothing_of_the_other(fitted: Study) -> Non
     known, far = data.poses.q[:, 0] < 0.0, data.poses.q[:, 0] > 0.4
     q = data.poses.q[known]
     ends = zip(q.min(axis=0).tolist(), q.max(axis=0).tolist(), strict=True)
-    field = ResidualField(LAB, "tool").over(MeasuredRange(tuple(ends), (0.0, 0.0)))
+    field = ResidualField(ARM, "tool").over(MeasuredRange(tuple(ends), (0.0, 0.0)))
     values = field_posterior(field, data.poses.take(known), left[known]).values.tolist()
     assert np.abs(field.amounts(data.poses.take(far), (), values)).max() < 1e-12
 

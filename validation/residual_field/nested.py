@@ -1,23 +1,18 @@
 """Held-out error of a residual field, of names and of regressors without names, nested: all choices inside the folds.
 
-`python -m validation.residual_field`: the real arm, the same folds for every line, in blocks of joint space and at
-random. Option 1 of the thesis and `auto` from there are fitted without each fold, names chosen anew; a field learns,
-hyperparameters and all, what that leaves of the other folds, and the regressors what option 1 leaves.
+The same folds for every line. Option 1 of the thesis and `auto` from there are fitted without each fold, names chosen
+anew; a field learns, hyperparameters and all, what that leaves of the other folds, and regressors what option 1 leaves.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds
@@ -26,14 +21,11 @@ from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.study.study import Study
-from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 
-ROOT = Path(__file__).resolve().parents[1]
-DATA = ROOT.parent / "shared" / "data" / "lrm-lab-no-load" / "measurements.csv"
 Folds = NDArray[np.int64]
 Regression = Callable[[Array, Array, Array], Array]
 """Predictions at inputs (m, n), learned from inputs (k, n) and outputs (k, 3)."""
@@ -85,8 +77,8 @@ def outside_regressions() -> Iterator[tuple[str, Regression]]:
         models = [HistGradientBoostingRegressor(random_state=0).fit(known, column) for column in outputs.T]
         return np.stack([model.predict(unseen) for model in models], axis=1)
 
-    yield "Gaussian process of scikit-learn on option 1", process
-    yield "gradient boosting of scikit-learn on option 1", boosting
+    yield "Gaussian process", process
+    yield "gradient boosting", boosting
 
 
 def lines(data: Measurements, fold: Folds) -> Iterator[tuple[str, Array]]:
@@ -97,9 +89,11 @@ def lines(data: Measurements, fold: Folds) -> Iterator[tuple[str, Array]]:
     yield "option 1", held_out_rows(plain)
     yield "field on option 1", held_out_rows(blocks_with_field(field, data, plain))
     for name, regression in outside_regressions():
-        yield name, regressed(data, plain, regression)
+        yield f"{name} on option 1", regressed(data, plain, regression)
     named = nested_blocks(data, fold, lambda part: run_auto(start, part).model)
     yield "named (`auto`)", held_out_rows(named)
+    for name, regression in outside_regressions():
+        yield f"{name} on named", regressed(data, named, regression)
     yield "field on named", held_out_rows(blocks_with_field(field, data, named))
 
 
@@ -113,19 +107,10 @@ def report(title: str, results: Sequence[tuple[str, Array]]) -> Table:
     return table
 
 
-def main() -> None:
-    """Prints the tables."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("data", nargs="?", type=Path, default=DATA)
-    asked.add_argument("--arm", default="lrm-lab")
-    known = asked.parse_args()
-    data, console = load_measurements(known.data, load_arm(known.arm)), Console(width=110)
+def tables(data: Measurements) -> Iterator[Table]:
+    """A table for blocks of joint space, and one for random folds."""
     for title, fold in (
         ("blocks of joint space", joint_space_folds(data.poses.q, data.repeat_of)),
         ("random folds", random_folds(data, 0)),
     ):
-        console.print(report(f"{len(data)} poses, {FOLDS} {title}", list(lines(data, fold))))
-
-
-if __name__ == "__main__":
-    main()
+        yield report(f"{len(data)} poses, {FOLDS} {title}", list(lines(data, fold)))
