@@ -20,6 +20,9 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 
 ARM = load_arm("so101")
+REGISTERS = st.sampled_from(
+    [table.ID, table.MAX_POSITION, table.GOAL_POSITION, table.TORQUE_LIMIT, table.TEMPERATURE, table.HOMING_OFFSET]
+)
 ANGLES = st.lists(st.floats(-1.5, 1.5), min_size=5, max_size=5)
 WITHIN = st.tuples(
     *(st.one_of(st.sampled_from([j.lower, j.upper]), st.floats(j.lower, j.upper)) for j in ARM.joints)
@@ -154,6 +157,22 @@ def test_lost_answers_are_asked_for_again_and_a_lost_line_is_said() -> None:
     line.write = gone  # type: ignore[method-assign]
     with pytest.raises(LrmError, match=r"does not answer: the serial line is gone \(device disconnected\? no data\)$"):
         arm.go(pose([0.1] * 5))
+
+
+@given(st.integers(1, 5), REGISTERS, st.booleans())
+def test_it_reads_what_the_servo_has(number: int, register: table.Register, echo: bool) -> None:
+    line = line_of(1, 2, 3, 4, 5, echo=echo)
+    host, memory = FeetechHost(line), line.bus.servos[number - 1].memory
+    assert host.read(number, register) == register.read(memory)
+    assert host.read_all((5, number), register)[number] == register.read(memory)
+
+
+@given(st.integers(1, 5), st.integers(0, 1000), st.booleans())
+def test_it_writes_to_one_servo_alone(number: int, limit: int, echo: bool) -> None:
+    line = line_of(1, 2, 3, 4, 5, echo=echo)
+    FeetechHost(line).write(number, table.TORQUE_LIMIT, limit)
+    limits = [table.TORQUE_LIMIT.read(servo.memory) for servo in line.bus.servos]
+    assert limits == [limit if servo.id == number else MOST_TORQUE for servo in line.bus.servos]
 
 
 def refusal(line: BusLine, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> str:
