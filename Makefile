@@ -1,4 +1,5 @@
-# make demo   sets itself up, and tells the whole story on a simulated arm [SEED=3], on an SO-101's servo bus [ARM=so101], or on your data [DATA=my.csv ARM=arm]
+# make demo   sets itself up, and tells the whole story on a simulated arm [SEED=3], on a simulated SO-101 [ARM=so101], or
+#             on your data [DATA=my.csv ARM=arm]
 # make test   sets itself up, runs all tests
 # make quick  the tests that take a minute together
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -28,12 +29,10 @@ $(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,mujoco,cluster,xacro,dev]'
 	@touch $@
 
-demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; or on your own DATA= (ARM=)
+demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; on an SO-101 with ARM=so101; or on your own DATA= (ARM=)
 	@mkdir -p $(OUT)
-ifeq ($(DATA)$(ARM),so101)
-	$(ONE_THREAD) PYTHONPATH=lerobot_robot_lrm/src $(BIN)/python -m examples.so101.story --out $(OUT) $(if $(SEED),--seed $(SEED))
-else ifndef DATA
-	$(ONE_THREAD) $(BIN)/python -m examples.demo --out $(OUT) $(if $(SEED),--seed $(SEED))
+ifndef DATA
+	$(ONE_THREAD) $(BIN)/python -m examples.$(if $(filter so101,$(ARM)),so101.demo,demo) --out $(OUT) $(if $(SEED),--seed $(SEED))
 else
 	$(BIN)/lrm-ident fit $(DATA) $(if $(ARM),--arm $(ARM)) -o $(OUT)/model.toml --json $(OUT)/fit.json
 	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png

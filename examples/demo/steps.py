@@ -10,18 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from examples.demo.pose_files import LOAD_G, pose_table
-from examples.demo.world import ARM, ROBOT, World
 from lrm_ident.cli.app import app
 from lrm_ident.cli.common import show
 from lrm_ident.report.document import heading
-from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from lrmd.cli import app as lrm
 
-POSES, REPEATS, GOALS = 80, 8, 12
 SETTLE_S, DWELL_S = 0.05, 0.2
 """Of the computer's clock; the simulated arm's runs faster."""
+
+
+TIMING = ("--settle", str(SETTLE_S), "--dwell", str(DWELL_S))
 
 
 @dataclass(frozen=True)
@@ -47,28 +46,38 @@ class NamedEffect:
 
 @dataclass(frozen=True)
 class DemoSteps:
-    """A demo in a folder, on a simulated rover."""
+    """A demo in a folder.
+
+    `arm`: words of `measure` and `verify` that name the simulated arm and its tracker. `goals`: how many are verified.
+    """
 
     folder: Path
-    world: World
+    arm: tuple[str, ...]
     seed: int
+    goals: int
 
     def file(self, name: str) -> str:
         """A path in the folder, as a word."""
         return str(self.folder / name)
 
-    def measure(self) -> None:
-        """Draws poses, and measures them."""
-        arm = load_arm(ARM)
-        (self.folder / "poses.csv").write_text(pose_table(arm, POSES, REPEATS, self.seed), encoding="utf-8")
-        timing = ["--pause", "0", *self._timing, "--load-command", self.world.load_command]
-        self._ident("measure", self.file("poses.csv"), *self._rover, *timing, "-o", self.file("measured.csv"))
+    def write_poses(self, table: str) -> None:
+        """Poses of one's own."""
+        (self.folder / "poses.csv").write_text(table, encoding="utf-8")
 
-    def verify(self, name: str) -> dict[str, Any]:
+    def design(self, arm: str, count: int) -> None:
+        """Chooses poses that tell most about an arm."""
+        self._ident("design", arm, "-n", str(count), "--seed", str(self.seed), "-o", self.file("poses.csv"))
+
+    def measure(self, *more: str) -> None:
+        """Measures the poses."""
+        files = self.file("poses.csv"), *self.arm, "--pause", "0", *TIMING, *more, "-o", self.file("measured.csv")
+        self._ident("measure", *files)
+
+    def verify(self, name: str, *more: str) -> dict[str, Any]:
         """Sends the tip to goals that were never measured; the result's values."""
-        result, load = self.file(f"goals-{name}.json"), ["--payload-g", str(LOAD_G)]  # still on, from measuring
-        goals = ["--goals", str(GOALS), "--seed", str(self.seed), *load]
-        self._ident("verify", *self._rover, *self._timing, *goals, "--json", result)
+        result = self.file(f"goals-{name}.json")
+        goals = ["--goals", str(self.goals), "--seed", str(self.seed), *more]
+        self._ident("verify", *self.arm, *TIMING, *goals, "--json", result)
         return read_json(Path(result))
 
     def fit(self) -> None:
@@ -95,22 +104,13 @@ class DemoSteps:
         files = self.file("fitted.toml"), self.file("measured.csv"), effect, "-o", self.file("better.toml")
         self._ident("add", *files)
 
-    def deploy(self, name: str) -> None:
-        """Gives a model to the daemon."""
-        self._run("lrm", ["--robot", ROBOT, "--connect", self.world.endpoint, "deploy", self.file(name)])
+    def deploy(self, name: str, *daemon: str) -> None:
+        """Gives a model to a daemon, named by words of `lrm`."""
+        self._run("lrm", [*daemon, "deploy", self.file(name)])
 
     def report(self, name: str) -> None:
         """The page of a model."""
         self._ident("report", self.file(name), self.file("measured.csv"), "-o", self.file("report.html"))
-
-    @property
-    def _rover(self) -> list[str]:
-        tracker = f"dtrack:{self.world.tracker_port}"
-        return ["--robot", ROBOT, "--connect", self.world.endpoint, "--tracker", tracker]
-
-    @property
-    def _timing(self) -> list[str]:
-        return ["--settle", str(SETTLE_S), "--dwell", str(DWELL_S)]
 
     def _ident(self, *words: str) -> None:
         self._run("lrm-ident", words)

@@ -43,6 +43,11 @@ class World:
     tracker_port: int
 
     @property
+    def daemon(self) -> tuple[str, ...]:
+        """Words that name its daemon."""
+        return "--robot", ROBOT, "--connect", self.endpoint
+
+    @property
     def load_command(self) -> str:
         """What puts a load on the simulated tool; its last word are grams."""
         return f"{sys.executable} -m examples.demo.load {self.board}"

@@ -42,6 +42,12 @@ HIDDEN: dict[str, Callable[[float], HiddenEffect]] = {
     "gain": lambda size: OneSidedGain(3, 1, 0.03 * size, 6.0 * DEG),
 }
 """Effects by name, of a size about 1."""
+NAMED = {
+    "play": ("backlash@joint3", "play in the gear of the elbow"),
+    "friction": ("friction_curve@joint2", "friction in the shoulder, which remembers where it came from"),
+    "gain": ("servo_gain@joint3", "a wrong gain of the elbow's servo, on one side of zero"),
+}
+"""The same by the tool's names, and in words."""
 
 
 def hidden_truth(arm: ArmDescription, effect: str, seed: int) -> GroundTruth:
@@ -84,6 +90,7 @@ class HiddenSo101:
     history: list[Array] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self._drawn = GroundTruth.nominal(self.arm)  # its torques: sag changes them by two percent, and takes long
         self.servos = tuple(FeetechServo(number) for number in range(1, GRIPPER + 1))
         self.bus = FeetechBus(self.servos, self._remember)
         self.history.append(self.q)
@@ -100,6 +107,6 @@ class HiddenSo101:
     def _remember(self) -> None:
         if not np.array_equal(self.history[-1], self.q):
             self.history[:] = [*self.history[1 - LONGEST_HISTORY :], self.q]
-            torques = true_state(self.arm, self.truth, self.q[None]).tau_nm[0]
+            torques = true_state(self.arm, self._drawn, self.q[None]).tau_nm[0]
             for servo, torque in zip(self.servos, torques.tolist(), strict=False):
                 servo.torque = torque

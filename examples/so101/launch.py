@@ -1,7 +1,8 @@
-"""The simulated SO-101 as a process of its own."""
+"""The simulated SO-101 and its tracker as processes of their own."""
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -25,6 +26,20 @@ def simulated_so101(folder: Path, effect: str, seed: int) -> Iterator[Path]:
         if not process.stdout.readline():
             raise LrmError(f"the simulated bus ended with exit code {process.wait()}")
         yield link
+    finally:
+        process.terminate()
+        process.wait()
+
+
+@contextmanager
+def simulated_tracker(link: Path, seed: int) -> Iterator[str]:
+    """Runs the tracker beside the bus; yields it by the name that `--tracker` takes."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = str(probe.getsockname()[1])
+    process = subprocess.Popen([sys.executable, "-m", "examples.so101.tracker", str(link), port, str(seed)])
+    try:
+        yield f"dtrack:{port}"
     finally:
         process.terminate()
         process.wait()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -20,7 +20,7 @@ from lrm_math.effects import CATALOGUE, constant, effects_at
 from lrm_math.effects.compliance import Spring
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.targets import Kind, kind_of, slot_of
-from lrm_math.errors import LrmError
+from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.equivalent_arm import equivalent_arm
@@ -196,7 +196,10 @@ def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
     payload = rng.uniform(0.0, 0.3)
     assert PackedArm(model).complete
     q, side = rng.uniform(-1.7, 1.7, (5, 6)), rng.integers(-1, 2, (5, 6))
-    rest = equilibrium(model, Poses(q, np.full(5, payload), side.astype(float)), tolerance=1e-14)
+    try:
+        rest = equilibrium(model, Poses(q, np.full(5, payload), side.astype(float)), tolerance=1e-14)
+    except NoEquilibrium:  # a random arm too soft to hold itself
+        reject()
     expected = moving(model, rest.slots, 5)
     slots, _, iterations = flat(model, payload).settle(q, side, expected + 0.01, 1e-14)
     assert (iterations > 0).all()

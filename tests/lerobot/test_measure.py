@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +14,7 @@ pytest.importorskip("lerobot", reason="LeRobot is not installed (it needs torch;
 pytest.importorskip("scservo_sdk", reason="feetech-servo-sdk is not installed")
 
 from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth, tip_after
-from examples.so101.launch import simulated_so101
+from examples.so101.launch import simulated_so101, simulated_tracker
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_math.arm.arm_file import load_arm
 from validation.lerobot_robot.simulated_follower import MOTORS, ROBOT_ID
@@ -42,20 +41,14 @@ def calibration(folder: Path, names: tuple[str, ...] = MOTORS) -> None:
 
 
 def measured(folder: Path, link: Path, *more: str) -> subprocess.CompletedProcess[str]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    tracker = subprocess.Popen([sys.executable, "-m", "examples.so101.tracker", str(link), str(port), "1"])
     robot = f"lerobot:so101_follower,port={link},id={ROBOT_ID},calibration_dir={folder}"
-    words = ["measure", str(folder / "poses.csv"), "--robot", robot, "--tracker", f"dtrack:{port}", "--pause", "0"]
+    words = ["measure", str(folder / "poses.csv"), "--robot", robot, "--pause", "0"]
     words += ["--settle", "0.2", "--dwell", "0.3", "-o", str(folder / "data.csv"), *more]
-    try:
+    with simulated_tracker(link, 1) as tracker:
+        words += ["--tracker", tracker]
         return subprocess.run(
             [sys.executable, "-c", PATIENT_COMMAND, *words], capture_output=True, text=True, timeout=300
         )
-    finally:
-        tracker.kill()
-        tracker.wait()
 
 
 def poses_file(folder: Path) -> None:

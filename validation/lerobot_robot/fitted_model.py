@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import lrm_ident as lrm
-from examples.so101.hidden_arm import ARM_FILE, JOINTS
+from examples.so101.hidden_arm import ARM_FILE, JOINTS, NAMED
 from validation.synthetic import GroundTruth, load_arm, random_poses, simulate, write
 
-NAMED = {"play": "backlash@joint3", "friction": "friction_curve@joint2", "gain": "servo_gain@joint3"}
-"""What the offline tool calls the hidden effects."""
 POSES, NOISE_M = 120, 0.0002
 LIMIT_DEG = 75.0
 
@@ -22,5 +20,5 @@ def fit_hidden(truth: GroundTruth, effect: str, seed: int, folder: Path) -> Path
     data = lrm.load(table, "so101")
     joints = [f"offsets@joint{number}" for number in range(1, JOINTS + 1)]
     model = folder / "model.toml"
-    lrm.save(lrm.fit(data, [*joints, "compliance", NAMED[effect]]), data, model)
+    lrm.save(lrm.fit(data, [*joints, "compliance", NAMED[effect][0]]), data, model)
     return model

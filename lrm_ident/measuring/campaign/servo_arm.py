@@ -165,12 +165,20 @@ class ServoArm:
         self.direction = last_directions([start, self._target], self.direction)
 
     def _check_follows(self) -> None:
-        seen = self.seen()
-        behind = [abs(a - b) for a, b in zip(seen, self._target, strict=True)]
+        """Raises `LrmError` and holds if a joint is far behind its command, and still is a glance later."""
+        seen, behind = self._behind()
+        if max(behind) > BEHIND:
+            self.clock.sleep(GLANCE_S)
+            seen, behind = self._behind()
         if max(behind) > BEHIND:
             self._send(seen)
             name, off = self.servos.joints[behind.index(max(behind))], math.degrees(max(behind))
             raise LrmError(f"{name} does not follow: {off:.0f} deg behind its command; is it held up? The arm holds")
+
+    def _behind(self) -> tuple[tuple[float, ...], list[float]]:
+        """(n,) each, rad: what the encoders read, and how far that is from the command."""
+        seen = self.seen()
+        return seen, [abs(a - b) for a, b in zip(seen, self._target, strict=True)]
 
     def _quiet(self) -> tuple[float, ...]:
         """Angles (rad) that the encoders read once nothing moves any more."""

@@ -57,6 +57,12 @@ class FeetechHost:
             found = self._read_patiently(number, address, length)
         return found
 
+    def read_all(self, numbers: Sequence[int], register: Register) -> dict[int, int]:
+        """Values of a register of several servos, asked for in one packet. Raises `NoAnswer`."""
+        words = bytes([register.address, register.length, *numbers])
+        answers = self._heard(Packet(BROADCAST, Instruction.SYNC_READ, words), numbers, ANSWER_S)
+        return {number: register.read(bytes(register.address) + answers[number].parameters) for number in numbers}
+
     def write(self, number: int, register: Register, value: int) -> None:
         """Writes a register, and waits until the servo says so. Raises `NoAnswer`."""
         self._ask(Packet(number, Instruction.WRITE, bytes([register.address]) + _bytes_of(register, value)))
@@ -102,7 +108,12 @@ class FeetechHost:
         return data
 
     def _ask(self, question: Packet, patience: float = ANSWER_S) -> Packet:
-        """The answer of one servo within a time (s); an adapter that hands back what was sent is listened through."""
+        """The answer of one servo within a time (s). Raises `NoAnswer`."""
+        return self._heard(question, [question.id], patience)[question.id]
+
+    def _heard(self, question: Packet, numbers: Sequence[int], patience: float) -> dict[int, Packet]:
+        """Answers of servos within a time (s); an adapter that hands back what was sent is listened through."""
+        found: dict[int, Packet] = {}
         self.forget_late_answers()
         with _line_is_there():
             self.line.write(question.encoded())
@@ -110,12 +121,13 @@ class FeetechHost:
             while time.monotonic() < end:
                 came = self.line.read(max(1, self.line.in_waiting))
                 heard += came
-                for packet in reader.feed(came):
-                    if packet.id == question.id and packet != question:
-                        return packet
+                found |= {packet.id: packet for packet in reader.feed(came) if packet != question}
+                if all(number in found for number in numbers):
+                    return found
+        silent = next(number for number in numbers if number not in found)
         if heard.removeprefix(question.encoded()):
-            raise GarbledAnswer(f"the answer of servo {question.id} is garbled")
-        raise NoAnswer(f"servo {question.id} does not answer")
+            raise GarbledAnswer(f"the answer of servo {silent} is garbled")
+        raise NoAnswer(f"servo {silent} does not answer")
 
 
 @contextmanager

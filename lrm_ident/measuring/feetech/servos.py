@@ -43,7 +43,7 @@ class FeetechServos:
 
     def angles(self) -> tuple[float, ...]:
         """See `Servos`."""
-        return tuple((self.host.read(number, table.POSITION) - MIDDLE) * STEP for number in self.numbers)
+        return tuple((count - MIDDLE) * STEP for count in self._read(table.POSITION).values())
 
     @property
     def step(self) -> float:
@@ -64,11 +64,11 @@ class FeetechServos:
 
     def powered(self) -> Mapping[str, bool]:
         """See `Servos`."""
-        return {joint: bool(self.host.read(n, table.TORQUE_ENABLE)) for joint, n in self._each}
+        return {joint: bool(value) for joint, value in self._read(table.TORQUE_ENABLE).items()}
 
     def temperature(self) -> Mapping[str, float]:
         """See `Servos`."""
-        return {joint: float(self.host.read(n, table.TEMPERATURE)) for joint, n in self._each}
+        return {joint: float(value) for joint, value in self._read(table.TEMPERATURE).items()}
 
     def bound_torque(self, share: float) -> None:
         """See `Servos`."""
@@ -79,9 +79,10 @@ class FeetechServos:
         """See `Servos`."""
         self.host.forget_late_answers()
 
-    @property
-    def _each(self) -> Iterator[tuple[str, int]]:
-        yield from zip(self.joints, self.numbers, strict=True)
+    def _read(self, register: table.Register) -> dict[str, int]:
+        """Values of a register by joint, in their order. Raises `NoAnswer`."""
+        found = self.host.read_all(self.numbers, register)
+        return {joint: found[number] for joint, number in zip(self.joints, self.numbers, strict=True)}
 
 
 @contextmanager

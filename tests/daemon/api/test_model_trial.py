@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -68,8 +69,12 @@ def files(config: Config) -> list[str]:
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_hostile_text_is_one_line_and_leaves_nothing(name: str, config: Config, active: ActiveModel) -> None:
     text, said = HOSTILE[name]
-    with pytest.raises(LrmError, match=said) as caught:
-        active.deploy(text)
+    for _ in range(5):  # a machine that is busy has no time to check it, and says so
+        with pytest.raises(LrmError) as caught:
+            active.deploy(text)
+        if "ask again" not in str(caught.value):
+            break
+    assert re.search(said, str(caught.value))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) <= 1100
     assert files(config) == []

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import json
-import socket
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth, tip_after
-from examples.so101.launch import simulated_so101
+from examples.so101.launch import simulated_so101, simulated_tracker
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.measuring.feetech.servos import STEP
 from lrm_math.arm.arm_file import load_arm
@@ -33,22 +28,9 @@ def poses_file(folder: Path, count: int = len(POSES_DEG)) -> Path:
     return path
 
 
-@contextmanager
-def tracker_beside(link: Path) -> Iterator[str]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = str(probe.getsockname()[1])
-    process = subprocess.Popen([sys.executable, "-m", "examples.so101.tracker", str(link), port, "1"])
-    try:
-        yield f"dtrack:{port}"
-    finally:
-        process.kill()
-        process.wait()
-
-
 def test_poses_are_measured_and_an_interrupted_file_goes_on(tmp_path: Path) -> None:
     poses, data = poses_file(tmp_path), tmp_path / "data.csv"
-    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+    with simulated_so101(tmp_path, "gain", 1) as link, simulated_tracker(link, 1) as tracker:
         words = ["measure", poses, "--robot", f"feetech:{link}", "--tracker", tracker, *QUICK, "-o", data]
         code, said, complaint = run_command(*words)
         assert (code, complaint) == (0, "")
@@ -90,7 +72,7 @@ def test_words_that_name_no_bus_are_one_line(tmp_path: Path, robot: str, words: 
 
 def test_a_wrong_number_on_a_real_line_is_one_line(tmp_path: Path) -> None:
     poses = poses_file(tmp_path)
-    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+    with simulated_so101(tmp_path, "gain", 1) as link, simulated_tracker(link, 1) as tracker:
         robot = f"feetech:{link},ids=1+2+3+4+9"
         said = stderr_of("measure", poses, "--robot", robot, "--tracker", tracker, "-o", tmp_path / "d.csv")
     assert said.endswith("servo 9 does not answer; on the bus are 1, 2, 3, 4, 5, 6\n")
@@ -100,7 +82,7 @@ def test_a_wrong_number_on_a_real_line_is_one_line(tmp_path: Path) -> None:
 def test_the_tip_lands_nearer_with_the_model_of_this_arm(tmp_path: Path) -> None:
     model = fit_hidden(hidden_truth(described_arm(ARM_FILE), "gain", 1), "gain", 1, tmp_path)
     found = {}
-    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+    with simulated_so101(tmp_path, "gain", 1) as link, simulated_tracker(link, 1) as tracker:
         words = ["verify", "--robot", f"feetech:{link}", "--tracker", tracker, *QUICK[2:], "--goals", "3"]
         for name, more in {"drawn": [], "fitted": ["--model", model]}.items():
             code, _, complaint = run_command(*words, *more, "--json", tmp_path / f"{name}.json")
@@ -116,6 +98,6 @@ def test_a_model_for_a_daemon_and_one_of_another_arm_are_one_line(tmp_path: Path
     assert "a daemon uses its own model" in stderr_of("verify", "--tracker", "dtrack:45991", "--model", "m.toml")
     model = tmp_path / "other.toml"
     model.write_text('schema = "lrm/model/1"\narm = "ur5"\neffects = []\n')
-    with simulated_so101(tmp_path, "gain", 1) as link, tracker_beside(link) as tracker:
+    with simulated_so101(tmp_path, "gain", 1) as link, simulated_tracker(link, 1) as tracker:
         said = stderr_of("verify", "--robot", f"feetech:{link}", "--tracker", tracker, "--model", model)
     assert "a model of ur5" in said

@@ -1,0 +1,52 @@
+"""The last screen of a demo, and the same as `demo.json`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from examples.demo.simulated_tracker import FRAME_SD_M, REST_SD_M
+from examples.demo.steps import NamedEffect
+from lrm_ident.cli.common import show
+from lrm_ident.report.document import ResultTable
+
+
+@dataclass(frozen=True)
+class DemoTruth:
+    """What a seed hides: the effect by the tool's name, and in words."""
+
+    seed: int
+    effect: str
+    words: str
+
+
+def conclude(
+    folder: Path, truth: DemoTruth, named: NamedEffect, results: Mapping[str, Any], model: str, seconds: float
+) -> None:
+    """Prints and writes what `verify` measured with each model, what was hidden and named; `model`: column's head."""
+    tracker_mm = 1e3 * math.sqrt(3.0) * math.hypot(REST_SD_M, FRAME_SD_M / 3.0)
+    rows = []
+    for name, result in results.items():
+        error, floor = result["error"], math.hypot(tracker_mm, result["rounding_rms_mm"])
+        rows.append((name, error["mean_mm"], error["rms_mm"], error["max_mm"], floor, result["model_sha256"][:12]))
+    columns = (model, "mean|.2f", "RMS|.2f", "worst|.2f", "floor, RMS|.2f", "sha256")
+    goals = len(next(iter(results.values()))["goals"])
+    right = named.agrees(truth.effect)
+    show(
+        "",
+        ResultTable(columns, rows, f"How far the tip lands from {goals} goals that were never measured, mm"),
+        "Floor: noise of the tracker, and commands in whole counts; no model can do better.",
+        f"Hidden by seed {truth.seed}: {truth.words} ({truth.effect}).",
+        f"Named by diagnose: {named.words}: {'right' if right else 'NOT what was hidden'}.",
+        f"Report: {folder / 'report.html'}. All in {seconds:.0f} s.",
+    )
+    document = {
+        "schema": "lrm/demo/1", "seed": truth.seed, "hidden": truth.effect, "verdict": named.verdict,
+        "named": named.name, "indistinguishable_from": named.rivals, "right": right, "seconds": seconds,
+        "rms_mm": {row[0]: row[2] for row in rows}, "floor_rms_mm": {row[0]: row[4] for row in rows},
+    }  # fmt: skip
+    (folder / "demo.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
