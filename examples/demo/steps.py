@@ -64,10 +64,6 @@ class DemoSteps:
         """Poses of one's own."""
         (self.folder / "poses.csv").write_text(table, encoding="utf-8")
 
-    def design(self, arm: str, count: int) -> None:
-        """Chooses poses that tell most about an arm."""
-        self._ident("design", arm, "-n", str(count), "--seed", str(self.seed), "-o", self.file("poses.csv"))
-
     def measure(self, *more: str) -> None:
         """Measures the poses."""
         files = self.file("poses.csv"), *self.arm, "--pause", "0", *TIMING, *more, "-o", self.file("measured.csv")
@@ -80,9 +76,9 @@ class DemoSteps:
         self._ident("verify", *self.arm, *TIMING, *goals, "--json", result)
         return read_json(Path(result))
 
-    def fit(self) -> None:
+    def fit(self, *more: str) -> None:
         """The thesis's model: geometry, and the springs of joints and base."""
-        self._ident("fit", self.file("measured.csv"), "-o", self.file("fitted.toml"))
+        self._ident("fit", self.file("measured.csv"), *more, "-o", self.file("fitted.toml"))
 
     def compare(self) -> None:
         """Where it fails."""

@@ -14,13 +14,13 @@ from lrm_math.effects import ALL_EFFECTS
 
 @pytest.mark.slow
 def test_the_story_ends_nearer_to_its_goals(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run_demo(tmp_path, 1, poses=30, goals=3)
+    run_demo(tmp_path, 1, poses=40, goals=3)
     said, found = capsys.readouterr().out, json.loads((tmp_path / "demo.json").read_text())
     drawn, fitted, with_effect = found["rms_mm"].values()
     assert fitted < drawn
     assert with_effect < 0.2 * drawn
     assert found["hidden"] == "servo_gain@joint3"
-    for command in ("design", "measure", "verify", "fit", "diagnose", "report"):
+    for command in ("measure", "verify", "fit", "diagnose", "add", "report"):
         assert f"$ lrm-ident {command}" in said
     assert (tmp_path / "report.html").exists()
 
