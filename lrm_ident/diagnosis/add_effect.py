@@ -11,7 +11,8 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.degenerate_fit import DegenerateFit
 from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, some_rows
-from lrm_ident.fitting.levenberg_marquardt import Fit, FitNotConverged, fit
+from lrm_ident.fitting.least_squares.convergence import FitNotConverged
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_math.effects import Effect, name_of_key, split_key

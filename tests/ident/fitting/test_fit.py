@@ -15,7 +15,8 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds
 from lrm_ident.fitting.identifiability import fit_identifiable, select_identifiable
-from lrm_ident.fitting.levenberg_marquardt import FitNotConverged, fit
+from lrm_ident.fitting.least_squares.convergence import FitNotConverged
+from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import LOSSES, Cauchy, Huber, robust_scale
 from lrm_ident.fitting.parameter_sets import THESIS_OPTIONS, bounds_of, no_bounds, select_parameters
 from lrm_ident.residual.error_breakdown import compare, try_held_out

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting import objective
-from lrm_ident.fitting.block_qr import CompressedRows, compress
 from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.identifiability import MOST_AT_ONCE
+from lrm_ident.fitting.least_squares import objective
+from lrm_ident.fitting.least_squares.block_qr import CompressedRows, compress
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_math.arm.arm_file import load_arm

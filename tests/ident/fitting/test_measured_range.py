@@ -10,9 +10,9 @@ import pytest
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import models_without
+from lrm_ident.fitting.least_squares.smoothness import LEAST, MOST, likelier_weights, penalties, with_penalties
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.priors import weak_prior
-from lrm_ident.fitting.smoothness import LEAST, MOST, likelier_weights, penalties, with_penalties
 from lrm_ident.report.fit import comparison_document
 from lrm_ident.residual.error_breakdown import compare
 from lrm_ident.study.model_history import as_written

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import enumerate_words
-from lrm_ident.fitting.block_qr import CompressedRows, compress, compress_each
+from lrm_ident.fitting.least_squares.block_qr import CompressedRows, compress, compress_each
 from lrm_ident.fitting.loss import Loss, robust_scale
 from lrm_ident.fitting.priors import SET_UP, Prior
 from lrm_math.arrays import Array

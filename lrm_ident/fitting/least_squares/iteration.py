@@ -1,0 +1,112 @@
+"""Levenberg–Marquardt iteration (Marquardt 1963) with a noise and penalties that follow from what it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.fitting.least_squares.convergence import (
+    PENALISED_TOLERANCE,
+    POSTERIOR_TOLERANCE,
+    FitNotConverged,
+    is_idle,
+    is_last,
+    is_well_known,
+    longest_change,
+)
+from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, NoiseUpdate, Objective
+from lrm_ident.fitting.least_squares.quadratic_model import QuadraticModel
+from lrm_ident.fitting.least_squares.smoothness import Smoothness
+from lrm_ident.fitting.parameter_sets import Bounds
+from lrm_math.arrays import Array
+from lrm_math.model.equilibrium import Equilibrium
+
+FIRST_DAMPING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """Where an iteration ended.
+
+    Attributes:
+        columns: compressed Jacobian before the last step, which changed nothing.
+        free: (P,), whether no bound holds a parameter.
+    """
+
+    objective: Objective
+    iterate: Iterate
+    columns: Array
+    free: NDArray[np.bool_]
+    noise: NoiseScale
+    steps: int
+
+
+@dataclass(frozen=True, eq=False)
+class LevenbergMarquardt:
+    """A problem to solve.
+
+    Attributes:
+        bounds: of the scaled parameters.
+        idle_steps: so many steps in a row that gain next to nothing end it.
+        near: an equilibrium of the same effects to start from, or None.
+    """
+
+    objective: Objective
+    smooth: Smoothness
+    bounds: Bounds
+    idle_steps: int
+    near: Equilibrium | None
+
+    def with_smoothness(self, smooth: Smoothness) -> LevenbergMarquardt:
+        """The same with these penalties."""
+        return replace(self, smooth=smooth, objective=replace(self.objective, prior=smooth.prior))
+
+    def solve(self, most_steps: int) -> Optimum:
+        """Iterates until no decrease is predicted and the noise and the penalties follow from what is left.
+
+        Both are estimated whenever the parameters have converged for the present ones (MacKay 1992; Wood & Fasiolo
+        2017). Raises `FitNotConverged`.
+        """
+        iterate, problem = self._start(), self
+        noise, free = self.objective.noise_scale(iterate), np.ones(len(iterate.z), dtype=np.bool_)
+        if not len(free):
+            return Optimum(self.objective, iterate, np.empty((0, 0)), free, noise, 0)
+        if self.smooth.begun:
+            first, smooth = self._likelier(iterate, free, noise)
+            noise, problem = first.estimated, self.with_smoothness(smooth)
+        before: NoiseUpdate | None = None
+        damping, change, idle = FIRST_DAMPING, np.inf, 0
+        tolerance = PENALISED_TOLERANCE if self.smooth.known else POSTERIOR_TOLERANCE
+        for steps in range(1, most_steps + 1):
+            quadratic = QuadraticModel.about(iterate, problem.objective, noise, self.bounds)
+            iterate, damping = quadratic.step(damping)
+            change = longest_change(quadratic.iterate, iterate)
+            idle = idle + 1 if is_idle(quadratic, iterate) else 0
+            if idle >= self.idle_steps and not is_well_known(quadratic):
+                raise FitNotConverged(steps, change)
+            if idle < self.idle_steps and not is_last(quadratic, iterate, tolerance):
+                continue
+            update, smooth = problem._likelier(iterate, quadratic.free, noise)
+            if update.estimated.close_to(noise, problem.objective.sigma_tolerance) and smooth.close_to(problem.smooth):
+                return Optimum(problem.objective, iterate, quadratic.columns, quadratic.free, noise, steps)
+            problem, noise, before = problem.with_smoothness(smooth), update.accelerated(before), update
+            damping = min(damping, FIRST_DAMPING)
+        raise FitNotConverged(most_steps, change)
+
+    def _start(self) -> Iterate:
+        z = self.objective.model.values[self.objective.columns] / self.objective.typical
+        return self.objective.at(np.clip(z, self.bounds.lower, self.bounds.upper), self.near)
+
+    def _likelier(self, iterate: Iterate, free: NDArray[np.bool_], noise: NoiseScale) -> tuple[NoiseUpdate, Smoothness]:
+        """The noise and the penalties that follow from an iterate, which `noise` and the present ones led to."""
+        objective, parameters = self.objective, 0.0
+        covariance = np.zeros((len(free), len(free)))
+        if objective.prior is not None and free.any():
+            inverse = objective.inverse_hessian(objective.linearise(iterate, noise).columns, noise, free)
+            parameters = objective.effective_parameters(inverse, noise, free)
+            covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
+        update = NoiseUpdate(noise, objective.noise_scale(iterate, parameters))
+        model = iterate.rest.model.with_free(objective.model.free)
+        return update, self.smooth.likelier(model, covariance * np.outer(objective.typical, objective.typical))

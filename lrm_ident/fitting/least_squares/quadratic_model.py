@@ -1,0 +1,111 @@
+"""Quadratic model of the objective about an iterate (Gauss–Newton), and the damped step to its bounded minimum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, Objective
+from lrm_ident.fitting.parameter_sets import Bounds
+from lrm_math.arrays import Array
+from lrm_math.errors import NoEquilibrium
+
+MUCH_SHORTER = 0.75  # part of a step
+STEP_TOLERANCE = 1e-8  # of the typical sizes
+MAX_DAMPING = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class QuadraticModel:
+    """The objective near an iterate, to second order.
+
+    Attributes:
+        bounds: of the scaled parameters.
+        columns: (R, P), compressed Jacobian. descent: (P,), negative gradient, times scale².
+        free: (P,), whether no bound holds a parameter against the descent.
+    """
+
+    objective: Objective
+    bounds: Bounds
+    iterate: Iterate
+    noise: NoiseScale
+    columns: Array
+    descent: Array
+    free: NDArray[np.bool_]
+
+    @staticmethod
+    def about(iterate: Iterate, objective: Objective, noise: NoiseScale, bounds: Bounds) -> QuadraticModel:
+        """The model about an iterate."""
+        rows = objective.linearise(iterate, noise)
+        descent = objective.negative_gradient(iterate, rows, noise)
+        held = ((iterate.z <= bounds.lower) & (descent < 0)) | ((iterate.z >= bounds.upper) & (descent > 0))
+        return QuadraticModel(objective, bounds, iterate, noise, rows.columns, descent, ~held)
+
+    def predicted(self, trial: Iterate) -> float:
+        """Decrease of the objective to first order on the way to a trial."""
+        return float(self.descent @ (trial.z - self.iterate.z)) / self.noise.scale**2
+
+    def value(self, trial: Iterate) -> float:
+        """The objective itself."""
+        return self.objective.value(trial, self.noise)
+
+    def step(self, damping: float) -> tuple[Iterate, float]:
+        """An iterate that does not increase the objective, and the next damping; the same iterate if there is none."""
+        A = self.objective.gauss_newton(self.columns, self.noise)
+        diagonal = np.diag(np.maximum(np.diag(A), 1e-300))
+        before = self.value(self.iterate)
+        while damping < MAX_DAMPING:
+            z = self._minimum(A + damping * diagonal)
+            try:
+                trial = self.objective.at(z, self.iterate.rest)
+            except NoEquilibrium:
+                damping *= 10.0
+                continue
+            if self.value(trial) <= before:
+                return self._shortened(trial), damping * 0.1
+            if np.abs(z - self.iterate.z).max() < STEP_TOLERANCE:
+                break
+            damping *= 10.0
+        return self.iterate, damping
+
+    def _minimum(self, A: Array) -> Array:
+        """Minimum of the model with the Hessian `A` within the bounds: what would leave them is put on them, and the
+        others are solved anew (active set; clipping alone zigzags where parameters are correlated, Bertsekas 1982)."""
+        z, moving, change = self.iterate.z, self.free.copy(), np.zeros_like(self.iterate.z)
+        while moving.any():
+            change[moving] = _solve(
+                A[np.ix_(moving, moving)], self.descent[moving] - A[np.ix_(moving, ~moving)] @ change[~moving]
+            )
+            inside = self._inside(z + change)
+            beyond = moving & (inside != z + change)
+            if not beyond.any():
+                break
+            change[beyond] = (inside - z)[beyond]
+            moving &= ~beyond
+        return self._inside(z + change)
+
+    def _inside(self, z: Array) -> Array:
+        return np.clip(z, self.bounds.lower, self.bounds.upper)
+
+    def _shortened(self, trial: Iterate) -> Iterate:
+        """The trial, or the iterate at the minimum of a parabola through both where that is well before it and lower
+        (Nocedal & Wright 2006, section 3.5): Gauss and Newton leave a curvature out, and may step twice too far."""
+        change, slope = trial.z - self.iterate.z, self.predicted(trial)
+        gain = self.value(self.iterate) - self.value(trial)
+        if not 0.0 < 0.5 * slope < MUCH_SHORTER * (slope - gain):
+            return trial
+        try:
+            shorter = self.objective.at(self.iterate.z + 0.5 * slope / (slope - gain) * change, self.iterate.rest)
+        except NoEquilibrium:
+            return trial
+        return min(trial, shorter, key=self.value)
+
+
+def _solve(A: Array, gradient: Array) -> Array:
+    """The Newton step; of a singular matrix that of its diagonal."""
+    try:
+        return np.asarray(np.linalg.solve(A, gradient))
+    except np.linalg.LinAlgError:
+        return gradient / np.maximum(np.diag(A), 1e-300)
