@@ -50,8 +50,8 @@ from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import NOT_A_CAUSE, NoBetterPrediction
 from lrm_ident.study.inputs import arm_from
-from lrm_ident.study.model_history import fit_words, undo_step
-from lrm_ident.study.study import MAX_EFFECTS, Study, write_model
+from lrm_ident.study.model_history import fit_words, undo_step, write_model
+from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT
 from lrm_math.errors import LrmError, UnknownName

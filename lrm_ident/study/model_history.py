@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import tomli_w
 
+from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import enumerate_words
@@ -177,3 +178,8 @@ def arm_name_for(arm: str, folder: Path) -> str:
         return path.resolve().relative_to(folder.resolve()).as_posix()
     except ValueError:
         return path.resolve().as_posix()
+
+
+def write_model(path: Path, file: ModelFile, arm: str) -> None:
+    """Writes a model file; `arm`, where it is a path, as seen from the file's folder. Raises `FileError`."""
+    write_text(path, model_text(file.model_copy(update={"arm": arm_name_for(arm, path.parent)})))

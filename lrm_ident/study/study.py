@@ -9,40 +9,22 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
-from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.model_error import model_error_words
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
-from lrm_ident.fitting.priors import WEAK, EffectRates, Prior, load_prior, prior_name_for, prior_of_file
+from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, unheard
-from lrm_ident.residual.error_breakdown import (
-    HeldOutResidual,
-    ModelComparison,
-    compare,
-    compare_unseen,
-    try_held_out,
-)
-from lrm_ident.study.error_summary import ErrorSummary
-from lrm_ident.study.model_history import (
-    arm_name_for,
-    as_written,
-    auto_step_name,
-    model_file,
-    model_text,
-    undo_step,
-)
+from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.model_history import as_written, auto_step_name, model_file, undo_step, write_model
+from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import named_part
-from lrm_math.model.equilibrium import equilibrium
-from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, to_model
 
 if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
@@ -55,31 +37,16 @@ MAX_EFFECTS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Study(ShownInNotebook):
+class Study(ModelOnData, ShownInNotebook):
     """A model on measurements of its arm, and the steps that led to it.
 
     Attributes:
-        model: its free parameters are those that the next step varies.
-        data: what is fitted; `data.left_out` has the numbers of the poses that are not.
-        arm: a shipped arm's name or the path of an arm file, as a model file names it.
-        catalogue: every effect that may be tried or named.
-        loss: what fits minimise.
-        source: the model file that the study was read from; None if it began with a fit.
-        step: the last step; None as long as none was taken. before: the study before it.
+        before: the study before the last step.
         notices: what a person should know of the files and of what was done with them, one line each.
-        progress: called while something long is done.
     """
 
-    model: Model
-    data: Measurements
-    arm: str
-    catalogue: Catalogue = CATALOGUE
-    loss: Loss = SQUARED
-    source: ModelFile | None = None
-    step: StudyStep | None = None
     before: Study | None = None
     notices: tuple[str, ...] = ()
-    progress: Progress = unheard
 
     @staticmethod
     def of(
@@ -111,23 +78,6 @@ class Study(ShownInNotebook):
         step = StudyStep("fit", result.fit, result.held, bounds=bounds, stated_prior=known, prior_name=name)
         begun = replace(self, data=result.data, loss=loss, source=None)
         return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
-
-    def compare(self) -> ModelComparison:
-        """Compares the model as it is with the data: error, held-out error, and what it may depend on.
-
-        On poses that no fit of the model saw, its error is a held-out one, and nothing is refitted.
-        """
-        if self.unseen:
-            return compare_unseen(self.model, self.data, partial(self.progress, "what is left to find"))
-        return compare(self.model, self.data, partial(self.progress, "held-out error"), self.prior, self.loss)
-
-    @property
-    def unseen(self) -> bool:
-        """Whether the model file says that its fit saw none of these poses: it was of other data, or left them out."""
-        known = None if self.source is None else self.source.provenance
-        if known is None:
-            return False
-        return known.data_sha256 != self.data.sha256 or {*self.data.pose.tolist()} <= {*known.left_out}
 
     def screen(self, rates: EffectRates | None = None) -> Diagnosis:
         """Tries every effect at every place by the linearised fit, and finds outliers.
@@ -260,50 +210,6 @@ class Study(ShownInNotebook):
         return replace(self, model=model, source=None, step=None, before=self, notices=(*self.notices, words))
 
     @cached_property
-    def prior(self) -> Prior | None:
-        """Prior of the last fit. Raises `FileError` if its file is gone."""
-        if self.step is not None:
-            return self.step.prior
-        return None if self.source is None else prior_of_file(self.source, self.model, self.catalogue)
-
-    @property
-    def prior_name(self) -> str | None:
-        """The prior's, as a model file names it."""
-        if self.step is not None:
-            return WEAK if self.step.fit.damped else self.step.prior_name
-        known = None if self.source is None else self.source.provenance
-        return None if known is None else known.prior
-
-    @cached_property
-    def held_out(self) -> HeldOutResidual:
-        """Held-out residual of the last fit, repeated in ten blocks of neighbouring poses."""
-        if self.step is not None and self.step.held_out is not None:
-            return self.step.held_out
-        bounds = None if self.step is None else self.step.bounds
-        return try_held_out(
-            self._fitted, self.data, bounds, self.loss, partial(self.progress, "held-out error"), self.prior
-        )
-
-    @cached_property
-    def errors(self) -> ErrorSummary:
-        """Errors of the nominal arm, of the last fit, and held out."""
-        fitted = self._error_of(self.model) if self.step is None else self.data.errors(self.step.fit.rest)
-        return ErrorSummary(self.nominal_error, fitted, self.held_out)
-
-    @cached_property
-    def errors_before(self) -> ErrorSummary:
-        """Errors of the model before the last step, on the data of that step."""
-        start = self.model if self.step is None or self.step.start is None else self.step.start
-        tick = partial(self.progress, "held-out error, before")
-        held_out = try_held_out(start, self.data, loss=self.loss, progress=tick)
-        return ErrorSummary(self.nominal_error, self._error_of(start), held_out)
-
-    @cached_property
-    def nominal_error(self) -> ErrorStats:
-        """TCP error of the arm file's nominal arm."""
-        return self._error_of(with_anchor(model_of(self.model.arm, ()), self.data))
-
-    @cached_property
     def file(self) -> ModelFile:
         """The model file, with the history of all steps. Raises `LrmError` if nothing was fitted or read."""
         own = self._filed
@@ -318,13 +224,6 @@ class Study(ShownInNotebook):
         return model_file(
             step.fit, self.data, self.held_out, self.arm, step.name, self.loss.name, history, step.prior_name
         )
-
-    @property
-    def taken(self) -> StudyStep:
-        """The last step. Raises `LrmError` if none was taken."""
-        if self.step is None:
-            raise LrmError("nothing is fitted yet")
-        return self.step
 
     def view(self) -> NotebookPage:
         """The page that `lrm-ident report` writes, in a notebook: error field, what is missing, cards of the steps."""
@@ -341,23 +240,7 @@ class Study(ShownInNotebook):
             return self
         return None if self.before is None else self.before._filed
 
-    @property
-    def _fitted(self) -> Model:
-        return self.model if self.step is None else self.step.fit.model
-
-    def _say(self, what: str) -> None:
-        self.progress(what, 0, 0)
-
     def _after(self, step: StudyStep, before: Study | None) -> Study:
         """After a step; its model is as its file would be read again, so that every door goes on alike."""
         model = as_written(step.fit.model, self.arm)
         return replace(self, model=model, source=None, step=step, before=before)
-
-    def _error_of(self, model: Model) -> ErrorStats:
-        """TCP error of a model as it is."""
-        return self.data.errors(equilibrium(model, self.data.poses))
-
-
-def write_model(path: Path, file: ModelFile, arm: str) -> None:
-    """Writes a model file; `arm`, where it is a path, as seen from the file's folder. Raises `FileError`."""
-    write_text(path, model_text(file.model_copy(update={"arm": arm_name_for(arm, path.parent)})))
