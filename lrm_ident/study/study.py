@@ -25,6 +25,7 @@ from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import named_part
+from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, to_model
 
 if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
@@ -199,7 +200,7 @@ class Study(ModelOnData, ShownInNotebook):
             f"the model was fitted with the prior '{self.prior_name}'; this goes on with the "
             f"{len(fitted.free)} of its {len(model.free)} parameters that the data can tell without it"
         )
-        return replace(self, model=fitted, source=None, step=None, before=self, notices=(*self.notices, words))
+        return self._instead(fitted, words)
 
     def named(self) -> Study:
         """Without a residual field, as every diagnosis looks at the model: a field is no cause and may hide one."""
@@ -207,7 +208,7 @@ class Study(ModelOnData, ShownInNotebook):
         if model is self.model:
             return self
         words = "the residual field is left out here: it is no cause; add it again when all causes are in the model"
-        return replace(self, model=model, source=None, step=None, before=self, notices=(*self.notices, words))
+        return self._instead(model, words)
 
     @cached_property
     def file(self) -> ModelFile:
@@ -239,6 +240,10 @@ class Study(ModelOnData, ShownInNotebook):
         if self.source is not None or (self.step is not None and self.step.name):
             return self
         return None if self.before is None else self.before._filed
+
+    def _instead(self, model: Model, words: str) -> Study:
+        """Before a step with another model than this one's, and with a notice of it."""
+        return replace(self, model=model, source=None, step=None, before=self, notices=(*self.notices, words))
 
     def _after(self, step: StudyStep, before: Study | None) -> Study:
         """After a step; its model is as its file would be read again, so that every door goes on alike."""

@@ -1,136 +1,37 @@
-"""The state of the workbench, without its page: steps, the work going on, and what a person may do next."""
+"""What a person does with the workbench, without its page: steps that are begun, and what comes back of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.output_files import check_outputs
 from lrm_ident.workbench.last_session import note_session
-from lrm_ident.workbench.taken_steps import (
-    TakenSteps,
-    with_data,
-    with_law,
-    with_step,
-    with_undone,
-    without_last,
-)
-from lrm_ident.workbench.work.commands import DoneCommand
+from lrm_ident.workbench.session_state import SessionState
+from lrm_ident.workbench.taken_steps import with_data, with_law, with_step, with_undone, without_last
 from lrm_ident.workbench.work.followed_file import FollowedFile, follow_file
 from lrm_ident.workbench.work.messages import WorkDone, WorkFailure, WorkMessage, WorkNotice, WorkProgress, WorkResult
-from lrm_ident.workbench.work.opened_data import OpenedData, keep_opened
+from lrm_ident.workbench.work.opened_data import keep_opened
 from lrm_ident.workbench.work.tasks import (
     AddTask,
     AutoTask,
     CompareTask,
     DiagnoseTask,
     LawResult,
-    OpenFiles,
     OpenTask,
     ProposeTask,
     StepResult,
-    StepView,
     WorkTask,
     kept_name,
 )
-from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import LrmError
-
-if TYPE_CHECKING:
-    from lrm_ident.report.model_report import ModelReport
 
 NOTICES_KEPT = 8
 
 
-@dataclass
-class WorkbenchSession:
-    """One person's work on one model, shared by all tabs.
-
-    Attributes:
-        folder: where every step is kept as a file as soon as it is taken.
-        taken: the steps. followed: the growing file that is shown, or None. offered: files of the session before.
-        opened: the measurements at hand, as they were read. stale: whether their file has changed since.
-        progress: of the work going on, or None. failure: why the last work ended without a result, or "".
-        version: grows with every change of the state, `drawn` with every change of what the figures show.
-    """
-
-    folder: Path
-    worker: WorkProcess
-    taken: TakenSteps = field(default_factory=TakenSteps)
-    progress: WorkProgress | None = None
-    failure: str = ""
-    notices: list[str] = field(default_factory=list)
-    followed: FollowedFile | None = None
-    offered: OpenFiles | None = None
-    opened: OpenedData | None = None
-    stale: bool = False
-    version: int = 0
-    drawn: int = 0
-    _next: WorkTask | None = None
-    _at_work: WorkTask | None = None
-
-    # ---- what there is
-
-    @property
-    def steps(self) -> Sequence[StepResult]:
-        """All steps, the last one being the model."""
-        return self.taken.steps
-
-    @property
-    def done(self) -> Sequence[DoneCommand]:
-        """Steps that were taken, as commands."""
-        return self.taken.done
-
-    @property
-    def law(self) -> LawResult | None:
-        """The last proposed law."""
-        return self.taken.law
-
-    @property
-    def step(self) -> StepResult | None:
-        """The last step."""
-        return self.taken.last
-
-    @property
-    def shown(self) -> StepView | None:
-        """View of the last step."""
-        return self.step.shown if self.step else None
-
-    @property
-    def report(self) -> ModelReport | None:
-        """All that is known of the last step."""
-        return self.step.report if self.step else None
-
-    @property
-    def busy(self) -> bool:
-        """Whether work is going on that a person requested; the diagnosis of a step gives way to it."""
-        return self.worker.task is not None and not isinstance(self.worker.task, DiagnoseTask)
-
-    @property
-    def can_diagnose(self) -> bool:
-        """Whether the last step has no diagnosis, and none is under way."""
-        return self.shown is not None and not self.shown.diagnosed and self.worker.task is None
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether the model has a step to take back."""
-        return not self.busy and self.shown is not None and self.shown.before is not None
-
-    @property
-    def can_redo(self) -> bool:
-        """Whether a step was taken back that can be had again."""
-        return not self.busy and self.taken.undone is not None
-
-    @property
-    def again(self) -> str:
-        """The command that goes on from here, or "" while nothing is open."""
-        if self.step is None:
-            return ""
-        files = self.step.files
-        return DoneCommand(("workbench", files.model, files.data), files.effects_file, files.reading).text
+class WorkbenchSession(SessionState):
+    """What a person does with one model on one set of measurements, and what comes back of it."""
 
     # ---- what a person does
 
@@ -242,13 +143,8 @@ class WorkbenchSession:
         """Ends the work; steps that are taken stay."""
         what = self.progress.what if self.progress else "the work"
         self.worker.cancel()
-        self._next, self.progress = None, None
+        self._waiting, self.progress = None, None
         self.failure = f"cancelled: {what}; the model is as it was after its last step"
-        self._changed()
-
-    def fail(self, words: str) -> None:
-        """Tells why something could not be done."""
-        self.failure = words
         self._changed()
 
     def save(self, path: Path) -> None:
@@ -265,8 +161,8 @@ class WorkbenchSession:
             self._take(message)
         if self.followed is not None and self.worker.task is None:
             self._look_at(self.followed)
-        if self.worker.task is None and self._next is not None:
-            task, self._next = self._next, None
+        if self.worker.task is None and self._waiting is not None:
+            task, self._waiting = self._waiting, None
             if isinstance(task, AddTask) and self.step is not None:
                 task = replace(task, packed=self.step.packed)  # with the diagnosis that it has waited for
             self._begin(task)
@@ -286,7 +182,7 @@ class WorkbenchSession:
                 self._diagnose()
         elif isinstance(message, WorkDone):
             self.progress = None
-            if self._next is None:
+            if self._waiting is None:
                 self._diagnose()
         self._changed()
 
@@ -304,7 +200,7 @@ class WorkbenchSession:
         if not isinstance(task, DiagnoseTask):
             self.failure = ""
         if self.worker.task is not None:
-            self._next = task
+            self._waiting = task
         else:
             self._at_work = task
             self.worker.start(task)
@@ -351,14 +247,6 @@ class WorkbenchSession:
         if isinstance(self.worker.task, DiagnoseTask):
             self.worker.cancel()
 
-    def _ready(self) -> StepResult:
-        """The last step. Raises `LrmError` if there is none, or other work goes on."""
-        if self.step is None:
-            raise LrmError("no model is open yet")
-        if self.busy or self._next is not None:
-            raise LrmError("still at work; wait, or press Cancel")
-        return self.step
-
     def _steady(self) -> StepResult:
         """The last step, on measurements that are still what was read. Raises `LrmError`."""
         step = self._ready()
@@ -366,7 +254,3 @@ class WorkbenchSession:
         if self.stale:
             raise LrmError(f"{step.files.data.name} has changed on disk: press Reload or Keep first")
         return step
-
-    def _changed(self, drawn: bool = False) -> None:
-        self.version += 1
-        self.drawn += drawn

@@ -1,0 +1,123 @@
+"""State of the workbench that all tabs show: steps, the work going on, and what a person may do next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lrm_ident.workbench.taken_steps import TakenSteps
+from lrm_ident.workbench.work.commands import DoneCommand
+from lrm_ident.workbench.work.followed_file import FollowedFile
+from lrm_ident.workbench.work.messages import WorkProgress
+from lrm_ident.workbench.work.opened_data import OpenedData
+from lrm_ident.workbench.work.tasks import DiagnoseTask, LawResult, OpenFiles, StepResult, StepView, WorkTask
+from lrm_ident.workbench.work.worker import WorkProcess
+from lrm_math.errors import LrmError
+
+if TYPE_CHECKING:
+    from lrm_ident.report.model_report import ModelReport
+
+
+@dataclass
+class SessionState:
+    """One person's work on one model, shared by all tabs, as it stands.
+
+    Attributes:
+        folder: where every step is kept as a file as soon as it is taken.
+        taken: the steps. followed: the growing file that is shown, or None. offered: files of the session before.
+        opened: the measurements at hand, as they were read. stale: whether their file has changed since.
+        progress: of the work going on, or None. failure: why the last work ended without a result, or "".
+        version: grows with every change of the state, `drawn` with every change of what the figures show.
+    """
+
+    folder: Path
+    worker: WorkProcess
+    taken: TakenSteps = field(default_factory=TakenSteps)
+    progress: WorkProgress | None = None
+    failure: str = ""
+    notices: list[str] = field(default_factory=list)
+    followed: FollowedFile | None = None
+    offered: OpenFiles | None = None
+    opened: OpenedData | None = None
+    stale: bool = False
+    version: int = 0
+    drawn: int = 0
+    _waiting: WorkTask | None = None
+    _at_work: WorkTask | None = None
+
+    @property
+    def steps(self) -> Sequence[StepResult]:
+        """All steps, the last one being the model."""
+        return self.taken.steps
+
+    @property
+    def done(self) -> Sequence[DoneCommand]:
+        """Steps that were taken, as commands."""
+        return self.taken.done
+
+    @property
+    def law(self) -> LawResult | None:
+        """The last proposed law."""
+        return self.taken.law
+
+    @property
+    def step(self) -> StepResult | None:
+        """The last step."""
+        return self.taken.last
+
+    @property
+    def shown(self) -> StepView | None:
+        """View of the last step."""
+        return self.step.shown if self.step else None
+
+    @property
+    def report(self) -> ModelReport | None:
+        """All that is known of the last step."""
+        return self.step.report if self.step else None
+
+    @property
+    def busy(self) -> bool:
+        """Whether work is going on that a person requested; the diagnosis of a step gives way to it."""
+        return self.worker.task is not None and not isinstance(self.worker.task, DiagnoseTask)
+
+    @property
+    def can_diagnose(self) -> bool:
+        """Whether the last step has no diagnosis, and none is under way."""
+        return self.shown is not None and not self.shown.diagnosed and self.worker.task is None
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether the model has a step to take back."""
+        return not self.busy and self.shown is not None and self.shown.before is not None
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether a step was taken back that can be had again."""
+        return not self.busy and self.taken.undone is not None
+
+    @property
+    def again(self) -> str:
+        """The command that goes on from here, or "" while nothing is open."""
+        if self.step is None:
+            return ""
+        files = self.step.files
+        return DoneCommand(("workbench", files.model, files.data), files.effects_file, files.reading).text
+
+    def fail(self, words: str) -> None:
+        """Tells why something could not be done."""
+        self.failure = words
+        self._changed()
+
+    def _ready(self) -> StepResult:
+        """The last step. Raises `LrmError` if there is none, or other work goes on."""
+        if self.step is None:
+            raise LrmError("no model is open yet")
+        if self.busy or self._waiting is not None:
+            raise LrmError("still at work; wait, or press Cancel")
+        return self.step
+
+    def _changed(self, drawn: bool = False) -> None:
+        self.version += 1
+        self.drawn += drawn
