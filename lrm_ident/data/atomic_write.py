@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
 from pathlib import Path
 
+from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError
 from lrm_math.toml_file import schema_of
 
@@ -27,28 +26,18 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Writes to a temporary file beside the file that `path` leads to, and renames it.
-
-    Raises `FileError` if that cannot be done, or if a file is there that the tool did not write.
-    """
+    """Writes the file that `path` leads to. Raises `FileError` if that cannot be done, or if a file is there that the
+    tool did not write."""
     target = path.resolve()
     check_replaceable(path)
-    try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    except OSError as error:
-        raise FileError(path, "", f"cannot be written ({error.strerror})") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)
-        if not _says_itself(Path(temporary), target.suffix):
+
+    def noted(temporary: Path) -> None:
+        """Lets everybody read it, and notes in the record what does not say itself that it is the tool's."""
+        temporary.chmod(0o644)
+        if not _says_itself(temporary, target.suffix):
             _record(target, content)
-        os.replace(temporary, target)
-    except OSError as error:
-        Path(temporary).unlink(missing_ok=True)
-        raise FileError(path, "", f"cannot be written ({error.strerror})") from None
+
+    write_atomically(path, content, check=noted)
 
 
 def check_replaceable(path: Path, what: str = "this") -> None:

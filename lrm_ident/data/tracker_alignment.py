@@ -15,6 +15,7 @@ import numpy as np
 from lrm_ident.data.csv_table import CsvTable, csv_text, read_csv
 from lrm_ident.data.number_table import read_numbers
 from lrm_ident.data.pose_table import read_angles
+from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -41,7 +42,7 @@ class TrackerReadings:
         The base does not move, so its pose is averaged over all readings: else the noise of its orientation would be
         magnified by the arm's reach.
         """
-        rotation = rotation_of(mean_quaternion(self.turn))
+        rotation = rotation_matrix(mean_quaternion(self.turn))
         return np.asarray((self.tcp - self.base.mean(axis=0)) @ rotation)
 
     def base_scatter(self) -> float:
@@ -79,14 +80,6 @@ def mean_quaternion(turn: Array) -> Array:
     """(4,), average of unit quaternions (N, 4), ±q being the same rotation (Markley et al. 2007)."""
     _, vectors = np.linalg.eigh(turn.T @ turn)
     return np.asarray(vectors[:, -1])
-
-
-def rotation_of(q: Array) -> Array:
-    """(3, 3), rotation matrix of a unit quaternion (w, x, y, z)."""
-    w, v = q[0], q[1:]
-    x, y, z = v
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + 2.0 * w * skew + 2.0 * skew @ skew)
 
 
 def load_tracked(path: Path) -> TrackerReadings:

@@ -112,7 +112,7 @@ def _fit_shape(best: Fit, data: Measurements, key: str, tried: Sequence[float], 
         """RMS of the fit with the shape held at this place between the values that are tried (m)."""
         nonlocal best
         try:
-            found = fit(_with_value(best.model, key, float(np.interp(place, places, tried))), data, loss=how)
+            found = fit(best.model.with_values_of([key], np.interp(place, places, tried)), data, loss=how)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return np.inf
         best = min(best, found, key=lambda one: error_stats(one.residual).rms)
@@ -129,20 +129,14 @@ def _fit_moment(best: Fit, data: Measurements, key: str, how: Loss) -> Fit:
     1970), then of all else, in turn until neither moves."""
     numbers, row = np.unique(data.poses.names(np.arange(len(data))), return_inverse=True)
     for _ in range(MAX_SHAPE_FITS):
-        ends = (_with_value(best.model, key, float(end)) for end in (numbers[-1], numbers[0] - 1))
+        ends = (best.model.with_values_of([key], end) for end in (numbers[-1], numbers[0] - 1))
         squares = [best.weight * (data.residual(equilibrium(model, data.poses)) ** 2).sum(axis=1) for model in ends]
         added = np.cumsum(np.bincount(row.reshape(-1), squares[0] - squares[1]))
         moment = float(numbers[np.argmin(added)])
         if moment == best.model.value(key):
             break
-        found = fit(_with_value(best.model, key, moment), data, loss=how)
+        found = fit(best.model.with_values_of([key], moment), data, loss=how)
         if error_stats(found.residual).rms >= error_stats(best.residual).rms:
             break
         best = found
     return best
-
-
-def _with_value(model: Model, key: str, value: float) -> Model:
-    values = model.values.copy()
-    values[model.position(key)] = value
-    return model.with_values(values)

@@ -164,9 +164,7 @@ def models_without(
         descent = objective.negative_gradient(iterate, rows, noise)
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
-        values = fitted.model.values.copy()
-        values[objective.columns] = np.clip(z * typical, limits.lower, limits.upper)
-        stepped = fitted.model.with_values(values)
+        stepped = fitted.model.with_values_of(fitted.model.free, np.clip(z * typical, limits.lower, limits.upper))
         if _settles(stepped, data.poses, fitted.rest):
             yield stepped
         else:  # too far for the effects' formulas: the fit shortens its steps

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.fitting.least_squares.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
@@ -282,15 +283,9 @@ def _fit_from_part(model: Model, data: Measurements, bounds: Bounds, loss: Loss)
 
 def some_rows(count: int, most: int | None = None) -> NDArray[np.int64]:
     """At most so many rows (`MOST_AT_ONCE`) drawn from `count` without replacement, ascending, always the same."""
-    size = MOST_AT_ONCE if most is None else most
-    if count <= size:
-        return np.arange(count)
-    return np.sort(np.random.default_rng(0).choice(count, size, replace=False))
+    return drawn_rows(count, MOST_AT_ONCE if most is None else most)
 
 
 def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:
     """The model with `kept` free and the others of `keys` at zero."""
-    values = model.values.copy()
-    for key in set(keys) - set(kept):
-        values[model.position(key)] = 0.0
-    return model.with_values(values).with_free(kept)
+    return model.with_values_of([*{*keys} - {*kept}], 0.0).with_free(kept)

@@ -45,12 +45,8 @@ def drawn_models(model: Model, known: Covariance, count: int, rng: np.random.Gen
     """Models with parameters drawn from their normal distribution; those with a lower bound stop there."""
     rows = [model.position(key) for key in known.keys]
     least = np.array([model.parameters[row].lower for row in rows])
-    out = []
-    for drawn in rng.multivariate_normal(model.values[rows], known.matrix, count, method="eigh"):
-        values = model.values.copy()
-        values[rows] = np.maximum(drawn, least)
-        out.append(model.with_values(values))
-    return out
+    drawn = rng.multivariate_normal(model.values[rows], known.matrix, count, method="eigh")
+    return [model.with_values_of(known.keys, np.maximum(one, least)) for one in drawn]
 
 
 def covariance_table(keys: Sequence[str], matrix: Array) -> CovarianceTable:

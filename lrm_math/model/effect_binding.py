@@ -176,14 +176,18 @@ def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightCh
 
 def frame_matrix(effect: Effect, amounts: Amounts) -> Array:
     """(3, 3), what a position is multiplied by and moved, as it is measured."""
-    known = dict(zip((target.partition(".")[2] for target in effect.targets), amounts, strict=True))
-    return np.array([float(known.get(entry, 0.0)) for entry in FRAME_ENTRIES]).reshape(3, 3)
+    return _amounts_at(effect, amounts, FRAME_ENTRIES).reshape(3, 3)
 
 
 def anchor_shift(effect: Effect, amounts: Amounts) -> Array:
     """(3,), shift of the fixed point of measured distances (m)."""
+    return _amounts_at(effect, amounts, "xyz")
+
+
+def _amounts_at(effect: Effect, amounts: Amounts, entries: Sequence[str]) -> Array:
+    """Amounts at entries of an effect's place, zero where it has none."""
     known = dict(zip((target.partition(".")[2] for target in effect.targets), amounts, strict=True))
-    return np.array([float(known.get(axis, 0.0)) for axis in "xyz"])
+    return np.array([float(known.get(entry, 0.0)) for entry in entries])
 
 
 @lru_cache(maxsize=16)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 
@@ -104,6 +104,12 @@ class Model:
     def with_values(self, values: ArrayLike) -> Model:
         """The same model with other parameter values (SI)."""
         return self._alike(replace(self, values=np.asarray(values, dtype=np.float64)))
+
+    def with_values_of(self, keys: Sequence[str], values: ArrayLike) -> Model:
+        """The same model with other values (SI) of some parameters. Raises `UnknownName`."""
+        changed = self.values.copy()
+        changed[[self.position(key) for key in keys]] = values
+        return self.with_values(changed)
 
     def with_free(self, free: Iterable[str]) -> Model:
         """The same model with other free parameters."""

@@ -14,11 +14,11 @@ from typing import Protocol
 
 from lrm_math.arm.arm_file import ARM_SCHEMA, load_arm, read_arm, shipped_arms
 from lrm_math.arm.servo_table import ServoTable
+from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError, LrmError
 from lrm_math.toml_file import schema_of
 from lrmd.cli.parsing import parse_angle
 from lrmd.messages.control import InfoState, JointsState
-from lrmd.persistence.atomic_file import write_atomically
 
 HELP = """\
   +5, -2.5         change the pulse by so many us
@@ -60,7 +60,7 @@ def calibrate_servo(
     show(f"{servo}: put the protractor on. The arm will turn this servo to {len(angles)} places.\n{HELP}")
     pairs = sorted(_measure(rover, servo, angle, ask, show) for angle in sorted(angles))
     table = ServoTable(tuple(a for a, _ in pairs), tuple(p * 1e-6 for _, p in pairs))
-    write_arm_file(output, replace_table(text, servo, table))
+    write_atomically(output, replace_table(text, servo, table).encode(), check=read_arm)
     show(f"{output}: {servo} now has {len(pairs)} measured angles. Name this file as `arm` in lrmd.toml.")
 
 
@@ -140,11 +140,3 @@ def _table_lines(lines: Sequence[str], servo: str) -> tuple[int, int]:
     while end < len(lines) and end > start + 1 and (not lines[end - 1].strip() or lines[end - 1].lstrip()[0] == "#"):
         end -= 1
     return start + 1, end
-
-
-def write_arm_file(path: Path, text: str) -> None:
-    """Writes and validates an arm file atomically. Raises `FileError`."""
-    try:
-        write_atomically(path, text.encode(), check=read_arm)
-    except OSError as error:
-        raise FileError(path, "", f"cannot be written ({error.strerror})") from None

@@ -14,10 +14,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
+from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError
 from lrm_math.toml_file import StrictSchema
 from lrmd.config import Config
-from lrmd.persistence.atomic_file import write_atomically
 
 FOLDER, STACK = "models", "deployed.json"
 KEPT = 10
@@ -89,17 +89,13 @@ def write_version(state: Path, text: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         number = 1 + max((_number(path.name) for path in _versions(folder)), default=0)
-        path = folder / f"{number:04d}-{hashlib.sha256(content).hexdigest()[:12]}.toml"
-        write_atomically(path, content)
     except OSError as error:
         raise FileError(folder, "", f"cannot be written ({error.strerror})") from None
+    path = folder / f"{number:04d}-{hashlib.sha256(content).hexdigest()[:12]}.toml"
+    write_atomically(path, content)
     return path
 
 
 def save_stack(state: Path, stack: DeployedStack) -> None:
     """Writes the stack atomically: a power cut leaves the old or the new one. Raises `FileError`."""
-    path = state / FOLDER / STACK
-    try:
-        write_atomically(path, stack.model_dump_json(by_alias=True).encode())
-    except OSError as error:
-        raise FileError(path, "", f"cannot be written ({error.strerror})") from None
+    write_atomically(state / FOLDER / STACK, stack.model_dump_json(by_alias=True).encode())

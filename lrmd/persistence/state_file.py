@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
+from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError
 from lrm_math.toml_file import StrictSchema
-from lrmd.persistence.atomic_file import write_atomically
 
 HOTTEST = 300.0
 """degC: higher modelled temperatures are stored as this one."""
@@ -40,11 +40,7 @@ NAME = "state.json"
 
 def save(folder: Path, state: StoredState) -> None:
     """Writes the state atomically: a power cut leaves the old or the new file. Raises `FileError`."""
-    path = folder / NAME
-    try:
-        write_atomically(path, state.model_dump_json(by_alias=True, indent=1).encode())
-    except OSError as error:
-        raise FileError(path, "", f"cannot be written ({error.strerror})") from None
+    write_atomically(folder / NAME, state.model_dump_json(by_alias=True, indent=1).encode())
 
 
 def load(folder: Path) -> StoredState | None:

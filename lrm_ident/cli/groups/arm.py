@@ -51,6 +51,7 @@ OwnRos2Control = Annotated[
 UrdfPath = Annotated[
     Path, Argument(metavar="URDF", help="A URDF, a .xacro (needs the package xacrodoc), or MuJoCo's .xml (mujoco).")
 ]
+ArmOutput = Annotated[Path, Option("-o", "--output", metavar="ARM", help="Where to write the arm file (.toml).")]
 Base = Annotated[str | None, Option("--base", metavar="LINK", help="Where the arm begins. Default: the root link.")]
 Tip = Annotated[str | None, Option("--tip", metavar="LINK", help="The link that is measured. Default: the only tip.")]
 
@@ -58,7 +59,7 @@ Tip = Annotated[str | None, Option("--tip", metavar="LINK", help="The link that 
 @command_of(group, "import")
 def import_urdf(
     urdf: UrdfPath,
-    output: Annotated[Path, Option("-o", "--output", metavar="ARM", help="Where to write the arm file (.toml).")],
+    output: ArmOutput,
     base: Base = None,
     tip: Tip = None,
     name: Annotated[str | None, Option(help="Name of the arm. Default: the robot's name in the URDF.")] = None,
@@ -148,7 +149,7 @@ def show_arm(
 
 @arm_command
 def new(
-    output: Annotated[Path, Option("-o", "--output", metavar="ARM", help="Where to write the arm file (.toml).")],
+    output: ArmOutput,
     name: Annotated[str, Option(help="Name of the arm.")] = "my-arm",
 ) -> None:
     """Write a commented arm file to fill in, valid as it stands."""

@@ -10,6 +10,7 @@ import numpy as np
 from lrm_ident.data.apply_reading import turn_of
 from lrm_ident.data.measurement_file.pose_columns import QUATERNION, rotations_of
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.weights.rotations import quaternions, rotation_vectors
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -33,9 +34,9 @@ def check_attitude(arm: Arm, data: Measurements) -> None:
     if data.attitude is None:
         return
     rows = np.flatnonzero(~np.isnan(data.attitude[:, 0, 0]))
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST)).astype(np.int64))] if len(rows) else rows
     if not len(rows):
         return
+    rows = rows[spaced_rows(len(rows), MOST)]
     measured, drawn = data.attitude[rows], tool_rotation(equilibrium(model_of(arm, ()), data.poses.take(rows)))
     error = _usual_angle(measured @ drawn.transpose(0, 2, 1))
     if error <= FAR:

@@ -19,7 +19,7 @@ from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import model_of
 
 STEPS, SETTLED = 10, 0.01  # relative change of the score
 OVERDETERMINED = 2.0  # coordinates per parameter
@@ -64,13 +64,13 @@ def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> 
     """
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
     sizes = _sizes(equilibrium(model, poses), fixed_base)
-    columns = [model.position(key) for key in sizes.keys]
-    z, overdetermined = np.zeros(len(columns)), tcp.size >= OVERDETERMINED * len(columns)
+    count = len(sizes.keys)
+    z, overdetermined = np.zeros(count), tcp.size >= OVERDETERMINED * count
     best: CoarseFit | None = None
     robust = overdetermined  # weights slow a fit that can follow anything, so such a one starts without
     for step in range(STEPS + 1):
         try:
-            rest = equilibrium(_filled(model, columns, z), poses)
+            rest = equilibrium(model.with_values_of(sizes.keys, z), poses)
         except NoEquilibrium:
             break
         residual = tcp - rest.tcp
@@ -83,7 +83,7 @@ def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> 
         robust = robust or settled or step == STEPS // 2
         weight = cauchy_weight(distance) if robust else np.ones_like(distance)
         root = np.sqrt(weight)[:, None] / max(now.score, SHARPEST)
-        J = (parameter_jacobian(rest, sizes.keys) * root[:, :, None]).reshape(-1, len(columns))
+        J = (parameter_jacobian(rest, sizes.keys) * root[:, :, None]).reshape(-1, count)
         H = J.T @ J + np.diag(sizes.sd**-2)
         gradient = J.T @ (residual * root).reshape(-1) - z / sizes.sd**2
         upper = sizes.upper if now.score < NEAR * reach(arm) else sizes.stiff
@@ -115,9 +115,3 @@ def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:
     keys, sd, lower, upper = zip(*rows, strict=True)
     stiff = [0.0 if key.startswith("compliance.") else bound for key, bound in zip(keys, upper, strict=True)]
     return _Sizes(keys, np.array(sd), np.array(lower), np.array(upper), np.array(stiff))
-
-
-def _filled(model: Model, columns: list[int], z: Array) -> Model:
-    values = model.values.copy()
-    values[columns] = z
-    return model.with_values(values)

@@ -8,6 +8,7 @@ from dataclasses import asdict
 import numpy as np
 
 from lrm_ident.data.registration.reading_check import nominal_tcp
+from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import reach
@@ -55,7 +56,7 @@ def _own_motion(rest: Equilibrium, free: Sequence[str], key: str) -> float:
     The first joint's offset along its own axis, say, is nearly a shift of the base: what it takes while an effect is
     missing means nothing by itself, however small its standard error.
     """
-    rows = np.unique(np.linspace(0, len(rest.poses) - 1, min(len(rest.poses), LOOKED_AT)).astype(np.int64))
+    rows = spaced_rows(len(rest.poses), LOOKED_AT)
     J = parameter_jacobian(rest.take(rows), free).reshape(3 * len(rows), len(free))
     own, others = J[:, free.index(key)], np.delete(J, free.index(key), axis=1)
     scaled = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)

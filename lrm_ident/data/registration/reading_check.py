@@ -27,6 +27,7 @@ from lrm_ident.data.registration.hypotheses import (
     with_free_frame,
     with_unit,
 )
+from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_ident.data.registration.similarity import Similarity, robust_similarity
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import read_arm, shipped_arms
@@ -145,10 +146,7 @@ def poses_are_equal(q: Array) -> bool:
 
 def compared_rows(data: Measurements) -> NDArray[np.int64]:
     """Rows with a position; of many, `MOST_POSES` drawn at random, always the same."""
-    rows = data.positions
-    if len(rows) <= MOST_POSES:
-        return rows
-    return np.sort(np.random.default_rng(0).choice(rows, MOST_POSES, replace=False))
+    return data.positions[drawn_rows(len(data.positions), MOST_POSES)]
 
 
 def _before_frame(points: PointSet) -> PointSet:

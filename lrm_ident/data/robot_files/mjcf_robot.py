@@ -16,6 +16,7 @@ import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse, shift, to_xyz_rpy, turn
 from lrm_ident.data.robot_files.urdf import Urdf, parse_urdf
+from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
 
@@ -91,7 +92,7 @@ def _as_links(path: Path, compiled: Any) -> Urdf:
         if name and name not in taken:
             body = int(compiled.site_bodyid[site])
             ElementTree.SubElement(tree, "link", name=name)
-            stands = homogeneous(_matrix(compiled.site_quat[site]), compiled.site_pos[site])
+            stands = homogeneous(rotation_matrix(compiled.site_quat[site]), compiled.site_pos[site])
             _joint(
                 tree, f"{name}_site", "fixed", (_link(compiled, body), name), inverse(_anchor(compiled, body)) @ stands
             )
@@ -100,7 +101,7 @@ def _as_links(path: Path, compiled: Any) -> Urdf:
 
 def _add_joint(tree: ElementTree.Element, compiled: Any, body: int) -> None:
     parent, joint = int(compiled.body_parentid[body]), _hinge(compiled, body)
-    stands = homogeneous(_matrix(compiled.body_quat[body]), compiled.body_pos[body])
+    stands = homogeneous(rotation_matrix(compiled.body_quat[body]), compiled.body_pos[body])
     origin = inverse(_anchor(compiled, parent)) @ stands @ _anchor(compiled, body) @ _zero(compiled, body)
     ends = (_link(compiled, parent), _link(compiled, body))
     if joint is None:
@@ -155,13 +156,6 @@ def _zero(compiled: Any, body: int) -> Array:
         return np.eye(4)
     drawn_at = float(compiled.qpos0[compiled.jnt_qposadr[joint]])
     return turn(compiled.jnt_axis[joint].tolist(), -drawn_at)
-
-
-def _matrix(quaternion: Array) -> Array:
-    """(3, 3), rotation of a unit quaternion w, x, y, z."""
-    w, x, y, z = quaternion.tolist()
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + 2.0 * w * K + 2.0 * K @ K)
 
 
 def _words(values: Any) -> str:

@@ -5,31 +5,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lrm_math.arrays import Array
 
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
 
 def rotation_vectors(R: Array) -> Array:
     """(N, 3), axis times angle (rad) of rotations (N, 3, 3); NaN where the rotation is."""
-    known = ~np.isnan(R[:, 0, 0])
-    out = np.full((len(R), 3), np.nan)
-    if known.any():
-        from scipy.spatial.transform import Rotation
-
-        out[known] = Rotation.from_matrix(R[known]).as_rotvec()
-    return out
+    return _where_known(R, 3, lambda rotation: rotation.as_rotvec())
 
 
 def quaternions(R: Array) -> Array:
     """(N, 4), unit quaternions w, x, y, z of rotations (N, 3, 3); NaN where the rotation is."""
+    return _where_known(R, 4, lambda rotation: rotation.as_quat(canonical=True, scalar_first=True))
+
+
+def _where_known(R: Array, size: int, numbers: Callable[[Rotation], Array]) -> Array:
     known = ~np.isnan(R[:, 0, 0])
-    out = np.full((len(R), 4), np.nan)
+    out = np.full((len(R), size), np.nan)
     if known.any():
         from scipy.spatial.transform import Rotation
 
-        out[known] = Rotation.from_matrix(R[known]).as_quat(canonical=True, scalar_first=True)
+        out[known] = numbers(Rotation.from_matrix(R[known]))
     return out
+
+
+def rotation_matrix(q: Array) -> Array:
+    """(3, 3), rotation of a unit quaternion w, x, y, z (4,)."""
+    w, x, y, z = q.tolist()
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + 2.0 * w * skew + 2.0 * skew @ skew)
 
 
 def turned_covariance(covariance: Array, rotation: Array) -> Array:

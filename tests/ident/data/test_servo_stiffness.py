@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.servo_stiffness import GRAVITY, ServoTest, load_servo_test, stiffness
-from lrm_ident.data.tracker_alignment import TrackerReadings, align, mean_quaternion, measurements_from, rotation_of
+from lrm_ident.data.tracker_alignment import TrackerReadings, align, mean_quaternion, measurements_from
+from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
@@ -117,7 +118,7 @@ unit = st.floats(-1.0, 1.0)
 def test_alignment_does_not_depend_on_where_the_tracker_stands(turn: tuple[float, ...], seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = np.array(turn) / np.linalg.norm(turn)
-    R, place, known, deviation = rotation_of(q), rng.normal(0, 2, 3), rng.normal(0, 0.2, 3), rng.normal(0, 1e-3, 3)
+    R, place, known, deviation = rotation_matrix(q), rng.normal(0, 2, 3), rng.normal(0, 0.2, 3), rng.normal(0, 1e-3, 3)
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     tcp = place + R @ (known + deviation)
     signs = rng.choice([-1.0, 1.0], (10, 1))
@@ -128,7 +129,7 @@ def test_alignment_does_not_depend_on_where_the_tracker_stands(turn: tuple[float
 
 def test_quaternions_turn_as_they_should() -> None:
     half = np.sqrt(0.5)
-    np.testing.assert_allclose(rotation_of(np.array([half, 0, 0, half])) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(rotation_matrix(np.array([half, 0, 0, half])) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
     mean = mean_quaternion(np.array([[1, 0.01, 0, 0], [-1, 0.01, 0, 0]]) / np.hypot(1, 0.01))
     np.testing.assert_allclose(np.abs(mean), [1, 0, 0, 0], atol=1e-12)
 
@@ -151,7 +152,7 @@ def test_raw_readings_become_measurements(tmp_path: Path, lab: Arm) -> None:
     truth = equilibrium(model_of(lab, ()), poses_of(q)).tcp
     turn = np.array([0.6, 0.0, 0.8, 0.0])
     deviation = np.array([-3.03e-4, -6.92e-4, 4.34e-4])
-    tcp = (np.array([1.0, 2.0, 3.0]) + (truth + deviation) @ rotation_of(turn).T) * 1e3
+    tcp = (np.array([1.0, 2.0, 3.0]) + (truth + deviation) @ rotation_matrix(turn).T) * 1e3
     head = "pose,t_s," + ",".join(f"q{i + 1}_deg" for i in range(6))
     head += ",base_x_mm,base_y_mm,base_z_mm,base_qw,base_qx,base_qy,base_qz,tcp_x_mm,tcp_y_mm,tcp_z_mm"
     rows = [[i + 1, 15 * i, *np.degrees(q[i]), 1000, 2000, 3000, *turn, *tcp[i]] for i in range(30)]

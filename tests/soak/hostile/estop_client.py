@@ -7,19 +7,17 @@ of its own does not wait for the processors of this one; so it goes before ordin
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import time
 from contextlib import suppress
-from pathlib import Path
-from typing import Self
 
 import msgpack
 import zenoh
 
+from tests.support.module_process import ModuleProcess
+
 SETTLING_S = 0.2
 """After the connection is made: whoever has the stop at hand is connected before he needs it."""
-ROOT = Path(__file__).resolve().parents[3]
 
 
 def serve(endpoint: str, key: str) -> None:
@@ -40,30 +38,17 @@ def serve(endpoint: str, key: str) -> None:
             publisher.put(msgpack.packb({"v": 1, "why": "trial"}))
 
 
-class EstopClient:
-    """That client as a process of its own, from `with` to its end."""
+class EstopClient(ModuleProcess):
+    """That client as a process of its own."""
 
     def __init__(self, endpoint: str, key: str) -> None:
-        command = [sys.executable, "-m", "tests.soak.hostile.estop_client", endpoint, key]
-        self._process = subprocess.Popen(
-            command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
-        )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._ask, self._answers = self._process.stdin, self._process.stdout
-        assert self._answers.readline() == "ready\n", "the client of the emergency stop reached nobody"
+        super().__init__("tests.soak.hostile.estop_client", endpoint, key)
+        assert self.output.readline() == "ready\n", "the client of the emergency stop reached nobody"
 
     def stop(self) -> int:
         """Puts an emergency stop; monotonic ns just before."""
-        self._ask.write("\n")
-        return int(self._answers.readline())
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.wait()
+        self.input.write("\n")
+        return int(self.output.readline())
 
 
 if __name__ == "__main__":

@@ -7,19 +7,17 @@ of the kernel carries at ordinary priority: the frame has been handed to the ser
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import time
 from bisect import bisect_left
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Self
 
 from lrmd.ramp.shared_memory import SharedRecords
+from tests.support.module_process import ModuleProcess
 
 PERIOD_S = 0.0005
-ROOT = Path(__file__).resolve().parents[3]
 
 
 def watch(descriptor: str) -> None:
@@ -48,24 +46,15 @@ def delays_until(ends: Sequence[int], starts: Sequence[int]) -> tuple[float, ...
     return tuple((end[0] - start) / 1e6 for start, end in zip(starts, after, strict=True) if end)
 
 
-class PulseEnds:
-    """That watch of a daemon (`pid`) as a process of its own, from `with` to its end."""
+class PulseEnds(ModuleProcess):
+    """That watch of a daemon (`pid`) as a process of its own."""
 
     def __init__(self, pid: int) -> None:
-        command = [sys.executable, "-m", "tests.support.daemon.pulse_ends", shared_memory_of(pid)]
-        self._process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        super().__init__("tests.support.daemon.pulse_ends", shared_memory_of(pid))
 
     def stop(self) -> list[int]:
         """Ends the watch; the times (monotonic ns) that it saw."""
-        self._process.kill()
-        return [int(line) for line in self._process.communicate()[0].splitlines()]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.wait()
+        return [int(line) for line in self.end().splitlines()]
 
 
 if __name__ == "__main__":

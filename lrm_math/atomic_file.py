@@ -7,12 +7,22 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from lrm_math.errors import FileError
+
 
 def write_atomically(path: Path, content: bytes, check: Callable[[Path], object] = lambda _: None) -> None:
-    """Temporary file beside it, fsync, rename, fsync of the folder; the mode of a file that was there stays.
+    """Temporary file beside the one that `path` leads to, fsync, rename, fsync of the folder; the mode of a file that
+    was there stays.
 
-    `check` sees the temporary file and may raise, which leaves everything as it was. Raises `OSError`.
+    `check` sees the temporary file and may raise, which leaves everything as it was. Raises `FileError`.
     """
+    try:
+        _write(path.resolve(), content, check)
+    except OSError as error:
+        raise FileError(path, "", f"cannot be written ({error.strerror})") from None
+
+
+def _write(path: Path, content: bytes, check: Callable[[Path], object]) -> None:
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
     temporary = Path(name)
     try:
