@@ -69,6 +69,23 @@ class Measurements:
     distance_from: Array | None = None
     model_sd: float = 0.0
 
+    def __repr__(self) -> str:
+        of = "" if self.arm is None else f" of {self.arm.name}"
+        poses, joints = len(self), self.poses.q.shape[1]
+        there = {
+            "positions": len(self.positions) > 0,
+            "orientations": self.attitude is not None,
+            "distances": self.distance is not None,
+            "joint feedback": self.feedback is not None,
+            "standard deviations": self.sd is not None or self.covariance is not None,
+            "payloads": bool(self.poses.payload.any()),
+            "times": self.poses.t is not None,
+            "sessions": self.poses.session is not None,
+            "temperatures": self.poses.temperature is not None,
+        }
+        columns = ", ".join(name for name, is_there in there.items() if is_there)
+        return f"<Measurements{of}: {poses} poses, {joints} joints; {columns}; {self.path.name}>"
+
     @cached_property
     def whitening(self) -> Whitening:
         """The weights of what was measured."""

@@ -12,9 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.registration.degenerate_fit import check_arm
+from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.least_squares.convergence import FitNotConverged
 from lrm_ident.fitting.least_squares.iteration import LevenbergMarquardt, Optimum
 from lrm_ident.fitting.least_squares.objective import NoiseScale, Objective
@@ -65,6 +67,10 @@ class Fit(ShownInNotebook):
     loss: Loss = SQUARED
     damped: bool = False
     prior: Prior | None = None
+
+    def __repr__(self) -> str:
+        parameters, poses, rms = len(self.model.free), len(self.residual), in_mm(error_stats(self.residual).rms)
+        return f"<Fit of {self.model.arm.name}: {parameters} parameters, {poses} poses, {rms} mm RMS>"
 
     def take(self, rows: NDArray[np.int64]) -> Fit:
         """This fit, seen at some of its poses."""

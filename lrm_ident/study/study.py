@@ -49,6 +49,10 @@ class Study(ModelOnData, ShownInNotebook):
     before: Study | None = None
     notices: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        steps, count = ", ".join(self._steps) or "nothing is fitted yet", len(self.model.free)
+        return f"<Study of {self.model.arm.name}: {steps}; {count} free parameters, {len(self.data)} poses>"
+
     @staticmethod
     def of(
         data: Measurements,
@@ -233,6 +237,14 @@ class Study(ModelOnData, ShownInNotebook):
     def save(self, path: str | Path) -> None:
         """Writes the model file, which the command line and the daemon read. Raises `FileError`."""
         write_model(Path(path), self.file, self.arm)
+
+    @property
+    def _steps(self) -> tuple[str, ...]:
+        """Names of the steps so far, as in the history of `file`."""
+        if self.source is not None:
+            return tuple(entry.step for entry in self.source.history)
+        before = () if self.before is None else self.before._steps
+        return (*before, self.step.name) if self.step is not None and self.step.name else before
 
     @property
     def _filed(self) -> Study | None:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import doctest
 import inspect
+import re
 import runpy
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from pdoc import pdoc
 
@@ -36,6 +40,50 @@ def test_the_notebook_of_the_docs_names_the_hidden_effect(capsys: pytest.Capture
     assert "data:image/png" in shown["diagnosis"]
     assert "data:image/png" in shown["first"]
     assert shown["page"].startswith("<iframe")
+
+
+@pytest.mark.slow
+def test_the_recipe_of_the_docs_finds_what_it_hides(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "your-arm.md").read_text(encoding="utf-8"), re.S)
+    (tmp_path / "recipe.py").write_text(code, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    told = runpy.run_path("recipe.py")
+    assert told["found"].first.scored.name == "backlash@joint2"
+    better = told["study"].add("backlash@joint2").model
+    assert better.value("backlash.joint2.b_rad") == pytest.approx(told["hidden"]["backlash.joint2.b_rad"], rel=0.1)
+    assert "joint2 has 1.1" in capsys.readouterr().out
+
+
+def test_measurements_studies_and_fits_say_in_a_line_what_they_are() -> None:
+    data = lrm.load(lrm.EXAMPLE)
+    begun = lrm.Study.of(data)
+    study = begun.fit()
+    better, known = study.add("backlash@joint2"), len(study.model.free)
+    columns = "positions, payloads, times, sessions"
+    assert repr(data) == f"<Measurements of lrm-lab: 300 poses, 6 joints; {columns}; hidden-play.csv>"
+    count = f"{len(begun.model.free)} free parameters, 300 poses"
+    assert repr(begun) == f"<Study of lrm-lab: nothing is fitted yet; {count}>"
+    assert repr(study) == f"<Study of lrm-lab: fit; {known} free parameters, 300 poses>"
+    assert repr(better).startswith("<Study of lrm-lab: fit, add backlash@joint2; ")
+    assert repr(replace(better, source=better.file, step=None)) == repr(better)
+    assert re.fullmatch(rf"<Fit of lrm-lab: {known} parameters, 300 poses, \d+\.\d+ mm RMS>", repr(study.taken.fit))
+
+
+@pytest.mark.parametrize(
+    ("columns", "word"),
+    [
+        ({"attitude": np.zeros((2, 3, 3))}, "orientations"),
+        ({"feedback": np.zeros((2, 6))}, "joint feedback"),
+        ({"distance": np.ones(2)}, "distances"),
+        ({"sd": np.ones(2)}, "standard deviations"),
+    ],
+)
+def test_measurements_name_the_columns_that_they_have(columns: dict[str, Any], word: str) -> None:
+    data = lrm.load(lrm.EXAMPLE).take([0, 1])
+    assert word not in repr(data)
+    assert word in repr(replace(data, **columns))
 
 
 @pytest.mark.slow
