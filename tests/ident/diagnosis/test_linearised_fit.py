@@ -63,8 +63,8 @@ def test_what_is_taken_is_projected_out_for_good(taken: list[list[int]], tried: 
 
 
 @given(seed=st.integers(0, 1000), lever=st.floats(10.0, 1e4))
-def test_one_pose_that_a_line_leads_astray_does_not_hide_what_all_others_gain(seed: int, lever: float) -> None:
-    """A column that explains everything but one pose, where its slope is wrong: the others decide."""
+def test_a_pose_to_which_a_line_leads_astray_counts_as_an_outlier_does(seed: int, lever: float) -> None:
+    """A column that explains everything but one pose, where its slope is wrong."""
     rng = np.random.default_rng(seed)
     A, slope = rng.normal(size=(3 * POSES, 5)), rng.normal(size=3 * POSES)
     residual = 3.0 * slope + 0.1 * rng.normal(size=3 * POSES)
