@@ -14,6 +14,7 @@ from lrm_ident.workbench.taken_steps import (
     TakenSteps,
     with_data,
     with_law,
+    with_poses,
     with_step,
     with_undone,
     without_last,
@@ -30,6 +31,8 @@ from lrm_ident.workbench.work.tasks import (
     LawResult,
     OpenFiles,
     OpenTask,
+    PosesResult,
+    PosesTask,
     ProposeTask,
     StepResult,
     StepView,
@@ -53,6 +56,7 @@ class WorkbenchSession:
         folder: where every step is kept as a file as soon as it is taken.
         taken: the steps. followed: the growing file that is shown, or None. offered: files of the session before.
         opened: the measurements at hand, as they were read. stale: whether their file has changed since.
+        poses: the next poses to measure that were chosen last, or why there are none.
         progress: of the work going on, or None. failure: why the last work ended without a result, or "".
         version: grows with every change of the state, `drawn` with every change of what the figures show.
     """
@@ -67,6 +71,7 @@ class WorkbenchSession:
     offered: OpenFiles | None = None
     opened: OpenedData | None = None
     stale: bool = False
+    poses: PosesResult | None = None
     version: int = 0
     drawn: int = 0
     _next: WorkTask | None = None
@@ -160,6 +165,13 @@ class WorkbenchSession:
         step = self._steady()
         self._give_way()
         self._begin(ProposeTask(step.files, self.folder / f"law-{len(self.done)}.py"))
+
+    def next_poses(self) -> None:
+        """Chooses the next poses to measure. Raises `LrmError` as long as there is no diagnosis that says what for."""
+        step = self._steady()
+        if not step.shown.diagnosed:
+            raise LrmError("the poses are chosen to tell candidates apart: wait until every effect has been tried")
+        self._begin(PosesTask(step.files, step.packed, self.folder / f"poses-{len(self.done)}.csv"))
 
     def add_law(self) -> None:
         """Adds the proposed law, from its file. Raises `LrmError` if there is none."""
@@ -290,7 +302,10 @@ class WorkbenchSession:
                 self._diagnose()
         self._changed()
 
-    def _take_result(self, value: StepResult | LawResult) -> None:
+    def _take_result(self, value: StepResult | LawResult | PosesResult) -> None:
+        if isinstance(value, PosesResult):
+            self.poses, self.taken = value, with_poses(self.taken, value)
+            return
         if isinstance(value, LawResult):
             self.taken = with_law(self.taken, value)
         else:
