@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -11,8 +10,18 @@ from typing import Any
 import pytest
 
 import lrm_ident as lrm
-from tests.conftest import EXAMPLE, ROOT
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, says, wait_for, workbench
+from tests.conftest import EXAMPLE
+from tests.support.browser import (
+    SHOTS,
+    BrowserLog,
+    RunningWorkbench,
+    axe_violations,
+    idle,
+    opened,
+    says,
+    wait_for,
+    workbench,
+)
 from tests.support.commands import part_of_example, stdout_of
 
 SIZE = {"width": 1280, "height": 800}
@@ -25,7 +34,6 @@ BOXES = """Object.fromEntries([...document.querySelectorAll('.lrm-commands [data
   return [one.dataset.name, [box.left, box.top, box.width, box.height].map(Math.round)];
 }))"""
 """Where each button of the bar is."""
-AXE = Path(os.environ.get("AXE_CORE", ROOT / "node_modules" / "axe-core" / "axe.min.js"))
 
 
 @pytest.fixture(scope="module")
@@ -250,22 +258,36 @@ def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: Runnin
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("width", [390, 800, 1440])
+def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench, width: int) -> None:
+    """Page and report, each from its top to its end."""
+    page = opened(browser, small, {"width": width, "height": 900})
+    idle(page, RANKED)
+    page.wait_for_timeout(1500)
+    with page.context.expect_page() as other:
+        page.click("[data-name=report]")
+    other.value.wait_for_selector("#lrm-field canvas")
+    for name, one in (("page", page), ("report", other.value)):
+        one.wait_for_timeout(1500)
+        assert one.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
+        one.screenshot(path=SHOTS / f"{name}-{width}.png", full_page=True)
+    field = page.evaluate("(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)")
+    assert min(field) > 240, "the field is squeezed"
+    page.pdf(path=SHOTS / f"workbench-{width}.pdf")
+    page.context.close()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -> None:
     """The rules of axe-core on page and report."""
-    if not AXE.is_file():
-        pytest.skip("no axe-core: `npm install axe-core` in the project's folder, or set AXE_CORE to its axe.min.js")
     page = opened(browser, small, SIZE, scheme=scheme)
     idle(page, RANKED)
     page.wait_for_timeout(1000)
     with page.context.expect_page() as other:
         page.click("[data-name=report]")
     other.value.wait_for_selector("#lrm-field canvas")
-    found = []
-    for one in (page, other.value):
-        one.evaluate(AXE.read_text(encoding="utf-8"))
-        for fault in one.evaluate("axe.run().then((result) => result.violations)"):
-            found.append((fault["id"], [node["html"][:120] for node in fault["nodes"]][:3]))
+    found = [*axe_violations(page), *axe_violations(other.value)]
     page.context.close()
     assert not found, "\n".join(map(str, found))
 
