@@ -18,6 +18,7 @@ from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, ope
 from tests.support.commands import part_of_example, stdout_of
 
 SIZE = {"width": 1440, "height": 900}
+RANKED = "lrm.state.values.ranking.length > 0"
 SEEN = "lrm.state.values.pose.map((_, row) => row).filter((row) => lrm.scenes.field.seen(row))"
 
 FROM_ABOVE = """(() => {
@@ -59,7 +60,7 @@ def test_all_poses_are_drawn_where_they_are_few() -> None:
 def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> None:
     seen = BrowserLog()
     page = opened(browser, small, SIZE, seen)
-    idle(page, "lrm.state.values.ranking.length > 0")
+    idle(page, RANKED)
     shots = {}
     for name in ("top", "side", "tool", "oblique"):
         page.get_by_role("button", name=f"view from: {name}").click()
@@ -119,3 +120,23 @@ def test_many_poses_are_a_fair_sample_with_the_worst_at_hand(browser: Any, tmp_p
         wait_for(page, f"{SEEN}.length === {MOST_DRAWN}")
         assert "the worst among them" in page.inner_text("#lrm-picture-says")
         page.context.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [390, 800, 1440])
+def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench, width: int) -> None:
+    """Page and report, each from its top to its end."""
+    page = opened(browser, small, {"width": width, "height": 900})
+    idle(page, RANKED)
+    page.wait_for_timeout(1500)
+    with page.context.expect_page() as other:
+        page.click("[data-name=report]")
+    other.value.wait_for_selector("#lrm-field canvas")
+    for name, one in (("page", page), ("report", other.value)):
+        one.wait_for_timeout(1500)
+        assert one.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
+        one.screenshot(path=SHOTS / f"{name}-{width}.png", full_page=True)
+    field = page.evaluate("(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)")
+    assert min(field) > 240, "the field is squeezed"
+    page.pdf(path=SHOTS / f"workbench-{width}.pdf")
+    page.context.close()

@@ -258,26 +258,6 @@ def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: Runnin
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [390, 800, 1440])
-def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench, width: int) -> None:
-    """Page and report, each from its top to its end."""
-    page = opened(browser, small, {"width": width, "height": 900})
-    idle(page, RANKED)
-    page.wait_for_timeout(1500)
-    with page.context.expect_page() as other:
-        page.click("[data-name=report]")
-    other.value.wait_for_selector("#lrm-field canvas")
-    for name, one in (("page", page), ("report", other.value)):
-        one.wait_for_timeout(1500)
-        assert one.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
-        one.screenshot(path=SHOTS / f"{name}-{width}.png", full_page=True)
-    field = page.evaluate("(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)")
-    assert min(field) > 240, "the field is squeezed"
-    page.pdf(path=SHOTS / f"workbench-{width}.pdf")
-    page.context.close()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -> None:
     """The rules of axe-core on page and report."""
