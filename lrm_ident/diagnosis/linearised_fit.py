@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.diagnosis.column_sets import ColumnSets, FoldSplit, column_sets, columns_of, joined, stacks_of
+from lrm_ident.residual.better_prediction import outlier_bound
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes
@@ -33,7 +34,8 @@ class LinearEstimate:
     Attributes:
         theta: (m,), estimate in typical sizes. error: (m,), its standard error, at most the prior's.
         in_sample: residual sum of squares that the fit would still leave (m²).
-        held_out: (N,), squared 3-D distance of each pose, predicted by the other folds (m²).
+        held_out: (N,), squared 3-D distance of each pose, predicted by the other folds (m²); of columns, winsorised: a
+            pose to which the line leads far astray counts as an outlier does, or as it is without them.
     """
 
     theta: Array
@@ -166,6 +168,7 @@ class LinearisedFit:
         for number, part in enumerate(self.parts):
             left.append(self._left(number)[:, None] - sets.predicted(part, sets.explained[number], theta[number]))
         in_sample, held_out = (left[0] ** 2).sum(axis=0), self._by_pose(left)
+        held_out = np.minimum(held_out, np.maximum(outlier_bound(held_out)[:, None], self.now.held_out))
         found: list[LinearEstimate | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
         for place, (number, start, end) in enumerate(zip(sets.numbers, sets.starts, ends, strict=True)):

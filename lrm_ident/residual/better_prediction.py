@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE
-from lrm_ident.fitting.loss import robust_scale
+from lrm_ident.fitting.loss import CHI3_MEDIAN
 from lrm_ident.residual.thresholds import Z_THRESHOLD
 from lrm_math.arrays import Array
 
@@ -30,8 +30,14 @@ def paired_z(better: Array, worse: Array) -> float:
 
     A few poses where a joint is about to fall over to the other side of its play would decide else.
     """
-    most = (OUTLIER_DISTANCE * robust_scale(np.sqrt(better))) ** 2
+    most = outlier_bound(better)
     return vuong_z(np.minimum(worse, most) - np.minimum(better, most))
+
+
+def outlier_bound(squared: Array) -> Array:
+    """(...), squared distance beyond which a pose of `squared` (..., N) is an outlier: `OUTLIER_DISTANCE` robust
+    standard deviations."""
+    return np.square(OUTLIER_DISTANCE / CHI3_MEDIAN * np.median(np.sqrt(squared), axis=-1))
 
 
 def vuong_z(difference: Array) -> float:

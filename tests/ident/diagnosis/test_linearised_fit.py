@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident.diagnosis.linearised_fit import PRIOR_SD, LinearisedFit, linearise
+from lrm_ident.residual.better_prediction import outlier_bound
 from lrm_math.arrays import Array
 
 POSES, SIGMA = 40, 0.3
@@ -51,11 +52,28 @@ def test_what_is_taken_is_projected_out_for_good(taken: list[list[int]], tried: 
         both = np.concatenate([inside, C], axis=1)
         left = ridge(A, both, residual, every)
         assert found.in_sample == pytest.approx(float(left @ left), rel=1e-9)
+        squares = np.empty(POSES)
         for poses in folds:
             rows = np.setdiff1d(every, (3 * poses[:, None] + np.arange(3)).reshape(-1))
-            squares = (ridge(A, both, residual, rows).reshape(-1, 3) ** 2).sum(axis=1)
-            np.testing.assert_allclose(found.held_out[poses], squares[poses], rtol=1e-7, atol=1e-12)
+            squares[poses] = (ridge(A, both, residual, rows).reshape(-1, 3) ** 2).sum(axis=1)[poses]
+        astray = squares > np.maximum(outlier_bound(squares), fit.now.held_out)
+        np.testing.assert_allclose(found.held_out[~astray], squares[~astray], rtol=1e-7, atol=1e-12)
+        assert (found.held_out[astray] < squares[astray]).all()
     assert fit.now.in_sample == pytest.approx(float((ridge(A, inside, residual, every) ** 2).sum()), rel=1e-9)
+
+
+@given(seed=st.integers(0, 1000), lever=st.floats(10.0, 1e4))
+def test_a_pose_to_which_a_line_leads_astray_counts_as_an_outlier_does(seed: int, lever: float) -> None:
+    """A column that explains everything but one pose, where its slope is wrong."""
+    rng = np.random.default_rng(seed)
+    A, slope = rng.normal(size=(3 * POSES, 5)), rng.normal(size=3 * POSES)
+    residual = 3.0 * slope + 0.1 * rng.normal(size=3 * POSES)
+    slope[:3] *= lever
+    folds = [np.asarray(part) for part in np.array_split(np.arange(POSES), 5)]
+    linear = linearise(A, residual, folds, SIGMA)
+    found = linear.explain(linear.project(slope[:, None]))
+    at_most = np.maximum(linear.now.held_out, outlier_bound(found.held_out))
+    assert (found.held_out <= at_most * (1 + 1e-9)).all()
 
 
 @given(st.integers(0, 1000))
