@@ -29,11 +29,12 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
-from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, candidate_grid, parse_levels
+from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, parse_levels
 from lrm_ident.design.observability import INDICES
 from lrm_ident.design.parameter_elimination import fittable
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
 from lrm_ident.design.pose_design import design as run_design
+from lrm_ident.design.pose_offer import clear_poses, every_one
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, in_this_process
@@ -44,14 +45,13 @@ from lrm_ident.report.design import choice_document, design_document, pose_table
 from lrm_ident.report.plots.design import draw_choice, draw_design
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.reading import AS_NAMED, Reading
-
-MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
 
 
 @command
@@ -239,19 +239,16 @@ def _offer(
             given = given.take(visible(camera, arm, given))
             words += f", {len(given)} of which show the board to the camera"
         return CandidateSet(Poses(given.q, given.payload), words, {})
-    clear = candidate_grid(arm, parse_levels(arm, levels), rules)
-    q = clear.q
-    most = MOST_CANDIDATES // len(payloads)
-    words = f"{len(q)} of {clear.tried} combinations of levels keep clear"
-    if camera is not None:
-        q = q[visible(camera, arm, poses_of(q))]
-        words += f", {len(q)} of these show the board to the camera"
-        if not len(q):
-            raise LrmError(f"{words}; move the camera, or turn the board on the tool")
-    if len(q) > most:
-        q = q[np.sort(np.random.default_rng(seed).choice(len(q), most, replace=False))]
-        words += f"; {most} of them, drawn at random, are looked at"
-    if not arm.shapes.capsules:
-        words += "; the arm has no shapes, so only the lines between its joints were held to the rules"
-    every = Poses(np.tile(q, (len(payloads), 1)), np.repeat(payloads, len(q)))
-    return CandidateSet(every, words, clear.rejected)
+    narrowed = every_one if camera is None else partial(_in_view, camera, arm)
+    return clear_poses(arm, parse_levels(arm, levels), payloads, rules, seed, narrowed)
+
+
+def _in_view(camera: CameraSession, arm: Arm, q: Array) -> tuple[Array, str]:
+    """The angles at which the camera sees the board. Raises `LrmError` if there are none."""
+    seen = q[visible(camera, arm, poses_of(q))]
+    words = f", {len(seen)} of these show the board to the camera"
+    if not len(seen):
+        raise LrmError(
+            f"{len(q)} combinations of levels keep clear{words}; move the camera, or turn the board on the tool"
+        )
+    return seen, words

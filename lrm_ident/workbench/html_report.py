@@ -37,6 +37,7 @@ BODY = """<header>
 <select id="lrm-marked" aria-label="mark poses"></select><button type="button" id="lrm-clear">clear the marks</button>
 <span id="lrm-brushed"></span>
 </div>
+<div id="lrm-picture" class="lrm-controls screen-only"></div>
 <div class="lrm-fields"><div id="lrm-field" class="lrm-figure tall"></div>
 <div id="lrm-field-b" class="lrm-figure tall"></div></div>
 <div id="lrm-arm"></div>

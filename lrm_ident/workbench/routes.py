@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from urllib.parse import quote
 
 from fastapi import Request
 from fastapi.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
@@ -24,8 +25,8 @@ def add_routes(app: App, session: WorkbenchSession) -> None:
         for file in files:
             app.add_static_file(local_file=file, url_path=f"{folder}/{file.name}", max_cache_age=0)
     routes = PageRoutes(session)
-    for path, answer in (("values", routes.values), ("report", routes.report), ("model", routes.model)):
-        app.add_api_route(f"/lrm/{path}", answer, methods=["GET"], response_model=None)
+    for answer in (routes.values, routes.report, routes.model, routes.poses):
+        app.add_api_route(f"/lrm/{answer.__name__}", answer, methods=["GET"], response_model=None)
     app.add_api_route("/lrm/drop", routes.drop, methods=["POST"], response_model=None)
 
 
@@ -58,6 +59,14 @@ class PageRoutes:
             return PlainTextResponse(NOTHING_OPEN, status_code=404)
         headers = {"content-disposition": 'attachment; filename="model.toml"'}
         return Response(shown.model, media_type="application/toml", headers=headers)
+
+    def poses(self) -> Response:
+        """The next poses, to be saved; 404 if none were chosen."""
+        found = self.session.poses
+        if found is None or not found.table:
+            return PlainTextResponse("no poses are chosen yet", status_code=404)
+        headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(f'{Path(found.data).stem}-next.csv')}"}
+        return Response(found.table, media_type="text/csv", headers=headers)
 
     async def drop(self, request: Request) -> Response:
         """Opens dropped files; 400 with the reason if they cannot be opened."""

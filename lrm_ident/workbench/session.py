@@ -9,7 +9,7 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.output_files import check_outputs
 from lrm_ident.workbench.last_session import note_session
 from lrm_ident.workbench.session_state import SessionState
-from lrm_ident.workbench.taken_steps import with_data, with_law, with_step, with_undone, without_last
+from lrm_ident.workbench.taken_steps import with_data, with_law, with_poses, with_step, with_undone, without_last
 from lrm_ident.workbench.work.followed_file import FollowedFile, follow_file
 from lrm_ident.workbench.work.messages import WorkDone, WorkFailure, WorkMessage, WorkNotice, WorkProgress, WorkResult
 from lrm_ident.workbench.work.opened_data import keep_opened
@@ -20,6 +20,8 @@ from lrm_ident.workbench.work.tasks import (
     DiagnoseTask,
     LawResult,
     OpenTask,
+    PosesResult,
+    PosesTask,
     ProposeTask,
     StepResult,
     WorkTask,
@@ -61,6 +63,13 @@ class WorkbenchSession(SessionState):
         step = self._steady()
         self._give_way()
         self._begin(ProposeTask(step.files, self.folder / f"law-{len(self.done)}.py"))
+
+    def next_poses(self) -> None:
+        """Chooses the next poses to measure. Raises `LrmError` as long as there is no diagnosis that says what for."""
+        step = self._steady()
+        if not step.shown.diagnosed:
+            raise LrmError("the poses are chosen to tell candidates apart: wait until every effect has been tried")
+        self._begin(PosesTask(step.files, step.packed, self.folder / f"poses-{len(self.done)}.csv"))
 
     def add_law(self) -> None:
         """Adds the proposed law, from its file. Raises `LrmError` if there is none."""
@@ -186,7 +195,10 @@ class WorkbenchSession(SessionState):
                 self._diagnose()
         self._changed()
 
-    def _take_result(self, value: StepResult | LawResult) -> None:
+    def _take_result(self, value: StepResult | LawResult | PosesResult) -> None:
+        if isinstance(value, PosesResult):
+            self.poses, self.taken = value, with_poses(self.taken, value)
+            return
         if isinstance(value, LawResult):
             self.taken = with_law(self.taken, value)
         else:

@@ -12,7 +12,15 @@ from lrm_ident.workbench.work.commands import DoneCommand
 from lrm_ident.workbench.work.followed_file import FollowedFile
 from lrm_ident.workbench.work.messages import WorkProgress
 from lrm_ident.workbench.work.opened_data import OpenedData
-from lrm_ident.workbench.work.tasks import DiagnoseTask, LawResult, OpenFiles, StepResult, StepView, WorkTask
+from lrm_ident.workbench.work.tasks import (
+    DiagnoseTask,
+    LawResult,
+    OpenFiles,
+    PosesResult,
+    StepResult,
+    StepView,
+    WorkTask,
+)
 from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import LrmError
 
@@ -28,6 +36,7 @@ class SessionState:
         folder: where every step is kept as a file as soon as it is taken.
         taken: the steps. followed: the growing file that is shown, or None. offered: files of the session before.
         opened: the measurements at hand, as they were read. stale: whether their file has changed since.
+        poses: the next poses to measure that were chosen last, or why there are none.
         progress: of the work going on, or None. failure: why the last work ended without a result, or "".
         version: grows with every change of the state, `drawn` with every change of what the figures show.
     """
@@ -42,6 +51,7 @@ class SessionState:
     offered: OpenFiles | None = None
     opened: OpenedData | None = None
     stale: bool = False
+    poses: PosesResult | None = None
     version: int = 0
     drawn: int = 0
     _waiting: WorkTask | None = None

@@ -48,6 +48,7 @@ caption { text-align: left; font-weight: 600; padding: 4px 0; }
 th, td { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--grid); }
 th.right, td.right { text-align: right; white-space: nowrap; }
 td { overflow-wrap: anywhere; } ul { margin: 4px 0 8px; padding-left: 20px; } h4 { margin: 12px 0 2px; }
+@media screen { .wide td { overflow-wrap: break-word; } }
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
 .lrm-paper .two { display: block; }
 .lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 55mm; }

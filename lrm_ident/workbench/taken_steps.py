@@ -13,6 +13,7 @@ from lrm_ident.workbench.work.tasks import (
     DiagnoseTask,
     LawResult,
     OpenTask,
+    PosesResult,
     StepResult,
     WorkTask,
 )
@@ -45,6 +46,13 @@ def with_law(taken: TakenSteps, law: LawResult) -> TakenSteps:
     kept = () if law.file is None else ("-o", law.file)
     words = ("propose", files.model, files.data, *kept)
     return replace(taken, law=law, done=(*taken.done, DoneCommand(words, files.effects_file, files.reading)))
+
+
+def with_poses(taken: TakenSteps, poses: PosesResult) -> TakenSteps:
+    """After the next poses were chosen; unchanged where that was not possible."""
+    if not poses.command or taken.last is None:
+        return taken
+    return replace(taken, done=(*taken.done, DoneCommand(poses.command, taken.last.files.effects_file)))
 
 
 def with_step(taken: TakenSteps, task: WorkTask | None, step: StepResult) -> TakenSteps:

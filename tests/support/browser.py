@@ -25,6 +25,7 @@ ARGUMENTS = ["--no-sandbox"]
 PATIENCE_MS, POLLING_MS = 120_000, 100
 """How long a test waits, and how often it looks; a tab in the background draws no frames to look at."""
 SHOTS = ROOT / "out" / "workbench"
+AXE = Path(os.environ.get("AXE_CORE", ROOT / "node_modules" / "axe-core" / "axe.min.js"))
 
 
 @dataclass
@@ -130,3 +131,12 @@ def says(page: Any, selector: str, words: str) -> None:
 def wait_for(page: Any, condition: str) -> None:
     """Waits until a condition holds in the page."""
     page.wait_for_function(condition, timeout=PATIENCE_MS, polling=POLLING_MS)
+
+
+def axe_violations(page: Any) -> list[tuple[str, list[str]]]:
+    """The rules of axe-core that a page breaks, each with where; the test is skipped, and says so, without axe-core."""
+    if not AXE.is_file():
+        pytest.skip("no axe-core: `npm install axe-core` in the project's folder, or set AXE_CORE to its axe.min.js")
+    page.evaluate(AXE.read_text(encoding="utf-8"))
+    faults = page.evaluate("axe.run().then((result) => result.violations)")
+    return [(fault["id"], [node["html"][:120] for node in fault["nodes"]][:3]) for fault in faults]

@@ -33,6 +33,7 @@ class CommandBar:
             self.undo = button("Undo", session.undo, "take the last step back (U)")
             self.redo = button("Redo", session.redo, "take it again (R)")
             self.propose = button("Propose a law", session.propose, "where no known effect fits (P)")
+            self.poses = button("Next poses", session.next_poses, "what to measure next, to tell the rivals apart")
             self.auto = button("Auto", session.auto, "follow the advice until it says stop")
             self.diagnose = button("Diagnose", session.diagnose, "find out what is missing")
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
@@ -65,6 +66,7 @@ class CommandBar:
         self.undo.set_enabled(session.can_undo)
         self.redo.set_enabled(session.can_redo)
         self.propose.set_enabled(ready)
+        self.poses.set_enabled(ready and session.shown is not None and session.shown.diagnosed)
         self.auto.set_enabled(ready)
         self.diagnose.set_enabled(session.can_diagnose)
 

@@ -10,7 +10,7 @@ from nicegui import ui
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
 from lrm_ident.workbench.work.commands import commands_text
-from lrm_ident.workbench.work.tasks import LawResult
+from lrm_ident.workbench.work.tasks import LawResult, PosesResult
 from lrm_math.errors import LrmError
 
 Do = Callable[[Callable[[], object]], object]
@@ -26,6 +26,21 @@ def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
             ui.button("Close", on_click=dialog.close).props("no-caps flat data-name=close-law")
         if law.file is not None:
             ui.label(f"Kept in {law.file}: read it, and say what causes it.").classes("lrm-small")
+    dialog.open()
+
+
+def poses_dialog(poses: PosesResult) -> None:
+    """Shows the next poses to measure and offers their file; or says why there are none."""
+    title = "No poses were chosen after those of" if poses.problem else "Poses to measure after those of"
+    with ui.dialog() as dialog, _card("lrm-next-poses", "lrm-wide"):
+        ui.label(f"{title} {poses.data}").classes("lrm-verdict")
+        with ui.row():
+            if poses.table:
+                _button("Download CSV", lambda: ui.run_javascript("window.location = '/lrm/poses'"))
+            ui.button("Close", on_click=dialog.close).props("no-caps flat data-name=close-poses")
+        if poses.problem:
+            ui.label(poses.problem).classes("lrm-failure").props("role=alert")
+        ui.html(poses.words, sanitize=False).classes("lrm-numbers")
     dialog.open()
 
 

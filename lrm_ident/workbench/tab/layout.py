@@ -11,7 +11,7 @@ from nicegui import ui
 from lrm_ident.workbench.section import section_html
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.command_bar import CommandBar
-from lrm_ident.workbench.tab.dialogs import commands_dialog, law_dialog, live_dialog, save_dialog
+from lrm_ident.workbench.tab.dialogs import commands_dialog, law_dialog, live_dialog, poses_dialog, save_dialog
 from lrm_ident.workbench.tab.file_notice import FileNotice
 from lrm_ident.workbench.tab.head import FOLDER, head_html
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
@@ -30,7 +30,7 @@ class WorkbenchPage:
         self.session = session
         self.chosen: str | None = None
         self.seen = self.drawn = -1
-        self.law = session.law
+        self.law, self.poses = session.law, session.poses
         ui.add_head_html(head_html())
         ui.dark_mode(None)
         self.rover = RoverPanel(session)
@@ -82,6 +82,10 @@ class WorkbenchPage:
             self.law = session.law
             if self.law is not None:
                 law_dialog(self.law, session, self._do)
+        if session.poses is not self.poses:
+            self.poses = session.poses
+            if self.poses is not None:
+                poses_dialog(self.poses)
         shown = session.shown
         if shown is None or self.drawn == session.drawn:
             return

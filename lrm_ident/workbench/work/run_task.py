@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import singledispatch
 from itertools import count
+from pathlib import Path
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
@@ -24,6 +25,7 @@ from lrm_ident.report.model_report import ModelReport, after_step, quick_report,
 from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_ident.workbench.work.messages import Send, WorkFailure, WorkNotice, WorkProgress, WorkResult
+from lrm_ident.workbench.work.next_poses import next_poses
 from lrm_ident.workbench.work.showing import step_shown
 from lrm_ident.workbench.work.tasks import (
     AddTask,
@@ -33,12 +35,15 @@ from lrm_ident.workbench.work.tasks import (
     LawResult,
     OpenFiles,
     OpenTask,
+    PosesResult,
+    PosesTask,
     ProposeTask,
     StepResult,
     WorkTask,
     kept_name,
     unpacked,
 )
+from lrm_math.errors import LrmError
 
 _LAST: dict[str, Diagnosis] = {}
 """The last diagnosis, by the hashes of its files."""
@@ -134,6 +139,33 @@ def propose(task: ProposeTask, send: Send) -> None:
     write_text(task.kept, found.best.source)
     law = found.best.law
     send(WorkResult(LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}")))
+
+
+@run_task.register
+def choose_next(task: PosesTask, send: Send) -> None:
+    """Chooses the next poses, and keeps their file; what cannot be is said of the user's own file."""
+    send(WorkProgress("reading the files"))
+    name = task.files.data.name
+    try:
+        found = next_poses(_study(task.files, send), unpacked(task.packed), _bars(send))
+    except LrmError as error:
+        problem = str(error)
+        for path in (task.files.data, task.files.model):
+            problem = problem.replace(str(path), path.name)
+        send(WorkResult(PosesResult(name, problem=problem)))
+        return
+    write_text(task.kept, found.table)
+    command: tuple[str | Path, ...] = (
+        "design",
+        *found.arguments,
+        "--model",
+        task.files.model,
+        "--have",
+        task.files.data,
+        "-o",
+        task.kept,
+    )
+    send(WorkResult(PosesResult(name, blocks_html(found.document.blocks), found.table, command=command)))
 
 
 def step_found(files: OpenFiles, found: ModelReport) -> StepResult:

@@ -71,6 +71,17 @@ class LawResult:
 
 
 @dataclass(frozen=True)
+class PosesResult:
+    """The next poses to measure: what `design` prints, as HTML, or the `problem`; `command`: the words that do it."""
+
+    data: str
+    words: str = ""
+    table: str = ""
+    problem: str = ""
+    command: tuple[str | Path, ...] = ()
+
+
+@dataclass(frozen=True)
 class OpenTask:
     """Opens measurements and a model, or fits one first; the model is kept as `kept`. Gives one step."""
 
@@ -134,7 +145,19 @@ class ProposeTask:
     kept: Path
 
 
-WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask
+@dataclass(frozen=True)
+class PosesTask:
+    """`design`: the next poses, to tell the first candidate from its strongest rival. Gives them, or why not.
+
+    `packed`: what is known of the step, with its diagnosis; `kept`: file of the poses.
+    """
+
+    files: OpenFiles
+    packed: bytes
+    kept: Path
+
+
+WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask | PosesTask
 
 
 def unpacked(packed: bytes) -> ModelReport:

@@ -22,7 +22,7 @@ from lrm_math.model.model import model_of
 from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import read_toml
 from tests.ident.fleet.conftest import ARM, ARMS, ODD, SOFT
-from tests.support.browser import SHOTS, BrowserLog, chromium
+from tests.support.browser import SHOTS, BrowserLog, axe_violations, chromium
 from tests.support.commands import stderr_of, stdout_of
 
 
@@ -75,6 +75,24 @@ def test_the_page_in_a_browser(identified: tuple[Path, str]) -> None:
         page.screenshot(path=SHOTS / "fleet.png", full_page=True)
     assert not seen.errors, seen.errors
     assert not seen.foreign("file:")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_on_the_page_and_it_fits_every_screen(identified: tuple[Path, str], scheme: str) -> None:
+    with chromium() as browser:
+        page = browser.new_page(color_scheme=scheme)
+        for width in (390, 800, 1440):
+            page.set_viewport_size({"width": width, "height": 900})
+            page.goto((identified[0] / "fleet.html").as_uri())
+            page.wait_for_selector("#lrm-parameter .main-svg", state="attached")
+            assert page.evaluate("document.documentElement.dataset.theme") == scheme
+            page.wait_for_timeout(500)
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
+            mark = page.evaluate("document.querySelector('#lrm-parameter .annotation').getBoundingClientRect().right")
+            assert mark <= page.evaluate("document.getElementById('lrm-parameter').getBoundingClientRect().right")
+            page.screenshot(path=SHOTS / f"fleet-{scheme}-{width}.png", full_page=True)
+        assert axe_violations(page) == []
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -11,8 +10,18 @@ from typing import Any
 import pytest
 
 import lrm_ident as lrm
-from tests.conftest import EXAMPLE, ROOT
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, says, wait_for, workbench
+from tests.conftest import EXAMPLE
+from tests.support.browser import (
+    SHOTS,
+    BrowserLog,
+    RunningWorkbench,
+    axe_violations,
+    idle,
+    opened,
+    says,
+    wait_for,
+    workbench,
+)
 from tests.support.commands import part_of_example, stdout_of
 
 SIZE = {"width": 1280, "height": 800}
@@ -25,7 +34,6 @@ BOXES = """Object.fromEntries([...document.querySelectorAll('.lrm-commands [data
   return [one.dataset.name, [box.left, box.top, box.width, box.height].map(Math.round)];
 }))"""
 """Where each button of the bar is."""
-AXE = Path(os.environ.get("AXE_CORE", ROOT / "node_modules" / "axe-core" / "axe.min.js"))
 
 
 @pytest.fixture(scope="module")
@@ -253,19 +261,13 @@ def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: Runnin
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -> None:
     """The rules of axe-core on page and report."""
-    if not AXE.is_file():
-        pytest.skip("no axe-core: `npm install axe-core` in the project's folder, or set AXE_CORE to its axe.min.js")
     page = opened(browser, small, SIZE, scheme=scheme)
     idle(page, RANKED)
     page.wait_for_timeout(1000)
     with page.context.expect_page() as other:
         page.click("[data-name=report]")
     other.value.wait_for_selector("#lrm-field canvas")
-    found = []
-    for one in (page, other.value):
-        one.evaluate(AXE.read_text(encoding="utf-8"))
-        for fault in one.evaluate("axe.run().then((result) => result.violations)"):
-            found.append((fault["id"], [node["html"][:120] for node in fault["nodes"]][:3]))
+    found = [*axe_violations(page), *axe_violations(other.value)]
     page.context.close()
     assert not found, "\n".join(map(str, found))
 

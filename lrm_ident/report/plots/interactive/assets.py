@@ -14,7 +14,18 @@ FOLDER = Path(__file__).resolve().parent
 LIBRARY, STYLE = FOLDER / "plotly-basic.min.js", FOLDER / "figures.css"
 THEME = FOLDER / "theme.js"
 """Runs before anything is drawn."""
-NAMES = ("chart", "glossary", "scene_input", "scene", "arm_views", "candidates", "what_if", "steps", "figures")
+NAMES = (
+    "chart",
+    "glossary",
+    "scene_input",
+    "scene",
+    "arm_views",
+    "candidates",
+    "what_if",
+    "steps",
+    "picture",
+    "figures",
+)
 SCRIPTS = tuple(FOLDER / f"{name}.js" for name in NAMES)
 """In the order in which they are loaded; the library may come after them."""
 SCRIPTS_OF_FLEET = tuple(FOLDER / f"{name}.js" for name in ("chart", "fleet"))

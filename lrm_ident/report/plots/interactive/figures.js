@@ -82,6 +82,8 @@ const lrm = (() => {
   const whatIf = lrmWhatIf(page);
   const { tellFall, tellVerdict, drawHistory, drawCards } = lrmSteps(page);
 
+  const picture = lrmPicture({ ...page, hover, drawField, tool });
+
   // ---- the error field
 
   function drawField() {
@@ -89,7 +91,7 @@ const lrm = (() => {
     document.documentElement.classList.toggle("lrm-beside", both);
     drawStep("field", state.step, !both);
     if (both) drawStep("field-b", state.beside, true);
-    if (scale) scale.textContent = v.scale.words + (v.thinned ? "; " + v.thinned : "");
+    if (scale) scale.textContent = v.scale.words;
   }
 
   // The arrows go from those of another step to those of the step shown; at once where motion is not wished.
@@ -115,7 +117,7 @@ const lrm = (() => {
     scenes[id] = scenes[id] || lrmScene(box, deed);
     scenes[id].show({ title, box: boxOfField(), bar,
       tcp: v.tcp, residual, magnification: v.scale.magnification, largest: v.scale.largest,
-      colours: v.scale.colours, marked: chosen && new Set(chosen), row: rowOfPose(), arms: arms() });
+      colours: v.scale.colours, marked: chosen && new Set(chosen), rows: picture.rows(), row: rowOfPose(), arms: arms() });
   }
 
   // The residual of a step; of the last one without what the chosen effect would explain at the size that is tried.
@@ -138,6 +140,14 @@ const lrm = (() => {
       { points: v.bent[row], dash: [], colour: colour("model"), width: 4 }];
   }
 
+  // Azimuth and elevation (deg) from which the last link of the bent arm is seen from its tool's end.
+  function tool() {
+    const points = state.values.bent[rowOfPose()], tip = points[points.length - 1];
+    const from = [...points].reverse().find((p) => Math.hypot(...p.map((c, k) => c - tip[k])) > 1) || [tip[0], tip[1], tip[2] - 1];
+    const [x, y, z] = tip.map((c, k) => c - from[k]), degrees = (a) => a * 180 / Math.PI;
+    return [degrees(Math.atan2(y, x)), degrees(Math.atan2(z, Math.hypot(x, y)))];
+  }
+
   const rowOfPose = () => Math.max(state.values.pose.indexOf(state.pose), 0);
 
   function hover(row) {
@@ -153,6 +163,7 @@ const lrm = (() => {
     if (input && document.activeElement !== input) input.value = v.pose[row];
     tellFall();
     tellVerdict();
+    picture.follow();
     if (!note) return;
     const r = v.steps[state.step].residual[row];
     note.textContent = `pose ${v.pose[row]}: q ${v.q[row].map((a) => a.toFixed(0)).join(" ")} deg, load ${v.load[row]} g, ` +

@@ -95,7 +95,8 @@ const lrmFleet = (() => {
       fillcolor: colour("bar"), line: { width: 0 }, layer: "below" };
     const at = new Map(order().map((number, column) => [number, column]));
     const named = one.outliers.map((number) => ({ x: at.get(number), y: one.value[one.arms.indexOf(number)],
-      text: state.values.arms[number].name, font: { color: colour("accent") }, arrowcolor: colour("accent"), ax: 28, ay: -18 }));
+      text: state.values.arms[number].name, font: { color: colour("accent") }, arrowcolor: colour("accent"),
+      ax: at.get(number) < at.size / 2 ? 28 : -28, ay: -18 })); // towards the middle: there is room
     draw("parameter", traces, { showlegend: Boolean(state.tag), shapes: one.mean === null ? [] : [band, across], annotations: named,
       yaxis: { title: { text: `${one.label}, ${one.unit}` } } });
   }

@@ -2,7 +2,7 @@
 // A canvas needs no graphics card, and is on paper what it is on the screen. All lengths in mm.
 "use strict";
 const lrmScene = (() => {
-  const FIRST = { azimuth: -45, elevation: 27, zoom: 1, shift: [0, 0] }, DEG = Math.PI / 180;
+  const FIRST = { azimuth: -45, elevation: 27, zoom: 1, shift: [0, 0] }, DEG = Math.PI / 180, END_ON = 40; // px
   const view = { ...FIRST, shift: [0, 0] }; // one for all scenes: two fields beside each other turn together
   const scenes = new Set();
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -60,7 +60,7 @@ const lrmScene = (() => {
     const [low, high] = box, corner = (k, far) => {
       const ends = [[...low], [...low]];
       ends[1][k] = high[k];
-      const behind = at(ends[0])[2] < at(ends[1])[2] ? low[k] : high[k];
+      const behind = at(ends[0])[2] <= at(ends[1])[2] + 1e-6 ? low[k] : high[k];
       return far ? behind : low[k] + high[k] - behind;
     };
     const far = [0, 1, 2].map((k) => corner(k, true)), near = [0, 1, 2].map((k) => corner(k, false));
@@ -96,6 +96,8 @@ const lrmScene = (() => {
         const [x, y] = edges.reduce((a, b) => (at(a)[0] < at(b)[0] ? a : b));
         [edge[0], edge[1]] = [x, y];
       }
+      const ends = [low[k], high[k]].map((value) => at(edge.map((c, j) => (j === k ? value : c))));
+      if (Math.hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]) < END_ON) return; // its labels would lie on one another
       const put = (value, text, right, down) => {
         const p = [...edge];
         p[k] = value;
@@ -134,7 +136,8 @@ const lrmScene = (() => {
     canvas.className = "lrm-canvas";
     canvas.setAttribute("role", "img");
     element.replaceChildren(canvas);
-    const self = { canvas, content: null, dots: [], drag: null, draw, show, later, point, ratio: 0 };
+    const self = { canvas, content: null, dots: [], drag: null, draw, show, later, point, ratio: 0,
+      seen: (row) => !self.content.rows || self.content.rows.has(row) || Boolean(self.content.marked && self.content.marked.has(row)) };
     let asked = 0, stale = true, at = null, pen = behind;
     scenes.add(self);
 
@@ -177,6 +180,7 @@ const lrmScene = (() => {
       self.dots = c.tcp.map(at);
       const ink = colour("ink"), pale = colour("grid"), accent = colour("accent");
       c.residual.forEach((r, row) => {
+        if (!self.seen(row)) return;
         const size = norm(r), foot = self.dots[row], is = c.marked && c.marked.has(row), dim = c.marked && !is;
         const tip = c.tcp[row].map((p, k) => p + c.magnification * r[k]), end = at(tip), hue = colours[
           Math.min(Math.floor(size / c.largest * c.colours), c.colours - 1)];
@@ -236,5 +240,10 @@ const lrmScene = (() => {
     new ResizeObserver(later).observe(element);
     return self;
   }
-  return Object.assign(scene, { boxOf });
+  // All scenes seen from an azimuth and an elevation (deg); from where they were first without.
+  function look(from) {
+    Object.assign(view, FIRST, { shift: [0, 0] }, from ? { azimuth: from[0], elevation: from[1] } : {});
+    for (const one of scenes) one.later();
+  }
+  return Object.assign(scene, { boxOf, look, view });
 })();

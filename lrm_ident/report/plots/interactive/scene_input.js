@@ -11,7 +11,7 @@ function lrmSceneInput(canvas, self, view, first, redraw, on) {
     let best = null, distance = NEAR;
     self.dots.forEach((p, row) => {
       const d = Math.hypot(p[0] - at[0], p[1] - at[1]);
-      if (d < distance) [best, distance] = [row, d];
+      if (d < distance && self.seen(row)) [best, distance] = [row, d];
     });
     return best;
   }
@@ -54,7 +54,7 @@ function lrmSceneInput(canvas, self, view, first, redraw, on) {
     self.drag = null;
     if (drag.box) {
       const [x, y, w, h] = drag.box;
-      on.mark(self.dots.flatMap((p, row) => (p[0] >= x && p[0] <= x + w && p[1] >= y && p[1] <= y + h ? [row] : [])));
+      on.mark(self.dots.flatMap((p, row) => (p[0] >= x && p[0] <= x + w && p[1] >= y && p[1] <= y + h && self.seen(row) ? [row] : [])));
     } else if (!drag.moved && event.type === "pointerup") {
       const row = nearest(drag.from);
       if (row !== null) on.toggle(row);

@@ -16,6 +16,7 @@ from lrm_ident.report.history import data_of
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.names.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import CandidateView
+from lrm_ident.report.plots.interactive.fair_sample import fair_rows
 from lrm_ident.report.step_card import StepCard, error_fall, of_data, rivals
 from lrm_ident.residual.error_field import COLOURS
 from lrm_math.arrays import Array
@@ -39,14 +40,16 @@ STANDINGS = {
 def figure_values(found: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
     field, data = found.field, found.poses
+    fair = fair_rows(field.steps[-1].residual, field.poses)
     return {
         "pose": data.pose.tolist(),
         "poses": field.poses,
         "data": data.sha256,
         "compared": found.comparison is not None,
-        "thinned": field.thinned,
+        "fair": None if fair is None else fair.tolist(),
         "q": rounded(np.degrees(data.poses.q), 2),
         "load": rounded(data.poses.payload * 1e3, 1),
+        "session": None if data.poses.session is None else rounded(data.poses.session, 0),
         "tcp": rounded(np.where(np.isnan(data.tcp), field.bent[:, -1], data.tcp) * 1e3, UM),
         "nominal": rounded(field.nominal * 1e3, 1),
         "bent": rounded(field.bent * 1e3, 1),

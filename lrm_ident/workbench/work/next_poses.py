@@ -1,0 +1,103 @@
+"""Next poses to measure: a design that tells the first candidate of a diagnosis from its strongest rival."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.weights.whitening import measured_alike
+from lrm_ident.design.candidate_poses import ClearanceRules, parse_levels
+from lrm_ident.design.pose_design import DesignProblem, design
+from lrm_ident.design.pose_offer import clear_poses
+from lrm_ident.fitting.progress import Progress
+from lrm_ident.report.design import design_document, pose_table
+from lrm_ident.report.document import Document
+from lrm_ident.report.model_report import ModelReport
+from lrm_ident.study.study import Study
+from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.effects import effects_at
+from lrm_math.errors import LrmError
+
+COUNT, REPEATS, SEED = 50, 5, 0
+"""As `lrm-ident design` without options."""
+MOST_RIVALS = 4
+"""That are tried, one after the other, until the poses on offer can tell one from the first candidate."""
+
+
+@dataclass(frozen=True, eq=False)
+class NextPoses:
+    """Poses to measure: a report on them, their file's text, and the arguments of `design` that choose the same."""
+
+    document: Document
+    table: str
+    arguments: tuple[str, ...]
+
+
+def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPoses:
+    """Chooses the next poses. Raises `LrmError`: no choice can tell any rivals apart, or there are too few poses."""
+    noise_mm, loads_g, arm, data = _noise_mm(found), _loads_g(study.data.poses.payload), study.model.arm, study.data
+    offer = clear_poses(arm, parse_levels(arm), [load * GRAM for load in loads_g], ClearanceRules(), SEED)
+    problem = DesignProblem(
+        model=study.model,
+        keys=None,
+        rivals=(),
+        count=COUNT,
+        index="O1",
+        noise=noise_mm * MM,
+        measured=data.poses,
+        repeats=REPEATS,
+        first_number=max(*data.pose.tolist(), *data.left_out) + 1,
+        seed=SEED,
+        weights=measured_alike(data.whitening),
+        measured_weights=data.whitening,
+    )
+    refused, ticked = list[str](), partial(progress, "choosing poses")
+    for names in rival_pairs(_ranking(found)):
+        rivals = tuple(effect for name in names for effect in effects_at(arm, name, study.catalogue))
+        task = replace(problem, rivals=rivals)
+        try:
+            chosen = design(task, offer.poses, ticked)
+        except LrmError as error:
+            refused.append(str(error))
+            continue
+        document = design_document(task, offer, chosen)
+        arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
+        arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
+        blocks = [*(f"Not for a stronger rival: {words}." for words in refused), *document.blocks]
+        return NextPoses(replace(document, blocks=blocks), pose_table(chosen).csv(), arguments)
+    raise LrmError("; ".join(refused))
+
+
+def rival_pairs(ranking: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], ...]:
+    """The first candidate that there is evidence for, beside each of its strongest rivals, the strongest first.
+
+    Those come first that the data cannot tell from it, then the next ones of the ranking; one empty pair where there is
+    no evidence for any: then poses are chosen for the parameters alone.
+    """
+    names = [f"{one['effect']}@{one['place']}" for one in ranking]
+    if not names or ranking[0]["verdict"] == "no_evidence":
+        return ((),)
+    rest = dict.fromkeys([*ranking[0]["indistinguishable_from"], *names[1:]])
+    rest.pop(names[0], None)
+    return tuple((names[0], rival) for rival in list(rest)[:MOST_RIVALS]) or ((names[0],),)
+
+
+def _ranking(found: ModelReport) -> Sequence[Mapping[str, Any]]:
+    return [] if found.diagnosis is None else found.diagnosis.values["ranking"]  # type: ignore[return-value]
+
+
+def _noise_mm(found: ModelReport) -> float:
+    """Noise per axis (mm), in three digits: the floor that the data show, else all that the last step leaves."""
+    left = found.floor_mm if found.floor_mm is not None else error_stats(found.field.steps[-1].residual).rms / MM
+    return float(f"{left / sqrt(3.0):.3g}")
+
+
+def _loads_g(payload: np.ndarray[Any, Any]) -> tuple[float, ...]:
+    """The least and the greatest load of the data (g)."""
+    return tuple(sorted({round(float(load) / GRAM, 3) for load in (payload.min(), payload.max())}))

@@ -1,0 +1,84 @@
+"""Next poses on the page: chosen against the strongest rival, as a file, as the command of that name does it."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lrm_ident.workbench.work.next_poses import rival_pairs
+from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, workbench
+from tests.support.commands import part_of_example, stdout_of
+
+SIZE = {"width": 1280, "height": 800}
+RANKED = "lrm.state.values.ranking.length > 0"
+
+
+@pytest.fixture(scope="module")
+def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
+    """A workbench on a third of the shipped data set."""
+    assert browser
+    folder = tmp_path_factory.mktemp("small")
+    with workbench(part_of_example(folder, 100), cwd=folder) as found:
+        yield found
+
+
+@pytest.mark.slow
+def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkbench, tmp_path: Path) -> None:
+    seen = BrowserLog()
+    page = opened(browser, small, SIZE, seen)
+    idle(page, RANKED)
+    page.click("[data-name='next poses']")
+    page.wait_for_selector("#lrm-next-poses")
+    words = page.inner_text("#lrm-next-poses")
+    assert "backlash@joint2 and " in words
+    assert " would look alike to a cosine of" in words
+    page.screenshot(path=SHOTS / "next-poses.png")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download CSV").click()
+    assert download.value.suggested_filename.endswith("-next.csv")
+    poses = Path(download.value.path()).read_text(encoding="utf-8")
+    assert len(poses.splitlines()) == 56, "a header, 50 poses, 5 of them again"
+    page.click("[data-name=close-poses]")
+    page.click("[data-name=commands]")
+    done = page.inner_text("#lrm-commands").splitlines()[-1]
+    *command, _, _ = shlex.split(done)[1:]
+    stdout_of(*command, "-o", tmp_path / "again.csv")
+    assert (tmp_path / "again.csv").read_text(encoding="utf-8") == poses
+    page.context.close()
+    assert not seen.errors, seen.errors
+
+
+@pytest.mark.slow
+def test_what_cannot_be_chosen_is_said_in_the_dialog_of_the_own_file(browser: Any, tmp_path: Path) -> None:
+    """A model file that was broken from outside."""
+    data = part_of_example(tmp_path, 100)
+    with workbench(data, cwd=tmp_path) as running:
+        page = opened(browser, running, SIZE)
+        idle(page, RANKED)
+        model = running.folder / "step-0.toml"
+        model.write_text("schema = 'broken'")
+        page.click("[data-name='next poses']")
+        page.wait_for_selector("#lrm-next-poses [role=alert]")
+        assert data.name in page.inner_text("#lrm-next-poses")
+        assert "schema" in page.inner_text("#lrm-next-poses [role=alert]")
+        page.screenshot(path=SHOTS / "next-poses-refused.png")
+        assert not page.get_by_role("button", name="Download CSV").count()
+        page.context.close()
+
+
+def advice(effect: str, verdict: str, *rivals: str) -> dict[str, object]:
+    """An entry of a ranking."""
+    return {"effect": effect, "place": "joint2", "verdict": verdict, "indistinguishable_from": rivals}
+
+
+def test_rivals_are_what_the_data_cannot_tell_apart_then_the_next_ones() -> None:
+    a, b = advice("a", "supported"), advice("b", "no_evidence")
+    assert rival_pairs([a, b]) == (("a@joint2", "b@joint2"),)
+    apart = advice("a", "indistinguishable", "c@joint3")
+    assert rival_pairs([apart, b]) == (("a@joint2", "c@joint3"), ("a@joint2", "b@joint2"))
+    assert rival_pairs([a]) == (("a@joint2",),)
+    assert rival_pairs([b, a]) == rival_pairs([]) == ((),)

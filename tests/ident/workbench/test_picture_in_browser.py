@@ -1,0 +1,142 @@
+"""The picture of the arm: views, the scrubber, the filter, and a fair sample where poses are many."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_ident.report.plots.interactive.fair_sample import fair_rows
+from lrm_ident.residual.error_field import MOST_DRAWN, WORST_DRAWN, drawn_rows
+from tests.conftest import EXAMPLE
+from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, wait_for, workbench
+from tests.support.commands import part_of_example, stdout_of
+
+SIZE = {"width": 1440, "height": 900}
+RANKED = "lrm.state.values.ranking.length > 0"
+SEEN = "lrm.state.values.pose.map((_, row) => row).filter((row) => lrm.scenes.field.seen(row))"
+
+FROM_ABOVE = """(() => {
+  const v = lrm.state.values, dots = lrm.scenes.field.dots, flat = (p, q) => Math.hypot(p[0] - q[0], p[1] - q[1]);
+  const scales = v.tcp.map((p, row) => flat(dots[row], dots[0]) / (flat(p, v.tcp[0]) || 1)).slice(1);
+  return Math.max(...scales) - Math.min(...scales) < 1e-6 * Math.max(...scales);
+})()"""
+"""Whether all distances in the horizontal plane are on one scale on the screen."""
+
+
+@pytest.fixture(scope="module")
+def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
+    """A workbench on a third of the shipped data set."""
+    assert browser
+    folder = tmp_path_factory.mktemp("small")
+    with workbench(part_of_example(folder, 100), cwd=folder) as found:
+        yield found
+
+
+@given(st.integers(MOST_DRAWN + 1, 20_000), st.integers(0, 99))
+def test_fair_sample_shows_errors_as_often_as_they_occur(poses: int, seed: int) -> None:
+    every = np.random.default_rng(seed).exponential(size=(poses, 3))
+    drawn = drawn_rows(every)
+    rows = fair_rows(every[drawn], poses)
+    assert rows is not None
+    assert len(set(rows.tolist())) == len(rows)
+    size, bound = np.linalg.norm(every, axis=1), np.sort(np.linalg.norm(every, axis=1))[-WORST_DRAWN]
+    shown = size[drawn[rows]]
+    share = WORST_DRAWN / poses
+    assert abs((shown >= bound).sum() - share * len(shown)) <= 2, "the worst are as rare as among all"
+    assert np.array_equal(rows, fair_rows(every[drawn], poses)), "always the same"
+
+
+def test_all_poses_are_drawn_where_they_are_few() -> None:
+    assert fair_rows(np.ones((MOST_DRAWN, 3)), MOST_DRAWN) is None
+
+
+@pytest.mark.slow
+def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> None:
+    seen = BrowserLog()
+    page = opened(browser, small, SIZE, seen)
+    idle(page, RANKED)
+    shots = {}
+    for name in ("top", "side", "tool", "oblique"):
+        page.get_by_role("button", name=f"view from: {name}").click()
+        page.wait_for_timeout(200)
+        shots[name] = page.locator("#lrm-field").screenshot(path=SHOTS / f"view-{name}.png")
+    assert len(set(shots.values())) == 4
+    page.get_by_role("button", name="view from: top").click()
+    wait_for(page, FROM_ABOVE)
+    page.locator("#lrm-scrub").focus()
+    page.keyboard.press("Home")
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("lrm.state.pose === lrm.state.values.pose[1]")
+    for key, values in (
+        ("error", "v.steps[0].residual.map((r) => Math.hypot(...r))"),
+        ("q1", "v.q.map((q) => q[1])"),
+        ("load", "v.load"),
+        ("pose", "v.pose"),
+        ("session", "v.session"),
+    ):
+        page.select_option("#lrm-filter", key)
+        every = page.evaluate(f"((v) => {values})(lrm.state.values)")
+        low, high = np.quantile(every, [0.25, 0.75]).round(2)
+        page.fill("#lrm-filter-low", str(low))
+        page.fill("#lrm-filter-high", str(high))
+        page.keyboard.press("Enter")
+        assert page.evaluate(SEEN) == [row for row, value in enumerate(every) if low <= value <= high]
+    page.screenshot(path=SHOTS / "filtered.png")
+    page.select_option("#lrm-filter", "")
+    assert len(page.evaluate(SEEN)) == 100
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    page.context.close()
+    assert not seen.errors, seen.errors
+
+
+@pytest.mark.slow
+def test_many_poses_are_a_fair_sample_with_the_worst_at_hand(browser: Any, tmp_path: Path) -> None:
+    header, *rows = EXAMPLE.read_text().splitlines()
+    many = tmp_path / "many.csv"
+    noise = np.random.default_rng(0)
+    lines = [header]
+    for number in range(1500):
+        cells = rows[number % len(rows)].split(",")
+        at = [k for k, name in enumerate(header.split(",")) if name in ("x_mm", "y_mm", "z_mm")]
+        for k in at:
+            cells[k] = f"{float(cells[k]) + noise.normal(0.0, 0.3):.4f}"
+        lines.append(",".join([str(number + 1), *cells[1:]]))
+    many.write_text("\n".join(lines) + "\n")
+    many.with_suffix(".toml").write_text(EXAMPLE.with_suffix(".toml").read_text())
+    stdout_of("fit", many, "-o", tmp_path / "m.toml")
+    with workbench(tmp_path / "m.toml", many, cwd=tmp_path) as running:
+        page = opened(browser, running, SIZE)
+        fair = page.evaluate("lrm.state.values.fair")
+        assert page.evaluate("lrm.state.values.pose.length") == MOST_DRAWN
+        assert page.evaluate(SEEN) == fair
+        assert "of 1500 poses drawn, a fair sample" in page.inner_text("#lrm-picture-says")
+        page.click("text=fair sample / with the worst")
+        wait_for(page, f"{SEEN}.length === {MOST_DRAWN}")
+        assert "the worst among them" in page.inner_text("#lrm-picture-says")
+        page.context.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [390, 800, 1440])
+def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench, width: int) -> None:
+    """Page and report, each from its top to its end."""
+    page = opened(browser, small, {"width": width, "height": 900})
+    idle(page, RANKED)
+    page.wait_for_timeout(1500)
+    with page.context.expect_page() as other:
+        page.click("[data-name=report]")
+    other.value.wait_for_selector("#lrm-field canvas")
+    for name, one in (("page", page), ("report", other.value)):
+        one.wait_for_timeout(1500)
+        assert one.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
+        one.screenshot(path=SHOTS / f"{name}-{width}.png", full_page=True)
+    field = page.evaluate("(({ clientWidth, clientHeight }) => [clientWidth, clientHeight])(lrm.scenes.field.canvas)")
+    assert min(field) > 240, "the field is squeezed"
+    page.pdf(path=SHOTS / f"workbench-{width}.pdf")
+    page.context.close()
