@@ -141,14 +141,6 @@ def notice(words: str) -> None:
     log.print(f"notice: {words}", markup=False, highlight=False)
 
 
-def parse_numbers(option: str, text: str, example: str) -> list[float]:
-    """Numbers by commas. Raises `LrmError`."""
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        raise LrmError(f"{option} {text}: not {example}") from None
-
-
 def one_of(what: str, name: str, names: Sequence[Name]) -> Name:
     """The one of the names that is meant. Raises `UnknownName`."""
     for known in names:

@@ -10,7 +10,7 @@ from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import log, parse_numbers, publish, show
+from lrm_ident.cli.common import log, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.servo_stiffness import load_servo_test
 from lrm_ident.data.servo_stiffness import stiffness as run_stiffness
@@ -20,6 +20,7 @@ from lrm_ident.report.component_tests import alignment_document, stiffness_docum
 from lrm_ident.report.plots.servo_stiffness import draw_stiffness
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.errors import LrmError
+from lrm_math.number_list import parse_numbers
 
 STILL = 3.0  # times the TCP's noise that the base target may wander before a person should know
 
@@ -69,7 +70,4 @@ def align(
 
 
 def _position(text: str) -> np.ndarray:
-    position = np.array(parse_numbers("--known-mm", text, "three numbers by commas, for instance 245,0,40"))
-    if len(position) != 3 or not np.all(np.isfinite(position)):
-        raise LrmError(f"--known-mm {text}: not three finite numbers by commas, for instance 245,0,40")
-    return position
+    return np.array(parse_numbers("--known-mm", text, "three numbers by commas, for instance 245,0,40", count=3))

@@ -15,7 +15,6 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     one_of,
-    parse_numbers,
     progress,
     publish,
     read_measurements,
@@ -52,6 +51,7 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.reading import AS_NAMED, Reading
+from lrm_math.number_list import parse_numbers
 
 
 @command

@@ -16,9 +16,9 @@ from lrm_ident.fitting.executors import as_finished
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.fleet.identify_arm import ArmRecord, ArmTask, identify_arm
 from lrm_ident.fleet.manifest import FleetMember
-from lrm_ident.study.model_history import arm_name_for
-from lrm_math.arm.arm_file import shipped_arms
+from lrm_math.arm.arm_file import arm_name_for, shipped_arms
 from lrm_math.errors import FileError, LrmError
+from lrm_math.text_file import read_content
 
 ARMS, MODELS = "arms", "models"
 
@@ -69,7 +69,7 @@ def task_of(member: FleetMember, models: Path) -> ArmTask:
     beside = member.data.with_suffix(".toml")
     has_beside = beside.is_file() and not is_something_else(beside)
     arm = member.arm
-    data = _read(member.data)
+    data = read_content(member.data)
     if not arm:
         known = metadata_of(member.data)
         if known is None or known.arm is None:
@@ -80,10 +80,10 @@ def task_of(member: FleetMember, models: Path) -> ArmTask:
     return ArmTask(
         name=member.name,
         stored_arm=arm_name_for(arm, models),
-        arm_text=None if arm in shipped_arms() else _read(Path(arm)).decode("utf-8", "replace"),
+        arm_text=None if arm in shipped_arms() else read_content(Path(arm)).decode("utf-8", "replace"),
         data_name=member.data.name,
         data=data,
-        beside=_read(beside) if has_beside else None,
+        beside=read_content(beside) if has_beside else None,
     )
 
 
@@ -100,15 +100,6 @@ def _store(record: ArmRecord, folder: Path) -> None:
     if record.model:
         write_text(folder / MODELS / f"{record.name}.toml", record.model)
     write_text(folder / ARMS / f"{record.name}.json", json.dumps(record.as_json(), indent=1) + "\n")
-
-
-def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise FileError(path, "", "no such file") from None
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read ({error.strerror})") from None
 
 
 def _make_folder(path: Path) -> None:

@@ -15,7 +15,7 @@ from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.fitting.identifiability import some_rows
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
-from lrm_math.model.derivatives import respond
+from lrm_math.model.derivatives import joint_levers
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 
@@ -95,7 +95,7 @@ def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> Erro
         bent=arm_lines(last.take(rows)),
         scale=arrow_scale(data.places(last), data.position_error(rests[0][1])),
         nominal_residual=data.position_error(nominal),
-        lever=(_motion(last.take(rows)) ** 2).sum(axis=1),
+        lever=(joint_levers(last.take(rows)) ** 2).sum(axis=1),
     )
 
 
@@ -134,12 +134,7 @@ def arm_lines(rest: Equilibrium) -> Array:
 
 def _step(name: str, rest: Equilibrium, data: Measurements, rows: NDArray[np.int64]) -> FieldStep:
     drawn, residual = rest.take(rows), data.position_error(rest)
-    return FieldStep(name, error_stats(residual), residual[rows], joint_turns(residual[rows], _motion(drawn)))
-
-
-def _motion(rest: Equilibrium) -> Array:
-    """(n, 3, M), motion of the TCP for a unit turn of each joint (m/rad)."""
-    return np.asarray(respond(rest).slots[list(rest.model.chain.joint_slots)])
+    return FieldStep(name, error_stats(residual), residual[rows], joint_turns(residual[rows], joint_levers(drawn)))
 
 
 def _round_down(value: float) -> float:

@@ -19,6 +19,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.priors import WEAK
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.tool_version import tool_version
+from lrm_math.arm.arm_file import arm_name_for
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
@@ -167,17 +168,6 @@ def as_written(model: Model, arm: str) -> Model:
 def model_text(file: ModelFile) -> str:
     """The file's TOML text."""
     return tomli_w.dumps(as_tables(file))
-
-
-def arm_name_for(arm: str, folder: Path) -> str:
-    """Name of a shipped arm, or path of an arm file relative to `folder`, for a model file there."""
-    path = Path(arm)
-    if path.suffix != ".toml":
-        return arm
-    try:
-        return path.resolve().relative_to(folder.resolve()).as_posix()
-    except ValueError:
-        return path.resolve().as_posix()
 
 
 def write_model(path: Path, file: ModelFile, arm: str) -> None:

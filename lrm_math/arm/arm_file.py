@@ -134,6 +134,17 @@ def shipped_arms() -> dict[str, Path]:
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
+def arm_name_for(arm: str, folder: Path) -> str:
+    """Name of a shipped arm, or path of an arm file as a file in `folder` states it: relative if it lies there."""
+    path = Path(arm)
+    if path.suffix != ".toml":
+        return arm
+    try:
+        return path.resolve().relative_to(folder.resolve()).as_posix()
+    except ValueError:
+        return path.resolve().as_posix()
+
+
 def load_arm(name_or_path: str | Path) -> Arm:
     """Loads an arm by the name of a shipped one or by path.
 

@@ -77,6 +77,11 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     return _as_measured(Response(settled, geometry, total, by_load, sensed))
 
 
+def joint_levers(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Array:
+    """(n, R, N), motion of the TCP for a rotation added at each joint (m/rad), and of what else is sensed."""
+    return np.asarray(respond(settled, sensed).slots[list(settled.model.chain.joint_slots)])
+
+
 def _with_sensed(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:
     """(S, R, N), the Jacobian of the TCP (S, 3, N) with the rows of its attitude, empty ones of the encoders, and that
     of its distance from a point: the TCP's motion along the line.

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 
 from lrm_math.errors import LrmError
+from lrm_math.number_list import parse_numbers
 from lrmd.cli import text
 from lrmd.cli.motion import run_motion
-from lrmd.cli.parsing import joint_angles, open_rover, parse_angles, parse_numbers, payload_kg, vector3
+from lrmd.cli.parsing import joint_angles, open_rover, parse_angles, payload_kg
 from lrmd.client import Rover
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 
@@ -23,8 +24,8 @@ def _solve_goal(o: argparse.Namespace, rover: Rover) -> IkAnswer:
     """Solves the inverse kinematics of the goal in the options. Raises `LrmError` without a solution."""
     goal = GoalEntry(
         position_m=[v / 1000 for v in (o.x, o.y, o.z)],
-        rpy_rad=vector3("--rpy", parse_angles(o.rpy)) if o.rpy else None,
-        approach=vector3("--approach", parse_numbers("--approach", o.approach)) if o.approach else None,
+        rpy_rad=_three_angles(o.rpy) if o.rpy else None,
+        approach=parse_numbers("--approach", o.approach, "three numbers by commas", 3) if o.approach else None,
     )
     request = IkRequest(
         goals=[goal], near_rad=rover.commanded_q(), method=o.method, round=o.round, payload_kg=payload_kg(o),
@@ -34,6 +35,13 @@ def _solve_goal(o: argparse.Namespace, rover: Rover) -> IkAnswer:
     if answer.q_rad is None:
         raise LrmError(f"{answer.verdict}: {answer.text}")
     return answer
+
+
+def _three_angles(text: str) -> list[float]:
+    angles = parse_angles(text)
+    if len(angles) != 3:
+        raise LrmError(f"--rpy has {len(angles)} numbers; should be three with commas between them")
+    return angles
 
 
 def goto(o: argparse.Namespace) -> int:

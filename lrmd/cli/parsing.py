@@ -57,18 +57,3 @@ def servo_angles(rover: Rover, pairs: list[tuple[str, str]]) -> dict[str, float]
         if name not in names:
             raise LrmError(f"unknown servo '{name}'; {name_suggestion(name, names)}")
     return {name: parse_angle(text) for name, text in pairs}
-
-
-def parse_numbers(name: str, text: str) -> list[float]:
-    """Comma-separated numbers of option `name`. Raises `LrmError`."""
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        raise LrmError(f"{name} {text}: should be numbers with commas between them") from None
-
-
-def vector3(name: str, values: list[float]) -> list[float]:
-    """`values` of option `name` if there are three. Raises `LrmError`."""
-    if len(values) != 3:
-        raise LrmError(f"{name} has {len(values)} numbers; should be three with commas between them")
-    return values

@@ -12,7 +12,7 @@ from typer import Argument, Option, Typer
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.app import app
 from lrm_ident.cli.command import command_of
-from lrm_ident.cli.common import notice, one_of, parse_numbers, publish, read_model, show
+from lrm_ident.cli.common import notice, one_of, publish, read_model, show
 from lrm_ident.cli.groups.arm_export import writer_for
 from lrm_ident.cli.groups.arm_report import arm_document
 from lrm_ident.data.atomic_write import write_text
@@ -24,10 +24,11 @@ from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.report.plots.arm import draw_arm
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.errors import FileError, LrmError
+from lrm_math.errors import FileError
 from lrm_math.model.covariance import drawn_models
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_covariance
+from lrm_math.number_list import parse_numbers
 from lrm_math.toml_file import schema_of
 
 group = Typer(no_args_is_help=True, help="Describe an arm: from a URDF, to a corrected URDF or MJCF, by hand.")
@@ -141,9 +142,8 @@ def show_arm(
 ) -> None:
     """Look at an arm: its dimensions, masses, reach, gravity's torques, and (--figure) a picture."""
     the_arm = load_arm(arm)
-    angles = np.zeros(the_arm.dof) if q is None else np.radians(parse_numbers("--q", q, "angles in deg by commas"))
-    if angles.shape != (the_arm.dof,):
-        raise LrmError(f"--q {q}: {len(angles)} angles, {the_arm.name} has {the_arm.dof} joints")
+    right = f"{the_arm.dof} angles in deg by commas, one for each joint of {the_arm.name}"
+    angles = np.zeros(the_arm.dof) if q is None else np.radians(parse_numbers("--q", q, right, the_arm.dof))
     publish(arm_document(the_arm, None, angles), json, figure, partial(draw_arm, the_arm, angles))
 
 

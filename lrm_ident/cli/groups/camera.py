@@ -23,8 +23,7 @@ from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
 from lrm_ident.measuring.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
 from lrm_ident.report.document import ListSection
-from lrm_ident.study.model_history import arm_name_for
-from lrm_math.arm.arm_file import MM, load_arm
+from lrm_math.arm.arm_file import MM, arm_name_for, load_arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.toml_file import StrictSchema, read_toml
 

@@ -10,8 +10,7 @@ import tomli_w
 from lrm_ident.cli.common import show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.measuring.recordings.lerobot import read_lerobot, rests_csv
-from lrm_ident.study.model_history import arm_name_for
-from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.arm_file import arm_name_for, load_arm
 
 LEROBOT = "lerobot"
 SO101 = "so101"

@@ -17,6 +17,7 @@ from pathlib import Path
 from lrm_ident.data.robot_files.zero_offsets import check_names, zero_offsets
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model
+from lrm_math.text_file import read_json
 
 COUNTS = 4096
 """Counts of one turn of an encoder (STS3215, XL330)."""
@@ -46,12 +47,7 @@ class MotorCalibration:
 
 def read_calibration(path: Path) -> dict[str, MotorCalibration]:
     """A calibration file that `lerobot-calibrate` wrote. Raises `FileError`."""
-    try:
-        tables = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise FileError(path, "", "no such file", "lerobot-calibrate writes it") from None
-    except (OSError, ValueError) as error:
-        raise FileError(path, "", f"cannot be read as JSON ({str(error).splitlines()[0]})") from None
+    tables = read_json(path, "lerobot-calibrate writes it")
     if not isinstance(tables, dict) or not tables:
         raise FileError(path, "", "is no calibration of LeRobot", '{"shoulder_pan": {"id": 1, …}, …}')
     return {name: _motor(path, name, table) for name, table in tables.items()}

@@ -16,6 +16,7 @@ from lrm_ident.data.robot_files.lerobot_calibration import COUNTS
 from lrm_ident.data.robot_files.zero_offsets import check_names, zero_offsets
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model
+from lrm_math.text_file import read_utf8
 
 DYNAMIXEL, FEETECH = "dynamixel_hardware/DynamixelHardware", "feetech_ros2_driver/FeetechHardwareInterface"
 XACRO = "http://www.ros.org/wiki/xacro"
@@ -96,10 +97,8 @@ def _parsed(path: Path) -> ElementTree.Element:
     ElementTree.register_namespace("xacro", XACRO)
     keeping = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     try:
-        tree = ElementTree.fromstring(path.read_text(encoding="utf-8"), keeping)
-    except FileNotFoundError:
-        raise FileError(path, "", "no such file") from None
-    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
+        tree = ElementTree.fromstring(read_utf8(path), keeping)
+    except ElementTree.ParseError as error:
         raise FileError(path, "", f"cannot be read as XML ({error})") from None
     if next(tree.iter("ros2_control"), None) is None:
         raise FileError(path, "", "no <ros2_control> in it", "the file that names the driver and its joints")

@@ -14,6 +14,7 @@ import numpy as np
 from lrm_ident.data.robot_files.rigid_motion import from_xyz_rpy, shift, turn
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, name_suggestion
+from lrm_math.text_file import read_utf8
 
 TURNING = ("revolute", "continuous")
 
@@ -112,7 +113,7 @@ def tip_pose(chain: Sequence[UrdfJoint], q: Sequence[float]) -> Array:
 
 def read_urdf(path: Path) -> Urdf:
     """Reads a URDF, or a xacro file if the package `xacrodoc` is installed. Raises `FileError`."""
-    return parse_urdf(path, _xacro(path) if path.suffix == ".xacro" else _text(path))
+    return parse_urdf(path, _xacro(path) if path.suffix == ".xacro" else read_utf8(path))
 
 
 def parse_urdf(path: Path, text: str) -> Urdf:
@@ -147,17 +148,8 @@ def parse_urdf(path: Path, text: str) -> Urdf:
     return robot
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise FileError(path, "", "no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(path, "", f"cannot be read as text ({error})") from None
-
-
 def _xacro(path: Path) -> str:
-    _text(path)
+    read_utf8(path)
     try:
         from xacrodoc import XacroDoc
     except ImportError:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from lrm_ident.data.table_text.workbook import sheet_text
 from lrm_math.errors import FileError
+from lrm_math.text_file import read_content
 
 DELIMITERS = (";", "\t", ",")
 COMMENT = ("#", "%", "//")
@@ -34,12 +35,7 @@ class RawTable:
 
 def read_text(path: Path) -> str:
     """Text of a file in one of the encodings of `encoding_of`, or of a workbook's first sheet. Raises `FileError`."""
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise FileError(path, "", "no such file") from None
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read ({error})") from None
+    content = read_content(path)
     if is_workbook(content):
         return sheet_text(path, content)
     if content.startswith(OLD_EXCEL):

@@ -13,9 +13,7 @@ from lrm_ident.diagnosis.symbolic_regression.search import LawColumns
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.derivatives import respond
-from lrm_math.model.equilibrium import Equilibrium
-from lrm_math.model.sensed import TCP_ONLY, Sensed
+from lrm_math.model.derivatives import joint_levers
 
 TYPICAL_SIZE, SEED = 0.02, 0  # rad
 OWN = ("tau", "side")  # quantities that each joint has for itself
@@ -26,7 +24,7 @@ Evaluated = dict[tuple[str, ...], tuple[Array, bytes]]
 def law_columns(fitted: Fit, data: Measurements) -> list[LawColumns]:
     """The laws of every joint, and their motions of the TCP for coefficients of a typical size."""
     groups, weigh, shared = [], RowWeights(data.whitening, fitted.weight), Evaluated()
-    for joint, motion in enumerate(levers(fitted.rest, data.whitening.sensed)):
+    for joint, motion in enumerate(joint_levers(fitted.rest, data.whitening.sensed)):
         torque = fitted.rest.joint_torque[:, joint]
         laws, values = _distinct(laws_at(joint, quantities_at(joint, data.poses, torque)), data.poses, torque, shared)
         terms = np.concatenate(values, axis=1)
@@ -39,11 +37,6 @@ def law_columns(fitted: Fit, data: Measurements) -> list[LawColumns]:
             LawColumns(tuple(laws), np.concatenate([motions, np.zeros((len(motions), 1))], axis=1), first, second)
         )
     return groups
-
-
-def levers(rest: Equilibrium, sensed: Sensed = TCP_ONLY) -> Array:
-    """(n, R, N), motion of the TCP for a rotation added at each joint (m/rad), and of what else is sensed."""
-    return np.asarray(respond(rest, sensed).slots[list(rest.model.chain.joint_slots)])
 
 
 def _distinct(laws: Iterable[Law], poses: Poses, torque: Array, shared: Evaluated) -> tuple[list[Law], list[Array]]:

@@ -16,7 +16,7 @@ from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import linearised
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law
-from lrm_ident.diagnosis.symbolic_regression.law_columns import TYPICAL_SIZE, law_columns, levers
+from lrm_ident.diagnosis.symbolic_regression.law_columns import TYPICAL_SIZE, law_columns
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
 from lrm_ident.diagnosis.symbolic_regression.search import LawSearch, search_laws
 from lrm_ident.fitting.cross_validation import held_out_residual
@@ -28,6 +28,7 @@ from lrm_ident.residual.better_prediction import paired_z, predicts_better
 from lrm_ident.residual.thresholds import MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.model.derivatives import joint_levers
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
@@ -194,5 +195,5 @@ def _separating_poses(best: RefittedLaw, rivals: Sequence[tuple[Law, float]], fi
 
 def _moved(law: Law, rest: Equilibrium) -> Array:
     """(3 N, terms), motion of the TCP for coefficients of 1 rad."""
-    terms, lever = law.values(rest.poses, rest.joint_torque[:, law.joint]), levers(rest)[law.joint]
+    terms, lever = law.values(rest.poses, rest.joint_torque[:, law.joint]), joint_levers(rest)[law.joint]
     return np.asarray((lever.T[:, :, None] * terms[:, None, :]).reshape(-1, terms.shape[1]))

@@ -23,7 +23,7 @@ from lrm_ident.measuring.recordings.take import RecordedTake
 from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
 from lrm_ident.measuring.tracker.dwell import UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.arm.arm_file import GRAM, MM, arm_name_for
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
@@ -105,17 +105,9 @@ def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder)
 def write_measurements(found: ImportedRows, output: Path, arm: str, source: str) -> None:
     """Writes the measurements, and the metadata beside them. Raises `FileError`; then nothing is written."""
     beside = output.with_suffix(".toml")
-    about = {"schema": "lrm/measurements/1", "arm": arm_name_beside(arm, output.parent), "source": f"import: {source}"}
+    about = {"schema": "lrm/measurements/1", "arm": arm_name_for(arm, output.parent), "source": f"import: {source}"}
     write_text(output, found.csv())
     write_text(beside, tomli_w.dumps(about))
-
-
-def arm_name_beside(arm: str, folder: Path) -> str:
-    """Name of a shipped arm; the whole path of an arm file, unless it is in the folder."""
-    path = Path(arm)
-    if path.suffix != ".toml":
-        return arm
-    return path.name if path.resolve().parent == folder.resolve() else path.resolve().as_posix()
 
 
 def _driven(path: Path, arm: Arm) -> DrivenPoses:

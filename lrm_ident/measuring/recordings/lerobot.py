@@ -7,7 +7,6 @@ yield. The tip is not in it: photos or a tracker give that, one for each rest.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from lrm_ident.data.csv_table import csv_text
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
+from lrm_math.text_file import read_json
 
 STILL_DEG = 0.5  # that command and feedback may stray within a rest
 DEG = float(np.radians(1.0))
@@ -118,12 +118,7 @@ def _strays(command: Array, feedback: Array, start: int, row: int) -> bool:
 
 def _info(folder: Path) -> Mapping[str, Any]:
     path = folder / "meta" / "info.json"
-    try:
-        info = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise FileError(path, "", "no such file", "a LeRobot dataset of format v2.1 or v3 has it") from None
-    except (OSError, ValueError) as error:
-        raise FileError(path, "", f"cannot be read ({error})") from None
+    info = read_json(path, "a LeRobot dataset of format v2.1 or v3 has it")
     version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
     if not version.startswith(VERSIONS):
         right = "convert it with the scripts of LeRobot"

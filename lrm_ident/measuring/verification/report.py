@@ -10,6 +10,7 @@ from typing import Any
 from lrm_ident.measuring.verification.goal_run import AttainedPosition, Verification
 from lrm_ident.report.document import Document, ResultTable
 from lrm_math.errors import FileError
+from lrm_math.text_file import read_content
 
 MM = 1e3
 
@@ -96,13 +97,12 @@ def goal_table(attained: Sequence[AttainedPosition]) -> ResultTable:
 
 def read_verification(path: Path) -> dict[str, Any]:
     """An earlier result. Raises `FileError`: no such file, or no result of `verify`."""
+    content = read_content(path)
     try:
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        found: dict[str, Any] = json.loads(content)
         if found["schema"] != "lrm/verification/1":
             raise KeyError("schema")
         summary_row("before", found)
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read ({error.strerror})") from None
     except (ValueError, KeyError, TypeError, IndexError):
         raise FileError(path, "", "is no result of lrm-ident verify --json") from None
     return found

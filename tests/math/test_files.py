@@ -1,0 +1,81 @@
+"""Files and numbers that people name: whole writes, links and modes kept, one line for what cannot be read."""
+
+from __future__ import annotations
+
+import math
+import stat
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_math.atomic_file import write_atomically
+from lrm_math.errors import FileError, LrmError
+from lrm_math.number_list import parse_numbers
+from lrm_math.text_file import read_json, read_utf8
+
+
+def test_write_keeps_the_mode_of_a_file_that_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    path.write_bytes(b"old")
+    path.chmod(0o640)
+    write_atomically(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+
+def test_write_through_a_link_changes_what_it_leads_to(tmp_path: Path) -> None:
+    target, link = tmp_path / "disk" / "model.toml", tmp_path / "model.toml"
+    target.parent.mkdir()
+    target.write_bytes(b"old")
+    link.symlink_to(target)
+    write_atomically(link, b"new")
+    assert link.is_symlink()
+    assert target.read_bytes() == b"new"
+    assert {file.name for file in tmp_path.rglob("*")} == {"disk", "model.toml"}
+
+
+def test_a_content_that_is_refused_leaves_the_folder_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    path.write_bytes(b"old")
+
+    def refuse(temporary: Path) -> None:
+        assert temporary.read_bytes() == b"new"
+        raise LrmError("not this")
+
+    with pytest.raises(LrmError, match="not this"):
+        write_atomically(path, b"new", check=refuse)
+    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("model.toml", b"old")]
+
+
+def test_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot be written"):
+        write_atomically(tmp_path / "none" / "model.toml", b"new")
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe\xfa", b"{"])
+def test_what_cannot_be_read_is_named_with_its_file(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "robot.json"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(FileError, match=r"robot\.json: .*(no such file|cannot be read)"):
+        read_json(path)
+
+
+def test_a_folder_is_no_text(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot be read"):
+        read_utf8(tmp_path)
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
+def test_numbers_are_read_as_they_were_written(numbers: list[float]) -> None:
+    assert parse_numbers("--q", ",".join(map(repr, numbers)), "numbers", len(numbers)) == numbers
+
+
+@given(st.lists(st.floats(), min_size=1), st.integers(1, 4))
+def test_a_wrong_count_or_a_value_that_is_no_number_is_refused(numbers: list[float], count: int) -> None:
+    if len(numbers) == count and all(map(math.isfinite, numbers)):
+        return
+    with pytest.raises(LrmError, match=r"--q .*: should be three"):
+        parse_numbers("--q", ",".join(map(repr, numbers)), "three numbers", count)
