@@ -9,7 +9,7 @@ from rich.text import Text
 
 from lrm_ident.report.document import Block
 from lrm_math.arm.arm_file import load_arm, shipped_arms
-from lrm_math.effects import Effect, Parameter, compensable, split_name
+from lrm_math.effects import Effect, Parameter, compensable, marked, split_name
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 
 MOST_PARAMETERS = 24
@@ -18,7 +18,7 @@ OFFLINE = "explains a measurement session; never deployed silently"
 
 def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
     """Explanation of one effect; in full, with source, places and parameters."""
-    yield Text.assemble((kind.id, "bold"), f": {kind.about.cause}")
+    yield Text.assemble((marked(kind.id), "bold"), f": {kind.about.cause}")
     yield f"    {kind.about.formula}"
     if kind.variant_of:
         plain = dict.fromkeys(split_name(name)[0] for name in kind.variant_of)

@@ -7,6 +7,7 @@ import sys
 import threading
 from pathlib import Path
 
+from lrm_math.effects import marked
 from lrm_math.errors import FileError, LrmError
 from lrmd.cli import text
 from lrmd.cli.parsing import open_rover
@@ -61,7 +62,7 @@ def deploy(o: argparse.Namespace) -> int:
         print(text.model_text(reply.model, reply.model_sha256))
         print(f"before: {before[:12] or 'the nominal arm'}; back to it: lrm deploy --undo" if o.model else "undone")
         if reply.left_out:
-            print(f"not compensated (only explain a measurement): {', '.join(reply.left_out)}")
+            print(f"not compensated (only explain a measurement): {', '.join(map(marked, reply.left_out))}")
     return 0
 
 
