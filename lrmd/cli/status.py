@@ -7,7 +7,6 @@ import sys
 import threading
 from pathlib import Path
 
-from lrm_math.effects import marked
 from lrm_math.errors import FileError, LrmError
 from lrmd.cli import text
 from lrmd.cli.parsing import open_rover
@@ -62,7 +61,9 @@ def deploy(o: argparse.Namespace) -> int:
         print(text.model_text(reply.model, reply.model_sha256))
         print(f"before: {before[:12] or 'the nominal arm'}; back to it: lrm deploy --undo" if o.model else "undone")
         if reply.left_out:
-            print(f"not compensated (only explain a measurement): {', '.join(map(marked, reply.left_out))}")
+            print(f"not compensated (only explain a measurement): {', '.join(reply.left_out)}")
+        if reply.field is not None:
+            print(text.field_text(reply.field))
     return 0
 
 
