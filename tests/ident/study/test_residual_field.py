@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -142,3 +143,11 @@ def test_the_command_adds_it_and_says_that_it_is_no_cause(real: Measurements, tm
     assert "residual_field.tool" not in out, "no coefficient means anything alone"
     _, _, told = run_command("diagnose", tmp_path / "field.toml", real.path)
     assert "the residual field is left out here" in " ".join(told.split())
+
+
+def test_a_diagnosis_of_it_goes_between_processes(with_field: Study) -> None:
+    """As the workbench sends it: the blocks of the held-out error are made anew without what made them."""
+    blocks = with_field.held_out.blocks
+    again = pickle.loads(pickle.dumps(blocks))
+    for one, other in zip(blocks, again, strict=True):
+        np.testing.assert_array_equal(other.train_residual, one.train_residual)
