@@ -49,6 +49,7 @@ def test_a_field_is_a_step_that_is_marked_and_taken_back(browser: Any, running: 
     page = opened(browser, running, SIZE, seen)
     wait_for(page, ONE_STEP)
     assert NOT_A_CAUSE in page.inner_text(BUTTON)
+    assert page.eval_on_selector(f"{BUTTON} .block", "(one) => one.scrollWidth <= one.clientWidth"), "words cut off"
     idle(page, "lrm.state.values.history[0].held > 0")
     before = page.evaluate("lrm.state.values.history[0].held")
     page.click(BUTTON)
