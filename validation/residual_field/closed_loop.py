@@ -56,12 +56,12 @@ class LoopOutcome:
         return f"| {self.seed} | {self.hidden} | {' | '.join(figures)} | {self.missed} |"
 
 
-def closed_loop(seed: int) -> LoopOutcome:
-    """One arm, by the seed."""
+def closed_loop(seed: int, poses: int) -> LoopOutcome:
+    """One arm, by the seed, measured at so many poses."""
     pairs = list(combinations(OUTSIDE.values(), 2))
     case = combined(*pairs[seed % len(pairs)])
     with tempfile.TemporaryDirectory(prefix="loop-") as folder:
-        data = load_measurements(write_case(case, seed, POSES, Path(folder)), arm_file.load_arm("lrm-lab"))
+        data = load_measurements(write_case(case, seed, poses, Path(folder)), arm_file.load_arm("lrm-lab"))
     plain = Study.of(data).fit()
     _, named = plain.auto()
     studies = (plain, _with_field(plain), named, _with_field(named))
@@ -108,16 +108,16 @@ def main() -> int:
     """Prints one line a seed."""
     asked = argparse.ArgumentParser("validation.residual_field.closed_loop", description=__doc__)
     asked.add_argument("--seeds", type=int, default=10)
-    seeds, nearer = asked.parse_args().seeds, 0
-    print(
-        "| seed | hidden | fit mm | and field | named mm | and field | goals without a command |\n|---|---|---|---|---|---|---|"
-    )
-    for seed in range(seeds):
-        one = closed_loop(seed)
+    asked.add_argument("--poses", type=int, default=POSES)
+    known, nearer = asked.parse_args(), 0
+    print("| seed | hidden | fit mm | and field | named mm | and field | goals without a command |")
+    print("|---|---|---|---|---|---|---|")
+    for seed in range(known.seeds):
+        one = closed_loop(seed, known.poses)
         nearer += one.named[1] < one.named[0]
         print(one.words, flush=True)
-    print(f"nearer with a field than with names alone: {nearer} of {seeds}")
-    return int(nearer < seeds)
+    print(f"nearer with a field than with names alone: {nearer} of {known.seeds}")
+    return int(nearer < known.seeds)
 
 
 if __name__ == "__main__":
