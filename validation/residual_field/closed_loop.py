@@ -81,7 +81,7 @@ def _with_field(study: Study) -> Study:
 
 def _commands(model: Model, goals: Array) -> Array:
     """(N, n), rad, the first branch from the home pose; NaN where there is none."""
-    solver, home = CalibratedSolver.of(model, left_out=_of_sessions(model)), np.zeros(model.arm.dof)
+    solver, home = CalibratedSolver.of(model, left_out=_of_sessions(model)), (0.0,) * model.arm.dof
     out = np.full((len(goals), model.arm.dof), np.nan)
     for row, goal in enumerate(goals.tolist()):
         reply = solver.solve(point(goal), near=home)
