@@ -32,7 +32,7 @@ from validation.hidden_effects.cases import OUTSIDE
 from validation.hidden_effects.data import ARM_FILE, true_arm, write_case
 from validation.synthetic import load_arm, true_state
 
-POSES, GOALS = 240, 50
+POSES, GOALS = 400, 50
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,15 @@ class LoopOutcome:
         return f"| {self.seed} | {self.hidden} | {' | '.join(figures)} | {self.missed} |"
 
 
+def unfamiliar(seed: int) -> HiddenEffectCase:
+    """Two effects that are in no catalogue, by the seed."""
+    pairs = list(combinations(OUTSIDE.values(), 2))
+    return combined(*pairs[seed % len(pairs)])
+
+
 def closed_loop(seed: int, poses: int) -> LoopOutcome:
     """One arm, by the seed, measured at so many poses."""
-    pairs = list(combinations(OUTSIDE.values(), 2))
-    case = combined(*pairs[seed % len(pairs)])
+    case = unfamiliar(seed)
     with tempfile.TemporaryDirectory(prefix="loop-") as folder:
         data = load_measurements(write_case(case, seed, poses, Path(folder)), arm_file.load_arm("lrm-lab"))
     plain = Study.of(data).fit()
