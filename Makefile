@@ -66,6 +66,7 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-deps EAIK
 	$(ONE_THREAD) $(BIN)/python -m bench
 	$(ONE_THREAD) $(BIN)/python -m bench.ik
+	$(ONE_THREAD) $(BIN)/python -m bench.ik_field
 	$(ONE_THREAD) $(BIN)/python -m validation.calibrated_ik
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)

@@ -11,7 +11,7 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from examples.demo.hidden import HiddenArm, hidden_arm
+from examples.demo.hidden import hidden_arm
 from lrm_ident.measuring.tracker.dtrack import dtrack_text
 from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrm_math.arrays import Array
 from lrmd.sim.control_socket import ControlError, query_board
-from validation.synthetic import ArmDescription, Schedule, load_arm, true_state
+from validation.synthetic import ArmDescription, GroundTruth, Schedule, load_arm, true_state
 from validation.synthetic.example import ARM_FILE
 
 REST_SD_M, FRAME_SD_M = 0.0002, 0.0001
@@ -63,10 +63,10 @@ class BoardState:
         return other is not None and self.payload == other.payload and float(np.abs(self.q - other.q).max()) < STILL
 
 
-def true_tip(arm: ArmDescription, hidden: HiddenArm, rest: BoardState) -> Array:
-    """(3,), true tip (m) at a rest, in the frame of the arm. No effect of `hidden` remembers where the arm was."""
+def true_tip(arm: ArmDescription, truth: GroundTruth, rest: BoardState) -> Array:
+    """(3,), true tip (m) at a rest, in the frame of the arm. No effect of `truth` remembers where the arm was."""
     schedule = Schedule(np.array([rest.t]), np.array([float(rest.session)]), rest.q)
-    return np.asarray(true_state(arm, hidden.truth, rest.q[None], rest.payload, schedule).tcp_m[0])
+    return np.asarray(true_state(arm, truth, rest.q[None], rest.payload, schedule).tcp_m[0])
 
 
 def in_room(tip: Array) -> TargetPose:
@@ -74,10 +74,9 @@ def in_room(tip: Array) -> TargetPose:
     return TargetPose(BASE_IN_ROOM.position + BASE_IN_ROOM.rotation @ tip, BASE_IN_ROOM.rotation)
 
 
-def frames(board: Path, seed: int) -> Iterator[TrackerFrame]:
+def frames(board: Path, arm: ArmDescription, truth: GroundTruth, seed: int) -> Iterator[TrackerFrame]:
     """One frame after the other, for as long as the board answers. Raises `ControlError` when it does not."""
-    arm, rng = load_arm(ARM_FILE), np.random.default_rng([seed, 99])
-    hidden = hidden_arm(arm, seed)
+    rng = np.random.default_rng([seed, 99])
     before: BoardState | None = None
     rest: BoardState | None = None
     tip = np.zeros(3)
@@ -87,18 +86,19 @@ def frames(board: Path, seed: int) -> Iterator[TrackerFrame]:
         if seen.same(before):
             if not seen.same(rest):
                 rest = seen
-                tip = true_tip(arm, hidden, rest) + rng.normal(scale=REST_SD_M, size=3)
+                tip = true_tip(arm, truth, rest) + rng.normal(scale=REST_SD_M, size=3)
             targets[TOOL] = in_room(tip + rng.normal(scale=FRAME_SD_M, size=3))
         before = seen
         yield TrackerFrame(number, seen.t, targets)
 
 
-def main() -> None:
-    """Sends frames until the board or the parent process ends."""
+def track(truth_of: Callable[[ArmDescription, int], GroundTruth]) -> None:
+    """Sends frames of the arm that a seed makes until the board or the parent process ends; from the command line."""
     board, port, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    arm = load_arm(ARM_FILE)
     sender, parent = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), os.getppid()
     with suppress(ControlError, KeyboardInterrupt):
-        for frame in frames(board, seed):
+        for frame in frames(board, arm, truth_of(arm, seed), seed):
             sender.sendto(dtrack_text(frame), ("127.0.0.1", port))
             time.sleep(FRAME_S)
             if os.getppid() != parent:
@@ -106,4 +106,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    track(lambda arm, seed: hidden_arm(arm, seed).truth)

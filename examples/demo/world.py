@@ -16,6 +16,7 @@ from lrmd.demo import connected, daemon, free_port
 from lrmd.sim.launch import simulated_board
 
 ARM, ROBOT = "lrm-lab", "demo"
+TRACKER = "examples.demo.simulated_tracker"
 SPEED = 6.0
 """Of the simulated board's clock against the computer's."""
 STEP_US = 10.0
@@ -63,8 +64,11 @@ def config_in(folder: Path) -> Config:
 
 
 @contextmanager
-def simulated_world(folder: Path, seed: int) -> Iterator[World]:
-    """Starts everything, and arms the arm at its home pose. Raises `LrmError`."""
+def simulated_world(folder: Path, seed: int, tracker: str = TRACKER) -> Iterator[World]:
+    """Starts everything, and arms the arm at its home pose. Raises `LrmError`.
+
+    `tracker`: module that sees the tip of the arm of a seed, by `simulated_tracker.track`.
+    """
     config = config_in(folder)
     # Servos without a dead band: with one, each would stop short of where it was sent, on the side it comes from.
     with (
@@ -73,14 +77,13 @@ def simulated_world(folder: Path, seed: int) -> Iterator[World]:
         connected(simulated) as rover,
     ):
         world = World(config.zenoh.listen[0], Path(simulated.link.port), free_port())
-        command = [sys.executable, "-m", "examples.demo.simulated_tracker"]
-        tracker = subprocess.Popen([*command, str(world.board), str(world.tracker_port), str(seed)])
+        sees = subprocess.Popen([sys.executable, "-m", tracker, str(world.board), str(world.tracker_port), str(seed)])
         try:
             _arm(rover)
             yield world
         finally:
-            tracker.terminate()
-            tracker.wait()
+            sees.terminate()
+            sees.wait()
 
 
 def _arm(rover: Rover) -> None:

@@ -48,7 +48,7 @@ from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.error_summary import ErrorSummary
-from lrm_ident.study.field_step import NOT_A_CAUSE, NoBetterPrediction
+from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
 from lrm_ident.study.inputs import arm_from
 from lrm_ident.study.model_history import fit_words, undo_step, write_model
 from lrm_ident.study.study import MAX_EFFECTS, Study
@@ -207,7 +207,7 @@ def _with_field(study: Study) -> Study:
     except NoBetterPrediction as refused:
         show(f"{str(refused)[0].upper()}{str(refused)[1:]}.")
         return study
-    show(*error_blocks(then.errors, f"Then a residual field, {NOT_A_CAUSE}"))
+    show(*error_blocks(then.errors, f"Then a residual field, {WHAT_IT_IS}"))
     return then
 
 

@@ -21,7 +21,7 @@ from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.residual.residual_structure import noise_floor
 from lrm_ident.study.error_summary import ErrorSummary
-from lrm_ident.study.field_step import NOT_A_CAUSE
+from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import Effect, compensable
 from lrm_math.model.deployed_model import field_of
@@ -244,7 +244,7 @@ def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: Err
 
 def _said(step: StudyStep, effect: str) -> str:
     """An effect that was added, and that it is no cause where it is none."""
-    return f"{effect}, {NOT_A_CAUSE}" if field_of(step.fit.model) is not None else effect
+    return f"{effect}, {WHAT_IT_IS}" if field_of(step.fit.model) is not None else effect
 
 
 def course_document(

@@ -1,4 +1,4 @@
-"""Explanation of effects, as `effects` prints it: cause, formula, places and parameters."""
+"""Explanation of effects, as `effects` prints it, and of where one that names no cause speaks."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 from rich.text import Text
 
-from lrm_ident.report.document import Block
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.report.document import Block, ResultTable
+from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arm.arm_file import load_arm, shipped_arms
-from lrm_math.effects import Effect, Parameter, compensable, split_name
+from lrm_math.effects import Effect, Parameter, compensable, marked, split_name
+from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 
 MOST_PARAMETERS = 24
@@ -18,7 +21,7 @@ OFFLINE = "explains a measurement session; never deployed silently"
 
 def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
     """Explanation of one effect; in full, with source, places and parameters."""
-    yield Text.assemble((kind.id, "bold"), f": {kind.about.cause}")
+    yield Text.assemble((marked(kind.id), "bold"), f": {kind.about.cause}")
     yield f"    {kind.about.formula}"
     if kind.variant_of:
         plain = dict.fromkeys(split_name(name)[0] for name in kind.variant_of)
@@ -55,3 +58,28 @@ def _parameter(parameter: Parameter) -> str:
     bounds = f", at least {parameter.lower / parameter.si:g}" if np.isfinite(parameter.lower) else ""
     shape = "" if parameter.fixed is None else ", a shape: searched, not fitted"
     return f"{parameter.name}: {parameter.meaning} ({typical}{bounds}{shape})"
+
+
+def field_blocks(found: ModelComparison, field: ResidualField) -> Iterator[Block]:
+    """Errors of a model where its residual field speaks and where not; the angles that it was learned at, per joint."""
+    model, title = found.rest.model, f"Where {marked(field.name)} speaks"
+    if found.speaks is None:
+        yield f"{title}: not known, since the model file has no covariance"
+    else:
+        groups = (("the data determine it", found.speaks), ("it says nothing, or little", ~found.speaks))
+        errors = [(words, int(rows.sum()), error_stats(found.residual[rows])) for words, rows in groups if rows.any()]
+        rows = [(words, count, error.mean * 1e3, error.rms * 1e3) for words, count, error in errors]
+        yield ResultTable(("where", "poses|", "mean mm|.2f", "RMS mm|.2f"), rows, title)
+    ends = zip(model.arm.joints, np.degrees(field.over(model.within).ends).tolist(), strict=True)
+    reach = [
+        (f"joint {number}", low, high, *np.degrees((joint.lower, joint.upper)).tolist())
+        for number, (joint, (low, high)) in enumerate(ends, start=1)
+    ]
+    columns = ("joint", "from deg|.0f", "to deg|.0f", "lower limit deg|.0f", "upper limit deg|.0f")
+    yield ResultTable(columns, reach, "It was learned between these angles; beyond, it fades to zero")
+
+
+def field_values(found: ModelComparison, field: ResidualField) -> dict[str, object]:
+    """The same for JSON, with the numbers of the poses where it does not speak."""
+    silent = None if found.speaks is None else found.data.pose[~found.speaks].tolist()
+    return {"effect": field.name, "names_a_cause": field.names_a_cause, "does_not_speak_at": silent}

@@ -13,11 +13,12 @@ from lrm_ident.data.wording import decimals
 from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_outliers
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.model_history import fit_words
 from lrm_math.arrays import Array
-from lrm_math.model.deployed_model import named_part
+from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 from lrm_math.plausibility import far_from_typical
@@ -116,8 +117,10 @@ def comparison_document(found: ModelComparison) -> Document:
     data = found.data
     free = len(found.rest.model.free)
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
+    field = field_of(found.rest.model)
     blocks = [
         *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
+        *(() if field is None else field_blocks(found, field)),
         *([said] if (said := _outside(found)) else []),
         *([] if found.predictable is None else [found.predictable.sentence]),
         _factor_table(found.factors[:FACTORS_SHOWN]),
@@ -129,6 +132,7 @@ def comparison_document(found: ModelComparison) -> Document:
         "parameters": free,
         "outside_range": [data.pose[row] for row in _rows_outside(found)],
         "error": errors,
+        **({} if field is None else {"field": field_values(found, field)}),
         "factors": [
             {"kind": f.kind, "name": f.name, "share": f.share, "groups": [_group(group) for group in f.groups]}
             for f in found.factors

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lrm_ident.data.wording import decimals, enumerate_words
 from lrm_ident.report.document import ResultTable
+from lrm_math.effects import marked
 from lrm_math.model.model_file import HistoryTable, ModelFile
 
 POSES_SHOWN = 20
@@ -38,7 +39,7 @@ def history_values(file: ModelFile) -> list[dict[str, object]]:
 def provenance_table(file: ModelFile) -> ResultTable:
     """Provenance of a model: data, tool, date, how it was fitted."""
     known = file.provenance
-    rows: list[tuple[str, str]] = [("arm", file.arm), ("effects", ", ".join(file.effects))]
+    rows: list[tuple[str, str]] = [("arm", file.arm), ("effects", ", ".join(map(marked, file.effects)))]
     if known is not None:
         rows += [
             ("data", known.data),

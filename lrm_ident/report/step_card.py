@@ -134,6 +134,9 @@ def _card(
 
 
 def _estimates(effect: Effect, entry: HistoryTable) -> dict[str, str]:
+    """Numbers of an effect; none of what names no cause, of which none means anything alone."""
+    if not effect.names_a_cause:
+        return {}
     return {
         parameter.name: with_unit(entry.parameters[key], entry.sigma.get(key), parameter.unit)
         for key, parameter in zip(effect.keys, effect.parameters, strict=True)

@@ -82,7 +82,8 @@ class ModelComparison(ShownInNotebook):
     """A model against measurements.
 
     `predictable`: what a nameless model could still predict, where there is a held-out error. `factors`: by decreasing
-    share; `worst`: rows by decreasing error.
+    share; `worst`: rows by decreasing error. `speaks`: (N,), where the data determine the model's residual field; None
+    without one, or where its covariance is not known.
     """
 
     data: Measurements
@@ -94,6 +95,7 @@ class ModelComparison(ShownInNotebook):
     predictable: PredictableError | None
     factors: tuple[Factor, ...]
     worst: tuple[int, ...]
+    speaks: NDArray[np.bool_] | None = None
 
 
 def compare(

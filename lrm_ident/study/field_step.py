@@ -16,11 +16,12 @@ from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN
 from lrm_ident.study.step import StudyStep
+from lrm_math.effects import NOT_A_CAUSE
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
 
-NOT_A_CAUSE = "not a cause: a smooth function of the joint angles that predicts better, and explains nothing"
+WHAT_IT_IS = f"{NOT_A_CAUSE}: a smooth function of the joint angles that predicts better, and explains nothing"
 
 
 class NoBetterPrediction(LrmError):
@@ -46,4 +47,4 @@ def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None
         )
     fitted = fit_with_field(fit(model, data, loss=loss, prior=prior), data)
     held_out = HeldOutResidual(then, blocks=blocks)
-    return StudyStep(f"add {field.name}, {NOT_A_CAUSE}", fitted, start=model, stated_prior=prior, held_out=held_out)
+    return StudyStep(f"add {field.name}, {WHAT_IT_IS}", fitted, start=model, stated_prior=prior, held_out=held_out)

@@ -20,7 +20,7 @@ from lrm_ident.fitting.priors import WEAK
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_file import arm_name_for
-from lrm_math.effects import Effect
+from lrm_math.effects import Effect, marked
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
 from lrm_math.model.model import Model
@@ -166,8 +166,9 @@ def as_written(model: Model, arm: str) -> Model:
 
 
 def model_text(file: ModelFile) -> str:
-    """The file's TOML text."""
-    return tomli_w.dumps(as_tables(file))
+    """The file's TOML text; a comment above it marks what names no cause."""
+    beside = [f"# {words}\n" for name in file.effects if (words := marked(name)) != name]
+    return "".join(beside) + tomli_w.dumps(as_tables(file))
 
 
 def write_model(path: Path, file: ModelFile, arm: str) -> None:

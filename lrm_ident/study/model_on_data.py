@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 from lrm_ident.data.error_stats import ErrorStats
@@ -23,9 +23,11 @@ from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
+from lrm_math.model.covariance import Covariance, to_covariance
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile
+from lrm_math.model.uncertainty import field_speaks
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +59,12 @@ class ModelOnData:
 
         On poses that no fit of the model saw, its error is a held-out one, and nothing is refitted.
         """
+        speaks = field_speaks(self.model, self.covariance, self.data.poses.q)
         if self.unseen:
-            return compare_unseen(self.model, self.data, partial(self.progress, "what is left to find"))
-        return compare(self.model, self.data, partial(self.progress, "held-out error"), self.prior, self.loss)
+            seen = compare_unseen(self.model, self.data, partial(self.progress, "what is left to find"))
+        else:
+            seen = compare(self.model, self.data, partial(self.progress, "held-out error"), self.prior, self.loss)
+        return replace(seen, speaks=speaks)
 
     @property
     def unseen(self) -> bool:
@@ -68,6 +73,14 @@ class ModelOnData:
         if known is None:
             return False
         return known.data_sha256 != self.data.sha256 or {*self.data.pose.tolist()} <= {*known.left_out}
+
+    @cached_property
+    def covariance(self) -> Covariance | None:
+        """Covariance of the parameters of the last fit; None where the model file has none."""
+        if self.step is not None:
+            return Covariance(self.step.fit.model.free, self.step.fit.covariance)
+        known = None if self.source is None else self.source.covariance
+        return None if known is None or self.source is None else to_covariance(known, self.source.sigma, self.model)
 
     @property
     def taken(self) -> StudyStep:

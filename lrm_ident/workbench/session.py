@@ -14,6 +14,7 @@ from lrm_ident.workbench.work.followed_file import FollowedFile, follow_file
 from lrm_ident.workbench.work.messages import WorkDone, WorkFailure, WorkMessage, WorkNotice, WorkProgress, WorkResult
 from lrm_ident.workbench.work.opened_data import keep_opened
 from lrm_ident.workbench.work.tasks import (
+    FIELD,
     AddTask,
     AutoTask,
     CompareTask,
@@ -51,6 +52,12 @@ class WorkbenchSession(SessionState):
         """Adds an effect at a place; waits for a diagnosis of this step that is under way, which it needs."""
         step = self._steady()
         self._begin(AddTask(step.files, effect, self.new_file(), step.packed))
+
+    def add_field(self) -> None:
+        """Adds what no name explains, where the model predicts better with it; no diagnosis is needed for that."""
+        step = self._steady()
+        self._give_way()
+        self._begin(AddTask(step.files, FIELD, self.new_file(), step.packed))
 
     def auto(self) -> None:
         """Follows the advice until it says stop."""

@@ -71,6 +71,7 @@ FREE_FORMS = tuple(kind for kind in ALL_EFFECTS if kind.variant_of)
 """Other forms of effects of the catalogue, fitted beside them."""
 FIELDS = tuple(kind for kind in ALL_EFFECTS if not kind.names_a_cause)
 """What predicts and names no cause: fitted last, and never a candidate of a diagnosis."""
+NOT_A_CAUSE = "not a cause"
 OWN_EFFECT = "an effect of your own comes with its file: --effects-file FILE.py, in Python catalogue_with"
 NOT_OF_THE_ROVER = frozenset({"time", "session", "instrument"})
 
@@ -95,6 +96,11 @@ def split_name(name: str) -> tuple[str, str]:
     """Id and place of an `Effect.name`; no place where only the id is given."""
     effect_id, _, place = name.partition("@")
     return effect_id, place
+
+
+def marked(name: str, words: str = "") -> str:
+    """A name (`id` or `id@place`), or words for it, as people are shown it: what names no cause says so."""
+    return f"{words or name} ({NOT_A_CAUSE})" if split_name(name)[0] in {kind.id for kind in FIELDS} else words or name
 
 
 def split_key(key: str) -> tuple[str, str, str]:
@@ -130,6 +136,7 @@ __all__ = [
     "CATALOGUE",
     "FIELDS",
     "FREE_FORMS",
+    "NOT_A_CAUSE",
     "AngleDependentEffect",
     "Description",
     "Effect",
@@ -141,6 +148,7 @@ __all__ = [
     "compensable",
     "constant",
     "effects_at",
+    "marked",
     "name_of_key",
     "separately",
     "split_key",

@@ -1,4 +1,4 @@
-"""Uncertainty of the predicted TCP position, from uncertain parameters and joints."""
+"""Uncertainty of the predicted TCP position, from uncertain parameters and joints; where a residual field is sure."""
 
 from __future__ import annotations
 
@@ -7,11 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
+from lrm_math.effects.field.residual_field import BEYOND
+from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import Covariance
+from lrm_math.model.deployed_model import field_of
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.model import Model
+
+UNSURE = 0.5
+"""Part of its variance beyond the data from which on a residual field is not said to speak."""
+POSES_ASKED = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,3 +57,47 @@ def position_covariance(
         J = joint_jacobian(settled) * np.asarray(joint_sd, dtype=np.float64)
         parts.append(J @ J.transpose(0, 2, 1))
     return np.asarray(sum(parts)) if parts else None
+
+
+@dataclass(frozen=True)
+class FieldCoverage:
+    """Coverage of the poses within an arm's joint limits by a residual field.
+
+    `effect`: its name. `speaks`: share where the data determine it; None if its covariance is not known. `outside`:
+    share with a joint outside the range of the fit, where it fades to zero.
+    """
+
+    effect: str
+    speaks: float | None
+    outside: float
+
+
+def field_coverage(model: Model, covariance: Covariance | None) -> FieldCoverage | None:
+    """Coverage by a model's residual field, of poses drawn evenly within the limits; None without a field."""
+    field = field_of(model)
+    if field is None:
+        return None
+    lower, upper = (np.array([getattr(joint, end) for joint in model.arm.joints]) for end in ("lower", "upper"))
+    q = np.random.default_rng(0).uniform(lower, upper, (POSES_ASKED, model.arm.dof))
+    speaks = field_speaks(model, covariance, q)
+    outside = 0.0 if model.within is None else float(model.within.outside(q).any(axis=1).mean())
+    return FieldCoverage(field.name, None if speaks is None else float(speaks.mean()), outside)
+
+
+def field_speaks(model: Model, covariance: Covariance | None, q: Array) -> NDArray[np.bool_] | None:
+    """(N,), at which commands q (N, n) (rad) the data determine a model's residual field.
+
+    Its predictive variance, over the axes, is less than `UNSURE` of what it is where nothing was measured. None without
+    a field or its covariance.
+    """
+    field = field_of(model)
+    if field is None or covariance is None or not set(field.keys).intersection(covariance.keys):
+        return None
+    own, poses, position = field.over(model.within), poses_of(q), {key: k for k, key in enumerate(field.keys)}
+    rows = [row for row, key in enumerate(covariance.keys) if key in position]
+    known = covariance.matrix[np.ix_(rows, rows)]
+    columns = [position[covariance.keys[row]] for row in rows]
+    basis, beyond = own.basis(poses, ()), np.array([field.parameters[k].name in BEYOND for k in columns])
+    F = np.array([[np.broadcast_to(amount, len(q)) for amount in basis[k]] for k in columns])
+    variance = np.einsum("ian,ij,jan->n", F, known, F)
+    return np.asarray(variance < UNSURE * float(np.diag(known)[beyond].sum()))

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from typing import Any
 
 from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
+from lrm_math.effects import marked
 from lrmd.api.supervisor import ChildProcess
 from lrmd.config import SECOND, Config
 from lrmd.control.arming_pose import stored_angles
@@ -19,6 +20,7 @@ from lrmd.messages.control import (
     Event,
     FaultEntry,
     FaultsState,
+    FieldPart,
     InfoState,
     JointsState,
     MetricsState,
@@ -78,8 +80,13 @@ class StatePublisher:
 
     def reloaded(self, tail: str, deployed: DeployedModel) -> ReloadReply:
         """The reply to a request that changed the model."""
+        known = deployed.field
+        field = None
+        if known is not None:
+            field = FieldPart(effect=marked(known.effect), speaks_share=known.speaks, outside_share=known.outside)
         return ReloadReply(
             **self._header(tail), model=deployed.path, model_sha256=deployed.sha256, left_out=list(deployed.left_out),
+            field=field,
         )  # fmt: skip
 
     @property

@@ -62,6 +62,8 @@ def deploy(o: argparse.Namespace) -> int:
         print(f"before: {before[:12] or 'the nominal arm'}; back to it: lrm deploy --undo" if o.model else "undone")
         if reply.left_out:
             print(f"not compensated (only explain a measurement): {', '.join(reply.left_out)}")
+        if reply.field is not None:
+            print(text.field_text(reply.field))
     return 0
 
 

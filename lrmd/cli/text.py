@@ -9,7 +9,16 @@ import time
 from collections.abc import Sequence
 from itertools import pairwise
 
-from lrmd.messages.control import Event, FaultsState, InfoState, JointsState, MetricsState, ModeState, ThermalState
+from lrmd.messages.control import (
+    Event,
+    FaultsState,
+    FieldPart,
+    InfoState,
+    JointsState,
+    MetricsState,
+    ModeState,
+    ThermalState,
+)
 from lrmd.messages.kinematics import FkAnswer, IkAnswer
 
 _COLOURS = {"red": "31", "green": "32", "yellow": "33", "bold": "1", "dim": "2"}
@@ -111,6 +120,19 @@ def step_text(info: InfoState) -> str:
 def model_text(model: str, sha256: str) -> str:
     """Name and digest of the model."""
     return f"model {model}" + (f", sha256 {sha256[:12]}" if sha256 else "")
+
+
+def field_text(field: FieldPart) -> str:
+    """What a model's residual field covers of the reach."""
+    speaks = "not known (the file has no covariance)" if field.speaks_share is None else _percent(field.speaks_share)
+    return (
+        f"{field.effect} is compensated; share of the poses within the joint limits where it speaks: {speaks}; "
+        f"outside the range of the fit, where it fades to zero: {_percent(field.outside_share)}"
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
 
 
 def ik_text(answer: IkAnswer, names: Sequence[str]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from lrm_math.arm.arm import Arm
@@ -13,6 +14,7 @@ from lrm_math.errors import FileError
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, arm_of, covariance_of, to_model
+from lrm_math.model.uncertainty import FieldCoverage, field_coverage
 from lrm_math.toml_file import LARGEST, read_toml
 from lrmd.config import Config
 from lrmd.persistence.deployed_models import active_model, was_deployed
@@ -36,6 +38,11 @@ class DeployedModel:
     def digest(self) -> bytes:
         """SHA-256 that the processes compare, or `shared_memory.NOMINAL`."""
         return bytes.fromhex(self.sha256) if self.sha256 else NOMINAL
+
+    @cached_property
+    def field(self) -> FieldCoverage | None:
+        """Coverage of the reach by its residual field; None without one."""
+        return field_coverage(self.model, self.covariance)
 
 
 def deploy(config: Config) -> DeployedModel:

@@ -259,9 +259,25 @@ class Reply(Header):
     model_sha256: str = ""
 
 
+class FieldPart(Part):
+    """A residual field, which is compensated and is not a cause: shares of the poses within the joint limits.
+
+    `effect`: its name, marked. `speaks_share`: where the data determine it; None if the file has no covariance.
+    `outside_share`: with a joint outside the range that the model was fitted on, where it fades to zero.
+    """
+
+    effect: str
+    speaks_share: float | None
+    outside_share: float
+
+
 class ReloadReply(Header):
-    """Reply to `rpc/reload`, `rpc/deploy` and `rpc/undeploy`: the model, as in later replies of `rpc/ik`."""
+    """Reply to `rpc/reload`, `rpc/deploy` and `rpc/undeploy`: the model, as in later replies of `rpc/ik`.
+
+    `field`: its residual field; None without one.
+    """
 
     model: str
     model_sha256: str
     left_out: list[str] = []
+    field: FieldPart | None = None

@@ -8,15 +8,17 @@ import pytest
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
-from lrm_math.effects.field.residual_field import ResidualField
+from lrm_math.effects.field.residual_field import BEYOND, ResidualField
 from lrm_math.effects.measured_range import MeasuredRange
+from lrm_math.ik.answer import Solved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, point
 from lrm_math.ik.solutions import IkQuery, IkSolutions
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.deployed_model import named_part
+from lrm_math.model.covariance import Covariance, drawn_models
+from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 
@@ -110,3 +112,55 @@ def _slowest(solver: CalibratedSolver, q: tuple[float, ...]) -> float:
         turn = (np.array(up.rotation) - np.array(down.rotation)).ravel() / np.sqrt(2.0)
         columns.append(np.concatenate([np.subtract(up.tcp, down.tcp), 0.1 * turn]) / (2.0 * h))
     return float(np.linalg.svd(np.array(columns).T, compute_uv=False)[-1])
+
+
+def learned(seed: int) -> tuple[Model, Covariance]:
+    """A model with a field, and a random covariance of its coefficients, of its springs and of what is beyond."""
+    model, rng = with_field(("compliance",), seed), np.random.default_rng(seed)
+    field = model.effects[-1]
+    springs = [key for key in model.keys if key.startswith("compliance")]
+    kept = [key for key in field.keys if model.value(key)]
+    beyond = [key for key, parameter in zip(field.keys, field.parameters, strict=True) if parameter.name in BEYOND]
+    A = rng.normal(0.0, 1.0, (len(springs) + len(kept), 200)) / np.sqrt(200.0)
+    size = np.array([*[2e-3] * len(springs), *[1e-4] * len(kept)])
+    matrix = np.zeros((len(size) + 3, len(size) + 3))
+    matrix[:-3, :-3] = A @ A.T * np.outer(size, size)
+    matrix[-3:, -3:] = 4e-6 * np.eye(3)
+    return model, Covariance((*springs, *kept, *beyond), matrix)
+
+
+@pytest.mark.parametrize("share", [0.7, 1.0], ids=["within its range", "beyond it too"])
+def test_the_uncertainty_of_an_answer_is_that_of_drawn_models(share: float) -> None:
+    """Monte Carlo: models drawn from the covariance, at the answered commands."""
+    model, covariance = learned(9)
+    solver = CalibratedSolver.of(model, covariance=covariance)
+    alone = CalibratedSolver.of(model, covariance=covariance.marginal(model, named_part(model)))
+    drawn = drawn_models(model, covariance, 400, np.random.default_rng(1))
+    for q in commands(10, 3, share).tolist():
+        there = solver.forward(q)
+        goal = Goal(there.tcp, there.rotation)
+        answer, less = solver.solve(goal), alone.solve(goal)
+        assert isinstance(answer, Solved)
+        assert isinstance(less, Solved)
+        assert answer.sd is not None
+        assert less.sd is not None
+        at = poses_of([answer.q])
+        tips = np.array([equilibrium(one, at).tcp[0] for one in drawn])
+        assert answer.sd == pytest.approx(np.sqrt(np.trace(np.cov(tips.T))), rel=0.1)
+        assert answer.sd > 1.05 * less.sd, "springs alone are surer than springs and a field"
+
+
+def test_the_uncertainty_of_an_answer_has_the_variance_of_the_field_there() -> None:
+    """Where nothing else is uncertain, it is the root of F C Fᵀ by the functions of the regression."""
+    model, covariance = learned(11)
+    field = field_of(model)
+    assert field is not None
+    own = covariance.marginal(model, model_of(LAB, [field]))
+    solver, functions = CalibratedSolver.of(model, covariance=own), field.over(model.within)
+    for q in commands(12, 5).tolist():
+        there = solver.forward(q)
+        answer = solver.solve(Goal(there.tcp, there.rotation))
+        assert isinstance(answer, Solved)
+        basis = dict(zip(field.keys, functions.basis(poses_of([answer.q]), ()), strict=True))
+        F = np.array([[float(np.squeeze(amount)) for amount in basis[key]] for key in own.keys])
+        assert answer.sd == pytest.approx(np.sqrt(np.trace(F.T @ own.matrix @ F)), rel=1e-6)

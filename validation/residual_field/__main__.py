@@ -1,6 +1,7 @@
 """`python -m validation.residual_field`: held-out figures on the real arm, and the promises of a field.
 
-`--promises` leaves the held-out figures, which take six minutes, out. The real measurements lie in ../shared.
+`--promises` leaves the held-out figures, which take six minutes, out; `--arms` prints those of other arms instead.
+The real measurements lie in ../shared.
 """
 
 from __future__ import annotations
@@ -11,13 +12,14 @@ from pathlib import Path
 from rich.console import Console
 
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
+from validation.residual_field.arms import CASES, arms_table, held_out, hidden, two_joint
 from validation.residual_field.nameless_arm import measured
 from validation.residual_field.nested import tables
-from validation.residual_field.promises import inverse, refused_on_null_data, worst_on_other_half
+from validation.residual_field.promises import refused_on_null_data, worst_on_null_data, worst_on_other_half
 
 ROOT = Path(__file__).resolve().parents[2]
+TWO_JOINT = ROOT.parent / "shared" / "data" / "lrm-two-joint" / "measurements.csv"
 DATA = ROOT.parent / "shared" / "data" / "lrm-lab-no-load" / "measurements.csv"
 
 
@@ -27,19 +29,21 @@ def main() -> None:
     asked.add_argument("data", nargs="?", type=Path, default=DATA)
     asked.add_argument("--arm", default="lrm-lab")
     asked.add_argument("--promises", action="store_true")
+    asked.add_argument("--arms", action="store_true")
     asked.add_argument("--seeds", type=int, default=20)
-    asked.add_argument("--goals", type=int, default=400)
     known = asked.parse_args()
     data, console = load_measurements(known.data, load_arm(known.arm)), Console(width=120)
+    if known.arms:
+        others = [("two-joint", two_joint(TWO_JOINT)), *((name, hidden(name)) for name in CASES)]
+        console.print(arms_table(held_out(iter(others))))
+        return
     for table in () if known.promises else tables(data):
         console.print(table)
     console.print(f"null data: not added in {refused_on_null_data(known.seeds)} of {known.seeds}")
+    console.print(f"null data: added all the same, at most {worst_on_null_data(known.seeds):.3f} × the error without")
     for name, one in (("real arm", data), *((f"simulated {seed}", measured(seed, 3e-3)) for seed in range(10))):
         worst, which = worst_on_other_half(one)
         console.print(f"other half of the joint space, {name}: at most {worst:.3f} × the error without ({which})")
-    for without, with_field in inverse(Study.of(data).fit("option1").add_field().model, known.goals):
-        ratio = with_field.median / without.median
-        console.print(f"inverse, time with a field of 100 numbers {ratio:.2f} × without:\n  {without}\n  {with_field}")
 
 
 if __name__ == "__main__":

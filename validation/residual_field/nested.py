@@ -81,15 +81,20 @@ def outside_regressions() -> Iterator[tuple[str, Regression]]:
     yield "gradient boosting", boosting
 
 
-def lines(data: Measurements, fold: Folds) -> Iterator[tuple[str, Array]]:
-    """Name and held-out residual (N, 3) of each way to predict, m."""
+def lines(
+    data: Measurements, fold: Folds, parameters: str = "option1", plain_name: str = "option 1"
+) -> Iterator[tuple[str, Array]]:
+    """Name and held-out residual (N, 3) of each way to predict, m.
+
+    `parameters`: of the plain fit, which `auto` starts from, and its name.
+    """
     assert data.arm is not None
-    start, field = Study.of(data).fit("option1").model, ResidualField(data.arm, "tool")
+    start, field = Study.of(data).fit(parameters).model, ResidualField(data.arm, "tool")
     plain = nested_blocks(data, fold, lambda part: fit(start, part).model)
-    yield "option 1", held_out_rows(plain)
-    yield "field on option 1", held_out_rows(blocks_with_field(field, data, plain))
+    yield plain_name, held_out_rows(plain)
+    yield f"field on {plain_name}", held_out_rows(blocks_with_field(field, data, plain))
     for name, regression in outside_regressions():
-        yield f"{name} on option 1", regressed(data, plain, regression)
+        yield f"{name} on {plain_name}", regressed(data, plain, regression)
     named = nested_blocks(data, fold, lambda part: run_auto(start, part).model)
     yield "named (`auto`)", held_out_rows(named)
     for name, regression in outside_regressions():

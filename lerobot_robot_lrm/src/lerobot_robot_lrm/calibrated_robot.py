@@ -14,6 +14,7 @@ from lerobot_robot_lrm.correction import Correction
 from lerobot_robot_lrm.motion import Motion
 from lerobot_robot_lrm.units import radians_per_unit
 from lrm_math.arrays import Array
+from lrm_math.effects import marked
 from lrm_math.errors import LrmError, NoEquilibrium
 
 SUFFIX = ".pos"
@@ -159,7 +160,9 @@ class CalibratedRobot(Robot):
     def _tell_what_is_left(self) -> None:
         correction = self.correction
         if correction.left_out:
-            self._tell(f"not corrected, since no command can know it beforehand: {', '.join(correction.left_out)}")
+            self._tell(
+                f"not corrected, since no command can know it beforehand: {', '.join(map(marked, correction.left_out))}"
+            )
         if not correction.arm.complete:
             self._tell("some effect has no formula in the compiled kernel; a command takes some milliseconds")
 

@@ -24,6 +24,7 @@ from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.report.plots.arm import draw_arm
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import marked
 from lrm_math.errors import FileError
 from lrm_math.model.covariance import drawn_models
 from lrm_math.model.model import Model, model_of
@@ -130,7 +131,7 @@ def export(
         write_text(path, file.text)
     where = f"{files[0]} … {files[-1]}" if draws else str(output)
     missing = made[0].left_out
-    show(f"{made[0].what} written to {where}", *([f"Not in it: {', '.join(missing)}"] if missing else []))
+    show(f"{made[0].what} written to {where}", *([f"Not in it: {', '.join(map(marked, missing))}"] if missing else []))
 
 
 @command_of(group, "show")

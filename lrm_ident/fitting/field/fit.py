@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -69,10 +70,15 @@ def _with_field(field: ResidualField, poses: Poses, block: HeldOutBlock) -> Held
     values = field_posterior(own, known, left).values.tolist()
     return replace(
         block,
-        in_fit=lambda: left - _added(own, known, values),
-        test_residual=block.test_residual - _added(own, unseen, values),
+        in_fit=partial(_left, left, own, known, values),
+        test_residual=_left(block.test_residual, own, unseen, values),
         weighted=None,
     )
+
+
+def _left(residual: Array, field: ResidualField, poses: Poses, values: Sequence[float]) -> Array:
+    """(N, 3), what a field leaves of a residual (m)."""
+    return residual - _added(field, poses, values)
 
 
 def range_of(poses: Poses) -> MeasuredRange:

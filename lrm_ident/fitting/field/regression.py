@@ -53,7 +53,7 @@ def field_posterior(field: ResidualField, poses: Poses, residual: Array, weight:
     functions = np.stack([np.broadcast_to(f, len(poses)) for f in field.functions(poses)], axis=1)
     F, y = functions * root[:, None], residual * root[:, None]
     waves = np.array(wave_numbers(field.arm.dof))
-    axes = [_AxisRegression.likeliest(F, column, waves) for column in y.T]
+    axes = [AxisRegression.likeliest(F, column, waves) for column in y.T]
     energy = np.stack([axis.mean(np.arange(len(waves))) ** 2 for axis in axes]) * (F**2).sum(axis=0)
     most = min(MOST_NUMBERS - 3, energy.size)
     least = np.sort(energy.ravel())[-most]
@@ -71,7 +71,7 @@ def field_posterior(field: ResidualField, poses: Poses, residual: Array, weight:
 
 
 @dataclass(frozen=True, eq=False)
-class _AxisRegression:
+class AxisRegression:
     """Bayesian linear regression: FᵀF (M, M), Fᵀy (M,), prior `variance` (M,) of the coefficients, noise (m)."""
 
     gram: Array
@@ -81,7 +81,7 @@ class _AxisRegression:
     noise: float
 
     @staticmethod
-    def likeliest(F: Array, y: Array, waves: Array) -> _AxisRegression:
+    def likeliest(F: Array, y: Array, waves: Array) -> AxisRegression:
         """The regression of the largest marginal likelihood, searched by its gradient (L-BFGS-B; Byrd et al. 1995)."""
         from scipy.optimize import Bounds, minimize  # takes a quarter of a second to load
 
@@ -100,7 +100,7 @@ class _AxisRegression:
         ).x
         variance = unit**2 * np.exp(prior.log_variance(found[:-1])[0])
         signal, noise = (unit * np.exp(found[-2:])).tolist()
-        return _AxisRegression(gram, unit * moment, variance, signal, noise)
+        return AxisRegression(gram, unit * moment, variance, signal, noise)
 
     def mean(self, chosen: NDArray[np.int64]) -> Array:
         """Coefficients of some functions, without the others."""

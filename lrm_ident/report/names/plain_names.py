@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from lrm_math.effects import split_name
+from lrm_math.effects import marked, split_name
 
 PLAIN = {
     "offsets": "shape of {place} other than drawn",
@@ -38,7 +38,7 @@ PLAIN = {
     "bearing_curve": "loose bearing of {place}, free curve",
     "base_curve": "yielding of the base, free curve",
     "friction_curve": "friction of {place}, free curve",
-    "residual_field": "what no name explains (a field, not a cause)",
+    "residual_field": "what no name explains",
 }
 
 
@@ -46,7 +46,7 @@ def plain_name(name: str) -> str:
     """Plain name of `id@place`; of a law or an effect of one's own, its id and place in words."""
     kind, place = split_name(name)
     words = PLAIN.get(kind, kind.replace("_", " ") + " of {place}")
-    return words.format(place=place_words(place or "all places"))
+    return marked(name, words.format(place=place_words(place or "all places")))
 
 
 def place_words(place: str) -> str:

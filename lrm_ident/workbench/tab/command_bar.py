@@ -10,6 +10,7 @@ from nicegui import ui
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.work.messages import WorkProgress
 
+ADD_FIELD = "Add a field (not a cause)"
 SURE_AFTER_S = 1.0
 """s of work after which its rate says how long the rest takes."""
 
@@ -35,6 +36,7 @@ class CommandBar:
             self.propose = button("Propose a law", session.propose, "where no known effect fits (P)")
             self.poses = button("Next poses", session.next_poses, "what to measure next, to tell the rivals apart")
             self.auto = button("Auto", session.auto, "follow the advice until it says stop")
+            self.field = button(ADD_FIELD, session.add_field, "predict what no name explains, where that surely helps")
             self.diagnose = button("Diagnose", session.diagnose, "find out what is missing")
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
         with ui.element("div").classes("lrm-head lrm-told"):
@@ -68,6 +70,7 @@ class CommandBar:
         self.propose.set_enabled(ready)
         self.poses.set_enabled(ready and session.shown is not None and session.shown.diagnosed)
         self.auto.set_enabled(ready)
+        self.field.set_enabled(ready)
         self.diagnose.set_enabled(session.can_diagnose)
 
     def _words(self, now: WorkProgress) -> str:

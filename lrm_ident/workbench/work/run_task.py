@@ -28,6 +28,7 @@ from lrm_ident.workbench.work.messages import Send, WorkFailure, WorkNotice, Wor
 from lrm_ident.workbench.work.next_poses import next_poses
 from lrm_ident.workbench.work.showing import step_shown
 from lrm_ident.workbench.work.tasks import (
+    FIELD,
     AddTask,
     AutoTask,
     CompareTask,
@@ -96,12 +97,15 @@ def diagnose_step(task: DiagnoseTask, send: Send) -> None:
 
 @run_task.register
 def add_effect(task: AddTask, send: Send) -> None:
-    """Adds the effect, refits everything, and keeps the model."""
-    send(WorkProgress(f"adding {task.effect}: looking for outliers"))
+    """Adds the effect, refits everything, and keeps the model; a field is added to the fit as it is."""
     study = _study(task.files, send)
-    screened = _screened(task.files, study)
-    send(WorkProgress(f"adding {task.effect}: refitting everything"))
-    study.add(task.effect, screened).save(task.kept)
+    if task.effect == FIELD:
+        study.add_field().save(task.kept)
+    else:
+        send(WorkProgress(f"adding {task.effect}: looking for outliers"))
+        screened = _screened(task.files, study)
+        send(WorkProgress(f"adding {task.effect}: refitting everything"))
+        study.add(task.effect, screened).save(task.kept)
     _send_step(replace(task.files, model=task.kept), send, task.packed)
 
 

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from lrm_ident.report.model_report import ModelReport
 
 
+FIELD = "residual_field"
+"""The effect that names no cause; its class is not loaded where the page is served."""
+
+
 @dataclass(frozen=True)
 class OpenFiles:
     """The files of a session: a model and measurements, and how they are read, as the options of the commands say."""

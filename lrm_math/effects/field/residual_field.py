@@ -33,6 +33,8 @@ MARGIN = 1.25
 """Half width of the box over half the width of the range."""
 WAVES, JOINTS_TOGETHER = 2, 3
 """Cosines of one angle beside the constant; most joints of one product: on the real arm two do not suffice."""
+BEYOND = tuple(f"{axis}_beyond_mm" for axis in "xyz")
+"""Names of what the field may be, along each axis, where nothing was measured."""
 TYPICAL = 1e-3
 """m: typical size of a coefficient."""
 
@@ -84,13 +86,13 @@ class ResidualField(LinearEffect):
         """
         return tuple(
             parameter
-            for axis in "xyz"
+            for axis, beyond in zip("xyz", BEYOND, strict=True)
             for parameter in (
                 *(
                     Parameter(f"{axis}{''.join(map(str, waves))}_mm", f"{axis}, half waves {waves}", TYPICAL)
                     for waves in wave_numbers(self.arm.dof)
                 ),
-                Parameter(f"{axis}_beyond_mm", f"{axis} where nothing was measured", TYPICAL),
+                Parameter(beyond, f"{axis} where nothing was measured", TYPICAL),
             )
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.field.regression import MOST_NUMBERS, field_posterior
 from lrm_ident.fitting.levenberg_marquardt import fit
-from lrm_ident.study.field_step import NOT_A_CAUSE, NoBetterPrediction
+from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
 from lrm_ident.study.inputs import read_study
 from lrm_ident.study.study import Study
 from lrm_math.effects.field.residual_field import ResidualField
@@ -73,7 +74,7 @@ def test_its_deviation_is_that_of_its_error(with_field: Study) -> None:
 def test_its_file_holds_no_more_than_a_hundred_numbers_of_it(with_field: Study, tmp_path: Path) -> None:
     own = [key for key in with_field.file.parameters if key.startswith("residual_field")]
     assert 3 < len(own) <= MOST_NUMBERS
-    assert NOT_A_CAUSE in with_field.file.history[-1].step
+    assert WHAT_IT_IS in with_field.file.history[-1].step
     with_field.save(tmp_path / "model.toml")
     assert "residual_field" in (tmp_path / "model.toml").read_text()
 
@@ -137,8 +138,16 @@ def test_the_command_adds_it_and_says_that_it_is_no_cause(real: Measurements, tm
     Study.of(replace(real, arm_name="lrm-lab")).fit("option1").save(tmp_path / "plain.toml")
     words = ("add", tmp_path / "plain.toml", real.path, "residual_field", "-o", tmp_path / "field.toml")
     out = " ".join(stdout_of(*words).split())
-    assert NOT_A_CAUSE in out
+    assert WHAT_IT_IS in out
     assert "numbers of a residual field, which are not causes" in out
     assert "residual_field.tool" not in out, "no coefficient means anything alone"
     _, _, told = run_command("diagnose", tmp_path / "field.toml", real.path)
     assert "the residual field is left out here" in " ".join(told.split())
+
+
+def test_a_diagnosis_of_it_goes_between_processes(with_field: Study) -> None:
+    """As the workbench sends it: the blocks of the held-out error are made anew without what made them."""
+    blocks = with_field.held_out.blocks
+    again = pickle.loads(pickle.dumps(blocks))
+    for one, other in zip(blocks, again, strict=True):
+        np.testing.assert_array_equal(other.train_residual, one.train_residual)

@@ -1,0 +1,80 @@
+"""`python -m validation.residual_field.demo_loop`: the loop of the demo, daemon and all, with a field and without.
+
+As `make demo`, of an arm with two effects outside the catalogue, measured at more poses; `auto` names what it can, and
+a field is added if the tool finds that it helps. The tip is sent to the same goals with both models.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import tempfile
+from pathlib import Path
+
+from examples.demo.pose_files import LOAD_G, pose_table
+from examples.demo.steps import DemoSteps
+from examples.demo.world import ARM, simulated_world
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import LrmError
+from validation.residual_field.closed_loop import unfamiliar
+
+POSES, REPEATS, GOALS = 240, 8, 24
+TRACKER = "validation.residual_field.unfamiliar_tracker"
+
+
+class FieldSteps(DemoSteps):
+    """The demo's steps, and those that name everything and add a field."""
+
+    def name_all(self) -> None:
+        """Follows the advice to its end."""
+        files = self.file("fitted.toml"), self.file("measured.csv"), "-o", self.file("named.toml")
+        self._ident("auto", *files, "--no-nested")
+
+    def add_field(self) -> bool:
+        """Adds a field; whether the tool found that it helps."""
+        files = self.file("named.toml"), self.file("measured.csv"), "residual_field", "-o", self.file("field.toml")
+        try:
+            self._ident("add", *files)
+        except LrmError:
+            return False
+        return True
+
+
+def landed(seed: int, poses: int) -> tuple[float, float | None]:
+    """RMS distance from the goals (mm) with names alone, and with a field too; None if none was added."""
+    with (
+        tempfile.TemporaryDirectory(prefix="lrm-field-") as out,
+        tempfile.TemporaryDirectory(prefix="lrm-demo-") as private,
+        simulated_world(Path(private), seed, TRACKER) as world,
+    ):
+        steps = FieldSteps(Path(out), (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}"), seed, GOALS)
+        load = ("--payload-g", str(LOAD_G))  # still on, from measuring
+        steps.write_poses(pose_table(load_arm(ARM), poses, REPEATS, seed))
+        steps.measure("--load-command", world.load_command)
+        steps.fit()
+        steps.name_all()
+        steps.deploy("named.toml", *world.daemon)
+        named = float(steps.verify("named", *load)["error"]["rms_mm"])
+        if not steps.add_field():
+            return named, None
+        steps.deploy("field.toml", *world.daemon)
+        return named, float(steps.verify("field", *load)["error"]["rms_mm"])
+
+
+def main() -> None:
+    """Prints one line a seed."""
+    asked = argparse.ArgumentParser("validation.residual_field.demo_loop", description=__doc__)
+    asked.add_argument("--seeds", type=int, default=10)
+    asked.add_argument("--poses", type=int, default=POSES)
+    known = asked.parse_args()
+    print("| seed | hidden | named mm | with a field mm |\n|---|---|---|---|")
+    for seed in range(known.seeds):
+        with contextlib.redirect_stdout(io.StringIO()):
+            named, field = landed(seed, known.poses)
+        said = "not added" if field is None else f"{field:.2f}"
+        print(f"| {seed} | {unfamiliar(seed).name} | {named:.2f} | {said} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
