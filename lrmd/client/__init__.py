@@ -11,7 +11,7 @@ with Rover("rover") as rover, rover.control("my program"):
 from lrmd.client.identity import DaemonRestarted, SeveralDaemons
 from lrmd.client.rover import MotionInterrupted, Rover
 from lrmd.client.session import NoReply, RequestRefused, RoverSession
-from lrmd.messages.control import LEASE_LOST, InfoState
+from lrmd.messages.control import LEASE_LOST, InfoState, JointsState
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "IkAnswer",
     "IkRequest",
     "InfoState",
+    "JointsState",
     "MotionInterrupted",
     "NoReply",
     "PlanRequest",
