@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+
+from lrmd.client import ModeState, ThermalState
 
 
 class Severity(IntEnum):
@@ -14,24 +15,6 @@ class Severity(IntEnum):
     WARN = 1
     ERROR = 2
     STALE = 3
-
-
-class SaidMode(Protocol):
-    """Part of `state/mode` that is told."""
-
-    mode: str
-    why: str
-    link: str
-    holder: str | None
-    troubles: list[str]
-
-
-class SaidHeat(Protocol):
-    """Part of `state/thermal` that is told."""
-
-    names: list[str]
-    temperature_c: list[float]
-    level: list[str]
 
 
 @dataclass(frozen=True)
@@ -47,7 +30,7 @@ class DiagnosticRow:
 STOPPED = ("fault", "estop")
 
 
-def mode_row(state: SaidMode) -> DiagnosticRow:
+def mode_row(state: ModeState) -> DiagnosticRow:
     """Mode of the daemon and its link: error in `fault` and `estop`, warning with troubles or without the board."""
     level = Severity.OK
     if state.mode in STOPPED:
@@ -64,7 +47,7 @@ def fault_row(faults: dict[str, str]) -> DiagnosticRow:
     return DiagnosticRow("lrmd: faults", level, "; ".join(faults.values()) or "none", tuple(faults.items()))
 
 
-def heat_row(state: SaidHeat) -> DiagnosticRow:
+def heat_row(state: ThermalState) -> DiagnosticRow:
     """Modelled temperatures (°C): warning if a servo is not at its level `cool`."""
     warm = [f"{name} is {level}" for name, level in zip(state.names, state.level, strict=True) if level != "cool"]
     pairs = zip(state.names, (f"{degrees:.1f} degC" for degrees in state.temperature_c), strict=True)

@@ -27,7 +27,7 @@ from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_po
 pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed (lrm-arm[ros2])")
 dynamic = pytest.importorskip("mcap_ros2._dynamic", reason="mcap-ros2-support is not installed")
 
-HASHES = {  # of the messages' definitions in Jazzy, as `ros2 topic info --verbose` says them
+HASHES = {  # as `ros2 topic info --verbose` prints it
     JOINT_STATE: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
 }
 
