@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,6 +31,14 @@ DISPLAY_UNITS = {
 }
 MOST_WORDS = 4  # estimates in a sentence, the surest; all are in the JSON file
 Estimates = tuple[tuple[str, float, float], ...]
+NEXT: Mapping[str, str] = {
+    "unexplained_structure": "Look for a law with this anatomy (lrm-ident propose), or write an effect if you know its "
+    "cause (docs/effects.md); more poses in random order, under two loads, show more of it.",
+    "unpredictable": "Measure some of these poses again, in another order: what repeats belongs to the arm, what does "
+    "not is loose, creeps or is noise.",
+    "nothing_missing": "Deploy the model, and verify it at new poses.",
+}
+"""What to do after a verdict that names no effect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +113,15 @@ def report_of(confirmed: ConfirmedDiagnosis) -> DiagnosisReport:
     before = error_stats(confirmed.held_out)
     quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
     more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")
+    verdict = "unexplained_structure" if more or (quiet and left.regimes) else confirmed.verdict
     return DiagnosisReport(
         diagnosis=diagnosis,
-        verdict="unexplained_structure" if more or (quiet and left.regimes) else confirmed.verdict,
+        verdict=verdict,
         fit=error_stats(diagnosis.fit.residual),
         held_out=before,
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
         limitations=audit(diagnosis.data, diagnosis.fit.rest.joint_torque),
-        hint=_hint(diagnosis, supported),
+        hint=NEXT[verdict] if verdict in NEXT else _hint(diagnosis, supported),
         left=left,
         hints=parameter_hints(diagnosis.fit),
     )
@@ -181,7 +190,8 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
         return claim
     surest = sorted(left, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
     shown = [name for name in words if name in {one[0] for one in surest}]
-    surest_values = ", ".join(f"{name.removesuffix('_rad')} {words[name]}" for name in shown)
+    labels = {name: name.removesuffix(f"_{units[name]}").replace("_", " ") for name in shown}
+    surest_values = ", ".join(f"{label} {words[name]}" for name, label in labels.items())
     return f"{claim} ({surest_values}{f' and {len(left) - MOST_WORDS} more' if len(left) > MOST_WORDS else ''})"
 
 

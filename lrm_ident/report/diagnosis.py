@@ -109,7 +109,7 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
     if refused := tuple(_untestable(found.not_testable)):
         names = ", ".join(_untestable_names(found))
         blocks.append(FoldedSection("\nNot testable", refused, f"{names}; --all says where and why"))
-    return [*blocks, f"\nNext poses: {report.hint}"]
+    return [*blocks, f"\nNext: {report.hint}"]
 
 
 def _untestable_names(found: Diagnosis) -> Iterator[str]:
