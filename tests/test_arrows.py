@@ -18,9 +18,11 @@ from tests.support.source_files import files, imported_names, room_arrows, synta
 ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
-    "lrm_math": "errors arrays text_file number_list atomic_file plausibility toml_file arm kinematics collision effects model ik",
+    "lrm_math": "errors arrays text_file number_list atomic_file plausibility toml_file "
+    "arm kinematics collision effects model ik",
     "lrm_ident": "data fitting residual diagnosis study design report fleet measuring workbench cli",
     "lrmd": "errors heap log config persistence link messages ramp safety control sim ik api client cli main demo",
+    "lrm_ros2": "diagnostics message_types trajectory ros_node bridge command",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""
 

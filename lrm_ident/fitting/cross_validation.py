@@ -58,16 +58,17 @@ def joint_space_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS
 
 
 def _groups(q: Array, repeat_of: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,), connected components of "equal angles or a repetition"."""
+    """(N,), connected components of "equal angles or a repetition" (label propagation)."""
     _, by_angle = np.unique(np.round(q, 6), axis=0, return_inverse=True)
     _, by_number = np.unique(repeat_of, return_inverse=True)
-    angles, n = by_angle.reshape(-1), len(q)
-    from scipy.sparse import coo_array  # takes a third of a second to load
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_array((np.ones(n), (angles, n + by_number)), shape=(2 * n, 2 * n))
-    _, component = connected_components(graph, directed=False)
-    return np.unique(component[angles], return_inverse=True)[1].reshape(-1)
+    label, before = np.arange(len(q)), np.full(len(q), -1)
+    while not np.array_equal(label, before):
+        before = label
+        for group in (by_angle.reshape(-1), by_number.reshape(-1)):
+            least = np.full(len(q), len(q))
+            np.minimum.at(least, group, label)
+            label = least[group]
+    return np.unique(label, return_inverse=True)[1].reshape(-1)
 
 
 def _bisect(q: Array, rows: NDArray[np.int64], count: int) -> Iterator[NDArray[np.int64]]:

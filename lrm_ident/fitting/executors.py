@@ -132,7 +132,8 @@ def _on_cluster(where: str) -> Iterator[Executor]:
         if not Path(where).is_file():
             raise LrmError(f"--cluster {where}: no such scheduler file; or give an address such as tcp://host:8786")
         at = {"scheduler_file": where}
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a lost scheduler is one line, no traceback
+    for part in ("distributed", "distributed.client", "tornado.application"):  # a lost scheduler is one line
+        logging.getLogger(part).setLevel(logging.CRITICAL)
     with warnings.catch_warnings():
         # said below, in one line, as an error
         warnings.simplefilter("ignore", distributed.versions.VersionMismatchWarning)

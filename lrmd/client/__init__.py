@@ -11,7 +11,7 @@ with Rover("rover") as rover, rover.control("my program"):
 from lrmd.client.identity import DaemonRestarted, SeveralDaemons
 from lrmd.client.rover import MotionInterrupted, Rover
 from lrmd.client.session import NoReply, RequestRefused, RoverSession
-from lrmd.messages.control import LEASE_LOST, InfoState
+from lrmd.messages.control import LEASE_LOST, InfoState, JointsState, ModeState, ThermalState
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
 
 __all__ = [
@@ -22,6 +22,8 @@ __all__ = [
     "IkAnswer",
     "IkRequest",
     "InfoState",
+    "JointsState",
+    "ModeState",
     "MotionInterrupted",
     "NoReply",
     "PlanRequest",
@@ -29,4 +31,5 @@ __all__ = [
     "Rover",
     "RoverSession",
     "SeveralDaemons",
+    "ThermalState",
 ]

@@ -41,6 +41,8 @@ TUNE = {  # formula: (joint, size in rad)
     "np.exp(-((q[4] - 0.4) / 0.4) ** 2)": (2, 0.015),
     "np.sin(5 * q[1])": (2, 0.008),
     "tau * np.cos(q[3])": (2, 0.02),
+    "torque[2]": (3, 0.1),
+    "np.maximum(torque[3], 0)": (2, 0.2),
     # not in the grammar
     "np.tanh(2 * np.sin(q[1] + q[4]))": (3, 0.015),
     "np.sin(q[2] + q[3] - q[5])": (3, 0.02),

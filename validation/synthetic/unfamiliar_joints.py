@@ -170,7 +170,7 @@ class TwoStageWarmUp(HiddenEffect):
 
 @dataclass(frozen=True)
 class FormulaJoint(HiddenEffect):
-    """Any law: size_rad times a formula in numpy (np) of q (angles by joint from 1), tau, load_kg, side and time_s."""
+    """Any law: size_rad times a formula in numpy (np) of q and torque (by joint from 1), tau, load_kg, side, time_s."""
 
     joint: int
     size_rad: float
@@ -182,6 +182,7 @@ class FormulaJoint(HiddenEffect):
         known = {
             "np": np,
             "q": dict(enumerate(poses.q_rad.T, start=1)),
+            "torque": dict(enumerate(load.tau_nm.T, start=1)),
             "tau": load.tau_nm[:, at],
             "load_kg": poses.payload_kg,
             "side": poses.direction[:, at],

@@ -1,14 +1,14 @@
-"""A small grammar of laws: rotations of one joint as functions of one or two quantities of the pose.
+"""A small grammar of laws: rotations of a joint and extensions of a link by one or two quantities of the pose.
 
 Exhaustive symbolic regression (Bartlett, Desmond & Ferreira 2023) with linear coefficients: harmonics, powers, absolute
 values, steps, hinges, saturations and dents of one quantity; harmonics and hinges of sums and differences, and products
-of two.
+of two. What belongs to another place, another joint's torque say, enters alone, and a length follows one quantity.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -29,8 +29,9 @@ class Quantity:
     """A quantity that a law may depend on.
 
     Attributes:
-        name: in formulas. code: Python code for it from `poses` and `tau`.
+        name: in formulas. code: Python code for it from `poses`, and from `{tau}` if it is the torque of a joint.
         low, high: its range in the poses. levels: how many values it has there. angle: whether it is one.
+        load: number from 0 of the joint of which it is the torque. foreign: whether it is that of another place.
     """
 
     name: str
@@ -39,6 +40,8 @@ class Quantity:
     high: float
     levels: int
     angle: bool = False
+    load: int | None = None
+    foreign: bool = False
 
     @property
     def signed(self) -> bool:
@@ -48,15 +51,32 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Law:
-    """A rotation of joint `joint` (from 0): a sum of terms with a free coefficient each.
+    """An amount added at joint `joint` (from 0): a sum of terms with a free coefficient each.
 
-    `terms`: Python expressions with numpy over the names of `quantities`. `size` counts what must be chosen to write
+    `terms`: Python expressions with numpy over the names of `quantities`. `slot`: what moves: `theta`, a rotation
+    (rad), or `a` or `d`, a length of the link that follows the joint (m). `size` counts what must be chosen to write
     it down: quantities and terms.
     """
 
     joint: int
     quantities: tuple[Quantity, ...]
     terms: tuple[str, ...]
+    slot: str = "theta"
+
+    @property
+    def key(self) -> str:
+        """Key of the chain's slot that moves, for instance `joint3.theta`."""
+        return f"joint{self.joint + 1}.{self.slot}"
+
+    @property
+    def rotates(self) -> bool:
+        """Whether its amounts are angles (rad) and no lengths (m)."""
+        return self.slot == "theta"
+
+    @property
+    def loads(self) -> tuple[int, ...]:
+        """Numbers from 0 of the joints whose torques enter it."""
+        return tuple(dict.fromkeys(one.load for one in self.quantities if one.load is not None))
 
     @property
     def size(self) -> int:
@@ -67,30 +87,42 @@ class Law:
     def formula(self) -> str:
         """Formula, for instance `δq3 = a sin(q1 + q4) + b cos(q1 + q4)`."""
         terms = (term.replace("np.", "").replace("**", "^") for term in self.terms)
+        symbol = "q" if self.rotates else self.slot
         return (
-            f"δq{self.joint + 1} = {' + '.join(f'{name} {term}' for name, term in zip(LETTERS, terms, strict=False))}"
+            f"δ{symbol}{self.joint + 1} = "
+            f"{' + '.join(f'{name} {term}' for name, term in zip(LETTERS, terms, strict=False))}"
         )
 
     def plus(self, other: Law) -> Law:
-        """The sum of two laws at one joint; terms that both have count once."""
+        """The sum of two laws of one slot; terms that both have count once."""
         quantities = dict.fromkeys((*self.quantities, *other.quantities))
-        return Law(self.joint, tuple(quantities), tuple(dict.fromkeys((*self.terms, *other.terms))))
+        return replace(
+            self, quantities=tuple(quantities), terms=tuple(dict.fromkeys((*self.terms, *other.terms)))
+        )
+
+    def code_of(self, quantity: Quantity) -> str:
+        """Python code for one of its quantities from `poses` and `tau`, the torques of `loads`."""
+        return quantity.code.format(tau="" if quantity.load is None else f"tau[{self.loads.index(quantity.load)}]")
 
     def values(self, poses: Poses, torque: Array) -> Array:
-        """(N, terms), every term at some poses; torque: (N,), on the joint (N·m)."""
-        given = {"poses": poses, "tau": (torque,)}
-        known = {quantity.name: eval(quantity.code, {}, given) for quantity in self.quantities}
+        """(N, terms), every term at some poses; torque: (N, n), on the joints (N·m)."""
+        given = {"poses": poses, "tau": torque.T[list(self.loads)]}
+        known = {quantity.name: eval(self.code_of(quantity), {}, given) for quantity in self.quantities}
         columns = [np.asarray(eval(term, {"np": np}, known), dtype=np.float64) for term in self.terms]
         return np.stack([np.broadcast_to(column, len(poses)) for column in columns], axis=1)
 
 
 def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ...]:
-    """Quantities that a law at one joint may depend on: what varies of angles, its torque, load, side and time.
+    """Quantities that a law at one joint may depend on: what varies of angles, torques, load, side and time.
 
-    Torque, load and time are counted in their largest size here. torque: (N,) of the joint (N·m).
+    Torques, load and time are counted in their largest size here. torque: (N, n), on the joints (N·m). Its own is
+    `tau`, that of joint k `tau`k.
     """
     found = [_quantity(f"q{i + 1}", f"poses.angle({i})", angle, True) for i, angle in enumerate(poses.q.T)]
-    found.append(_quantity("tau", f"tau[0] / {_largest(torque)}", torque / np.abs(torque).max(initial=NEAR_ZERO)))
+    for k, felt in enumerate(torque.T):
+        code, size = f"{{tau}} / {_largest(felt)}", felt / np.abs(felt).max(initial=NEAR_ZERO)
+        one = _quantity("tau" if k == joint else f"tau{k + 1}", code, size)
+        found.append(replace(one, load=k, foreign=k != joint))
     load = poses.payload / max(float(poses.payload.max()), NEAR_ZERO)
     found.append(_quantity("load", f"poses.carried / {_largest(poses.payload)}", load))
     if poses.direction is not None:
@@ -115,9 +147,16 @@ def laws_at(joint: int, quantities: tuple[Quantity, ...]) -> Iterator[Law]:
     for one in quantities:
         for terms in _terms_of_one(one):
             yield Law(joint, (one,), terms)
-    for a, b in combinations(quantities, 2):
+    for a, b in combinations([one for one in quantities if not one.foreign], 2):
         for terms in _terms_of_two(a, b):
             yield Law(joint, (a, b), terms)
+
+
+def extensions_at(joint: int, slot: str, quantities: tuple[Quantity, ...]) -> Iterator[Law]:
+    """Every law of the grammar by which the length `slot` (`a` or `d`) of the link after a joint grows."""
+    for one in quantities:
+        if one.name != "side":
+            yield from (Law(joint, (one,), terms, slot) for terms in _terms_of_one(one))
 
 
 def _terms_of_one(x: Quantity) -> Iterator[tuple[str, ...]]:

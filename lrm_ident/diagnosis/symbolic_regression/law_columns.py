@@ -2,33 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
-from lrm_ident.diagnosis.symbolic_regression.grammar import Law, laws_at, quantities_at
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law, extensions_at, laws_at, quantities_at
 from lrm_ident.diagnosis.symbolic_regression.search import LawColumns
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.derivatives import joint_levers
+from lrm_math.model.derivatives import respond
+from lrm_math.model.equilibrium import Equilibrium
 
-TYPICAL_SIZE, SEED = 0.02, 0  # rad
+TYPICAL_ANGLE, TYPICAL_LENGTH, SEED = 0.02, 0.002, 0  # rad, m
+ZERO_LENGTH = 1e-9  # m
 OWN = ("tau", "side")  # quantities that each joint has for itself
 FLAT = 0.02  # spread of a term, of its largest value, below which it is a constant
 Evaluated = dict[tuple[str, ...], tuple[Array, bytes]]
 
 
 def law_columns(fitted: Fit, data: Measurements) -> list[LawColumns]:
-    """The laws of every joint, and their motions of the TCP for coefficients of a typical size."""
+    """The laws of every joint and length, and their motions of the TCP for coefficients of a typical size."""
     groups, weigh, shared = [], RowWeights(data.whitening, fitted.weight), Evaluated()
-    for joint, motion in enumerate(joint_levers(fitted.rest, data.whitening.sensed)):
-        torque = fitted.rest.joint_torque[:, joint]
-        laws, values = _distinct(laws_at(joint, quantities_at(joint, data.poses, torque)), data.poses, torque, shared)
+    rest = fitted.rest
+    levers, torque = respond(rest, data.whitening.sensed).slots, rest.joint_torque
+    for grammar in _grammars(rest, data.poses):
+        laws, values = _distinct(grammar, data.poses, torque, shared)
+        if not laws:
+            continue
+        motion = levers[rest.model.chain.index[laws[0].key]]
         terms = np.concatenate(values, axis=1)
-        terms *= TYPICAL_SIZE / np.abs(terms).max(axis=0)
+        terms *= typical_size(laws[0]) / np.abs(terms).max(axis=0)
         counts = np.array([len(law.terms) for law in laws])
         first = np.cumsum(counts) - counts
         second = np.where(counts > 1, first + 1, terms.shape[1])
@@ -37,6 +43,22 @@ def law_columns(fitted: Fit, data: Measurements) -> list[LawColumns]:
             LawColumns(tuple(laws), np.concatenate([motions, np.zeros((len(motions), 1))], axis=1), first, second)
         )
     return groups
+
+
+def typical_size(law: Law) -> float:
+    """Size of what a law adds on an arm where it shows: rad, or m of a length."""
+    return TYPICAL_ANGLE if law.rotates else TYPICAL_LENGTH
+
+
+def _grammars(rest: Equilibrium, poses: Poses) -> Iterator[Iterable[Law]]:
+    """The laws of each joint's rotation, and of each length of the arm as drawn."""
+    model, torque = rest.model, rest.joint_torque
+    for joint, link in enumerate(model.arm.joints):
+        quantities = quantities_at(joint, poses, torque)
+        yield laws_at(joint, quantities)
+        lengths = {"a": link.a, "d": link.d}
+        for slot in (name for name, length in lengths.items() if abs(length) > ZERO_LENGTH):
+            yield extensions_at(joint, slot, quantities)
 
 
 def _distinct(laws: Iterable[Law], poses: Poses, torque: Array, shared: Evaluated) -> tuple[list[Law], list[Array]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lrm_ident.diagnosis.symbolic_regression.grammar import LETTERS, Law, Quantity
+from lrm_ident.diagnosis.symbolic_regression.grammar import LETTERS, Law
 
 TEMPLATE = '''"""{title}
 
@@ -24,7 +24,7 @@ class ProposedLaw(Effect):
         source="{source}",
         claim="joint{joint} follows {follows}: {claims}",
     )
-    targets = ("joint{joint}.theta",)
+    targets = ("{target}",)
     load_slots = {load_slots}
     depends_on = {depends_on}
     parameters = (
@@ -40,13 +40,14 @@ class ProposedLaw(Effect):
 
 
 def law_id(law: Law) -> str:
-    """Its id, for instance `law_q1_q4`."""
-    return "_".join(["law", *(quantity.name for quantity in law.quantities)])
+    """Its id, for instance `law_q1_q4`, or `law_d_time` where a length grows."""
+    return "_".join(["law", *([] if law.rotates else [law.slot]), *(quantity.name for quantity in law.quantities)])
 
 
 def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> str:
-    """The text of the file. typical: the size of each coefficient (rad). facts: what was found, for the docstring."""
-    names = [f"{letter}_rad" for letter in LETTERS[: len(law.terms)]]
+    """The text of the file. typical: size of each coefficient (rad, m). facts: what was found, for the docstring."""
+    unit = "rad" if law.rotates else "mm"
+    names = [f"{letter}_{unit}" for letter in LETTERS[: len(law.terms)]]
     needs_time = any(quantity.name == "time" for quantity in law.quantities)
     return TEMPLATE.format(
         title=f"A law that lrm-ident propose found in {data}: {law.formula}",
@@ -57,18 +58,18 @@ def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> s
         source=f"lrm-ident propose, {data}",
         follows=" and ".join(quantity.name for quantity in law.quantities),
         claims=", ".join(f"{{{name}}}" for name in names),
-        load_slots=f'("joint{law.joint + 1}.theta",)' if any(q.name == "tau" for q in law.quantities) else "()",
+        target=law.key,
+        load_slots=repr(tuple(f"joint{k + 1}.theta" for k in law.loads)).replace("'", '"'),
         depends_on=("angle", "direction", *(("time",) if needs_time else ())),
         parameters="".join(
             f'        Parameter("{name}", "of {term.replace("np.", "")}", {size:.3g}),\n'
             for name, term, size in zip(names, law.terms, typical, strict=True)
         ),
-        quantities="".join(_assignment(quantity) for quantity in law.quantities),
+        quantities="".join(_assignment(quantity.name, law.code_of(quantity)) for quantity in law.quantities),
         amount=" + ".join(f"p[{i}] * {term}" for i, term in enumerate(law.terms)),
     )
 
 
-def _assignment(quantity: Quantity) -> str:
+def _assignment(name: str, code: str) -> str:
     """The line that gives a quantity its value; without times the time is zero."""
-    code = f"0.0 if poses.t is None else {quantity.code}" if quantity.name == "time" else quantity.code
-    return f"        {quantity.name} = {code}\n"
+    return f"        {name} = {f'0.0 if poses.t is None else {code}' if name == 'time' else code}\n"

@@ -16,7 +16,7 @@ from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import linearised
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law
-from lrm_ident.diagnosis.symbolic_regression.law_columns import TYPICAL_SIZE, law_columns
+from lrm_ident.diagnosis.symbolic_regression.law_columns import law_columns, typical_size
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
 from lrm_ident.diagnosis.symbolic_regression.search import LawSearch, search_laws
 from lrm_ident.fitting.cross_validation import held_out_residual
@@ -28,7 +28,7 @@ from lrm_ident.residual.better_prediction import paired_z, predicts_better
 from lrm_ident.residual.thresholds import MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.model.derivatives import joint_levers
+from lrm_math.model.derivatives import respond
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
@@ -81,9 +81,9 @@ def propose_law(
     on_progress: Callable[[str], object] = str,
     loss: Loss = SQUARED,
 ) -> LawProposal:
-    """Searches laws at every joint; proposes one if the search beats noise and predicts held-out blocks better.
+    """Searches laws at every joint and length; proposes one that beats noise and predicts held-out blocks better.
 
-    Further laws at the same joint are added to it in the same way, `MOST_LAWS` at most.
+    Further laws of the same slot are added to it in the same way, `MOST_LAWS` at most.
 
     Raises `LrmError`: too few poses, or the fit does not converge.
     """
@@ -114,7 +114,7 @@ def _propose(
     start = fitted if known is None else known.fit
     linear = linearised(start, data, RowWeights(data.whitening, start.weight))
     groups = law_columns(start, data)
-    search = search_laws(linear, groups if known is None else [groups[known.law.joint]], progress)
+    search = search_laws(linear, [one for one in groups if known is None or one.key == known.law.key], progress)
     without = linear.now.held_out
     nested = float(np.sqrt(search.nested.mean()))
     found = LawProposal(before, nested, search.p_value, len(search.laws), None, "")
@@ -153,12 +153,12 @@ def _equivalent(search: LawSearch, order: NDArray[np.int64], without: Array) -> 
 
 def _refit(law: Law, fitted: Fit, data: Measurements, found: LawProposal) -> RefittedLaw | None:
     """The law as an effect of its file, everything refitted; None if that fails."""
-    largest = np.abs(law.values(data.poses, fitted.rest.joint_torque[:, law.joint])).max(axis=0)
+    largest = np.abs(law.values(data.poses, fitted.rest.joint_torque)).max(axis=0)
     facts = (
         f"{found.tried} laws were tried. Held out, the model alone has {found.before.rms * 1e3:.2f} mm; with a law\n"
         f"chosen anew in every block about {found.nested * 1e3:.2f} mm. Against pure noise: p = {found.p_value:.2g}."
     )
-    source = law_source(law, tuple((TYPICAL_SIZE / largest).tolist()), data.path.name, facts)
+    source = law_source(law, tuple((typical_size(law) / largest).tolist()), data.path.name, facts)
     with TemporaryDirectory(prefix="law-") as folder:
         file = Path(folder) / "law.py"
         file.write_text(source, encoding="utf-8")
@@ -194,6 +194,6 @@ def _separating_poses(best: RefittedLaw, rivals: Sequence[tuple[Law, float]], fi
 
 
 def _moved(law: Law, rest: Equilibrium) -> Array:
-    """(3 N, terms), motion of the TCP for coefficients of 1 rad."""
-    terms, lever = law.values(rest.poses, rest.joint_torque[:, law.joint]), joint_levers(rest)[law.joint]
+    """(3 N, terms), motion of the TCP for coefficients of 1 rad or 1 m."""
+    terms, lever = law.values(rest.poses, rest.joint_torque), respond(rest).slots[rest.model.chain.index[law.key]]
     return np.asarray((lever.T[:, :, None] * terms[:, None, :]).reshape(-1, terms.shape[1]))

@@ -24,7 +24,7 @@ NULL_DRAWS, SEED = 200, 0
 
 @dataclass(frozen=True, eq=False)
 class LawColumns:
-    """Laws at one joint with their motions of the TCP for coefficients of a typical size: `motions` (3 N, M) in m.
+    """Laws of one slot with their motions of the TCP for coefficients of a typical size: `motions` (3 N, M) in m.
 
     `first`, `second`: (L,), the columns of each law's terms; the last column is zero, for laws of one term.
     """
@@ -33,6 +33,11 @@ class LawColumns:
     motions: Array
     first: NDArray[np.int64]
     second: NDArray[np.int64]
+
+    @property
+    def key(self) -> str:
+        """Key of the slot."""
+        return self.laws[0].key
 
     @property
     def pairs(self) -> NDArray[np.int64]:

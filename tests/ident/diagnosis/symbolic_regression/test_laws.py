@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
-from lrm_ident.diagnosis.symbolic_regression.grammar import Law, laws_at, quantities_at
+from lrm_ident.diagnosis.symbolic_regression.grammar import Law, extensions_at, laws_at, quantities_at
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
 from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
 from lrm_ident.diagnosis.symbolic_regression.search import LawColumns, LawSearch, search_laws
@@ -30,6 +31,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.support.commands import stdout_of
@@ -42,7 +44,7 @@ def some_poses(seed: int, count: int = 40) -> tuple[Poses, Array]:
     rng = np.random.default_rng(seed)
     q = rng.uniform(-1.7, 1.7, (count, 3))
     load, side = rng.choice([0.0, 0.07], count), np.sign(rng.normal(size=(count, 3)))
-    return Poses(q, load, side, np.linspace(0.0, 900.0, count)), rng.normal(size=count)
+    return Poses(q, load, side, np.linspace(0.0, 900.0, count)), rng.normal(size=(count, 3))
 
 
 def base_fit(arm: Arm, data: Measurements) -> Model:
@@ -73,6 +75,13 @@ def test_every_law_of_the_grammar_is_another_and_can_be_evaluated() -> None:
         assert np.isfinite(values).all()
     for wanted in ("a sin(q1 + q3) + b cos(q1 + q3)", "a sin(5 * q2) + b cos(5 * q2)", "a tau * side", "a q1 * load"):
         assert f"δq2 = {wanted}" in formulas
+    assert "δq2 = a abs(tau3)" in formulas
+    assert "δq2 = a tau3 * side" not in formulas
+    assert {"δd2 = a time", "δd2 = a tau1"} < {law.formula for law in some_extensions(poses, torque)}
+
+
+def some_extensions(poses: Poses, torque: Array) -> list[Law]:
+    return list(extensions_at(1, "d", quantities_at(1, poses, torque)))
 
 
 @settings(max_examples=15, deadline=None)
@@ -82,16 +91,18 @@ def test_a_written_law_moves_the_joint_as_its_formula_says(
 ) -> None:
     poses, torque = some_poses(seed % 1000)
     rng = np.random.default_rng(seed)
-    laws = list(laws_at(1, quantities_at(1, poses, torque)))
+    laws = [*laws_at(1, quantities_at(1, poses, torque)), *some_extensions(poses, torque)]
     law: Law = laws[int(rng.integers(len(laws)))]
     file = tmp_path_factory.mktemp("law") / "law.py"
     file.write_text(law_source(law, (0.02,) * len(law.terms), "some.csv", "facts"), encoding="utf-8")
     (kind,) = effects_in(file)
     effect, p = kind(lab, "joint2"), rng.normal(size=len(law.terms))
-    (moved,) = effect.amounts(poses, (torque,), p.tolist())
+    felt = [torque[:, int(key[5]) - 1] for key in effect.load_slots]
+    (moved,) = effect.amounts(poses, felt, p.tolist())
     np.testing.assert_allclose(moved, law.values(poses, torque) @ p, atol=1e-12)
     assert effect.id == law_id(law)
     assert bool(effect.load_slots) == ("tau" in law.formula)
+    assert effect.targets == (law.key,)
 
 
 TRUE = 17
@@ -161,6 +172,24 @@ def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path) -> None:
     law.rename(tmp_path / "elsewhere.py")
     with pytest.raises(FileError, match=r"sway\.py, which is gone"):
         load_model(path)
+
+
+@pytest.mark.slow
+def test_a_length_that_grows_is_proposed_as_one(tmp_path: Path) -> None:
+    """A law's own file makes the data: the length a of link 2 follows the size of joint 3's angle."""
+    data, arm = case_data(NOTHING, tmp_path), three_joints()
+    fitted = base_fit(arm, data)
+    laws = extensions_at(1, "a", quantities_at(1, data.poses, equilibrium(fitted, data.poses).joint_torque))
+    law = next(one for one in laws if one.formula == "δa2 = a abs(q3)")
+    file = tmp_path / "law.py"
+    file.write_text(law_source(law, (0.002,), "some.csv", "facts"), encoding="utf-8")
+    (kind,) = effects_in(file)
+    grown = model_of(arm, [kind(arm, "joint2")]).with_values([0.004])
+    moved = equilibrium(grown, data.poses).tcp - equilibrium(model_of(arm, ()), data.poses).tcp
+    found = propose_law(fitted, replace(data, tcp=data.tcp + moved))
+    assert found.best is not None
+    assert found.best.law.formula == law.formula
+    assert found.best.error.rms < 0.5 * found.before.rms
 
 
 @pytest.mark.slow

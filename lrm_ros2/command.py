@@ -1,0 +1,66 @@
+"""Command line of the bridge, `lrm-ros2`."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+
+from lrm_math.errors import LrmError
+from lrm_ros2.bridge import TrajectoryDoor, publish_states
+from lrm_ros2.message_types import DISTRIBUTIONS
+from lrm_ros2.ros_node import RosNetwork, RosNode
+from lrmd.client import Rover
+
+TEXT = """\
+Bridge between the daemon lrmd and ROS 2 over rmw_zenoh, without ROS installed: /lrm/joint_states and /diagnostics out,
+and with --trajectories /lrm/joint_trajectory (trajectory_msgs/JointTrajectory) in. The arm must be armed; the bridge
+never arms it. Ctrl-C ends a motion in hold.
+"""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the bridge until SIGTERM or Ctrl-C. Exit code 0 then, 2 if it cannot begin."""
+    options = _parser().parse_args(argv)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        _run(options)
+    except KeyboardInterrupt:
+        return 0
+    except LrmError as error:
+        print(f"lrm-ros2: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("lrm-ros2", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robot", default="rover", help="whose daemon")
+    parser.add_argument("--connect", metavar="ENDPOINTS", help="of the daemon; default LRM_CONNECT or this machine")
+    parser.add_argument("--ros-router", default="127.0.0.1:7447", metavar="HOST:PORT", help="zenoh router of ROS 2")
+    parser.add_argument("--distribution", choices=DISTRIBUTIONS, default="jazzy", help="of ROS 2")
+    parser.add_argument("--domain", type=int, default=0, help="ROS_DOMAIN_ID")
+    parser.add_argument("--namespace", default="/lrm", help="of the topics; default /lrm")
+    parser.add_argument("--trajectories", action="store_true", help="follow trajectories; without it nothing moves")
+    return parser
+
+
+def _run(options: argparse.Namespace) -> None:
+    host, _, port = options.ros_router.rpartition(":")
+    if not host or not port.isdecimal():
+        raise LrmError(f"--ros-router {options.ros_router}: should be like 127.0.0.1:7447")
+    network = RosNetwork(host, int(port), options.distribution, options.domain)
+    with Rover(options.robot, options.connect.split(",") if options.connect else None) as rover:
+        rover.info()
+        door, ended = TrajectoryDoor(rover), threading.Event()
+        with RosNode(network, options.namespace, door.take if options.trajectories else None) as node:
+            print(f"bridge of {rover.robot} to ROS 2 at {options.ros_router}", flush=True)
+            states = threading.Thread(target=publish_states, args=(rover, node, door, ended))
+            states.start()
+            try:
+                while True:
+                    door.follow_next(0.2)
+            finally:
+                ended.set()
+                states.join()
