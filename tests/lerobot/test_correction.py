@@ -17,8 +17,10 @@ from lrm_math.effects import effects_at
 from lrm_math.effects.friction import friction_states
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.deployed_model import named_part
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.ik.test_residual_field import with_field
 
 ELASTIC = ("offsets", "compliance", "base_compliance")
 FIVE = {
@@ -175,3 +177,18 @@ def test_what_cannot_be_corrected_is_named() -> None:
         Correction.of(model_of(load_arm("two-joint"), ()))
     with pytest.raises(LrmError, match="weight"):
         Correction.of(model_of(arm, ()), -0.1)
+
+
+def test_a_residual_field_is_corrected_too() -> None:
+    """As far as springs alone are; it is on no list of what is left."""
+    model, rng = with_field(("compliance",), 4), np.random.default_rng(2)
+    made, off, moved = Correction.of(model), [], []
+    assert made.left_out == ()
+    for wish in rng.uniform(-0.9, 0.9, (25, 6)):
+        begun = Motion.at(np.zeros(6))
+        q = made.command(wish, begun)
+        poses = poses_of(q)
+        off.append(np.linalg.norm(real_tip(made, q, begun.to(q)) - drawn_tip(model, wish)))
+        moved.append(np.linalg.norm(equilibrium(model, poses).tcp - equilibrium(named_part(model), poses).tcp))
+    assert np.median(moved) > 1e-3
+    assert np.median(off) < 0.05 * np.median(moved)

@@ -22,6 +22,9 @@ from tests.support.daemon.daemon_process import (
 
 MODEL = (ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml").read_text(encoding="utf-8")
 OTHER = MODEL + "\n# another file of the same model\n"
+FIELD = MODEL.replace('"compliance"]', '"compliance", "residual_field"]').replace(
+    "[parameters]\n", '[parameters]\n"residual_field.tool.x000001_mm" = 0.4\n'
+)
 DRIFTING = MODEL.replace('"compliance"]', '"compliance", "drift@joint2"]')
 
 
@@ -90,6 +93,19 @@ def test_effects_that_cannot_be_compensated_are_named(
     assert app.main(["--connect", setup.endpoint, "deploy", "--undo"]) == 0
     assert app.main(["--connect", setup.endpoint, "deploy"]) == 2
     assert app.main(["--connect", setup.endpoint, "deploy", str(tmp_path / "missing.toml")]) == 2
+
+
+def test_a_field_is_said_to_be_no_cause_and_what_it_covers(
+    daemon: Started, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    setup, _, _, rover = daemon
+    path = tmp_path / "field.toml"
+    path.write_text(FIELD)
+    assert app.main(["--connect", setup.endpoint, "deploy", str(path)]) == 0
+    said = capsys.readouterr().out.splitlines()[-1]
+    assert said.startswith("residual_field@tool (not a cause) is compensated")
+    assert "where it speaks: not known (the file has no covariance)" in said
+    assert rover.undeploy().field is None
 
 
 def test_a_deployed_model_is_there_after_a_restart(tmp_path: Path) -> None:
