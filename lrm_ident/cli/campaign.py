@@ -224,10 +224,13 @@ def end(*_: object) -> NoReturn:
 @command
 def import_(
     recording: Annotated[
-        Path, Argument(metavar="RECORDING", help="CSV of OptiTrack Motive or Vicon, or .mat with a position per pose.")
+        Path,
+        Argument(
+            metavar="RECORDING", help="CSV of OptiTrack Motive or Vicon, .mcap, or .mat with a position per pose."
+        ),
     ],
     poses: Annotated[
-        Path, Argument(metavar="POSES", help="What was driven to, in order: a CSV as measure takes it, or .mat, .txt.")
+        Path, Argument(metavar="POSES", help="What was driven to: a CSV as measure takes it, .mat, .txt, or .mcap.")
     ],
     output: Annotated[
         Path,
@@ -248,6 +251,8 @@ def import_(
 
     Rests are found where the tip stands still, or taken at regular times (--every, --first). A rest in which a body is
     hidden, frozen or jumps is left out, and said.
+
+    An .mcap (extra: mcap) has bodies as topics of poses, or frames of tf; as POSES, its JointState at the rests counts.
 
     With the word lerobot for RECORDING, POSES is a LeRobot dataset (v3; extra: lerobot), and DATA becomes poses: the
     commanded angles of every rest and what the encoders read, for `camera read` or a tracker's recording.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,9 +17,11 @@ from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurement_table import read_measurement_table
 from lrm_ident.data.number_table import read_numbers
 from lrm_ident.measuring.recordings.cells import read_cells
+from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
+from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
 from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
-from lrm_ident.measuring.recordings.rests import RestTimes, check_number, regular_rests, still_rests
+from lrm_ident.measuring.recordings.rests import RestTimes, Rows, check_number, regular_rests, still_rests
 from lrm_ident.measuring.recordings.take import RecordedTake
 from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
 from lrm_ident.measuring.tracker.dwell import UnstableDwell, rest_mean
@@ -89,16 +92,32 @@ class ImportedRows:
 
 
 def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder) -> ImportedRows:
-    """Reads a `.mat` file of positions, or a recording of Motive or Vicon. Raises `LrmError`."""
+    """Reads a `.mat` file of positions, or a recording of Motive, Vicon or ROS 2 (MCAP). Raises `LrmError`.
+
+    `poses` may be an MCAP file: the joint states in it at the rests, without loads.
+    """
+    if poses.suffix == MCAP:
+        take, joints = _take(source, order), read_joints(poses, arm)
+        rests = _rests(take, order, None)
+        q = np.array([joints.at(take.t[rows]).mean(axis=0) for rows in rests]).reshape(len(rests), arm.dof)
+        number = np.arange(1.0, len(rests) + 1)
+        return _averaged(take, rests, DrivenPoses(number, q, np.zeros(len(rests)), number), order)
     driven = _driven(poses, arm)
     if source.suffix == ".mat":
         return _one_each(source, driven, order)
+    take = _take(source, order)
+    return _averaged(take, _rests(take, order, len(driven.q)), driven, order)
+
+
+def _take(source: Path, order: RecordingOrder) -> RecordedTake:
+    if source.suffix == MCAP:
+        return read_mcap(source)
     cells = read_cells(source)
     if is_motive(cells):
-        return _averaged(read_motive(source, cells), driven, order)
+        return read_motive(source, cells)
     if is_vicon(cells):
-        return _averaged(read_vicon(source, cells, order.rotation), driven, order)
-    right = "should be a .mat file of positions, or a CSV export of OptiTrack Motive, Vicon Tracker or Nexus"
+        return read_vicon(source, cells, order.rotation)
+    right = "should be a .mat file of positions, an .mcap, or a CSV export of OptiTrack Motive, Vicon Tracker or Nexus"
     raise FileError(source, "line 1", f"begins with '{cells[0][0][:30] if cells else ''}'", right)
 
 
@@ -130,12 +149,20 @@ def _one_each(source: Path, driven: DrivenPoses, order: RecordingOrder) -> Impor
     return ImportedRows(driven, turned, t, None, notices=tuple(notices))
 
 
-def _averaged(take: RecordedTake, driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
-    pair, count, t = take.pair(order.tool, order.base), len(driven.q), take.t - take.t[0]
+def _rests(take: RecordedTake, order: RecordingOrder, count: int | None) -> Sequence[Rows]:
+    """Frames of each rest; `count`: how many there should be, None: as many as there are. Raises `LrmError`."""
+    t = take.t - take.t[0]
     if order.times is not None:
-        rests = regular_rests(t, count, order.times, order.dwell)
-    else:
-        rests = list(check_number(still_rests(t, pair.tip, order.dwell), count, order.skip))
+        fit = int((t[-1] - order.times.first) // order.times.every) + 1
+        return regular_rests(t, max(1, fit) if count is None else count, order.times, order.dwell)
+    found = still_rests(t, take.pair(order.tool, order.base).tip, order.dwell)
+    if count is None and not found[order.skip :]:
+        raise FileError(take.path, "", f"the tip rests nowhere for {2.0 * order.dwell:g} s")
+    return found[order.skip :] if count is None else check_number(found, count, order.skip)
+
+
+def _averaged(take: RecordedTake, rests: Sequence[Rows], driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
+    pair = take.pair(order.tool, order.base)
     means = [rest_mean(pair.frames(rows), pair.numbers) for rows in rests]
     left_out = {
         int(number): mean.why
