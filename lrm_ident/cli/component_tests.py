@@ -16,6 +16,7 @@ from lrm_ident.data.servo_stiffness import load_servo_test
 from lrm_ident.data.servo_stiffness import stiffness as run_stiffness
 from lrm_ident.data.tracker_alignment import align as run_align
 from lrm_ident.data.tracker_alignment import load_tracked, measurements_from
+from lrm_ident.data.wording import in_mm
 from lrm_ident.report.component_tests import alignment_document, stiffness_document
 from lrm_ident.report.plots.servo_stiffness import draw_stiffness
 from lrm_math.arm.arm_file import MM, load_arm
@@ -64,7 +65,7 @@ def align(
     if raw and output:
         text, tracked = measurements_from(raw, load_arm(arm), found.deviation)
         if tracked.base_scatter() > STILL * float(np.linalg.norm(found.noise)):
-            log.print(f"notice: {raw.name}: the base target wanders by {tracked.base_scatter() * 1e3:.2f} mm RMS")
+            log.print(f"notice: {raw.name}: the base target wanders by {in_mm(tracked.base_scatter())} mm RMS")
         write_text(output, text)
         show(f"{len(tracked.tcp)} measurements written to {output}")
 

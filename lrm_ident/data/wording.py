@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 LEAST, MOST = 2, 6  # decimals
+SMALLEST_P = 1e-15
 SENSELESS = 1e5
 """Standard error, in units for a person (deg, mm, rad/Nm), beyond which nothing at all is known."""
 
@@ -30,6 +31,16 @@ def with_error(value: float, error: float) -> tuple[str, str]:
         return f"{value:.3g}", "unknown"
     places = max(0, 1 - math.floor(math.log10(float(f"{error:.1e}"))))
     return f"{value:.{places}f}", f"{error:.{places}f}"
+
+
+def in_percent(share: float) -> str:
+    """A share in percent, without the sign: whole ones, and two significant digits below one."""
+    return f"{100.0 * share:.0f}" if abs(share) >= 0.01 or share == 0.0 else f"{100.0 * share:.2g}"
+
+
+def p_words(p_value: float) -> str:
+    """`= 0.003`, one significant digit; `< 1e-15` where doubles say no more."""
+    return f"= {p_value:.1g}" if p_value >= SMALLEST_P else f"< {SMALLEST_P:.0g}"
 
 
 def quantity(value: float, error: float) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import betaincinv, betaln
 
+from lrm_ident.data.wording import in_percent
 from lrm_math.arrays import Array
 
 ROUNDS = 50
@@ -40,7 +41,8 @@ class EffectRate:
     @property
     def words(self) -> str:
         """For instance `3 of 3 arms (of the kind: 29 to 99 %)`: what was seen, and what that says of arms not seen."""
-        return f"{self.found:.3g} of {self.arms} arms (of the kind: {100 * self.low:.0f} to {100 * self.high:.0f} %)"
+        low, high = in_percent(self.low), in_percent(self.high)
+        return f"{self.found:.3g} of {self.arms} arms (of the kind: {low} to {high} %)"
 
 
 def effect_rates(steps: Sequence[Sequence[Sequence[str]]], tested: Sequence[Sequence[str]]) -> tuple[EffectRate, ...]:

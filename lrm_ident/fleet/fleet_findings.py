@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtr
 
+from lrm_ident.data.wording import quantity
 from lrm_ident.fleet.effect_rates import EffectRate
 from lrm_ident.fleet.fleet_prior import ArmEstimates
 from lrm_ident.fleet.identify_arm import ArmRecord
@@ -62,7 +63,7 @@ class FleetOutlier:
         look = "check its screws and its servo" if what == "compliance" else "check how it is screwed together"
         return (
             f"{self.arm}: {place}'s {what} {name} is {self.value:.3g}, {how} "
-            f"({self.sisters:.3g} ± {self.sisters_sd:.2g}): {look}"
+            f"({quantity(self.sisters, self.sisters_sd)}): {look}"
         )
 
 

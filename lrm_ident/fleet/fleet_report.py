@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lrm_ident.data.wording import in_percent, p_words
 from lrm_ident.fleet.fleet_findings import FleetOutlier, TagAssociation
 from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge
 from lrm_ident.fleet.identify_arm import ArmRecord
@@ -145,12 +146,12 @@ def causes_words(causes: Sequence[str]) -> str:
 
 def _link_words(link: TagAssociation) -> str:
     levels = "; ".join(f"{level or '(none)'}: {seen}" for level, seen in link.levels)
-    return f"{link.what} goes with {link.tag} (p = {link.p_value:.1g}): {levels}"
+    return f"{link.what} goes with {link.tag} (p {p_words(link.p_value)}): {levels}"
 
 
 def _rates_table(known: FleetKnowledge) -> ResultTable:
     rows = [
-        (one.name, one.found, one.arms, 100 * one.rate, f"{100 * one.low:.0f} to {100 * one.high:.0f}")
+        (one.name, one.found, one.arms, 100 * one.rate, f"{in_percent(one.low)} to {in_percent(one.high)}")
         for one in known.rates[:MOST_RATES]
         if one.found > 0
     ]

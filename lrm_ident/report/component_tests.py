@@ -6,7 +6,7 @@ import numpy as np
 
 from lrm_ident.data.servo_stiffness import StiffnessEstimate
 from lrm_ident.data.tracker_alignment import Alignment
-from lrm_ident.data.wording import quantity
+from lrm_ident.data.wording import p_words, quantity
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 
 SURE, SIGNIFICANT = 2.0, 0.01
@@ -56,8 +56,8 @@ def _linearity(found: StiffnessEstimate) -> str:
     if found.curvature_p is None:
         return "Too few readings to tell whether the spring is linear."
     if found.curvature_p < SIGNIFICANT:
-        return f"The spring is not linear (p = {found.curvature_p:.1g}): look for nonlinear_stiffness or backlash."
-    return f"Nothing shows that the spring is not linear (p = {found.curvature_p:.2g})."
+        return f"The spring is not linear (p {p_words(found.curvature_p)}): look for nonlinear_stiffness or backlash."
+    return f"Nothing shows that the spring is not linear (p {p_words(found.curvature_p)})."
 
 
 def _hysteresis(found: StiffnessEstimate) -> str:

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.wording import in_percent
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, Discrimination, Rival
 from lrm_ident.design.observability import INDICES, Observability
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
 from lrm_ident.report.document import Block, Document, ResultTable
-from lrm_ident.report.fit import in_mm
+from lrm_ident.report.fit import stats_in_mm
 from lrm_ident.report.names.symbols import symbol
 from lrm_math.effects import Effect
 from lrm_math.model.model import Model
@@ -28,7 +29,7 @@ def choice_document(model: Model, found: PoseSelection, data: Measurements) -> D
     for one in found.fits:
         rest = "–" if one.error_rest is None else one.error_rest.mean * 1e3
         broken = ", ".join(f"{symbol(key)} = {one.fit.model.value(key):.3g}" for key in one.violated_bounds)
-        fits.append((one.name, *in_mm(one.error_all)[:2], rest, broken or "nothing"))
+        fits.append((one.name, *stats_in_mm(one.error_all)[:2], rest, broken or "nothing"))
     columns = ("", "mean mm, all|.2f", "RMS mm, all|.2f", "mean mm, the rest|.2f", "against physics")
     blocks: list[Block] = [
         _index_table(title, found.observability, found.random_baseline),
@@ -150,7 +151,7 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
     for k, effect in enumerate(task.rivals):
         earlier = "" if was is None else f"; now {_least(effect, was, k)}"
         yield (
-            f"{apart.rivals[k].name} would be told from everything else in {100 * TARGET_POWER:.0f} % of cases "
+            f"{apart.rivals[k].name} would be told from everything else in {in_percent(TARGET_POWER)} % of cases "
             f"{_least(effect, apart, k)} (with blind ones {_least(effect, random, k)}{earlier}); "
             f"{_errors(apart.rivals[k])}."
         )

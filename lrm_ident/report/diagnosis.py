@@ -10,7 +10,7 @@ import numpy as np
 from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.wording import enumerate_words, in_mm
+from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -87,7 +87,7 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         heading(_verdict(report)),
         f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {in_mm(report.fit.rms)} mm in the "
         f"fit, {in_mm(report.held_out.rms)} mm held out; noise floor {noise}; "
-        f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p = {found.structure.p_value:.1g}",
+        f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}",
         *_far_poses(report),
         *left_blocks(report.left),
         _ranking_table(report),
@@ -222,7 +222,7 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
 def _share_words(step: AutoStep) -> str:
     """Share of the error that a step took away, and whether it names a cause."""
     known = noise_floor(step.data).rms is not None
-    took = f"took {100 * step.share:.0f} % of the mean square{' above the noise' if known else ''}"
+    took = f"took {in_percent(step.share)} % of the mean square{' above the noise' if known else ''}"
     if step.refines:
         return f"{took}; description: another form of {' or '.join(step.refines)}, no new cause"
     if step.describes:

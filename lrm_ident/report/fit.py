@@ -9,7 +9,7 @@ import numpy as np
 from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import decimals
+from lrm_ident.data.wording import decimals, fall, in_mm, in_percent
 from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_outliers
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
@@ -44,7 +44,7 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     columns = ["TCP error, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))]
     turns = [None if error.turn_rms is None else float(np.degrees(error.turn_rms)) for _, error in stats]
     known = [turn for turn in turns if turn is not None]
-    rows: list[tuple[object, ...]] = [(name, *in_mm(error)) for name, error in stats]
+    rows: list[tuple[object, ...]] = [(name, *stats_in_mm(error)) for name, error in stats]
     if known:
         columns.append(f"orientation RMS, deg|.{decimals(*known)}f")
         rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]
@@ -60,15 +60,15 @@ def fit_document(
     fitted, before, held_out = errors.fitted.rms, errors.nominal.rms, errors.held_out.error
     outliers = [(data.pose[row], np.linalg.norm(fit.residual[row]) * 1e3) for row in fit.outliers]
     how = fit_words(fit.loss.name, data.left_out)
-    unseen = "" if held_out is None else f"; on poses that it never saw it is {wording.in_mm(held_out.rms)} mm"
+    unseen = "" if held_out is None else f"; on poses that it never saw it is {in_mm(held_out.rms)} mm"
     blocks = [
         heading(
-            f"The RMS error fell {wording.fall(before, fitted)} mm ({100 * (1 - fitted / before):.0f} % less){unseen}."
+            f"The RMS error fell {fall(before, fitted)} mm ({in_percent(1 - fitted / before)} % less){unseen}."
         ),
         *([heading(DAMPED)] if fit.damped else []),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, _implausible(model)),
-        *section(OUTLIERS, (f"pose {pose}: {wording.in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
+        *section(OUTLIERS, (f"pose {pose}: {in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
         *_lost(fit, held, data),
         parameter_table(fit),
         *section(
@@ -163,8 +163,8 @@ def _outside(found: ModelComparison) -> str:
     if within is None or not rows:
         return ""
     there, rest = error_stats(found.residual[rows]), np.delete(found.residual, rows, axis=0)
-    inside = f", {error_stats(rest).rms * 1e3:.2f} mm within" if len(rest) else ""
-    error = f"Error of the model as it is: RMS {there.rms * 1e3:.2f} mm there{inside}"
+    inside = f", {in_mm(error_stats(rest).rms)} mm within" if len(rest) else ""
+    error = f"Error of the model as it is: RMS {in_mm(there.rms)} mm there{inside}"
     return f"{within.sentence(found.data.poses.q)}. {error}"
 
 
@@ -231,7 +231,7 @@ def screen_unit(model: Model, key: str) -> tuple[str, float, str]:
     return key.removesuffix("_" + parameter.unit), scale, PRETTY_UNIT.get(parameter.unit, parameter.unit)
 
 
-def in_mm(error: ErrorStats) -> tuple[float, float, float, float]:
+def stats_in_mm(error: ErrorStats) -> tuple[float, float, float, float]:
     """Mean, RMS, maximum and SD (mm)."""
     return error.mean * 1e3, error.rms * 1e3, error.max * 1e3, error.sd * 1e3
 
@@ -270,7 +270,7 @@ def _factor_table(factors: Sequence[Factor]) -> ResultTable:
     spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
     columns = ("split by", "explains|", "", "worst group", f"RMS mm|{spec}", "poses|")
     rows = [
-        (f.name, f"{100 * f.share:.0f} %", "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
+        (f.name, f"{in_percent(f.share)} %", "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
         for f, w in ((factor, factor.worst) for factor in factors)
     ]
     return ResultTable(columns, rows, "Where it fails: what the residual follows")
@@ -283,7 +283,7 @@ def _group_table(factor: Factor) -> ResultTable:
     for group in factor.groups:
         turn = () if group.equivalent_rotation is None else (np.degrees(group.equivalent_rotation),)
         bias = _vector(1e3 * np.array(group.bias), places)
-        rows.append((group.label, group.count, *in_mm(group.error)[:2], bias, *turn))
+        rows.append((group.label, group.count, *stats_in_mm(group.error)[:2], bias, *turn))
     if factor.groups[0].equivalent_rotation is not None:
         columns.append(f"like q{factor.name.split()[-1]} deg|+.2f")
     return ResultTable(columns, rows, f"By {factor.name}")

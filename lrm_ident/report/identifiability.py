@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from lrm_ident.data.wording import in_percent
 from lrm_ident.design.observability import UNITS, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
 from lrm_ident.fitting.identifiability import UnidentifiableParameter
@@ -89,7 +90,7 @@ def in_words(model: Model, held: UnidentifiableParameter) -> str:
             f"{amount:+.3g} {_unit(model, key)} {symbol(key)}" for key, amount in held.combination[:PARTS_SHOWN]
         )
         less = " and less of others" if len(held.combination) > PARTS_SHOWN else ""
-        like = "exactly" if held.survival < 1e-6 else f"but for {100 * held.survival:.0f} %"
+        like = "exactly" if held.survival < 1e-6 else f"but for {in_percent(held.survival)} %"
         return f"1 {_unit(model, held.key)} {name} moves the tip {like} like {parts}{less}"
     if not np.isfinite(held.standard_error):
         return f"{name} does not move the tip at all"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lrm_ident.data.wording import in_mm
+from lrm_ident.data.wording import in_mm, p_words
 from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 
@@ -16,7 +16,7 @@ def proposal_document(found: LawProposal) -> Document:
     judged = (
         f"{found.tried} laws were tried at all joints. Held out, the model alone has {in_mm(found.before.rms)} mm; "
         f"with a law chosen anew in every block (nested) about {in_mm(found.nested)} mm. Against pure noise: "
-        f"p = {found.p_value:.2g}."
+        f"p {p_words(found.p_value)}."
     )
     best = found.best
     values: dict[str, object] = {

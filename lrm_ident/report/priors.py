@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.wording import quantity
+from lrm_ident.data.wording import in_percent, quantity
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.report.document import Block, ResultTable
-from lrm_ident.report.fit import in_mm, screen_unit
+from lrm_ident.report.fit import screen_unit, stats_in_mm
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 
 
@@ -82,7 +82,7 @@ class PriorComparison:
             name, scale, unit = screen_unit(self.fit.model, key)
             (mean, sd), share = self._mean_sd(key, scale), self.share_from_data(key)
             prior = "none" if mean is None or sd is None else quantity(mean, sd)
-            from_data = None if share is None else f"{100 * share:.0f} %"
+            from_data = None if share is None else f"{in_percent(share)} %"
             estimates = _estimate(self.fit, key, scale), from_data, _estimate(self.alone, key, scale)
             rows.append((name, prior, *estimates, unit))
         columns = ("parameter", "prior|", "with prior|", "from data|", "elimination|", "unit")
@@ -93,8 +93,8 @@ class PriorComparison:
         both = ("with prior", self.fit, self.held_out), ("elimination", self.alone, self.alone_held_out)
         for name, fit, held_out in both:
             if not isinstance(fit, str):
-                left = ("none", "none") if held_out.error is None else in_mm(held_out.error)[:2]
-                rows.append((name, len(fit.model.free), *in_mm(error_stats(fit.residual))[:2], *left))
+                left = ("none", "none") if held_out.error is None else stats_in_mm(held_out.error)[:2]
+                rows.append((name, len(fit.model.free), *stats_in_mm(error_stats(fit.residual))[:2], *left))
         columns = ("", "parameters|", "fit mean|.2f", "fit RMS|.2f", "held-out mean|.2f", "held-out RMS|.2f")
         return ResultTable(columns, rows, "TCP error, mm")
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.wording import in_mm, in_percent
 from lrm_ident.residual.covariates import Covariate, covariates, levels
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import MIN_REGIME_RATIO, SIGNIFICANCE
@@ -80,8 +81,8 @@ class Regime:
         """Concentration of the error in an interval, and possible causes."""
         hint = HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]
         return (
-            f"{100 * self.share:.0f} % of the squared error lies where {self.where} ({self.poses} poses): RMS "
-            f"{self.inside * 1e3:.2f} mm there, {self.outside * 1e3:.2f} mm elsewhere; {hint}"
+            f"{in_percent(self.share)} % of the squared error lies where {self.where} ({self.poses} poses): RMS "
+            f"{in_mm(self.inside)} mm there, {in_mm(self.outside)} mm elsewhere; {hint}"
         )
 
     def as_json(self) -> dict[str, object]:

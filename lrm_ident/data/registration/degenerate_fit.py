@@ -10,7 +10,7 @@ import numpy as np
 from lrm_ident.data.registration.reading_check import nominal_tcp
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.registration.similarity import robust_similarity
-from lrm_math.arm.arm_file import MM
+from lrm_ident.data.wording import in_mm, in_percent
 from lrm_math.arm.plausible_arm import reach
 from lrm_math.effects import split_key
 from lrm_math.errors import LrmError
@@ -43,10 +43,10 @@ def check_arm(rest: Equilibrium, free: Sequence[str]) -> None:
         scale = robust_similarity(nominal, rest.tcp, mirrored=False).scale
         if not LEAST_SCALE < scale < MOST_SCALE:
             verb = "shrinks" if scale < 1 else "stretches"
-            raise DegenerateFit(f"the fit lowers the error only as it {verb} the arm to {100 * scale:.0f} %; {CHECK}")
+            raise DegenerateFit(f"the fit lowers the error only as it {verb} the arm to {in_percent(scale)} %; {CHECK}")
     for key, drawn, fitted in lengths(model, free):
         if abs(drawn) > LONG * reach(model.arm) and fitted / drawn < LEFT and _own_motion(rest, free, key) > OWN:
-            change = f"from {drawn / MM:.1f} to {fitted / MM:.1f} mm"
+            change = f"from {in_mm(drawn)} to {in_mm(fitted)} mm"
             raise DegenerateFit(f"the fit lets a length collapse: {key} goes {change}; {CHECK}")
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.data.wording import in_mm, p_words
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import linearised
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law
@@ -155,8 +156,8 @@ def _refit(law: Law, fitted: Fit, data: Measurements, found: LawProposal) -> Ref
     """The law as an effect of its file, everything refitted; None if that fails."""
     largest = np.abs(law.values(data.poses, fitted.rest.joint_torque)).max(axis=0)
     facts = (
-        f"{found.tried} laws were tried. Held out, the model alone has {found.before.rms * 1e3:.2f} mm; with a law\n"
-        f"chosen anew in every block about {found.nested * 1e3:.2f} mm. Against pure noise: p = {found.p_value:.2g}."
+        f"{found.tried} laws were tried. Held out, the model alone has {in_mm(found.before.rms)} mm; with a law\n"
+        f"chosen anew in every block about {in_mm(found.nested)} mm. Against pure noise: p {p_words(found.p_value)}."
     )
     source = law_source(law, tuple((typical_size(law) / largest).tolist()), data.path.name, facts)
     with TemporaryDirectory(prefix="law-") as folder:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from lrm_ident.data.wording import in_mm
 from lrm_ident.measuring.campaign.data_file import ArmState, DataFile
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
@@ -132,7 +133,7 @@ class PoseCampaign:
             if isinstance(rest, RestMean):
                 file.append(pose, state, rest)
                 again = f", after {len(faults)} unfit rests ({faults[-1]})" if faults else ""
-                return f"pose {pose.number}: spread {rest.sd * 1e3:.2f} mm over {rest.frames} frames{again}"
+                return f"pose {pose.number}: spread {in_mm(rest.sd)} mm over {rest.frames} frames{again}"
             faults.append(rest.why)
             result.repeated += 1
         result.failed[pose.number] = faults[-1]

@@ -8,6 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
+from lrm_ident.data.wording import in_mm
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TrackerFrame, tip_position
 from lrm_math.arrays import Array
 
@@ -64,7 +65,7 @@ def rest_mean(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> RestMea
     half = len(tips) // 2
     shift = float(np.linalg.norm(tips[:half].mean(axis=0) - tips[-half:].mean(axis=0)))
     if shift > max(MOVING * sd * np.sqrt(2.0 / half), FINEST):
-        return UnstableDwell(f"still moving: {shift * 1e3:.2f} mm between the halves of the rest")
+        return UnstableDwell(f"still moving: {in_mm(shift)} mm between the halves of the rest")
     return RestMean(mean, sd, float(np.mean([t for t, _ in known])), len(known))
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.wording import in_mm
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest
 from lrm_ident.measuring.campaign.run import CampaignArm, Clock, PoseTiming, Unreachable, rest_at
 from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell
@@ -103,7 +104,7 @@ class GoalRun:
             reached.append(self._here())
             if isinstance(found, AttainedPosition):
                 attained.append(found)
-                on_attained(number, f"{found.error * 1e3:.2f} mm off")
+                on_attained(number, f"{in_mm(found.error)} mm off")
             else:
                 failed[number] = found
                 on_attained(number, found)

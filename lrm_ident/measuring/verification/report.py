@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from lrm_ident.data.wording import in_mm
 from lrm_ident.measuring.verification.goal_run import AttainedPosition, Verification
 from lrm_ident.report.document import Document, ResultTable
 from lrm_math.errors import FileError
@@ -37,7 +38,7 @@ def unlike_the_model(found: Verification) -> list[str]:
         return []
     return [
         f"The tip lands {found.error.rms / found.predicted:.0f} times as far from its goals as the model predicts "
-        f"({MM * found.error.rms:.2f} mm RMS in place of {MM * found.predicted:.2f}): an effect is missing from the "
+        f"({in_mm(found.error.rms)} mm RMS in place of {in_mm(found.predicted)}): an effect is missing from the "
         "model (lrm-ident diagnose), or this is not the arm that was measured any more: a servo without force, another "
         "load, a target or a base that moved."
     ]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.servo_stiffness import StiffnessEstimate
+from lrm_ident.data.wording import quantity
 from lrm_ident.report.plots.style import HELD_OUT, MODEL, figure_file
 
 
@@ -24,7 +25,7 @@ def draw_stiffness(found: StiffnessEstimate, path: Path) -> None:
                 left.plot(test.torque[branch], np.degrees(test.angle[branch]), marker, color=colour, label=name)
                 right.plot(test.torque[branch], np.degrees(test.angle - line)[branch], marker, color=colour, label=name)
         left.set(xlabel="torque, N·m", ylabel="deflection, deg")
-        left.set_title(f"k = {found.slope:.4f} ± {found.slope_error:.4f} rad/Nm")
+        left.set_title(f"k = {quantity(found.slope, found.slope_error)} rad/Nm")
         right.set(xlabel="torque, N·m", ylabel="departure from the line, deg", title="loop and curvature")
         low, high = right.get_ylim()
         right.set_ylim(low, high + 0.35 * (high - low))

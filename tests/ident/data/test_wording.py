@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.data.wording import fall, in_minutes, quantity, with_error
+from lrm_ident.data.wording import fall, in_minutes, in_percent, p_words, quantity, with_error
 from lrm_math.plausibility import far_from_typical
 
 
@@ -40,3 +40,18 @@ def test_times_and_implausible_sizes() -> None:
     assert [in_minutes(seconds) for seconds in (0.2, 45.0, 600.0, 7200.0)] == ["1 s", "45 s", "10 min", "2.0 h"]
     assert far_from_typical(1.2, 0.1) == "12 times what is typical"
     assert not far_from_typical(-0.3, 0.1)
+
+
+@given(st.floats(0.0, 1.0))
+def test_a_share_is_within_half_a_percent_and_a_small_one_is_not_zero(share: float) -> None:
+    off = abs(float(in_percent(share)) / 100.0 - share)
+    assert off <= (0.0051 if share >= 0.01 else 0.06 * share)
+    assert (float(in_percent(share)) == 0.0) == (share == 0.0)
+
+
+@given(st.floats(0.0, 1.0))
+def test_a_p_value_is_never_said_to_be_zero(p_value: float) -> None:
+    relation, number = p_words(p_value).split()
+    assert float(number) > 0.0
+    assert relation == ("=" if p_value >= 1e-15 else "<")
+    assert relation == "<" or abs(float(number) - p_value) <= 0.5 * p_value

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.wording import in_mm
+from lrm_ident.data.wording import in_mm, p_words, quantity
 from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS
 from lrm_ident.report.diagnosis import MARKS
 from lrm_ident.report.history import data_of
@@ -21,7 +21,7 @@ from lrm_ident.report.step_card import StepCard, error_fall, of_data, rivals
 from lrm_ident.residual.error_field import COLOURS
 from lrm_math.arrays import Array
 
-UM, ANGLE, SMALLEST_P = 3, 4, 1e-15
+UM, ANGLE = 3, 4
 """Decimals of millimetres and degrees in the drawing only, and the least p value that is printed."""
 AS_WELL = 0.05
 """Share of the first candidate's error by which another that explains as much may leave more."""
@@ -189,10 +189,10 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
         "heldOut": advice["held_out_rms_mm"],
         "why": advice["why"],
         "online": advice["online"],
-        "p": "< 1e-15" if advice["p_value"] < SMALLEST_P else f"= {advice['p_value']:.1g}",
+        "p": p_words(advice["p_value"]),
         "rivals": list(advice["indistinguishable_from"]),
         "estimates": [
-            f"{key} = {one['value']:.4g}" + (f" ± {one['se']:.2g}" if one["se"] else "")
+            f"{key} = " + (quantity(one["value"], one["se"]) if one["se"] else f"{one['value']:.4g}")
             for key, one in advice["parameters"].items()
         ],
         "size": _size(view),
