@@ -30,11 +30,12 @@ if TYPE_CHECKING:
     from lrm_math.arm.arm import Arm
     from lrmd.client import Rover
 
+SERVOS = "lerobot:, feetech: and dynamixel:"
 AnyRobot = Annotated[
     str,
     Option(
         help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
-        "servos: feetech:/dev/ttyACM0,ids=1-5."
+        "or Dynamixel servos: feetech:/dev/ttyACM0,ids=1-5, dynamixel:/dev/ttyUSB0,ids=1-5."
     ),
 ]
 Connect = Annotated[
@@ -100,7 +101,7 @@ def measure(
     The arm must be armed. It takes planned ways, and pauses when a servo is warm. A rest in which a target is hidden,
     the tracker is frozen, or a frame lies far off is repeated. Interrupted, it holds; the same command goes on.
 
-    With LeRobot (put the arm down before: connecting switches torque off for a moment) or bare Feetech servos (they
+    With LeRobot (put the arm down before: connecting switches torque off for a moment) or bare servos (they
     get torque where they stand) ways are straight, at 30 deg/s: keep them free of anything.
 
     Adaptive (--until, --explain), it takes the most informative of POSES: after every batch it fits, diagnoses, and
@@ -141,11 +142,9 @@ def daemon_of(robot: str, connect: str | None, speed: float | None, model: Path 
     if drives_servos(robot):
         return None
     if speed is not None:
-        raise LrmError(
-            "--speed: a daemon's arm moves at the speed of its lrmd.toml; it goes with lerobot: and feetech:"
-        )
+        raise LrmError(f"--speed: a daemon's arm moves at the speed of its lrmd.toml; it goes with {SERVOS}")
     if model is not None:
-        raise LrmError(f"--model {model}: a daemon uses its own model (lrm deploy); it goes with lerobot: and feetech:")
+        raise LrmError(f"--model {model}: a daemon uses its own model (lrm deploy); it goes with {SERVOS}")
     return Rover(robot, connect.split(",") if connect else None)
 
 

@@ -28,8 +28,9 @@ from lrm_ident.measuring.campaign.run import (
 )
 from lrm_ident.measuring.campaign.servo_arm import ServoArm, Servos
 from lrm_ident.measuring.campaign.zenoh_tracker import ZenohTracker
-from lrm_ident.measuring.feetech.servos import KIND as FEETECH
-from lrm_ident.measuring.feetech.servos import connected_bus
+from lrm_ident.measuring.dynamixel.kind import DYNAMIXEL
+from lrm_ident.measuring.feetech.kind import FEETECH
+from lrm_ident.measuring.servo_bus.servos import connected_bus
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import open_tracker
 from lrm_ident.measuring.verification.goal_commands import GoalSolver, ModelSolver
@@ -37,6 +38,8 @@ from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
 
+BUSES = (FEETECH, DYNAMIXEL)
+"""Kinds of servos that are driven without anything between."""
 SERVOS_OFF = {"disarmed", "estop", "fault"}
 """Modes without pulses: servos that are switched on again may stand elsewhere, which is a new session."""
 
@@ -144,8 +147,9 @@ def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
         """Connects the servos."""
         with ExitStack() as held:
             servos: Servos
-            if text.startswith(FEETECH):
-                servos = held.enter_context(connected_bus(text, arm))
+            kind = next((kind for kind in BUSES if text.startswith(kind.prefix)), None)
+            if kind is not None:
+                servos = held.enter_context(connected_bus(text, kind, arm))
             else:
                 servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
             driven = ServoArm(servos, arm, clock, loads, speed)
@@ -158,7 +162,7 @@ def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
 
 def drives_servos(robot: str) -> bool:
     """Whether a text names servos of its own, and not a daemon."""
-    return robot.startswith((FEETECH, LEROBOT))
+    return robot.startswith((*(kind.prefix for kind in BUSES), LEROBOT))
 
 
 def first_frame(tracker: Tracker, name: str) -> TrackerFrame:

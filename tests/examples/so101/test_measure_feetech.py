@@ -1,4 +1,4 @@
-"""`lrm-ident measure` and `verify` with bare Feetech servos: the simulated bus at a pty, a tracker beside it."""
+"""`lrm-ident measure` and `verify` with bare servos: the simulated bus at a pty, a tracker beside it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth, tip_after
 from examples.so101.launch import simulated_so101, simulated_tracker
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.measuring.feetech.servos import STEP
+from lrm_ident.measuring.servo_bus.servos import STEP
 from lrm_math.arm.arm_file import load_arm
 from tests.support.commands import run_command, stderr_of
 from validation.lerobot_robot.fitted_model import fit_hidden
@@ -28,10 +28,11 @@ def poses_file(folder: Path, count: int = len(POSES_DEG)) -> Path:
     return path
 
 
-def test_poses_are_measured_and_an_interrupted_file_goes_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["feetech", "dynamixel"])
+def test_poses_are_measured_and_an_interrupted_file_goes_on(tmp_path: Path, kind: str) -> None:
     poses, data = poses_file(tmp_path), tmp_path / "data.csv"
-    with simulated_so101(tmp_path, "gain", 1) as link, simulated_tracker(link, 1) as tracker:
-        words = ["measure", poses, "--robot", f"feetech:{link}", "--tracker", tracker, *QUICK, "-o", data]
+    with simulated_so101(tmp_path, "gain", 1, kind) as link, simulated_tracker(link, 1) as tracker:
+        words = ["measure", poses, "--robot", f"{kind}:{link}", "--tracker", tracker, *QUICK, "-o", data]
         code, said, complaint = run_command(*words)
         assert (code, complaint) == (0, "")
         assert "4 of 4 poses are in" in said
@@ -55,6 +56,8 @@ def test_poses_are_measured_and_an_interrupted_file_goes_on(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("robot", "words"),
     [
+        ("dynamixel:{link},ids=1-4", "should be one id for each of the 5 joints"),
+        ("dynamixel:{link}", "cannot be opened"),
         ("feetech:{link},ids=1-4", "should be one id for each of the 5 joints"),
         ("feetech:{link},ids=1+2+3+4+4", "should be one id for each of the 5 joints"),
         ("feetech:{link},id=1-5", "'id=1-5'; should be ids=1-5"),
@@ -70,20 +73,22 @@ def test_words_that_name_no_bus_are_one_line(tmp_path: Path, robot: str, words: 
     assert said.count("\n") == 1
 
 
-def test_a_wrong_number_on_a_real_line_is_one_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["feetech", "dynamixel"])
+def test_a_wrong_number_on_a_real_line_is_one_line(tmp_path: Path, kind: str) -> None:
     poses = poses_file(tmp_path)
-    with simulated_so101(tmp_path, "gain", 1) as link, simulated_tracker(link, 1) as tracker:
-        robot = f"feetech:{link},ids=1+2+3+4+9"
+    with simulated_so101(tmp_path, "gain", 1, kind) as link, simulated_tracker(link, 1) as tracker:
+        robot = f"{kind}:{link},ids=1+2+3+4+9"
         said = stderr_of("measure", poses, "--robot", robot, "--tracker", tracker, "-o", tmp_path / "d.csv")
     assert said.endswith("servo 9 does not answer; on the bus are 1, 2, 3, 4, 5, 6\n")
     assert said.count("\n") == 1
 
 
-def test_the_tip_lands_nearer_with_the_model_of_this_arm(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["feetech", "dynamixel"])
+def test_the_tip_lands_nearer_with_the_model_of_this_arm(tmp_path: Path, kind: str) -> None:
     model = fit_hidden(hidden_truth(described_arm(ARM_FILE), "gain", 1), "gain", 1, tmp_path)
     found = {}
-    with simulated_so101(tmp_path, "gain", 1) as link, simulated_tracker(link, 1) as tracker:
-        words = ["verify", "--robot", f"feetech:{link}", "--tracker", tracker, *QUICK[2:], "--goals", "3"]
+    with simulated_so101(tmp_path, "gain", 1, kind) as link, simulated_tracker(link, 1) as tracker:
+        words = ["verify", "--robot", f"{kind}:{link}", "--tracker", tracker, *QUICK[2:], "--goals", "3"]
         for name, more in {"drawn": [], "fitted": ["--model", model]}.items():
             code, _, complaint = run_command(*words, *more, "--json", tmp_path / f"{name}.json")
             assert (code, complaint) == (0, "")
