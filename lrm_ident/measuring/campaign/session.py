@@ -16,6 +16,7 @@ from lrm_ident.measuring.campaign.data_file import CampaignHead, DataFile
 from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
+from lrm_ident.measuring.campaign.release_key import asked_for_release, release_key
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
 from lrm_ident.measuring.campaign.rover_solver import DaemonSolver
 from lrm_ident.measuring.campaign.run import (
@@ -136,10 +137,11 @@ def by_daemon(rover: Rover, take: bool, client: str = "lrm-ident measure") -> Op
     return drive
 
 
-def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
+def by_servos(text: str, arm: Arm, speed: float, may_release: Callable[[], bool] = asked_for_release) -> OpenArm:
     """The arm of bare servos (`connected_bus`) or of a robot of LeRobot (`connected_robot`), as the text names it.
 
-    Every connection counts as a power-on session. `speed`: rad/s of the fastest joint.
+    Every connection counts as a power-on session. `speed`: rad/s of the fastest joint. `may_release`: see
+    `release_key`, for bare servos.
     """
 
     @contextmanager
@@ -149,7 +151,8 @@ def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
             servos: Servos
             kind = next((kind for kind in BUSES if text.startswith(kind.prefix)), None)
             if kind is not None:
-                servos = held.enter_context(connected_bus(text, kind, arm))
+                servos = bare = held.enter_context(connected_bus(text, kind, arm))
+                held.enter_context(release_key(bare, may_release))
             else:
                 servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
             driven = ServoArm(servos, arm, clock, loads, speed)

@@ -71,6 +71,15 @@ class ServoHost:
         if answer.refused:
             raise LrmError(f"servo {number} refuses {value} at address {register.address}: {answer.refused}")
 
+    def write_patiently(self, number: int, register: BusRegister, value: int) -> None:
+        """Writes a register, and again where no answer came. Raises as `write` does."""
+        for _ in range(ATTEMPTS - 1):
+            try:
+                return self.write(number, register, value)
+            except NoAnswer:
+                continue
+        return self.write(number, register, value)
+
     def move(self, goals: Mapping[int, int]) -> None:
         """Gives servos their goals (counts) by number, all in one packet that nobody answers."""
         goal = self.kind.goal

@@ -70,6 +70,17 @@ class BusServos:
             most = self.host.read(number, self.host.kind.most)
             self.host.write(number, self.host.kind.limit, round(share * most))
 
+    def release(self) -> None:
+        """Takes the torque from all: the arm falls. Each is told, whatever the others say. Raises `NoAnswer`."""
+        silent = []
+        for number in self.numbers:
+            try:
+                self.host.write_patiently(number, self.host.kind.torque, 0)
+            except NoAnswer as error:
+                silent.append(str(error))
+        if silent:
+            raise NoAnswer(f"torque may be on: {'; '.join(silent)}")
+
     def forget_late_answers(self) -> None:
         """See `Servos`."""
         self.host.forget_late_answers()
