@@ -1,4 +1,6 @@
-"""`python -m examples.so101 LINK EFFECT SEED`: the simulated SO-101 at a serial device, until it is ended.
+"""`python -m examples.so101 LINK EFFECT SEED [SPEED [KIND]]`: the simulated SO-101 at a device, until it is ended.
+
+Its servos are of the kind `feetech` or `dynamixel`.
 
 Its true tip is answered at the control socket beside the device, as the simulated board's is.
 """
@@ -13,7 +15,7 @@ import time
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-from examples.so101.hidden_arm import ARM_FILE, HIDDEN, HiddenSo101, hidden_truth
+from examples.so101.hidden_arm import ARM_FILE, BUSES, HIDDEN, HiddenSo101, hidden_truth
 from lrm_math.errors import LrmError, UnknownName
 from lrmd.sim.control_queries import QueryReply
 from lrmd.sim.control_socket import ControlServer
@@ -25,11 +27,13 @@ from validation.synthetic import load_arm
 QUESTIONS = ("tip", "joints")
 
 
-def run(link: Path, effect: str, seed: int, speed: float) -> None:
+def run(link: Path, effect: str, seed: int, speed: float = 1.0, kind: str = "feetech") -> None:
     """Serves until a signal, or until the parent process ends. Raises `LrmError`."""
     if effect not in HIDDEN:
         raise UnknownName("hidden effect", effect, HIDDEN)
-    arm = HiddenSo101(hidden_truth(load_arm(ARM_FILE), effect, seed))
+    if kind not in BUSES:
+        raise UnknownName("kind of servos", kind, BUSES)
+    arm = HiddenSo101(hidden_truth(load_arm(ARM_FILE), effect, seed), kind=kind)
     clock, parent = BoardClock(time.monotonic_ns(), speed), os.getppid()
 
     def reply(question: str) -> QueryReply:
@@ -64,10 +68,15 @@ def main() -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
     try:
-        link, effect, seed, *speed = sys.argv[1:]
-        run(Path(link), effect, int(seed), float(speed[0]) if speed else 1.0)
+        link, effect, seed, *rest = sys.argv[1:]
+        speed, kind = (*rest, *("1", "feetech")[len(rest) :])
+        run(Path(link), effect, int(seed), float(speed), kind)
     except (LrmError, ValueError) as error:
-        what = error if isinstance(error, LrmError) else "should be: python -m examples.so101 LINK EFFECT SEED [SPEED]"
+        what = (
+            error
+            if isinstance(error, LrmError)
+            else "should be: python -m examples.so101 LINK EFFECT SEED [SPEED [KIND]]"
+        )
         print(f"error: {what}", file=sys.stderr)
         sys.exit(2)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
+from typing import Protocol
 
 from examples.so101.feetech_servo import FeetechServo
 from lrm_ident.measuring.feetech import memory_table as table
@@ -12,6 +13,29 @@ from lrm_ident.measuring.feetech.packets import BROADCAST, Instruction, Packet, 
 NO_ERROR = 0
 ALL = 1
 """Status level at which every instruction is answered; at 0 only PING and READ are."""
+
+
+class BusReader(Protocol):
+    """Finds packets in a stream of bytes."""
+
+    def feed(self, data: bytes, /) -> Iterator[BusPacket]:
+        """The packets that are complete with these bytes."""
+
+
+class BusPacket(Protocol):
+    """A packet of either protocol: their instructions have the same numbers."""
+
+    @property
+    def id(self) -> int:
+        """Whose it is."""
+
+    @property
+    def code(self) -> int:
+        """The instruction."""
+
+    @property
+    def parameters(self) -> bytes:
+        """What belongs to it."""
 
 
 class FeetechBus:
@@ -26,8 +50,27 @@ class FeetechBus:
         self.now = 0.0
         self.goals = 0
         self._on_change = on_change
-        self._reader = PacketReader()
+        self._reader: BusReader = self.reader()
         self._rested = True
+
+    WORD = 1
+    """Bytes of an address, and of a length."""
+    GOAL = table.GOAL_POSITION.address
+
+    def reader(self) -> BusReader:
+        """A reader of what a host says."""
+        return PacketReader()
+
+    def status(self, number: int, error: int = NO_ERROR, data: bytes = b"") -> bytes:
+        """What a servo of a number answers."""
+        return Packet(number, error, data).encoded()
+
+    def pinged(self, servo: FeetechServo) -> bytes:
+        """What a servo answers when it is asked whether it is there."""
+        return self.status(servo.id)
+
+    def _word(self, given: bytes, place: int = 0) -> int:
+        return int.from_bytes(given[place * self.WORD : (place + 1) * self.WORD], "little")
 
     def advance(self, now: float) -> None:
         """Lets the servos move until a time (s)."""
@@ -43,7 +86,7 @@ class FeetechBus:
         self.advance(now)
         return b"".join(self._answer(packet) for packet in self._reader.feed(data))
 
-    def _answer(self, packet: Packet) -> bytes:
+    def _answer(self, packet: BusPacket) -> bytes:
         if packet.code == Instruction.SYNC_READ:
             return self._sync_read(packet.parameters)
         if packet.code == Instruction.SYNC_WRITE:
@@ -55,43 +98,48 @@ class FeetechBus:
                 self._reply(servo, packet)
             return b""
         if packet.id == BROADCAST:
-            return b"".join(collided([servo for servo in called if servo.id == one]) for one in _ids(called))
+            return b"".join(garbled([self.pinged(s) for s in called if s.id == one]) for one in _ids(called))
         return garbled([self._reply(servo, packet) for servo in called])
 
-    def _reply(self, servo: FeetechServo, packet: Packet) -> bytes:
+    def _reply(self, servo: FeetechServo, packet: BusPacket) -> bytes:
         """Carries out an instruction for one servo."""
         level, given = table.STATUS_LEVEL.read(servo.memory), packet.parameters
         if packet.code == Instruction.PING:
-            return _status(servo)
-        if packet.code == Instruction.READ and len(given) == 2:
-            return _status(servo, servo.read(given[0], given[1]))
+            return self.pinged(servo)
+        if packet.code == Instruction.READ and len(given) == 2 * self.WORD:
+            return self._said(servo, given)
         if packet.code == Instruction.WRITE and given:
             own = servo.id
-            self._write(servo, given[0], given[1:])
-            return Packet(own, NO_ERROR).encoded() if level >= ALL else b""
+            self._write(servo, self._word(given), given[self.WORD :])
+            return self.status(own, servo.error) if level >= ALL else b""
         if packet.code == Instruction.REG_WRITE and given:
-            servo.pending = given[0], given[1:]
+            servo.pending = self._word(given), given[self.WORD :]
         elif packet.code == Instruction.ACTION:
             if servo.pending is not None:
                 self._write(servo, *servo.pending)
             servo.pending = None
         else:
             return b""
-        return _status(servo) if level >= ALL else b""
+        return self.status(servo.id, servo.error) if level >= ALL else b""
+
+    def _said(self, servo: FeetechServo, given: bytes) -> bytes:
+        """What it answers when asked for a length of bytes from an address."""
+        data = servo.read(self._word(given), self._word(given, 1))
+        return self.status(servo.id, servo.error, data)
 
     def _sync_read(self, given: bytes) -> bytes:
         """Start, length, ids: each answers for itself, in that order."""
         out = b""
-        for one in given[2:]:
+        for one in given[2 * self.WORD :]:
             called = [servo for servo in self.servos if servo.id == one]
-            out += garbled([_status(servo, servo.read(given[0], given[1])) for servo in called])
+            out += garbled([self._said(servo, given) for servo in called])
         return out
 
     def _sync_write(self, given: bytes) -> None:
         """Start, length, then id and data of each; nobody answers."""
-        start, length = given[0], given[1]
-        self.goals += start <= table.GOAL_POSITION.address < start + length
-        for at in range(2, len(given) - length, length + 1):
+        start, length = self._word(given), self._word(given, 1)
+        self.goals += start <= self.GOAL < start + length
+        for at in range(2 * self.WORD, len(given) - length, length + 1):
             for servo in self.servos:
                 if servo.id == given[at]:
                     self._write(servo, start, given[at + 1 : at + 1 + length])
@@ -105,17 +153,8 @@ class FeetechBus:
             self._rested = False
 
 
-def _status(servo: FeetechServo, data: bytes = b"") -> bytes:
-    return Packet(servo.id, NO_ERROR, data).encoded()
-
-
 def _ids(servos: Sequence[FeetechServo]) -> Iterator[int]:
     yield from sorted({servo.id for servo in servos})
-
-
-def collided(servos: Sequence[FeetechServo]) -> bytes:
-    """Answers of servos of one id to a PING of all."""
-    return garbled([_status(servo) for servo in servos])
 
 
 def garbled(answers: Sequence[bytes]) -> bytes:

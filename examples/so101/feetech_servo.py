@@ -29,7 +29,7 @@ class FeetechServo:
 
     Attributes:
         angle: rad, of its shaft from the middle of the encoder's turn. torque: N·m, of the load. rise: K over ambient.
-        pending: what a REG_WRITE left for the next ACTION: address and bytes.
+        pending: what a REG_WRITE left for the next ACTION: address and bytes. error: of what it was told last.
     """
 
     number: int
@@ -39,6 +39,7 @@ class FeetechServo:
     memory: bytearray = field(default_factory=bytearray, repr=False)
     saved: bytearray = field(default_factory=bytearray, repr=False)
     pending: tuple[int, bytes] | None = None
+    error: int = 0
 
     def __post_init__(self) -> None:
         self.memory = self.memory or table.factory_memory(self.number)

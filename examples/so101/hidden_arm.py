@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from examples.so101.dynamixel_bus import DynamixelBus, DynamixelServo
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import FeetechServo
 from lrm_math.arrays import Array
@@ -78,9 +79,15 @@ def tip_after(arm: ArmDescription, truth: GroundTruth, path: Array) -> Array:
     return np.asarray(true_state(arm, truth, path, 0.0, schedule).tcp_m[-1])
 
 
+BUSES: dict[str, tuple[type[FeetechServo], type[FeetechBus]]] = {
+    "feetech": (FeetechServo, FeetechBus), "dynamixel": (DynamixelServo, DynamixelBus),
+}  # fmt: skip
+"""Servos that may move it, and what they speak."""
+
+
 @dataclass(eq=False)
 class HiddenSo101:
-    """The true arm and the bus that moves it.
+    """The true arm and the bus that moves it, with servos of a kind of `BUSES`.
 
     `history`: (n,) each, rad, where the joints stood whenever one may have turned round.
     """
@@ -88,11 +95,13 @@ class HiddenSo101:
     truth: GroundTruth
     arm: ArmDescription = field(default_factory=lambda: load_arm(ARM_FILE))
     history: list[Array] = field(default_factory=list)
+    kind: str = "feetech"
 
     def __post_init__(self) -> None:
         self._drawn = GroundTruth.nominal(self.arm)  # its torques: sag changes them by two percent, and takes long
-        self.servos = tuple(FeetechServo(number) for number in range(1, GRIPPER + 1))
-        self.bus = FeetechBus(self.servos, self._remember)
+        servo, bus = BUSES[self.kind]
+        self.servos = tuple(servo(number) for number in range(1, GRIPPER + 1))
+        self.bus = bus(self.servos, self._remember)
         self.history.append(self.q)
 
     @property

@@ -16,10 +16,10 @@ SPEED = 10.0
 
 
 @contextmanager
-def simulated_so101(folder: Path, effect: str, seed: int) -> Iterator[Path]:
+def simulated_so101(folder: Path, effect: str, seed: int, kind: str = "feetech") -> Iterator[Path]:
     """Runs the bus; yields its serial device. Raises `LrmError`."""
     link = folder / "so101"
-    words = [sys.executable, "-m", "examples.so101", str(link), effect, str(seed), str(SPEED)]
+    words = [sys.executable, "-m", "examples.so101", str(link), effect, str(seed), str(SPEED), kind]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None

@@ -30,11 +30,12 @@ if TYPE_CHECKING:
     from lrm_math.arm.arm import Arm
     from lrmd.client import Rover
 
+SERVOS = "lerobot:, feetech: and dynamixel:"
 AnyRobot = Annotated[
     str,
     Option(
         help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
-        "servos: feetech:/dev/ttyACM0,ids=1-5."
+        "or Dynamixel servos: feetech:/dev/ttyACM0,ids=1-5, dynamixel:/dev/ttyUSB0,ids=1-5."
     ),
 ]
 Connect = Annotated[
@@ -63,6 +64,9 @@ LoadCommand = Annotated[
 Speed = Annotated[
     float | None,
     Option(min=1.0, max=180.0, metavar="DEG_PER_S", help="Of the fastest joint, without a daemon. Default: 30."),
+]
+Release = Annotated[
+    bool, Option("--release", help="Bare servos: Ctrl-\\ takes their torque without a question, and the arm falls.")
 ]
 Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]
 
@@ -94,14 +98,16 @@ def measure(
     ] = False,
     take: Take = False,
     speed: Speed = None,
+    release: Release = False,
 ) -> None:
     """Drive the arm through POSES and measure its tip at each: DATA, one row as soon as it is known.
 
     The arm must be armed. It takes planned ways, and pauses when a servo is warm. A rest in which a target is hidden,
     the tracker is frozen, or a frame lies far off is repeated. Interrupted, it holds; the same command goes on.
 
-    With LeRobot (put the arm down before: connecting switches torque off for a moment) or bare Feetech servos (they
-    get torque where they stand) ways are straight, at 30 deg/s: keep them free of anything.
+    With LeRobot (put the arm down before: connecting switches torque off for a moment) or bare servos (they
+    get torque where they stand) ways are straight, at 30 deg/s: keep them free of anything. Ctrl-C holds; so does
+    Ctrl-\\ with bare servos, and then takes their torque if told to (--release, or the answer to its question).
 
     Adaptive (--until, --explain), it takes the most informative of POSES: after every batch it fits, diagnoses, and
     chooses the next ones, until that is enough; some are measured twice.
@@ -121,14 +127,14 @@ def measure(
         name = arm or (SO101 if daemon is None else daemon.info().arm)
         the_arm = load_arm(name)
         plan = load_plan(poses, the_arm)
-        drive = drive_of(daemon, take, robot, the_arm, speed, "lrm-ident measure")
+        drive = drive_of(daemon, take, robot, the_arm, speed, "lrm-ident measure", release)
         track = partial(connected, daemon, tracker, numbers)
         timing = PoseTiming(pause, settle, dwell)
         order = CampaignOrder(drive, track, tracker, numbers, the_arm, name, timing, _loads(load_command), _say, show)
         try:
             result = run(order, plan, output, goal)
-        except (KeyboardInterrupt, SystemExit):
-            show(f"stopped; the arm holds. What is measured is in {output}; the same command goes on")
+        except (KeyboardInterrupt, SystemExit) as stop:
+            show(f"stopped; {state_after(stop)}. What is measured is in {output}; the same command goes on")
             raise Exit(1) from None
     _conclude(result, len(plan.poses) if goal is None else None, output)
 
@@ -141,22 +147,30 @@ def daemon_of(robot: str, connect: str | None, speed: float | None, model: Path 
     if drives_servos(robot):
         return None
     if speed is not None:
-        raise LrmError(
-            "--speed: a daemon's arm moves at the speed of its lrmd.toml; it goes with lerobot: and feetech:"
-        )
+        raise LrmError(f"--speed: a daemon's arm moves at the speed of its lrmd.toml; it goes with {SERVOS}")
     if model is not None:
-        raise LrmError(f"--model {model}: a daemon uses its own model (lrm deploy); it goes with lerobot: and feetech:")
+        raise LrmError(f"--model {model}: a daemon uses its own model (lrm deploy); it goes with {SERVOS}")
     return Rover(robot, connect.split(",") if connect else None)
 
 
-def drive_of(daemon: Rover | None, take: bool, robot: str, arm: Arm, speed: float | None, client: str) -> OpenArm:
-    """Opens the arm of a daemon, or of servos without one."""
-    from lrm_ident.measuring.campaign.servo_arm import SPEED
-    from lrm_ident.measuring.campaign.session import by_daemon, by_servos
+def state_after(stop: BaseException) -> str:
+    """What the arm does after an interruption, in words."""
+    return "its torque is released" if getattr(stop, "released", False) else "the arm holds"
 
+
+def drive_of(
+    daemon: Rover | None, take: bool, robot: str, arm: Arm, speed: float | None, client: str, release: bool = False
+) -> OpenArm:
+    """Opens the arm of a daemon, or of servos without one. `release`: the person said so before (`release_key`)."""
+    from lrm_ident.measuring.campaign.servo_arm import SPEED
+    from lrm_ident.measuring.campaign.session import BUSES, by_daemon, by_servos
+
+    if release and not robot.startswith(tuple(kind.prefix for kind in BUSES)):
+        raise LrmError(f"--release: it goes with {' and '.join(kind.prefix for kind in BUSES)}")
     if daemon is not None:
         return by_daemon(daemon, take, client)
-    return by_servos(robot, arm, SPEED if speed is None else math.radians(speed))
+    rate = SPEED if speed is None else math.radians(speed)
+    return by_servos(robot, arm, rate, lambda: True) if release else by_servos(robot, arm, rate)
 
 
 def _length(text: str) -> float:

@@ -24,7 +24,7 @@ from lrm_ident.cli.common import (
     show,
     tell,
 )
-from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.metadata import arm_for, metadata_of
 from lrm_ident.data.measurements import Measurements
@@ -146,6 +146,10 @@ def compare(
     data: arg.DataFile,
     json: arg.JsonFile = None,
     figure: arg.FigureFile = None,
+    mcap: Annotated[
+        Path | None,
+        Option("--mcap", metavar="FILE", help="Also write arm and error arrows of each pose (Foxglove)."),
+    ] = None,
     show_all: arg.ShowAll = False,
     left_out: Annotated[bool, Option("--left-out", help="Only the poses that the model's fit left out.")] = False,
     effects_file: arg.EffectsFile = None,
@@ -163,6 +167,10 @@ def compare(
         if known and known.data_sha256 != study.data.sha256:
             notice(f"the model was fitted to {known.data}; its error here is on poses it never saw")
         comparison = study.compare()
+    if mcap is not None:
+        from lrm_ident.report.plots.comparison_scene import scene_file
+
+        write_bytes(mcap, scene_file(comparison))
     publish(
         comparison_document(comparison),
         json,

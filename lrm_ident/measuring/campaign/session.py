@@ -16,6 +16,7 @@ from lrm_ident.measuring.campaign.data_file import CampaignHead, DataFile
 from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
+from lrm_ident.measuring.campaign.release_key import asked_for_release, release_key
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
 from lrm_ident.measuring.campaign.rover_solver import DaemonSolver
 from lrm_ident.measuring.campaign.run import (
@@ -28,8 +29,9 @@ from lrm_ident.measuring.campaign.run import (
 )
 from lrm_ident.measuring.campaign.servo_arm import ServoArm, Servos
 from lrm_ident.measuring.campaign.zenoh_tracker import ZenohTracker
-from lrm_ident.measuring.feetech.servos import KIND as FEETECH
-from lrm_ident.measuring.feetech.servos import connected_bus
+from lrm_ident.measuring.dynamixel.kind import DYNAMIXEL
+from lrm_ident.measuring.feetech.kind import FEETECH
+from lrm_ident.measuring.servo_bus.servos import connected_bus
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import open_tracker
 from lrm_ident.measuring.verification.goal_commands import GoalSolver, ModelSolver
@@ -37,6 +39,8 @@ from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
 
+BUSES = (FEETECH, DYNAMIXEL)
+"""Kinds of servos that are driven without anything between."""
 SERVOS_OFF = {"disarmed", "estop", "fault"}
 """Modes without pulses: servos that are switched on again may stand elsewhere, which is a new session."""
 
@@ -133,10 +137,11 @@ def by_daemon(rover: Rover, take: bool, client: str = "lrm-ident measure") -> Op
     return drive
 
 
-def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
+def by_servos(text: str, arm: Arm, speed: float, may_release: Callable[[], bool] = asked_for_release) -> OpenArm:
     """The arm of bare servos (`connected_bus`) or of a robot of LeRobot (`connected_robot`), as the text names it.
 
-    Every connection counts as a power-on session. `speed`: rad/s of the fastest joint.
+    Every connection counts as a power-on session. `speed`: rad/s of the fastest joint. `may_release`: see
+    `release_key`, for bare servos.
     """
 
     @contextmanager
@@ -144,8 +149,10 @@ def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
         """Connects the servos."""
         with ExitStack() as held:
             servos: Servos
-            if text.startswith(FEETECH):
-                servos = held.enter_context(connected_bus(text, arm))
+            kind = next((kind for kind in BUSES if text.startswith(kind.prefix)), None)
+            if kind is not None:
+                servos = bare = held.enter_context(connected_bus(text, kind, arm))
+                held.enter_context(release_key(bare, may_release))
             else:
                 servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
             driven = ServoArm(servos, arm, clock, loads, speed)
@@ -158,7 +165,7 @@ def by_servos(text: str, arm: Arm, speed: float) -> OpenArm:
 
 def drives_servos(robot: str) -> bool:
     """Whether a text names servos of its own, and not a daemon."""
-    return robot.startswith((FEETECH, LEROBOT))
+    return robot.startswith((*(kind.prefix for kind in BUSES), LEROBOT))
 
 
 def first_frame(tracker: Tracker, name: str) -> TrackerFrame:

@@ -1,1 +1,1 @@
-"""Feetech servos on a serial bus: packets, registers, and an arm of them."""
+"""Feetech STS servos: packets, registers, and what a bus has to know of them."""

@@ -2,36 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from lrm_ident.measuring.servo_bus.register import Register
 
 SIZE = 88
 EEPROM_END = 40
 """Registers below keep their value without power if they were written while `LOCK` was 0."""
 MODEL_STS3215, MODEL_STS3250 = 777, 2825
-
-
-@dataclass(frozen=True)
-class Register:
-    """A number of one or two bytes, the low one first. `sign`: the bit that makes it negative; None: unsigned."""
-
-    address: int
-    length: int = 1
-    sign: int | None = None
-
-    def read(self, memory: bytes | bytearray) -> int:
-        """Its value."""
-        raw = int.from_bytes(memory[self.address : self.address + self.length], "little")
-        if self.sign is None:
-            return raw
-        size = raw & ~(1 << self.sign)
-        return -size if raw >> self.sign & 1 else size
-
-    def write(self, memory: bytearray, value: int) -> None:
-        """Puts a value there, cut to what it can hold."""
-        most = (1 << (8 * self.length if self.sign is None else self.sign)) - 1
-        size = min(abs(value), most)
-        raw = size | 1 << self.sign if self.sign is not None and value < 0 else size
-        memory[self.address : self.address + self.length] = raw.to_bytes(self.length, "little")
 
 
 FIRMWARE_MAJOR, FIRMWARE_MINOR, MODEL = Register(0), Register(1), Register(3, 2)

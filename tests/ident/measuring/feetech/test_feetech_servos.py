@@ -14,11 +14,13 @@ from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Unreachable
 from lrm_ident.measuring.campaign.servo_arm import SPEED, TICK_S, TORQUE, ServoArm
 from lrm_ident.measuring.feetech import memory_table as table
-from lrm_ident.measuring.feetech.bus import FeetechHost
-from lrm_ident.measuring.feetech.servos import MOST_TORQUE, FeetechServos, held_servos
+from lrm_ident.measuring.feetech.kind import FEETECH
+from lrm_ident.measuring.servo_bus.bus import ServoHost
+from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 
+MOST_TORQUE = 1000
 ARM = load_arm("so101")
 REGISTERS = st.sampled_from(
     [table.ID, table.MAX_POSITION, table.GOAL_POSITION, table.TORQUE_LIMIT, table.TEMPERATURE, table.HOMING_OFFSET]
@@ -70,8 +72,8 @@ def line_of(*numbers: int, echo: bool = False) -> BusLine:
     return BusLine(FeetechBus([FeetechServo(number) for number in numbers]), echo=echo)
 
 
-def held(line: BusLine, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> FeetechServos:
-    return held_servos("feetech:/dev/x", FeetechHost(line), ARM, numbers)
+def held(line: BusLine, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> BusServos:
+    return held_servos("feetech:/dev/x", ServoHost(line, FEETECH), ARM, numbers)
 
 
 def pose(q: list[float], approach: int = 0) -> PlannedPose:
@@ -162,7 +164,7 @@ def test_lost_answers_are_asked_for_again_and_a_lost_line_is_said() -> None:
 @given(st.integers(1, 5), REGISTERS, st.booleans())
 def test_it_reads_what_the_servo_has(number: int, register: table.Register, echo: bool) -> None:
     line = line_of(1, 2, 3, 4, 5, echo=echo)
-    host, memory = FeetechHost(line), line.bus.servos[number - 1].memory
+    host, memory = ServoHost(line, FEETECH), line.bus.servos[number - 1].memory
     assert host.read(number, register) == register.read(memory)
     assert host.read_all((5, number), register)[number] == register.read(memory)
 
@@ -170,7 +172,7 @@ def test_it_reads_what_the_servo_has(number: int, register: table.Register, echo
 @given(st.integers(1, 5), st.integers(0, 1000), st.booleans())
 def test_it_writes_to_one_servo_alone(number: int, limit: int, echo: bool) -> None:
     line = line_of(1, 2, 3, 4, 5, echo=echo)
-    FeetechHost(line).write(number, table.TORQUE_LIMIT, limit)
+    ServoHost(line, FEETECH).write(number, table.TORQUE_LIMIT, limit)
     limits = [table.TORQUE_LIMIT.read(servo.memory) for servo in line.bus.servos]
     assert limits == [limit if servo.id == number else MOST_TORQUE for servo in line.bus.servos]
 

@@ -1,4 +1,4 @@
-"""Host of a bus of Feetech STS servos: one question at a time over half a duplex line, each answer checked."""
+"""Host of a bus of servos: one question at a time over half a duplex line, each answer checked."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
-from lrm_ident.measuring.feetech import memory_table as table
-from lrm_ident.measuring.feetech.memory_table import Register
-from lrm_ident.measuring.feetech.packets import BROADCAST, Instruction, Packet, PacketReader
+from lrm_ident.measuring.servo_bus.contract import Answer, BusRegister, BusServoKind
+from lrm_math.errors import LrmError
 
 ANSWER_S, LOOK_S = 0.5, 0.1
 """Time (s) for an answer, of a servo that should be there and of one that may; USB adapters hand on every 16 ms."""
@@ -37,12 +36,13 @@ class SerialLine(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class FeetechHost:
-    """Host of the servos at a serial line."""
+class ServoHost:
+    """Host of the servos of a kind at a serial line."""
 
     line: SerialLine
+    kind: BusServoKind
 
-    def read(self, number: int, register: Register) -> int:
+    def read(self, number: int, register: BusRegister) -> int:
         """Value of a register. Raises `NoAnswer`."""
         return register.read(bytes(register.address) + self._read(number, register.address, register.length))
 
@@ -53,27 +53,39 @@ class FeetechHost:
         one by one, none is. Raises `NoAnswer`, or `GarbledAnswer`.
         """
         found = b""
-        for address, length in ((table.POSITION.address, 1), (table.POSITION.address + 1, 1), (0, table.LAST_READ)):
+        at = self.kind.position.address
+        for address, length in ((at, 1), (at + 1, 1), (0, self.kind.last_read)):
             found = self._read_patiently(number, address, length)
         return found
 
-    def read_all(self, numbers: Sequence[int], register: Register) -> dict[int, int]:
+    def read_all(self, numbers: Sequence[int], register: BusRegister) -> dict[int, int]:
         """Values of a register of several servos, asked for in one packet. Raises `NoAnswer`."""
-        words = bytes([register.address, register.length, *numbers])
-        answers = self._heard(Packet(BROADCAST, Instruction.SYNC_READ, words), numbers, ANSWER_S)
-        return {number: register.read(bytes(register.address) + answers[number].parameters) for number in numbers}
+        question = self.kind.protocol.read_all(numbers, register.address, register.length)
+        answers = self._heard(question, numbers, ANSWER_S)
+        return {number: register.read(bytes(register.address) + answers[number].data) for number in numbers}
 
-    def write(self, number: int, register: Register, value: int) -> None:
-        """Writes a register, and waits until the servo says so. Raises `NoAnswer`."""
-        self._ask(Packet(number, Instruction.WRITE, bytes([register.address]) + _bytes_of(register, value)))
+    def write(self, number: int, register: BusRegister, value: int) -> None:
+        """Writes a register, and waits until the servo says so. Raises `NoAnswer`; `LrmError`: it refuses."""
+        data = _bytes_of(register, value)
+        answer = self._ask(number, self.kind.protocol.write(number, register.address, data))
+        if answer.refused:
+            raise LrmError(f"servo {number} refuses {value} at address {register.address}: {answer.refused}")
+
+    def write_patiently(self, number: int, register: BusRegister, value: int) -> None:
+        """Writes a register, and again where no answer came. Raises as `write` does."""
+        for _ in range(ATTEMPTS - 1):
+            try:
+                return self.write(number, register, value)
+            except NoAnswer:
+                continue
+        return self.write(number, register, value)
 
     def move(self, goals: Mapping[int, int]) -> None:
         """Gives servos their goals (counts) by number, all in one packet that nobody answers."""
-        goal = table.GOAL_POSITION
-        body = b"".join(bytes([number]) + _bytes_of(goal, count) for number, count in goals.items())
+        goal = self.kind.goal
+        data = {number: _bytes_of(goal, count) for number, count in goals.items()}
         with _line_is_there():
-            words = bytes([goal.address, goal.length]) + body
-            self.line.write(Packet(BROADCAST, Instruction.SYNC_WRITE, words).encoded())
+            self.line.write(self.kind.protocol.write_all(goal.address, data))
 
     def answering(self, numbers: Sequence[int]) -> tuple[int, ...]:
         """Those of these numbers as which one servo answers, or several."""
@@ -86,7 +98,7 @@ class FeetechHost:
 
     def _answers(self, number: int) -> bool:
         try:
-            self._ask(Packet(number, Instruction.PING), LOOK_S)
+            self._ask(number, self.kind.protocol.ping(number), LOOK_S)
         except GarbledAnswer:
             return True
         except NoAnswer:
@@ -102,30 +114,30 @@ class FeetechHost:
         return self._read(number, address, length)
 
     def _read(self, number: int, address: int, length: int) -> bytes:
-        data = self._ask(Packet(number, Instruction.READ, bytes([address, length]))).parameters
+        data = self._ask(number, self.kind.protocol.read(number, address, length)).data
         if len(data) != length:
             raise GarbledAnswer(f"servo {number} answers {len(data)} bytes in place of {length}")
         return data
 
-    def _ask(self, question: Packet, patience: float = ANSWER_S) -> Packet:
+    def _ask(self, number: int, question: bytes, patience: float = ANSWER_S) -> Answer:
         """The answer of one servo within a time (s). Raises `NoAnswer`."""
-        return self._heard(question, [question.id], patience)[question.id]
+        return self._heard(question, [number], patience)[number]
 
-    def _heard(self, question: Packet, numbers: Sequence[int], patience: float) -> dict[int, Packet]:
+    def _heard(self, question: bytes, numbers: Sequence[int], patience: float) -> dict[int, Answer]:
         """Answers of servos within a time (s); an adapter that hands back what was sent is listened through."""
-        found: dict[int, Packet] = {}
+        found: dict[int, Answer] = {}
         self.forget_late_answers()
         with _line_is_there():
-            self.line.write(question.encoded())
-            reader, heard, end = PacketReader(), b"", time.monotonic() + patience
+            self.line.write(question)
+            reader, heard, end = self.kind.protocol.answers(question), b"", time.monotonic() + patience
             while time.monotonic() < end:
                 came = self.line.read(max(1, self.line.in_waiting))
                 heard += came
-                found |= {packet.id: packet for packet in reader.feed(came) if packet != question}
+                found |= {answer.id: answer for answer in reader.feed(came)}
                 if all(number in found for number in numbers):
                     return found
         silent = next(number for number in numbers if number not in found)
-        if heard.removeprefix(question.encoded()):
+        if heard.removeprefix(question):
             raise GarbledAnswer(f"the answer of servo {silent} is garbled")
         raise NoAnswer(f"servo {silent} does not answer")
 
@@ -141,7 +153,7 @@ def _line_is_there() -> Iterator[None]:
         raise NoAnswer(f"the serial line is gone ({' '.join(str(error).split())})") from None
 
 
-def _bytes_of(register: Register, value: int) -> bytes:
-    memory = bytearray(table.SIZE)
+def _bytes_of(register: BusRegister, value: int) -> bytes:
+    memory = bytearray(register.address + register.length)
     register.write(memory, value)
     return bytes(memory[register.address : register.address + register.length])

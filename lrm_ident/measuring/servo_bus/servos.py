@@ -1,4 +1,4 @@
-"""An arm of bare Feetech servos, as `--robot feetech:/dev/ttyACM0,ids=1-5` names it.
+"""An arm of bare servos, as `--robot feetech:/dev/ttyACM0,ids=1-5` or `dynamixel:/dev/ttyUSB0` names it.
 
 Angles are those of the servos' encoders from the middle of their turn, less the homing offset in each servo's memory,
 which LeRobot's calibration writes there too.
@@ -12,38 +12,32 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from lrm_ident.measuring.feetech import memory_table as table
-from lrm_ident.measuring.feetech.bus import FeetechHost, GarbledAnswer, NoAnswer
+from lrm_ident.measuring.servo_bus.bus import GarbledAnswer, NoAnswer, ServoHost
+from lrm_ident.measuring.servo_bus.contract import BusRegister, BusServoKind
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 
-KIND = "feetech:"
 STEP = 2.0 * math.pi / 4096.0
 """rad for one count."""
 MIDDLE = 2048
-BAUD, POLL_S = 1_000_000, 0.02
-MOST_TORQUE = 1000
-MODELS = {table.MODEL_STS3215: "STS3215", table.MODEL_STS3250: "STS3250"}
-"""Servos of 4096 counts a turn that speak this protocol, by their model number."""
-BY_ANGLE = 0
-"""Mode of a servo that goes to angles."""
+POLL_S = 0.02
 LOOKED_FOR = range(1, 21)
 """Numbers that are asked for when a servo is missing."""
 
 
 @dataclass(frozen=True, eq=False)
-class FeetechServos:
+class BusServos:
     """See `Servos`. `numbers`: of the servo of each joint."""
 
     name: str
-    host: FeetechHost
+    host: ServoHost
     joints: tuple[str, ...]
     numbers: tuple[int, ...]
     limits: tuple[tuple[int, int], ...]
 
     def angles(self) -> tuple[float, ...]:
         """See `Servos`."""
-        return tuple((count - MIDDLE) * STEP for count in self._read(table.POSITION).values())
+        return tuple((count - MIDDLE) * STEP for count in self._read(self.host.kind.position).values())
 
     @property
     def step(self) -> float:
@@ -64,46 +58,58 @@ class FeetechServos:
 
     def powered(self) -> Mapping[str, bool]:
         """See `Servos`."""
-        return {joint: bool(value) for joint, value in self._read(table.TORQUE_ENABLE).items()}
+        return {joint: bool(value) for joint, value in self._read(self.host.kind.torque).items()}
 
     def temperature(self) -> Mapping[str, float]:
         """See `Servos`."""
-        return {joint: float(value) for joint, value in self._read(table.TEMPERATURE).items()}
+        return {joint: float(value) for joint, value in self._read(self.host.kind.temperature).items()}
 
     def bound_torque(self, share: float) -> None:
         """See `Servos`."""
         for number in self.numbers:
-            self.host.write(number, table.TORQUE_LIMIT, round(share * MOST_TORQUE))
+            most = self.host.read(number, self.host.kind.most)
+            self.host.write(number, self.host.kind.limit, round(share * most))
+
+    def release(self) -> None:
+        """Takes the torque from all: the arm falls. Each is told, whatever the others say. Raises `NoAnswer`."""
+        silent = []
+        for number in self.numbers:
+            try:
+                self.host.write_patiently(number, self.host.kind.torque, 0)
+            except NoAnswer as error:
+                silent.append(str(error))
+        if silent:
+            raise NoAnswer(f"torque may be on: {'; '.join(silent)}")
 
     def forget_late_answers(self) -> None:
         """See `Servos`."""
         self.host.forget_late_answers()
 
-    def _read(self, register: table.Register) -> dict[str, int]:
+    def _read(self, register: BusRegister) -> dict[str, int]:
         """Values of a register by joint, in their order. Raises `NoAnswer`."""
         found = self.host.read_all(self.numbers, register)
         return {joint: found[number] for joint, number in zip(self.joints, self.numbers, strict=True)}
 
 
 @contextmanager
-def connected_bus(text: str, arm: Arm) -> Iterator[FeetechServos]:
+def connected_bus(text: str, kind: BusServoKind, arm: Arm) -> Iterator[BusServos]:
     """The servos, with torque, where they stand; they hold where they are left. Raises `LrmError`: one is not there."""
     import serial
 
-    path, numbers, baud = _parsed(text, arm.dof)
+    path, numbers, baud = _parsed(text, kind, arm.dof)
     try:
         line = serial.Serial(path, baud, timeout=POLL_S, write_timeout=1.0, exclusive=True)
     except (serial.SerialException, OSError) as error:
         raise LrmError(f"--robot {text}: {path} cannot be opened ({' '.join(str(error).split())})") from None
     with line:
         try:
-            servos = held_servos(text, FeetechHost(line), arm, numbers)
+            servos = held_servos(text, ServoHost(line, kind), arm, numbers)
         except NoAnswer as error:
             raise LrmError(f"--robot {text}: {error}") from None
         yield servos
 
 
-def held_servos(name: str, host: FeetechHost, arm: Arm, numbers: Sequence[int]) -> FeetechServos:
+def held_servos(name: str, host: ServoHost, arm: Arm, numbers: Sequence[int]) -> BusServos:
     """The servos of an arm's joints by their numbers, with torque where they stand, none unless all are fit.
 
     Raises `LrmError`: one is missing, there twice, of another kind; `NoAnswer`: the line is bad.
@@ -115,10 +121,10 @@ def held_servos(name: str, host: FeetechHost, arm: Arm, numbers: Sequence[int]) 
         raise LrmError(f"--robot {name}: {error}") from None
     for number in numbers:
         _hold(host, number)
-    return FeetechServos(name, host, joints, tuple(numbers), limits)
+    return BusServos(name, host, joints, tuple(numbers), limits)
 
 
-def _limits(host: FeetechHost, number: int) -> tuple[int, int]:
+def _limits(host: ServoHost, number: int) -> tuple[int, int]:
     """Least and greatest goal (counts) of a servo that can be driven. Raises `LrmError` for any other."""
     try:
         memory = host.memory(number)
@@ -128,32 +134,35 @@ def _limits(host: FeetechHost, number: int) -> tuple[int, int]:
         there = ", ".join(map(str, host.answering(LOOKED_FOR)))
         others = f"on the bus are {there}" if there else "nor does any other: is the power on, is it the right port?"
         raise LrmError(f"{error}; {others}") from None
-    if (model := table.MODEL.read(memory)) not in MODELS:
-        raise LrmError(f"servo {number} is of model {model}; should be {' or '.join(MODELS.values())}")
-    if mode := table.MODE.read(memory):
-        raise LrmError(f"servo {number} is in mode {mode}; should be {BY_ANGLE}, which goes to angles")
-    return table.MIN_POSITION.read(memory), table.MAX_POSITION.read(memory)
+    kind = host.kind
+    if (model := kind.model.read(memory)) not in kind.models:
+        raise LrmError(f"servo {number} is of model {model}; should be {' or '.join(kind.models.values())}")
+    if (mode := kind.mode.read(memory)) not in kind.modes:
+        right = " or ".join(map(str, kind.modes))
+        raise LrmError(f"servo {number} is in mode {mode}; should be {right}, which goes to angles")
+    return kind.least.read(memory), kind.greatest.read(memory)
 
 
-def _hold(host: FeetechHost, number: int) -> None:
+def _hold(host: ServoHost, number: int) -> None:
     """Gives a servo torque where it stands: that is its goal before, so that it does not move. Raises `NoAnswer`."""
-    if not host.read(number, table.TORQUE_ENABLE):
-        host.write(number, table.GOAL_POSITION, host.read(number, table.POSITION))
-        host.write(number, table.TORQUE_ENABLE, 1)
+    kind = host.kind
+    if not host.read(number, kind.torque):
+        host.write(number, kind.goal, host.read(number, kind.position))
+        host.write(number, kind.torque, 1)
 
 
 def _count(angle: float) -> int:
     return MIDDLE + round(angle / STEP)
 
 
-def _parsed(text: str, count: int) -> tuple[str, tuple[int, ...], int]:
+def _parsed(text: str, kind: BusServoKind, count: int) -> tuple[str, tuple[int, ...], int]:
     """Path, servo numbers and baud rate of `feetech:PATH,ids=1-5,baud=1000000`."""
-    path, *words = text.removeprefix(KIND).split(",")
-    options = {"ids": f"1-{count}", "baud": str(BAUD)}
+    path, *words = text.removeprefix(kind.prefix).split(",")
+    options = {"ids": f"1-{count}", "baud": str(kind.baud)}
     for word in words:
         name, _, value = word.partition("=")
         if name not in options or not value:
-            raise LrmError(f"--robot {text}: '{word}'; should be ids=1-{count}, ids=3+1+2, or baud={BAUD}")
+            raise LrmError(f"--robot {text}: '{word}'; should be ids=1-{count}, ids=3+1+2, or baud={kind.baud}")
         options[name] = value
     numbers = _numbers(options["ids"])
     if len(numbers) != count or len(set(numbers)) != count or not options["baud"].isdecimal():

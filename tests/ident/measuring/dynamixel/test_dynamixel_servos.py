@@ -1,0 +1,175 @@
+"""Dynamixel servos over a line that is the simulated bus: packets byte by byte, and the arm that the host drives."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from examples.so101.dynamixel_bus import DynamixelBus, DynamixelServo
+from examples.so101.feetech_servo import STEP
+from lrm_ident.measuring.campaign.plan import PlannedPose
+from lrm_ident.measuring.campaign.servo_arm import TORQUE, ServoArm
+from lrm_ident.measuring.dynamixel import memory_table as table
+from lrm_ident.measuring.dynamixel.kind import DYNAMIXEL
+from lrm_ident.measuring.dynamixel.packets import HEADER, Instruction2, Packet2, PacketReader2
+from lrm_ident.measuring.servo_bus.bus import ServoHost
+from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import LrmError
+from tests.ident.measuring.feetech.test_feetech_servos import BusLine
+
+ARM = load_arm("so101")
+NUMBERS = (1, 2, 3, 4, 5)
+BYTES = st.binary(max_size=30) | st.lists(st.sampled_from([0xFF, 0xFD, 0x00]), max_size=30).map(bytes)
+PACKETS = st.builds(Packet2, st.integers(0, 0xFC), st.sampled_from(list(Instruction2)).map(int), BYTES)
+ANGLES = st.lists(st.floats(-1.5, 1.5), min_size=5, max_size=5)
+
+
+def line_of(*numbers: int, echo: bool = False) -> BusLine:
+    return BusLine(DynamixelBus([DynamixelServo(number) for number in numbers]), echo=echo)
+
+
+def held(line: BusLine, numbers: tuple[int, ...] = NUMBERS) -> BusServos:
+    return held_servos("dynamixel:/dev/x", ServoHost(line, DYNAMIXEL), ARM, numbers)
+
+
+@pytest.mark.parametrize(
+    ("packet", "expected"),
+    [
+        # Examples of the e-Manual: ping servo 1; its answer (model 1030, firmware 38); read 4 bytes at 132.
+        (Packet2(1, Instruction2.PING), "ff ff fd 00 01 03 00 01 19 4e"),
+        (Packet2(1, Instruction2.STATUS, bytes([0, 6, 4, 0x26])), "ff ff fd 00 01 07 00 55 00 06 04 26 65 5d"),
+        (Packet2(1, Instruction2.READ, bytes([0x84, 0, 4, 0])), "ff ff fd 00 01 07 00 02 84 00 04 00 1d 15"),
+    ],
+)
+def test_packets_are_those_of_the_manual(packet: Packet2, expected: str) -> None:
+    assert packet.encoded().hex(" ") == expected
+
+
+@given(st.lists(PACKETS, max_size=5), st.integers(1, 20))
+def test_packets_come_back_in_whatever_pieces_they_arrive(packets: list[Packet2], size: int) -> None:
+    stream, reader = b"".join(packet.encoded() for packet in packets), PacketReader2()
+    pieces = [stream[at : at + size] for at in range(0, len(stream), size)]
+    assert [packet for piece in pieces for packet in reader.feed(piece)] == packets
+
+
+@given(PACKETS)
+def test_a_header_stands_at_the_beginning_only(packet: Packet2) -> None:
+    assert packet.encoded().count(HEADER) == 1
+
+
+@given(PACKETS, st.integers(0, 7), st.data())
+def test_a_packet_with_a_flipped_bit_is_none(packet: Packet2, bit: int, data: st.DataObject) -> None:
+    frame = bytearray(packet.encoded())
+    frame[data.draw(st.integers(0, len(frame) - 1))] ^= 1 << bit
+    assert packet not in list(PacketReader2().feed(bytes(frame)))
+
+
+@given(ANGLES, st.booleans())
+def test_torque_comes_where_they_stand_and_moves_nothing(angles: list[float], echo: bool) -> None:
+    line = line_of(1, 2, 3, 4, 5, 6, echo=echo)
+    for servo, angle in zip(line.bus.servos, angles, strict=False):
+        servo.angle = round(angle / STEP) * STEP
+    servos = held(line)
+    line.sleep(5.0)
+    assert servos.angles() == pytest.approx([round(angle / STEP) * STEP for angle in angles])
+    assert all(servos.powered().values())
+    assert not line.bus.servos[5].powered
+
+
+@given(ANGLES)
+def test_an_arm_goes_where_it_is_sent_with_bounded_torque(goal: list[float]) -> None:
+    line = line_of(*NUMBERS)
+    arm = ServoArm(held(line), ARM, line, lambda _: None)
+    within = [min(max(q, j.lower), j.upper) for q, j in zip(goal, ARM.joints, strict=True)]
+    state = arm.go(PlannedPose(1, tuple(within), 0.0, 0, 1))
+    assert state.q == pytest.approx([servo.target for servo in line.bus.servos])
+    assert arm.seen() == pytest.approx(state.q, abs=STEP)
+    for servo in line.bus.servos:
+        assert isinstance(servo, DynamixelServo)
+        assert table.GOAL_PWM.read(servo.control) == round(TORQUE * 885)
+    assert 20.0 < arm.temperature() < 40.0
+
+
+def refusal(line: BusLine, numbers: tuple[int, ...] = NUMBERS) -> str:
+    with pytest.raises(LrmError) as caught:
+        held(line, numbers)
+    assert "\n" not in str(caught.value)
+    assert not any(servo.powered for servo in line.bus.servos)
+    return str(caught.value)
+
+
+def test_a_missing_motor_a_wrong_number_another_model_and_another_mode() -> None:
+    assert refusal(line_of(1, 2, 4, 5, 6)).endswith("servo 3 does not answer; on the bus are 1, 2, 4, 5, 6")
+    assert "servo 9 does not answer; on the bus are 1, 2, 3, 4, 5" in refusal(line_of(*NUMBERS), (1, 2, 3, 4, 9))
+    for register, value, words in (
+        (table.MODEL, 777, "servo 2 is of model 777; should be XL330-M077"),
+        (table.OPERATING_MODE, 4, "servo 2 is in mode 4; should be 3 or 5, which goes to angles"),
+    ):
+        line = line_of(*NUMBERS)
+        servo = line.bus.servos[1]
+        assert isinstance(servo, DynamixelServo)
+        register.write(servo.control, value)
+        assert words in refusal(line)
+
+
+@given(st.floats(0.01, 3.0), st.integers(0, 4))
+def test_two_servos_of_one_number(apart: float, which: int) -> None:
+    line = line_of(*NUMBERS, NUMBERS[which])
+    line.bus.servos[5].angle = apart
+    assert f"the answer of servo {NUMBERS[which]} is garbled: two servos have this number?" in refusal(line)
+
+
+def test_what_a_servo_refuses_is_said() -> None:
+    line = line_of(1)
+    host = ServoHost(line, DYNAMIXEL)
+    host.write(1, table.TORQUE_ENABLE, 1)
+    with pytest.raises(LrmError, match="servo 1 refuses 9 at address 7: not writable now"):
+        host.write(1, table.ID, 9)
+    with pytest.raises(LrmError, match="servo 1 refuses 900 at address 100: beyond its limit"):
+        host.write(1, table.GOAL_PWM, 900)
+    assert host.read(1, table.ID) == 1
+
+
+def test_the_makers_sdk_speaks_with_it() -> None:
+    """`dynamixel_sdk`, Robotis's own library, over a port that is this bus."""
+    sdk = pytest.importorskip("dynamixel_sdk", reason="dynamixel-sdk is not installed")
+
+    class Port:
+        """As much of the SDK's `PortHandler` as its packets need."""
+
+        is_using = False
+
+        def __init__(self) -> None:
+            self.line = line_of(1, 2)
+
+        def clearPort(self) -> None:  # noqa: N802
+            self.line.reset_input_buffer()
+
+        def writePort(self, packet: list[int]) -> int:  # noqa: N802
+            return self.line.write(bytes(packet))
+
+        def readPort(self, length: int) -> list[int]:  # noqa: N802
+            return list(self.line.read(length))
+
+        def setPacketTimeout(self, length: int) -> None:  # noqa: N802
+            pass
+
+        def isPacketTimeout(self) -> bool:  # noqa: N802
+            return not self.line.waiting
+
+    port, handler = Port(), sdk.PacketHandler(2.0)
+    assert handler.ping(port, 1) == (1060, sdk.COMM_SUCCESS, 0)
+    assert handler.ping(port, 9)[1] == sdk.COMM_RX_TIMEOUT
+    assert handler.write1ByteTxRx(port, 2, table.TORQUE_ENABLE.address, 1) == (sdk.COMM_SUCCESS, 0)
+    assert handler.write4ByteTxRx(port, 2, table.GOAL_POSITION.address, 0x00FDFFFF)[1] == 6  # stuffed, and refused
+    group = sdk.GroupSyncWrite(port, handler, table.GOAL_POSITION.address, 4)
+    assert group.addParam(2, [0x00, 0x09, 0x00, 0x00])
+    assert group.txPacket() == sdk.COMM_SUCCESS
+    port.line.sleep(5.0)
+    read = sdk.GroupSyncRead(port, handler, table.POSITION.address, 4)
+    assert read.addParam(1)
+    assert read.addParam(2)
+    assert read.txRxPacket() == sdk.COMM_SUCCESS
+    assert [read.getData(number, table.POSITION.address, 4) for number in (1, 2)] == [2048, 0x0900]
