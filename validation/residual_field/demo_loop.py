@@ -19,7 +19,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from validation.residual_field.closed_loop import unfamiliar
 
-POSES, REPEATS, GOALS = 240, 8, 24
+POSES, REPEATS, GOALS = 240, 8, 72
 TRACKER = "validation.residual_field.unfamiliar_tracker"
 
 
@@ -41,14 +41,14 @@ class FieldSteps(DemoSteps):
         return True
 
 
-def landed(seed: int, poses: int) -> tuple[float, float | None]:
+def landed(seed: int, poses: int, goals: int) -> tuple[float, float | None]:
     """RMS distance from the goals (mm) with names alone, and with a field too; None if none was added."""
     with (
         tempfile.TemporaryDirectory(prefix="lrm-field-") as out,
         tempfile.TemporaryDirectory(prefix="lrm-demo-") as private,
         simulated_world(Path(private), seed, TRACKER) as world,
     ):
-        steps = FieldSteps(Path(out), (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}"), seed, GOALS)
+        steps = FieldSteps(Path(out), (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}"), seed, goals)
         load = ("--payload-g", str(LOAD_G))  # still on, from measuring
         steps.write_poses(pose_table(load_arm(ARM), poses, REPEATS, seed))
         steps.measure("--load-command", world.load_command)
@@ -67,11 +67,12 @@ def main() -> None:
     asked = argparse.ArgumentParser("validation.residual_field.demo_loop", description=__doc__)
     asked.add_argument("--seeds", type=int, default=10)
     asked.add_argument("--poses", type=int, default=POSES)
+    asked.add_argument("--goals", type=int, default=GOALS)
     known = asked.parse_args()
     print("| seed | hidden | named mm | with a field mm |\n|---|---|---|---|")
     for seed in range(known.seeds):
         with contextlib.redirect_stdout(io.StringIO()):
-            named, field = landed(seed, known.poses)
+            named, field = landed(seed, known.poses, known.goals)
         said = "not added" if field is None else f"{field:.2f}"
         print(f"| {seed} | {unfamiliar(seed).name} | {named:.2f} | {said} |", flush=True)
 
