@@ -19,6 +19,7 @@ from lrm_ident.residual.data_audit import audit
 from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.predictable_residual import PredictableResidual, predictable_residual
 from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_math.effects import Parameter
 
 DISPLAY_UNITS = {
     "rad": (180.0 / np.pi, "°"),
@@ -30,6 +31,7 @@ DISPLAY_UNITS = {
     "mm_per_m": (1.0, " mm/m"),
 }
 MOST_WORDS = 4  # estimates in a sentence, the surest; all are in the JSON file
+TOO_MANY = 12  # of which no four say anything: coefficients of a curve
 Estimates = tuple[tuple[str, float, float], ...]
 NEXT: Mapping[str, str] = {
     "unexplained_structure": "Look for a law with this anatomy (lrm-ident propose), or write an effect if you know its "
@@ -182,17 +184,23 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     effect = scored.candidate.effect
     units = {p.name: p.unit for p in effect.parameters}
     words = {name: with_unit(value, error, units[name]) for name, value, error in estimates}
-    numbers = {p.name: words.get(p.name, "0") for p in effect.parameters}
+    chosen = {p.name: _chosen(p, value) for p, value in zip(effect.parameters, scored.shape, strict=True)}
+    numbers = {**chosen, **words}
     sentence = effect.about.claim
     claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
     left = [one for one in estimates if one[0] not in sentence]
-    if any(one not in left for one in estimates if one[2]) or not left:
+    if any(one not in left for one in estimates if one[2]) or not left or len(left) > TOO_MANY:
         return claim
     surest = sorted(left, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
     shown = [name for name in words if name in {one[0] for one in surest}]
     labels = {name: name.removesuffix(f"_{units[name]}").replace("_", " ") for name in shown}
     surest_values = ", ".join(f"{label} {words[name]}" for name, label in labels.items())
     return f"{claim} ({surest_values}{f' and {len(left) - MOST_WORDS} more' if len(left) > MOST_WORDS else ''})"
+
+
+def _chosen(parameter: Parameter, value: float) -> str:
+    """The value (SI) of a shape parameter that was searched, the pose at which something moved say; zero of others."""
+    return "0" if parameter.fixed is None else with_unit(value / parameter.si, None, parameter.unit)
 
 
 def with_unit(value: float, error: float | None, unit: str) -> str:

@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat
 from lrm_ident.data.number_table import PLAUSIBLE
 from lrm_ident.data.output_files import is_something_else
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
 from lrm_math.plausibility import implausible_value
@@ -66,5 +66,7 @@ def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
     if not data.exists():
         raise FileError(data, "", "no such file")
     if metadata is None or metadata.arm is None:
-        raise FileError(data, "", "no arm given", "name it with --arm, or as arm in the .toml file beside the data")
+        names = f"{', '.join(sorted(shipped_arms()))} or an arm file of your own (lrm-ident arm new)"
+        right = f"name it with --arm, or as arm in the .toml file beside the data: {names}"
+        raise FileError(data, "", "no arm given", right)
     return metadata.arm, load_arm(metadata.arm)
