@@ -29,6 +29,8 @@ from lrm_math.model.sensed import Sensed
 
 ARM_ERROR = (5e-4, 2e-3)
 """m and rad: what effects that nobody has named yet leave of a pose."""
+JOINT_ERROR = 1e-2
+"""rad: what they leave of a joint. One joint moves all six coordinates of a pose: they are no six errors."""
 ARM_EFFECTS = ("offsets", "compliance", "servo_gain")
 PART = 1e-3
 """m: how far the length of a part is from its drawing; a board of another size is recognised by that."""
@@ -106,13 +108,15 @@ def photo_regression(arm: Arm, poses: Poses, boards: Sequence[BoardPose], found:
     keys = [key for key in model.keys if split_key(key)[1] not in ("base", "tool") or key.startswith("compliance")]
     sizes = [model.parameters[model.position(key)].typical for key in keys]
     typical = np.array([PART if key.endswith("_mm") else size for key, size in zip(keys, sizes, strict=True)])
-    J = parameter_jacobian(equilibrium(model, poses), keys, Sensed(attitude=True)) * typical
+    J = parameter_jacobian(equilibrium(model, poses), keys, Sensed(attitude=True))
+    turns = J[:, :, [key.startswith("offsets.joint") and key.endswith("theta_rad") for key in keys]]
     seen = np.array([board.matrix for board in boards])
     measured = found.camera @ seen @ inverse(found.mount)
     covariance = measured_covariance(found, boards)
     floor = np.diag([ARM_ERROR[0] ** 2] * 3 + [ARM_ERROR[1] ** 2] * 3)
+    floor = floor + JOINT_ERROR**2 * turns @ turns.transpose(0, 2, 1)
     from_camera = (found.camera[:3, :3] @ seen[:, :3, 3, None])[:, :, 0]
-    return PhotoRegression(measured, from_camera, found.residual, root_of(covariance + floor), J)
+    return PhotoRegression(measured, from_camera, found.residual, root_of(covariance + floor), J * typical)
 
 
 def measured_covariance(found: HandEye, boards: Sequence[BoardPose]) -> Array:
