@@ -7,6 +7,7 @@ a real pty) and the tracker (real datagrams). What is real: the daemon, zenoh, a
 
 from __future__ import annotations
 
+import math
 import sys
 import tempfile
 import time
@@ -16,6 +17,7 @@ from examples.demo.conclusion import DemoTruth, conclude
 from examples.demo.hidden import hidden_arm
 from examples.demo.options import run_in_folder
 from examples.demo.pose_files import LOAD_G, pose_table
+from examples.demo.simulated_tracker import FRAME_SD_M, REST_SD_M
 from examples.demo.steps import DemoSteps
 from examples.demo.world import ARM, SPEED, STEP_US, simulated_world
 from lrm_ident.cli.common import show
@@ -25,6 +27,8 @@ from validation.synthetic import load_arm
 from validation.synthetic.example import ARM_FILE
 
 POSES, REPEATS, GOALS = 80, 8, 12
+NOISE_MM = 1e3 * math.sqrt(3.0) * math.hypot(REST_SD_M, FRAME_SD_M / 3.0)
+"""RMS, of the tracker in a position."""
 TIME = f"""\
 Time: the simulated board's clock runs {SPEED:g} times as fast as the computer's, and pulses change by {STEP_US:g} us
 a tick in place of 1 us, so that a pose takes about half a second in place of 15 s. The servos warm
@@ -42,7 +46,7 @@ def run_demo(folder: Path, seed: int) -> None:
     show(heading(f"Seed {seed}: `make demo SEED={seed}` runs the same demo again."), TIME)
     hidden = hidden_arm(load_arm(ARM_FILE), seed)
     with tempfile.TemporaryDirectory(prefix="lrm-demo-") as private, simulated_world(Path(private), seed) as world:
-        steps = DemoSteps(folder, (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}"), seed, GOALS)
+        steps = DemoSteps(folder, (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}"), seed, str(GOALS))
         load = ("--payload-g", str(LOAD_G))  # still on, from measuring
         steps.write_poses(pose_table(load_nominal(ARM), POSES, REPEATS, seed))
         steps.measure("--load-command", world.load_command)
@@ -58,7 +62,7 @@ def run_demo(folder: Path, seed: int) -> None:
             results["with the effect"], last = steps.verify("better", *load), "better.toml"
         steps.report(last)
     truth = DemoTruth(seed, hidden.effect, hidden.words)
-    conclude(folder, truth, named, results, "model in the daemon", time.monotonic() - began)
+    conclude(folder, truth, named, results, "model in the daemon", NOISE_MM, time.monotonic() - began)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from examples.demo.simulated_tracker import FRAME_SD_M, REST_SD_M
 from examples.demo.steps import NamedEffect
 from lrm_ident.cli.common import show
 from lrm_ident.report.document import ResultTable
@@ -25,10 +24,18 @@ class DemoTruth:
 
 
 def conclude(
-    folder: Path, truth: DemoTruth, named: NamedEffect, results: Mapping[str, Any], model: str, seconds: float
+    folder: Path,
+    truth: DemoTruth,
+    named: NamedEffect,
+    results: Mapping[str, Any],
+    model: str,
+    tracker_mm: float,
+    seconds: float,
 ) -> None:
-    """Prints and writes what `verify` measured with each model, what was hidden and named; `model`: column's head."""
-    tracker_mm = 1e3 * math.sqrt(3.0) * math.hypot(REST_SD_M, FRAME_SD_M / 3.0)
+    """Prints and writes what `verify` measured with each model, what was hidden and named.
+
+    `model`: column's head. `tracker_mm`: noise of the tracker in a position (mm, RMS).
+    """
     rows = []
     for name, result in results.items():
         error, floor = result["error"], math.hypot(tracker_mm, result["rounding_rms_mm"])

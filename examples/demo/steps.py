@@ -48,13 +48,15 @@ class NamedEffect:
 class DemoSteps:
     """A demo in a folder.
 
-    `arm`: words of `measure` and `verify` that name the simulated arm and its tracker. `goals`: how many are verified.
+    `arm`: words of `measure` and `verify` that name the simulated arm and its tracker, `timing` for how long they rest.
+    `goals`: those that are verified, as `verify` takes them.
     """
 
     folder: Path
     arm: tuple[str, ...]
     seed: int
-    goals: int
+    goals: str
+    timing: tuple[str, ...] = TIMING
 
     def file(self, name: str) -> str:
         """A path in the folder, as a word."""
@@ -66,14 +68,23 @@ class DemoSteps:
 
     def measure(self, *more: str) -> None:
         """Measures the poses."""
-        files = self.file("poses.csv"), *self.arm, "--pause", "0", *TIMING, *more, "-o", self.file("measured.csv")
+        files = self.file("poses.csv"), *self.arm, "--pause", "0", *self.timing, *more, "-o", self.file("measured.csv")
         self._ident("measure", *files)
+
+    def calibrate_camera(self, photos: str) -> None:
+        """The lens, from photos of the board."""
+        self._ident("camera", "calibrate", self.file(photos), "-o", self.file("lens.toml"))
+
+    def photograph(self, camera: str, arm: str, *driven: str) -> None:
+        """Measures the poses with a camera."""
+        files = "--poses", self.file("poses.csv"), "--lens", self.file("lens.toml"), "--arm", arm
+        self._ident("camera", "read", camera, *driven, *self.timing, *files, "-o", self.file("measured.csv"))
 
     def verify(self, name: str, *more: str) -> dict[str, Any]:
         """Sends the tip to goals that were never measured; the result's values."""
         result = self.file(f"goals-{name}.json")
-        goals = ["--goals", str(self.goals), "--seed", str(self.seed), *more]
-        self._ident("verify", *self.arm, *TIMING, *goals, "--json", result)
+        goals = ["--goals", self.goals, "--seed", str(self.seed), *more]
+        self._ident("verify", *self.arm, *self.timing, *goals, "--json", result)
         return read_json(Path(result))
 
     def fit(self, *more: str) -> None:

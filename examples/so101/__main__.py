@@ -24,7 +24,7 @@ from lrmd.sim.pty_port import PtyPort
 from lrmd.sim.simulation import SECOND
 from validation.synthetic import load_arm
 
-QUESTIONS = ("tip", "joints")
+QUESTIONS = ("tip", "tool", "joints")
 
 
 def run(link: Path, effect: str, seed: int, speed: float = 1.0, kind: str = "feetech") -> None:
@@ -42,6 +42,8 @@ def run(link: Path, effect: str, seed: int, speed: float = 1.0, kind: str = "fee
             raise UnknownName("question", question, QUESTIONS)
         if question == "tip":
             return {"tip_m": arm.tip().tolist()}
+        if question == "tool":
+            return {"tool": arm.tool().tolist()}
         moving = any(servo.moving for servo in arm.servos)
         return {
             "q_rad": arm.q.tolist(), "moving": moving, "goals": arm.bus.goals,

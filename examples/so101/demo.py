@@ -1,57 +1,76 @@
 """The whole story on a simulated SO-101: `python -m examples.so101.demo [--seed N] [--out FOLDER]`.
 
-An SO-101 is drawn by the seed, with one effect hidden in it that the model does not have. Poses are drawn, measured
-and fitted, what is missing is named and added, and goals that were never measured are visited: with commands of the arm
-as drawn, corrected by the fitted model, and by that with the effect. What is simulated: the arm, its Feetech servos
-(their real protocol on a real pty) and the tracker (real datagrams). What is real: every command.
+An SO-101 is drawn by the seed, with one effect hidden in it that the model does not have, a printed board on its
+gripper and a webcam beside it. The lens is calibrated, the arm driven to poses and photographed, the photos fitted, what
+is missing named and added; and goals that were never photographed are visited: with commands of the arm as drawn,
+corrected by the fitted model, and by that with the effect. What is simulated: the arm, its Feetech servos (their real
+protocol on a real pty) and the camera (rendered pictures from a real address). What is real: every command, the detector
+included.
 """
 
 from __future__ import annotations
 
 import math
+import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from examples.demo.conclusion import DemoTruth, conclude
 from examples.demo.options import run_in_folder
 from examples.demo.steps import DemoSteps
-from examples.so101.hidden_arm import HIDDEN, JOINTS, NAMED
-from examples.so101.launch import SPEED, simulated_so101, simulated_tracker
+from examples.so101.camera import ARM, SCENE, poses_for_photos
+from examples.so101.hidden_arm import NAMED
+from examples.so101.launch import SPEED, simulated_camera, simulated_so101
 from lrm_ident.cli.common import show
+from lrm_ident.measuring.camera.session import read_session, visible
+from lrm_ident.measuring.verification.goal_commands import GoalCommand, ModelSolver
 from lrm_ident.report.document import heading
-from lrm_math.arm.arm_file import load_arm
-from lrm_math.kinematics.poses import roberts_sequence
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+from validation.camera.scene import write_lens_photos
 
-ARM, POSES, GOALS = "so101", 70, 8
-WIDEST = math.radians(75.0)
-OFFSETS = tuple(f"offsets@joint{number}" for number in range(1, JOINTS + 1))
-"""Base and tool are as drawn: the tracker's targets sit there."""
-SPEED_DEG_S = "180"
+PHOTOS, LENS_PHOTOS, GOALS = 70, 15, 8
+HIDDEN = ("friction", "gain")
+"""What the photos of one camera can show. Play they cannot: gravity keeps the gear on one side wherever the board is
+seen, so it is a part of the zero."""
+SPEED_DEG_S, DWELL_S = "180", "1"
+CANDIDATES = 60
 TIME = f"""\
 Time: the simulated servos' clock runs {SPEED:g} times as fast as the computer's, and the arm is driven at {SPEED_DEG_S}
-deg/s; yours is driven at 30 unless you say otherwise. The tracker is simulated: it sends where the true tip is, with
-noise."""
+deg/s; yours is driven at 30 unless you say otherwise. The pictures are rendered, with blur and noise; the board in them
+is found by the detector that will find yours."""
 
 
-def run_demo(folder: Path, seed: int, poses: int = POSES, goals: int = GOALS) -> None:
+def run_demo(folder: Path, seed: int, photos: int = PHOTOS, goals: int = GOALS) -> None:
     """Runs all steps and prints the table at the end. Raises `LrmError`."""
-    began, effect = time.monotonic(), sorted(HIDDEN)[seed % len(HIDDEN)]
+    began, effect = time.monotonic(), HIDDEN[seed % len(HIDDEN)]
     show(heading(f"Seed {seed}: `make demo ARM=so101 SEED={seed}` runs the same demo again."), TIME)
+    for old in ("measured.photos", "lens-photos"):
+        shutil.rmtree(folder / old, ignore_errors=True)
+    write_lens_photos(folder / "lens-photos", SCENE, LENS_PHOTOS)
     with (
         tempfile.TemporaryDirectory(prefix="lrm-so101-") as private,
         simulated_so101(Path(private), effect, seed) as link,
-        simulated_tracker(link, seed) as tracker,
+        simulated_camera(link) as camera,
     ):
-        driven = ("--robot", f"feetech:{link}", "--tracker", tracker, "--speed", SPEED_DEG_S)
-        steps = DemoSteps(folder, driven, seed, goals)
-        steps.write_poses(spread_poses(poses, seed))
-        steps.measure()
+        driven = ("--robot", f"feetech:{link}", "--speed", SPEED_DEG_S)
+        tracker = ("--tracker", f"camera:{camera},{folder / 'measured.camera.toml'}", "--dwell", DWELL_S)
+        steps = DemoSteps(folder, (*driven, *tracker), seed, str(folder / "goals.csv"), timing=("--settle", "0.05"))
+        poses = poses_for_photos(photos, seed)
+        steps.write_poses(table("q{}_deg", np.degrees(poses)))
+        steps.calibrate_camera("lens-photos")
+        steps.photograph(camera, "so101", *driven)
+        (folder / "goals.csv").write_text(table("xyz", 1e3 * goals_in_view(folder, goals, seed)), encoding="utf-8")
         results = {"none, the arm as drawn": steps.verify("nominal")}
-        steps.fit("--effects", ",".join([*OFFSETS, "compliance"]))
+        steps.fit()
         results["fitted"] = steps.verify("fitted", "--model", steps.file("fitted.toml"))
         named, last = steps.diagnose(), "fitted.toml"
         if named.verdict == "effect_missing":
@@ -59,17 +78,38 @@ def run_demo(folder: Path, seed: int, poses: int = POSES, goals: int = GOALS) ->
             last = "better.toml"
             results["with the effect"] = steps.verify("better", "--model", steps.file(last))
         steps.report(last)
-    conclude(folder, DemoTruth(seed, *NAMED[effect]), named, results, "commands corrected by", time.monotonic() - began)
+    truth, seconds = DemoTruth(seed, *NAMED[effect]), time.monotonic() - began
+    conclude(folder, truth, named, results, "commands corrected by", camera_noise_mm(results.values()), seconds)
 
 
-def spread_poses(count: int, seed: int) -> str:
-    """A pose file: so many poses, spread evenly over the middle of every joint's range, in random order."""
-    rng, joints = np.random.default_rng([seed, 101]), load_arm(ARM).joints
-    spread = rng.permutation((roberts_sequence(count, len(joints)) + rng.random(len(joints))) % 1.0)
-    low, high = np.degrees([(max(j.lower, -WIDEST), min(j.upper, WIDEST)) for j in joints]).T
-    rows = [",".join(f"{angle:.2f}" for angle in row) for row in low + spread * (high - low)]
-    header = ",".join(["pose", *(f"q{i}_deg" for i in range(1, len(joints) + 1))])
+def camera_noise_mm(results: Iterable[Mapping[str, Any]]) -> float:
+    """RMS error of the tip (mm) that the scatter of the photos of a rest leaves of their mean."""
+    per_axis = [goal["measured_sd_mm"] for result in results for goal in result["goals"]]
+    return math.sqrt(3.0) * float(np.sqrt(np.mean(np.square(per_axis))))
+
+
+def table(name: str, values: Array) -> str:
+    """A CSV of rows: numbered poses whose columns are `name` with the joints' numbers, or goals `x_mm, y_mm, z_mm`."""
+    rows = [",".join(f"{value:.4f}" for value in row) for row in values]
+    if name == "xyz":
+        return "\n".join(["x_mm,y_mm,z_mm", *rows]) + "\n"
+    header = ",".join(["pose", *(name.format(i + 1) for i in range(values.shape[1]))])
     return "\n".join([header, *(f"{number},{row}" for number, row in enumerate(rows, start=1))]) + "\n"
+
+
+def goals_in_view(folder: Path, count: int, seed: int) -> Array:
+    """(count, 3), goals of the tip (m) where the camera would see the board on the arm as drawn, each near the last."""
+    session, solver = read_session(folder / "measured.camera.toml"), ModelSolver.of(None, ARM, tuple)
+    left = list(poses_for_photos(CANDIDATES, seed + 1000)[::2])
+    near, out = np.zeros(ARM.dof), list[Array]()
+    while left and len(out) < count:
+        angles = left.pop(min(range(len(left)), key=lambda k: float(np.abs(left[k] - near).max())))
+        goal = equilibrium(model_of(ARM, ()), poses_of(angles)).tcp[0]
+        command = solver.solve(goal.tolist(), near.tolist(), 0.0)
+        if isinstance(command, GoalCommand) and visible(session, ARM, poses_of(command.q))[0]:
+            out.append(goal)
+            near = np.array(command.q)
+    return np.array(out)
 
 
 def main(argv: list[str] | None = None) -> int:

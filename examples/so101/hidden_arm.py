@@ -12,6 +12,7 @@ import numpy as np
 from examples.so101.dynamixel_bus import DynamixelBus, DynamixelServo
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import FeetechServo
+from examples.so101.true_tool import tools_after
 from lrm_math.arrays import Array
 from validation.synthetic import (
     ArmDescription,
@@ -112,6 +113,10 @@ class HiddenSo101:
     def tip(self) -> Array:
         """(3,), true position (m), in the frame of the arm file."""
         return tip_after(self.arm, self.truth, np.array([*self.history, self.q]))
+
+    def tool(self) -> Array:
+        """(4, 4), true frame of the tool (m), in the frame of the arm file."""
+        return np.asarray(tools_after(self.arm, self.truth, np.array([*self.history, self.q]))[-1])
 
     def _remember(self) -> None:
         if not np.array_equal(self.history[-1], self.q):

@@ -32,6 +32,23 @@ def simulated_so101(folder: Path, effect: str, seed: int, kind: str = "feetech")
 
 
 @contextmanager
+def simulated_camera(link: Path) -> Iterator[str]:
+    """Runs the camera beside the bus; yields the address of its picture. Raises `LrmError`."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "examples.so101.camera", str(link), "0"], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        said = process.stdout.readline()
+        if not said:
+            raise LrmError(f"the simulated camera ended with exit code {process.wait()}")
+        yield said.split()[-1]
+    finally:
+        process.terminate()
+        process.wait()
+
+
+@contextmanager
 def simulated_tracker(link: Path, seed: int) -> Iterator[str]:
     """Runs the tracker beside the bus; yields it by the name that `--tracker` takes."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -21,6 +22,7 @@ from lrm_ident.cli.command import command, stated_reading
 from lrm_ident.cli.common import notice, one_of, show
 from lrm_ident.cli.groups.lerobot import LEROBOT, SO101, import_lerobot
 from lrm_ident.data.apply_reading import LENGTH_UNITS
+from lrm_ident.data.atomic_write import write_text
 from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.errors import LrmError
 
@@ -44,7 +46,8 @@ Connect = Annotated[
 TrackerName = Annotated[
     str,
     Option(
-        help="dtrack:PORT (ART's ASCII datagrams), zenoh:KEY (the same on zenoh), or csv:FILE that is being written."
+        help="dtrack:PORT (ART's ASCII datagrams), zenoh:KEY (the same on zenoh), csv:FILE that is being written, or a "
+        "camera and its DATA.camera.toml of camera read: camera:0,DATA.camera.toml."
     ),
 ]
 ToolTarget = Annotated[int, Option(min=0, help="Number of the target at the tip.")]
@@ -118,10 +121,11 @@ def measure(
     from lrm_ident.measuring.campaign.session import CampaignOrder, connected
     from lrm_ident.measuring.campaign.session import measure as run
     from lrm_ident.measuring.tracker.frames import TargetNumbers
+    from lrm_ident.measuring.tracker.source import IN_ARM_FRAME
 
     signal.signal(signal.SIGTERM, end)
     goal = StoppingGoal(None if until is None else _length(until), explain) if until or explain else None
-    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
+    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith(IN_ARM_FRAME) else base)
     daemon = daemon_of(robot, connect, speed)
     with daemon or nullcontext():
         name = arm or (SO101 if daemon is None else daemon.info().arm)
@@ -137,6 +141,49 @@ def measure(
             show(f"stopped; {state_after(stop)}. What is measured is in {output}; the same command goes on")
             raise Exit(1) from None
     _conclude(result, len(plan.poses) if goal is None else None, output)
+
+
+def photo_poses(
+    plan_file: Path, arm: Arm, robot: str, servos: PhotoDrive, take: Callable[[int], object], driven: Path
+) -> None:
+    """Drives an arm through poses, a photo taken at each; `driven`: gets the angles commanded. Raises `LrmError`."""
+    from lrm_ident.measuring.campaign.photo_poses import PhotographedPoses, PhotoOrder, photograph
+    from lrm_ident.measuring.campaign.plan import load_plan
+    from lrm_ident.measuring.campaign.run import PoseTiming
+    from lrm_ident.measuring.campaign.session import RealClock
+
+    signal.signal(signal.SIGTERM, end)
+    plan = load_plan(plan_file, arm)
+    daemon = daemon_of(robot, servos.connect, servos.speed)
+
+    def keep(so_far: PhotographedPoses) -> None:
+        """Writes the poses."""
+        write_text(driven, so_far.csv())
+        if len(so_far.poses) % 10 == 0:
+            show(f"[{len(so_far.poses)}/{len(plan.poses)}] photos")
+
+    with daemon or nullcontext():
+        drive = drive_of(daemon, servos.take, robot, arm, servos.speed, "lrm-ident camera read", servos.release)
+        timing, loads = PoseTiming(0.0, servos.settle), _loads(servos.load_command)
+        try:
+            photograph(PhotoOrder(drive, arm, RealClock(), timing, loads, take, keep, show), plan.poses)
+        except (KeyboardInterrupt, SystemExit) as stop:
+            show(f"stopped; {state_after(stop)}. The photos so far are in {driven.parent}, their poses in {driven}")
+            raise Exit(1) from None
+    if not driven.exists():
+        raise LrmError("no pose could be driven to")
+
+
+@dataclass(frozen=True)
+class PhotoDrive:
+    """How an arm is driven for photos: the options of the command."""
+
+    connect: str | None
+    settle: float
+    speed: float | None
+    load_command: str | None
+    take: bool
+    release: bool
 
 
 def daemon_of(robot: str, connect: str | None, speed: float | None, model: Path | None = None) -> Rover | None:

@@ -64,13 +64,14 @@ def verify(
     from lrm_ident.measuring.campaign.run import PoseTiming
     from lrm_ident.measuring.campaign.session import RealClock, connected
     from lrm_ident.measuring.tracker.frames import TargetNumbers
+    from lrm_ident.measuring.tracker.source import IN_ARM_FRAME
     from lrm_ident.measuring.verification.goal_run import GoalRun
     from lrm_ident.measuring.verification.goals import goals_named
     from lrm_ident.measuring.verification.report import read_verification, verification_document
 
     signal.signal(signal.SIGTERM, end)
     earlier = None if before is None else read_verification(before)
-    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith("csv:") else base)
+    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith(IN_ARM_FRAME) else base)
     daemon, clock, timing = daemon_of(robot, connect, speed, model), RealClock(), PoseTiming(0.0, settle, dwell)
     with daemon or nullcontext():
         nominal = load_arm(arm or (SO101 if daemon is None else daemon.info().arm))

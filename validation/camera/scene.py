@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.apply_reading import rigid_motion
@@ -58,6 +59,18 @@ class CameraRig:
         tool[:, :3, :3], tool[:, :3, 3] = tool_rotation(rest), rest.tcp
         return inverse(self.camera) @ tool @ self.mount
 
+    def shows(self, q: Array) -> NDArray[np.bool_]:
+        """(N,), whether the camera sees the whole board, near and not too much from the side, at angles (N, n), rad."""
+        seen = self.boards(equilibrium(self.model, poses_of(q)))
+        corners = BOARD.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
+        ahead = (corners[:, :, 2] > 0.12).all(axis=1) & (seen[:, 2, 3] < 0.6)
+        facing = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) > 0.5 * np.linalg.norm(seen[:, :3, 3], axis=1)
+        pixels = PhotoScene().lens.project(np.where(ahead[:, None, None], corners, [0, 0, 1.0]).reshape(-1, 3))[0]
+        inside = ((pixels > 20) & (pixels < PhotoScene().lens.edge - 20)).all(axis=1).reshape(len(q), -1).all(axis=1)
+        above = equilibrium(self.model, poses_of(q)).tcp[:, 2] > 0.02
+        shown: NDArray[np.bool_] = ahead & facing & inside & above
+        return shown
+
 
 def rig(seed: int, hidden: dict[str, float]) -> CameraRig:
     """An SO-101 with errors of assembly, soft joints, and a hidden effect (keys of parameters, SI)."""
@@ -98,14 +111,7 @@ def poses_in_view(true: CameraRig, count: int, seed: int) -> Poses:
     found: list[Array] = []
     while len(found) < count:
         q = rng.uniform(*(0.85 * limits.T), (200, arm.dof))
-        seen = true.boards(equilibrium(true.model, poses_of(q)))
-        corners = BOARD.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
-        ahead = (corners[:, :, 2] > 0.12).all(axis=1) & (seen[:, 2, 3] < 0.6)
-        facing = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) > 0.5 * np.linalg.norm(seen[:, :3, 3], axis=1)
-        pixels = PhotoScene().lens.project(np.where(ahead[:, None, None], corners, [0, 0, 1.0]).reshape(-1, 3))[0]
-        inside = ((pixels > 20) & (pixels < PhotoScene().lens.edge - 20)).all(axis=1).reshape(len(q), -1).all(axis=1)
-        above = equilibrium(true.model, poses_of(q)).tcp[:, 2] > 0.02
-        found += list(q[ahead & facing & inside & above])
+        found += list(q[true.shows(q)])
     return poses_of(np.array(found[:count]))
 
 

@@ -12,13 +12,22 @@ from typer import Argument, Option, Typer
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.app import app
+from lrm_ident.cli.campaign import AnyRobot, Connect, LoadCommand, PhotoDrive, Release, Settle, Speed, Take, photo_poses
 from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard, board_pdf, board_text, read_picture
-from lrm_ident.measuring.camera.capture import photos_in, take_photos
+from lrm_ident.measuring.camera.capture import (
+    ask_person,
+    is_camera,
+    keep_photo,
+    open_camera,
+    photo_path,
+    photos_in,
+    take_photos,
+)
 from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
 from lrm_ident.measuring.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
@@ -94,7 +103,11 @@ def calibrate(
 @camera_command
 def read(
     photos: Annotated[
-        str, Argument(metavar="PHOTOS|DEVICE", help="A folder of photos, or the number of a camera, such as 0.")
+        str,
+        Argument(
+            metavar="PHOTOS|CAMERA",
+            help="A folder of photos, the number of a camera, such as 0, or the address of its still picture: http://…",
+        ),
     ],
     poses: Annotated[Path, Option(metavar="POSES", help="CSV of the commanded poses, one per photo, in their order.")],
     lens: Annotated[Path, Option(metavar="LENS", help="The lens, written by camera calibrate.")],
@@ -104,17 +117,41 @@ def read(
         Option("-o", "--output", metavar="DATA", help="Where to write the measurements (.csv)."),
         arg.CompanionFiles({".toml": "metadata", ".camera.toml": "session"}),
     ],
+    robot: Annotated[str | None, AnyRobot.__metadata__[0]] = None,
+    connect: Connect = None,
+    settle: Settle = 0.5,
+    speed: Speed = None,
+    load_command: LoadCommand = None,
+    take: Take = False,
+    release: Release = False,
 ) -> None:
     """Turn photos of the board on the arm into measurements: its pose, with its covariance, for every commanded pose.
 
     Where the camera stands and how the board is mounted is found together with it. Written are DATA.csv, DATA.toml
-    beside it, and DATA.camera.toml, with which `design --camera` offers only poses that the camera can see.
+    beside it, and DATA.camera.toml, with which `design --camera` offers only poses that the camera can see, and
+    `verify --tracker camera:0,DATA.camera.toml` measures where the tip lands.
+
+    With a camera, a person drives to each pose and presses Enter, or --robot is driven there, as by `measure`; then
+    poses.csv among the photos in DATA.photos has the angles that were commanded.
     """
-    session_file = output.with_suffix(".camera.toml")
+    session_file, folder = output.with_suffix(".camera.toml"), output.with_suffix(".photos")
     the_arm, file = load_arm(arm), read_toml(lens, LensFile)
     commanded = load_poses(poses, the_arm)
-    folder = output.with_suffix(".photos")
-    files = take_photos(int(photos), folder, commanded) if photos.isdigit() else photos_in(Path(photos))
+    if robot is not None:
+        if not is_camera(photos):
+            raise LrmError(f"--robot {robot}: it goes with a camera; {photos} is a folder of photos")
+        if folder.exists() and any(folder.iterdir()):
+            raise FileError(folder, "", "has photos already", "move them away, or read them with their poses")
+        folder.mkdir(parents=True, exist_ok=True)
+        driven, how = folder / "poses.csv", PhotoDrive(connect, settle, speed, load_command, take, release)
+        with open_camera(photos) as opened:
+            photo_poses(poses, the_arm, robot, how, lambda k: keep_photo(opened.photo(), photo_path(folder, k)), driven)
+        poses, commanded, files = driven, load_poses(driven, the_arm), photos_in(folder)
+    elif is_camera(photos):
+        with open_camera(photos) as opened:
+            files = take_photos(opened, folder, commanded, ask_person(folder, commanded))
+    else:
+        files = photos_in(Path(photos))
     if len(files) != len(commanded):
         raise FileError(photos, "", f"{len(files)} photos for {len(commanded)} poses of {poses.name}", "one for each")
     seen = read_photos(files, Lens.of(file), CharucoBoard(file.board))
@@ -167,7 +204,8 @@ def _why(refused: list[str]) -> str:
 
 def _metadata(arm: str, photos: str, feedback_sd_deg: float | None) -> str:
     known = {} if feedback_sd_deg is None else {"feedback_sd_deg": feedback_sd_deg}
-    return tomli_w.dumps({"schema": "lrm/measurements/1", "arm": arm, "source": f"camera, {photos}", **known})
+    about = {"schema": "lrm/measurements/1", "arm": arm, "source": f"camera, {photos}", "frame": "arm"}
+    return tomli_w.dumps({**about, **known})
 
 
 def _toml(file: StrictSchema) -> str:

@@ -213,7 +213,7 @@ def _positions(points: PointSet, joints: JointHypothesis, found: Similarity, mir
         right_angled = float(np.linalg.norm(found.rotation - turn)) < RIGHT_ANGLED
         if right_angled and not np.array_equal(turn, np.eye(3)):
             yield Proposal(with_axes(scale_only, turn), joints.q, scaled @ turn.T)
-    if how.frame != "unknown" or mirrored or scale_only.words:
+    if how.frame not in ("unknown", "arm") or mirrored or scale_only.words:
         flipped = scaled * [1.0, 1.0, -1.0] if mirrored else scaled
         yield Proposal(with_free_frame(scale_only, mirrored), joints.q, flipped)
 

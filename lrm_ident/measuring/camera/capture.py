@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol, Self
+from urllib.error import URLError
+from urllib.request import urlopen
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.errors import FileError, LrmError
@@ -14,6 +19,9 @@ from lrm_math.kinematics.poses import Poses
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 WARM_UP = 8  # frames: old ones in the camera's queue, and its exposure
+WEB = ("http://", "https://")
+PATIENCE_S = 10.0
+Picture = NDArray[np.uint8]
 
 
 def photos_in(folder: Path) -> list[Path]:
@@ -30,28 +38,107 @@ def _natural(path: Path) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
 
 
-def take_photos(device: int, folder: Path, poses: Poses) -> list[Path]:
-    """Takes a photo at every pose when the person says so; kept in `folder`. Raises `LrmError`: no such camera."""
-    cv2 = opencv()
-    camera = cv2.VideoCapture(device)
-    if not camera.isOpened():
-        raise LrmError(f"camera {device} cannot be opened")
-    camera.set(cv2.CAP_PROP_FRAME_WIDTH, 1920)
-    camera.set(cv2.CAP_PROP_FRAME_HEIGHT, 1080)
+class PhotoSource(Protocol):
+    """A camera that is open; a context manager of what it holds."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *_: object) -> None: ...
+    def photo(self) -> Picture:
+        """A grey picture (H, W) of now. Raises `LrmError`: it gives none."""
+
+
+class Webcam:
+    """A camera of this computer, by its number. Raises `LrmError`: there is none."""
+
+    def __init__(self, device: int) -> None:
+        cv2 = opencv()
+        self._device, self._camera = device, cv2.VideoCapture(device)
+        if not self._camera.isOpened():
+            raise LrmError(f"camera {device} cannot be opened")
+        self._camera.set(cv2.CAP_PROP_FRAME_WIDTH, 1920)
+        self._camera.set(cv2.CAP_PROP_FRAME_HEIGHT, 1080)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._camera.release()
+
+    def photo(self) -> Picture:
+        """See `PhotoSource`."""
+        for _ in range(WARM_UP):
+            good, picture = self._camera.read()
+        if not good:
+            raise LrmError(f"camera {self._device} gives no picture")
+        return np.asarray(opencv().cvtColor(picture, opencv().COLOR_BGR2GRAY), dtype=np.uint8)
+
+
+class WebPhotos:
+    """A camera on the network whose address gives a still picture, as phones' and microcontrollers' do."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return None
+
+    def photo(self) -> Picture:
+        """See `PhotoSource`."""
+        try:
+            with urlopen(self._address, timeout=PATIENCE_S) as answer:
+                content = answer.read()
+        except (URLError, OSError, ValueError) as error:
+            raise LrmError(f"camera {self._address}: {getattr(error, 'reason', error)}") from None
+        picture = opencv().imdecode(np.frombuffer(content, dtype=np.uint8), 0) if content else None
+        if picture is None:
+            raise LrmError(f"camera {self._address}: what it sends is no still picture")
+        return np.asarray(picture, dtype=np.uint8)
+
+
+def is_camera(text: str) -> bool:
+    """Whether a text names a camera and not a folder."""
+    return text.isdigit() or text.startswith(WEB)
+
+
+def open_camera(text: str) -> PhotoSource:
+    """The camera of `0` or `http://…`. Raises `LrmError`: no such camera, or neither."""
+    if not is_camera(text):
+        raise LrmError(f"camera {text}: should be its number, or the address of a still picture (http://…)")
+    return Webcam(int(text)) if text.isdigit() else WebPhotos(text)
+
+
+def take_photos(camera: PhotoSource, folder: Path, poses: Poses, stand: Callable[[int], object]) -> list[Path]:
+    """Takes a photo at every pose, kept in `folder`; `stand(row)` returns once the arm stands. Raises `LrmError`."""
     folder.mkdir(parents=True, exist_ok=True)
     out = []
-    try:
-        for number, q in enumerate(np.degrees(poses.q), start=1):
-            angles = ", ".join(f"{angle:.1f}" for angle in q)
-            print(f"pose {number} of {len(poses)}: {angles} deg; stand still, then Enter", end=" ", flush=True)
-            if not sys.stdin.readline():
-                raise LrmError(f"stopped before pose {number}; the photos so far are in {folder}")
-            for _ in range(WARM_UP):
-                good, picture = camera.read()
-            if not good:
-                raise LrmError(f"camera {device} gives no picture at pose {number}")
-            out.append(folder / f"pose{number:04d}.png")
-            cv2.imwrite(str(out[-1]), picture)
-    finally:
-        camera.release()
+    for row in range(len(poses)):
+        stand(row)
+        out.append(photo_path(folder, row + 1))
+        keep_photo(camera.photo(), out[-1])
     return out
+
+
+def photo_path(folder: Path, number: int) -> Path:
+    """Where the photo of a pose goes."""
+    return folder / f"pose{number:04d}.png"
+
+
+def keep_photo(picture: Picture, path: Path) -> None:
+    """Writes a photo."""
+    opencv().imwrite(str(path), picture)
+
+
+def ask_person(folder: Path, poses: Poses) -> Callable[[int], None]:
+    """Has a person drive to each pose and say so. What it returns raises `LrmError`: nobody says so."""
+
+    def stand(row: int) -> None:
+        """Waits for Enter."""
+        angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(poses.q[row]))
+        print(f"pose {row + 1} of {len(poses)}: {angles} deg; stand still, then Enter", end=" ", flush=True)
+        if not sys.stdin.readline():
+            raise LrmError(f"stopped before pose {row + 1}; the photos so far are in {folder}")
+
+    return stand

@@ -150,8 +150,10 @@ def rest_at(
     tracker: Tracker, numbers: TargetNumbers, clock: Clock, timing: PoseTiming, begin: float
 ) -> RestMean | UnstableDwell:
     """The mean over the end of a rest whose pose began at a time (s): once the targets are seen again, and settled."""
+    given_up = clock.now() + SIGHT_S
     for _ in range(round(SIGHT_S / GLANCE_S)):
-        if any(tip_position(frame, numbers) is not None for frame in tracker.frames(GLANCE_S)):
+        seen = any(tip_position(frame, numbers) is not None for frame in tracker.frames(GLANCE_S))
+        if seen or clock.now() > given_up:
             break
     clock.sleep(max(timing.settle, begin + timing.pause - timing.dwell - clock.now()))
     return rest_mean(tracker.frames(timing.dwell), numbers)

@@ -12,12 +12,14 @@ from lrm_ident.measuring.tracker.growing_csv import GrowingCsv
 from lrm_ident.measuring.tracker.udp import UdpTracker
 from lrm_math.errors import LrmError
 
-FORMS = "dtrack:PORT, dtrack:ADDRESS:PORT, csv:FILE or zenoh:KEY"
+FORMS = "dtrack:PORT, dtrack:ADDRESS:PORT, csv:FILE, camera:0,SESSION or zenoh:KEY"
+IN_ARM_FRAME = ("csv:", "camera:")
+"""Beginnings of those that say where the tip is in the arm's frame, and need no target at its base."""
 OpenTracker: TypeAlias = AbstractContextManager[Tracker]
 
 
 def open_tracker(text: str, numbers: TargetNumbers) -> OpenTracker:
-    """The tracker of `dtrack:5000`, `dtrack:0.0.0.0:5000` or `csv:FILE`. Raises `LrmError`."""
+    """The tracker of `dtrack:5000`, `dtrack:0.0.0.0:5000`, `csv:FILE` or `camera:0,SESSION`. Raises `LrmError`."""
     kind, _, rest = text.partition(":")
     if kind == "dtrack" and (place := re.fullmatch(r"(?:([\w.-]+):)?(\d{1,5})", rest)):
         host, port = place[1] or "127.0.0.1", int(place[2])
@@ -25,4 +27,8 @@ def open_tracker(text: str, numbers: TargetNumbers) -> OpenTracker:
             return UdpTracker(host, port)
     if kind == "csv" and rest:
         return GrowingCsv(Path(rest), numbers.tool)
+    if kind == "camera" and rest:
+        from lrm_ident.measuring.camera.camera_tracker import camera_tracker  # OpenCV, which no other tracker needs
+
+        return camera_tracker(rest, numbers.tool)
     raise LrmError(f"--tracker {text}: should be {FORMS}")

@@ -1,0 +1,91 @@
+"""`python -m examples.so101.camera LINK PORT`: a webcam beside the simulated SO-101, until that ends.
+
+It sees the board on the gripper: each request of http://127.0.0.1:PORT/photo.jpg is answered with a picture of now, as
+a phone answers it that serves as a webcam.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.robot_files.rigid_motion import inverse
+from lrm_ident.measuring.camera.opencv import opencv
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.model.model import model_of
+from lrmd.sim.control_socket import ControlError, query_board
+from validation.camera.rendered_photos import PhotoScene
+from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view
+
+PAGE = "/photo.jpg"
+QUALITY = 95
+SCENE = PhotoScene()
+ARM = load_arm("so101")
+DRAWN = CameraRig(model_of(ARM, ()), CAMERA, board_mount(ARM))
+"""The arm as drawn, the board on it, and where the camera stands."""
+NEAR = np.radians(12.0)
+"""rad: a short move, which friction remembers."""
+
+
+def jpeg(tool: Array, number: int) -> bytes:
+    """The photo of that number, with the tool's frame at (4, 4) in the arm's (m)."""
+    cv2 = opencv()
+    picture: NDArray[np.uint8] = SCENE.photo(BOARD, inverse(DRAWN.camera) @ tool @ DRAWN.mount, number)
+    return bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1])
+
+
+def poses_for_photos(count: int, seed: int) -> Array:
+    """(count, n), rad: poses that show the board, half of them a short move from the one before."""
+    rng, found = np.random.default_rng([seed, 9]), list[Array]()
+    for far in poses_in_view(DRAWN, 2 * count, seed).q:
+        near = far + rng.uniform(-NEAR, NEAR, ARM.dof)
+        if bool(DRAWN.shows(near[None])[0]):
+            found += [far, near]
+    return np.array(found[:count])
+
+
+def server(link: Path, port: int) -> HTTPServer:
+    """Serves photos of the arm at a device; it shuts down when that is gone."""
+    numbers = count()
+
+    class Answer(BaseHTTPRequestHandler):
+        """Answers with a photo."""
+
+        def do_GET(self) -> None:
+            """A photo of now."""
+            try:
+                tool = np.array(query_board(link, "tool")["tool"])
+            except ControlError:
+                threading.Thread(target=serving.shutdown).start()
+                self.send_error(503)
+                return
+            content = jpeg(tool, next(numbers))
+            self.send_response(200)
+            self.send_header("Content-Type", "image/jpeg")
+            self.send_header("Content-Length", str(len(content)))
+            self.end_headers()
+            self.wfile.write(content)
+
+        def log_message(self, *_: object) -> None:
+            """Says nothing."""
+
+    serving = HTTPServer(("127.0.0.1", port), Answer)
+    return serving
+
+
+def main() -> None:
+    """Serves photos."""
+    with server(Path(sys.argv[1]), int(sys.argv[2])) as serving:
+        print(f"a camera at http://127.0.0.1:{serving.server_address[1]}{PAGE}", flush=True)
+        serving.serve_forever()
+
+
+if __name__ == "__main__":
+    main()

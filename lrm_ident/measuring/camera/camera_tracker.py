@@ -1,0 +1,65 @@
+"""A camera whose place is known as a tracker: the tip in the arm's frame, from the board on the gripper."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from lrm_ident.data.apply_reading import rigid_motion
+from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse
+from lrm_ident.measuring.camera.board import CharucoBoard
+from lrm_ident.measuring.camera.board_pose import board_pose
+from lrm_ident.measuring.camera.capture import PhotoSource, Picture, open_camera
+from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
+from lrm_ident.measuring.camera.lens import Lens
+from lrm_ident.measuring.camera.session import CameraSession, read_session
+from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
+from lrm_math.errors import LrmError
+
+
+class CameraTracker:
+    """Photos of the board as frames of the target `tool`; a photo that is of no use has none. See `Tracker`."""
+
+    def __init__(self, camera: PhotoSource, session: CameraSession, tool: int) -> None:
+        self._camera, self._tool, self._number = camera, tool, 0
+        self._lens, self._board = Lens.of(session.lens), CharucoBoard(session.lens.board)
+        place, mount = (homogeneous(*rigid_motion(table)) for table in (session.camera, session.mount))
+        self._place, self._from_board = place, inverse(mount)
+
+    def __enter__(self) -> Self:
+        self._camera.__enter__()
+        return self
+
+    def __exit__(self, *given: object) -> None:
+        self._camera.__exit__(*given)
+
+    def frames(self, seconds: float) -> list[TrackerFrame]:
+        """See `Tracker`; one at least, however short the time is."""
+        end, found = time.monotonic() + seconds, list[TrackerFrame]()
+        while not found or time.monotonic() < end:
+            t = time.monotonic()
+            self._number += 1
+            found.append(TrackerFrame(self._number, t, self._seen(self._camera.photo())))
+        return found
+
+    def _seen(self, picture: Picture) -> dict[int, TargetPose]:
+        if picture.shape[::-1] != self._lens.size:
+            what, right = ("{} × {}".format(*size) for size in (picture.shape[::-1], self._lens.size))
+            raise LrmError(f"the camera gives {what} pixels; its lens was calibrated for {right}")
+        corners = find_corners(picture, self._board)
+        pose = corners if isinstance(corners, RejectedPhoto) else board_pose(corners, self._board, self._lens)
+        if isinstance(pose, RejectedPhoto):
+            return {}
+        tool = self._place @ pose.matrix @ self._from_board
+        return {self._tool: TargetPose(np.asarray(tool[:3, 3]), np.asarray(tool[:3, :3]))}
+
+
+def camera_tracker(text: str, tool: int) -> CameraTracker:
+    """The tracker of `CAMERA,SESSION`: as `open_camera` has it, and a file of `camera read`. Raises `LrmError`."""
+    camera, _, session = text.rpartition(",")
+    if not camera:
+        raise LrmError(f"--tracker camera:{text}: should be camera:0,DATA.camera.toml, a file of camera read")
+    return CameraTracker(open_camera(camera), read_session(Path(session)), tool)
