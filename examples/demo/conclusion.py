@@ -16,11 +16,18 @@ from lrm_ident.report.document import ResultTable
 
 @dataclass(frozen=True)
 class DemoTruth:
-    """What a seed hides: the effect by the tool's name, and in words."""
+    """What a seed hides: the effect by the tool's name, and in words. `simpler`: the same cause with less in it."""
 
     seed: int
     effect: str
     words: str
+    simpler: str = ""
+
+    def verdict(self, named: NamedEffect) -> str:
+        """Whether it was named, in words."""
+        if named.agrees(self.effect):
+            return "right"
+        return "the same cause in a simpler form" if named.agrees(self.simpler) else "NOT what was hidden"
 
 
 def conclude(
@@ -48,7 +55,7 @@ def conclude(
         ResultTable(columns, rows, f"How far the tip lands from {goals} goals that were never measured, mm"),
         "Floor: noise of the tracker, and commands in whole counts; no model can do better.",
         f"Hidden by seed {truth.seed}: {truth.words} ({truth.effect}).",
-        f"Named by diagnose: {named.words}: {'right' if right else 'NOT what was hidden'}.",
+        f"Named by diagnose: {named.words}: {truth.verdict(named)}.",
         f"Report: {folder / 'report.html'}. All in {seconds:.0f} s.",
     )
     document = {

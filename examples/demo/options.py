@@ -20,7 +20,7 @@ def run_in_folder(name: str, text: str, run: Callable[[Path, int], None], argv: 
     seed = int.from_bytes(os.urandom(2), "big") if options.seed is None else options.seed
     try:
         options.out.mkdir(parents=True, exist_ok=True)
-        for old in ("measured.csv", "measured.toml"):
+        for old in ("measured.csv", "measured.toml", "measured.camera.toml", "lens.toml"):
             (options.out / old).unlink(missing_ok=True)
         run(options.out, seed)
     except (LrmError, OSError) as error:

@@ -50,6 +50,8 @@ NAMED = {
     "gain": ("servo_gain@joint3", "a wrong gain of the elbow's servo, on one side of zero"),
 }
 """The same by the tool's names, and in words."""
+SIMPLER = {"friction": "hysteresis@joint2"}
+"""The same causes in the simplest form that the tool has for them: friction whose memory the data do not show."""
 
 
 def hidden_truth(arm: ArmDescription, effect: str, seed: int) -> GroundTruth:

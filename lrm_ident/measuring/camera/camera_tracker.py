@@ -16,6 +16,7 @@ from lrm_ident.measuring.camera.capture import PhotoSource, Picture, open_camera
 from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.session import CameraSession, read_session
+from lrm_ident.measuring.tracker.dwell import LEAST
 from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrm_math.errors import LrmError
 
@@ -37,9 +38,9 @@ class CameraTracker:
         self._camera.__exit__(*given)
 
     def frames(self, seconds: float) -> list[TrackerFrame]:
-        """See `Tracker`; one at least, however short the time is."""
+        """See `Tracker`. While the board is seen, as many as a mean needs, however long a slow camera takes to them."""
         end, found = time.monotonic() + seconds, list[TrackerFrame]()
-        while not found or time.monotonic() < end:
+        while time.monotonic() < end or not found or (found[-1].targets and len(found) < LEAST):
             t = time.monotonic()
             self._number += 1
             found.append(TrackerFrame(self._number, t, self._seen(self._camera.photo())))
