@@ -87,7 +87,7 @@ def calibrate(
             tick(number, len(files))
     if len(sizes) > 1:
         raise LrmError(f"{photos}: photos of {len(sizes)} sizes; a lens is calibrated for one")
-    _show_refused(refused)
+    show_refused(refused)
     if not found:
         raise LrmError(f"{photos}: the board is in none of the {len(files)} photos; {_why(refused)}")
     lens = calibrate_lens(found, the_board, next(iter(sizes)))
@@ -155,13 +155,13 @@ def read(
     if len(files) != len(commanded):
         raise FileError(photos, "", f"{len(files)} photos for {len(commanded)} poses of {poses.name}", "one for each")
     seen = read_photos(files, Lens.of(file), CharucoBoard(file.board))
-    _show_refused([f"{name}: {reason}" for name, reason in seen.refused])
+    show_refused([f"{name}: {reason}" for name, reason in seen.refused])
     name = arm_name_for(arm, output.parent)
     found = measure(the_arm, name, commanded, seen, file, output)
     feedback, feedback_sd = read_pose_feedback(poses, the_arm)
     chosen = None if feedback is None else feedback[list(found.photos.rows)]
     write_text(output, measurements_csv(replace(found.data, feedback=chosen)))
-    write_text(output.with_suffix(".toml"), _metadata(name, photos, feedback_sd))
+    write_text(output.with_suffix(".toml"), metadata_toml(name, f"camera, {photos}", feedback_sd))
     write_text(session_file, _toml(found.session))
     _show(found, len(files), output)
 
@@ -193,7 +193,8 @@ def _board(columns: int, rows: int, square_mm: float) -> BoardTable:
     return BoardTable(columns=columns, rows=rows, square_mm=float(square_mm))
 
 
-def _show_refused(lines: list[str]) -> None:
+def show_refused(lines: list[str]) -> None:
+    """Prints why photos are of no use."""
     if lines:
         show(ListSection(f"{len(lines)} photos are of no use:", tuple(lines[:SHOWN])))
 
@@ -202,9 +203,10 @@ def _why(refused: list[str]) -> str:
     return refused[0].partition(": ")[2]
 
 
-def _metadata(arm: str, photos: str, feedback_sd_deg: float | None) -> str:
+def metadata_toml(arm: str, source: str, feedback_sd_deg: float | None = None) -> str:
+    """The file beside measurements in the arm's frame."""
     known = {} if feedback_sd_deg is None else {"feedback_sd_deg": feedback_sd_deg}
-    about = {"schema": "lrm/measurements/1", "arm": arm, "source": f"camera, {photos}", "frame": "arm"}
+    about = {"schema": "lrm/measurements/1", "arm": arm, "source": source, "frame": "arm"}
     return tomli_w.dumps({**about, **known})
 
 

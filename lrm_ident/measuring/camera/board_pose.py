@@ -6,7 +6,7 @@ well, the photo is refused.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,14 @@ class BoardPose:
     def matrix(self) -> Array:
         """(4, 4), board to camera."""
         return homogeneous(self.rotation, self.position)
+
+    @property
+    def of_camera(self) -> BoardPose:
+        """The same seen from the board: pose of the camera in the board's frame."""
+        R, (x, y, z) = self.rotation.T, self.position
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        J = -np.block([[R, R @ cross], [np.zeros((3, 3)), R]])
+        return replace(self, rotation=R, position=-R @ self.position, covariance=J @ self.covariance @ J.T)
 
 
 def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -19,6 +19,7 @@ from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.measuring.camera.board import CharucoBoard, read_picture
 from lrm_ident.measuring.camera.board_pose import BoardPose, board_pose, information_of
+from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.consistency import (
     PhotoRegression,
     board_scale,
@@ -64,11 +65,22 @@ def read_session(path: Path) -> CameraSession:
 
 @dataclass(frozen=True, eq=False)
 class PhotoSet:
-    """Photos taken at commanded poses: the rows of those that are of use, the board's poses, why others are not."""
+    """Photos taken at commanded poses: the rows of those that are of use, the board's poses, why others are not.
+
+    `stands`, `rides`: in words, what stands beside the arm and what is on the tool.
+    """
 
     rows: tuple[int, ...]
     boards: tuple[BoardPose, ...]
     refused: tuple[tuple[str, str], ...]
+    stands: str = "camera"
+    rides: str = "board"
+
+    @property
+    def from_gripper(self) -> PhotoSet:
+        """The same photos if the camera is on the gripper and the board stands: what the camera's pose says of it."""
+        boards = tuple(board.of_camera for board in self.boards)
+        return replace(self, boards=boards, stands="board", rides="camera")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,21 +94,25 @@ class CameraMeasurements:
 
 def read_photos(files: Sequence[Path], lens: Lens, board: CharucoBoard) -> PhotoSet:
     """The board's pose in every photo that is of use. Raises `LrmError`: a picture of another size."""
+    return read_pictures(((file.name, read_picture(file)) for file in files), lens, board)
+
+
+def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens, board: CharucoBoard) -> PhotoSet:
+    """The board's pose in every named picture that is of use. Raises `LrmError`: one of another size."""
     rows, boards, refused = [], [], []
-    for row, file in enumerate(files):
-        picture = read_picture(file)
+    for row, (name, picture) in enumerate(pictures):
         if picture.shape[::-1] != lens.size:
             size = "{} × {}".format(*picture.shape[::-1])
-            raise LrmError(f"{file}: {size} pixels; the lens was calibrated for {lens.size[0]} × {lens.size[1]}")
+            raise LrmError(f"{name}: {size} pixels; the lens was calibrated for {lens.size[0]} × {lens.size[1]}")
         corners = find_corners(picture, board)
         found = corners if isinstance(corners, RejectedPhoto) else board_pose(corners, board, lens)
         if isinstance(found, RejectedPhoto):
-            refused.append((file.name, found.reason))
+            refused.append((name, found.reason))
         else:
             rows.append(row)
             boards.append(found)
     mirrored = [name for name, reason in refused if "mirrored" in reason]
-    if len(mirrored) > len(files) / 2:
+    if len(mirrored) > (len(rows) + len(refused)) / 2:
         raise LrmError(f"{mirrored[0]} and {len(mirrored) - 1} more: {dict(refused)[mirrored[0]]}")
     return PhotoSet(tuple(rows), tuple(boards), tuple(refused))
 
@@ -173,7 +189,7 @@ def _check(photos: PhotoRegression, taken: PhotoSet, lens: LensFile) -> None:
     step = find_step(photos)
     if step is not None:
         one, other = taken.rows[step.before - 1] + 1, taken.rows[step.before] + 1
-        what = "the camera moved" if step.what == "camera" else "the board slipped on the tool"
+        what = f"the {taken.stands} moved" if step.what == "camera" else f"the {taken.rides} slipped on the tool"
         size = f"{step.shift * 1e3:.1f} mm and {np.degrees(step.turn):.2f} deg"
         raise LrmError(
             f"{what} between photos {one} and {other} (by about {size}); read the two parts apart, or measure again"

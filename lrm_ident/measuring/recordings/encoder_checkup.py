@@ -92,7 +92,7 @@ def checkup(frames: LeRobotFrames, arm: Arm, dwell: float) -> EncoderCheckup:
     last = np.array([rows[-1] for rows in rests])
     command, state = (np.array([v[rows].mean(axis=0) for rows in rests]) for v in (frames.command, frames.feedback))
     torque = equilibrium(model_of(arm, ()), poses_of(state)).joint_torque
-    side, time = _sides(frames)[last], _elapsed(frames)[last]
+    side, time = last_sides(frames)[last], elapsed(frames)[last]
     error = state - command
     found: list[EncoderFinding] = []
     after = np.empty(arm.dof)
@@ -159,7 +159,7 @@ def _finding(joint: int, cause: Cause, named: list[tuple[_Term, float, float]]) 
     return EncoderFinding(joint, cause, float(size), slope, 1 if c > 0.0 else -1, first.rest, min(p, 1.0))
 
 
-def _sides(frames: LeRobotFrames) -> Array:
+def last_sides(frames: LeRobotFrames) -> Array:
     """(N, n), sign of each joint's last turn by more than `TURN`; 0 before the first of an episode."""
     side = np.zeros_like(frames.command)
     extreme, now = frames.command[0].copy(), np.zeros(frames.command.shape[1])
@@ -174,7 +174,7 @@ def _sides(frames: LeRobotFrames) -> Array:
     return side
 
 
-def _elapsed(frames: LeRobotFrames) -> Array:
+def elapsed(frames: LeRobotFrames) -> Array:
     """(N,), s, since the first frame; the time between episodes is not recorded, and counts as none."""
     starts = np.flatnonzero(np.diff(frames.episode, prepend=frames.episode[0] - 1))
     lengths = [

@@ -73,9 +73,9 @@ class LeRobotRests:
 
 def read_frames(folder: Path, arm: Arm) -> LeRobotFrames:
     """All frames of a dataset. Raises `FileError`: not such a dataset, or of other joints."""
-    info = _info(folder)
+    info = dataset_info(folder)
     order = [_columns_of(folder, info, name, arm) for name in (COMMAND, FEEDBACK)]
-    table = _table(folder)
+    table = read_columns(folder / "data", COLUMNS)
     command, feedback = (
         np.radians(np.array(table[name], dtype=np.float64)[:, columns])
         for name, columns in zip((COMMAND, FEEDBACK), order, strict=True)
@@ -116,13 +116,16 @@ def _strays(command: Array, feedback: Array, start: int, row: int) -> bool:
     )
 
 
-def _info(folder: Path) -> Mapping[str, Any]:
+def dataset_info(folder: Path) -> Mapping[str, Any]:
+    """What `meta/info.json` says. Raises `FileError`: not such a dataset."""
     path = folder / "meta" / "info.json"
     info = read_json(path, "a LeRobot dataset of format v2.1 or v3 has it")
     version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
     if not version.startswith(VERSIONS):
         right = "convert it with the scripts of LeRobot"
         raise FileError(path, "codebase_version", version or "missing", f"v2.1 or v3.0; {right}")
+    if not isinstance(info.get("features"), dict):
+        raise FileError(path, "features", "missing")
     return dict(info)
 
 
@@ -143,22 +146,23 @@ def _columns_of(folder: Path, info: Mapping[str, Any], feature: str, arm: Arm) -
     return [plain.index(name) for name in wanted]
 
 
-def _table(folder: Path) -> dict[str, Sequence[Any]]:
+def read_columns(folder: Path, columns: Sequence[str]) -> dict[str, Sequence[Any]]:
+    """Columns of all parquet files of a folder, in their order. Raises `FileError`; `LrmError`: no pyarrow."""
     try:
         import pyarrow
         import pyarrow.parquet as parquet
     except ImportError:
         raise LrmError("a LeRobot dataset is read with pyarrow; pip install 'lrm-arm[lerobot]'") from None
-    files = sorted((folder / "data").glob("chunk-*/*.parquet"))
+    files = sorted(folder.glob("chunk-*/*.parquet"))
     if not files:
-        raise FileError(folder / "data", "", "no chunk-*/*.parquet in it")
-    out: dict[str, list[Any]] = {name: [] for name in COLUMNS}
+        raise FileError(folder, "", "no chunk-*/*.parquet in it")
+    out: dict[str, list[Any]] = {name: [] for name in columns}
     for path in files:
         try:
-            part = parquet.read_table(path, columns=list(COLUMNS))
+            part = parquet.read_table(path, columns=list(columns))
         except (OSError, pyarrow.ArrowException, KeyError) as error:
             raise FileError(path, "", f"cannot be read ({str(error).splitlines()[0]})") from None
-        for name in COLUMNS:
+        for name in columns:
             if name not in part.column_names:
                 raise FileError(path, "", f"no column {name}")
             out[name] += part.column(name).to_pylist()

@@ -1,0 +1,121 @@
+"""Pictures of a LeRobot dataset's videos at its rests (v2.1: a file for each episode; v3: several episodes in one).
+
+The frames of a rest are averaged: the arm stands, and what flickers is noise of the camera and of the compression.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrm_ident.measuring.camera.capture import Picture
+from lrm_ident.measuring.recordings.lerobot import Integers, LeRobotFrames, dataset_info, read_columns
+from lrm_math.errors import FileError, LrmError, UnknownName
+
+MOST = 5
+"""Frames of a rest that are averaged."""
+Located = tuple[Path, float]
+
+
+@dataclass(frozen=True, eq=False)
+class RestPicture:
+    """Mean grey picture (H, W) of a rest; `name`: where it is, for a person."""
+
+    name: str
+    picture: Picture
+
+
+def camera_named(folder: Path, name: str) -> str:
+    """The feature of a camera, by its whole name or its end. Raises `FileError`: no videos; `UnknownName`: not that."""
+    features = dataset_info(folder)["features"]
+    known = [key for key, one in features.items() if isinstance(one, dict) and one.get("dtype") == "video"]
+    if not known:
+        raise FileError(folder / "meta" / "info.json", "features", "the dataset has no videos")
+    for key in known:
+        if name in (key, key.rpartition(".")[2]):
+            return str(key)
+    raise UnknownName("video", name, known)
+
+
+def rest_pictures(folder: Path, camera: str, frames: LeRobotFrames, rests: Sequence[Integers]) -> Iterator[RestPicture]:
+    """A picture for each rest (rows of `frames`). Raises `FileError`: a video is missing or ends too early."""
+    where, decoder, opened = _located(folder, camera), _pyav(), None
+    try:
+        for number, rows in enumerate(rests, start=1):
+            episode = int(frames.episode[rows[0]])
+            path, start = where(episode)
+            if opened is None or opened[0] != path:
+                if opened is not None:
+                    opened[1].close()
+                opened = path, _opened(decoder, path)
+            chosen = rows[np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.int64))]
+            picture = _mean(opened[1], path, start + frames.t[chosen])
+            yield RestPicture(f"rest {number}, episode {episode} at {frames.t[chosen[0]]:.1f} s", picture)
+    finally:
+        if opened is not None:
+            opened[1].close()
+
+
+def _mean(container: Any, path: Path, times: Sequence[float]) -> Picture:
+    """Mean picture of the frames nearest to some times (s), which rise."""
+    stream = container.streams.video[0]
+    slack = 0.5 / float(stream.average_rate or 30)
+    container.seek(max(0, int((times[0] - slack) / stream.time_base)), stream=stream)
+    left, seen = list(times), list[Any]()
+    for frame in container.decode(stream):
+        if left and frame.time is not None and frame.time >= left[0] - slack:
+            seen.append(frame.to_ndarray(format="gray").astype(np.float32))
+            left = [t for t in left if t - slack > frame.time]
+        if not left:
+            return np.asarray(np.round(np.mean(seen, axis=0)), dtype=np.uint8)
+    raise FileError(path, "", f"the video ends before {times[-1]:.1f} s", "are all videos of the dataset whole?")
+
+
+def _located(folder: Path, camera: str) -> Any:
+    """Gives for an episode its video, and where in that it begins (s). Raises `FileError`."""
+    info = dataset_info(folder)
+    version, per_chunk = str(info["codebase_version"]), int(info.get("chunks_size", 1000))
+
+    def apart(episode: int) -> Located:
+        """A file for each."""
+        return folder / "videos" / f"chunk-{episode // per_chunk:03d}" / camera / f"episode_{episode:06d}.mp4", 0.0
+
+    if version.startswith("v2"):
+        return apart
+    columns = [f"videos/{camera}/{name}" for name in ("chunk_index", "file_index", "from_timestamp")]
+    table = read_columns(folder / "meta" / "episodes", ("episode_index", *columns))
+    return lambda episode: _together(folder, camera, table, columns, episode)
+
+
+def _together(
+    folder: Path, camera: str, table: Mapping[str, Sequence[Any]], columns: Sequence[str], episode: int
+) -> Located:
+    if episode not in table["episode_index"]:
+        raise FileError(folder / "meta" / "episodes", "episode_index", f"no episode {episode}")
+    chunk, file, start = (table[name][list(table["episode_index"]).index(episode)] for name in columns)
+    return folder / "videos" / camera / f"chunk-{int(chunk):03d}" / f"file-{int(file):03d}.mp4", float(start)
+
+
+def _opened(decoder: Any, path: Path) -> Any:
+    if not path.is_file():
+        raise FileError(path, "", "no such file: the video is missing")
+    try:
+        container = decoder.open(str(path))
+    except (OSError, ValueError) as error:
+        raise FileError(path, "", f"cannot be read as a video ({str(error).splitlines()[0]})") from None
+    if not container.streams.video:
+        container.close()
+        raise FileError(path, "", "has no video in it")
+    return container
+
+
+def _pyav() -> Any:
+    try:
+        import av
+    except ImportError:
+        raise LrmError("videos are read with PyAV; pip install 'lrm-arm[video]'") from None
+    return av
