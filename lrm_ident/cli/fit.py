@@ -148,7 +148,7 @@ def compare(
     figure: arg.FigureFile = None,
     mcap: Annotated[
         Path | None,
-        Option("--mcap", metavar="FILE", help="Also write arm and error arrows of each pose (Foxglove)."),
+        Option("--mcap", metavar="FILE", help="Also write arm and error arrows of each pose and step (Foxglove)."),
     ] = None,
     show_all: arg.ShowAll = False,
     left_out: Annotated[bool, Option("--left-out", help="Only the poses that the model's fit left out.")] = False,
@@ -168,9 +168,10 @@ def compare(
             notice(f"the model was fitted to {known.data}; its error here is on poses it never saw")
         comparison = study.compare()
     if mcap is not None:
+        from lrm_ident.report.model_report import models_of_steps
         from lrm_ident.report.plots.comparison_scene import scene_file
 
-        write_bytes(mcap, scene_file(comparison))
+        write_bytes(mcap, scene_file(comparison, models_of_steps(study)))
     publish(
         comparison_document(comparison),
         json,

@@ -21,6 +21,7 @@ from lrm_ident.residual.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
 from lrm_ident.study.study import Study
 from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, to_model
 
 CANDIDATES = 12
@@ -87,10 +88,16 @@ class ModelReport:
         return Document(blocks, "lrm/report/1", values)
 
 
+def models_of_steps(study: Study) -> list[tuple[str, Model]]:
+    """The model after each step of a study's history, by its name. Raises `FileError`."""
+    steps, arm = models_of_history(study.file), study.model.arm
+    return [(name, to_model(study.data.path, one, arm, study.catalogue)) for name, one in steps]
+
+
 def quick_report(study: Study) -> ModelReport:
     """Report that costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
     file, model, data = study.file, study.model, study.data
-    models = [(name, to_model(data.path, one, model.arm, study.catalogue)) for name, one in models_of_history(file)]
+    models = models_of_steps(study)
     arrows = error_field(data, models)
     known = covariates(data, equilibrium(model, data.poses).joint_torque)
     drawn = tuple(one.take(arrows.rows) for one in known)

@@ -1,15 +1,16 @@
 """A comparison as an MCAP file of Foxglove's scenes (`foxglove.SceneUpdate`, JSON): one message for each pose.
 
-Topics: `/arm`, the line through the joints to the tip; `/errors/nominal` and `/errors/model`, an arrow at the tip, the
-error of the arm as drawn and of the model as `position_error` signs it. Pose number k stands at k seconds. Arrows are
-as long as the errors, times `ENLARGED`.
+Topics: `/arm`, the line through the joints to the tip; `/errors/0_nominal`, an arrow at the tip, the error of the arm
+as drawn as `position_error` signs it; and one for the model after each step of its history, such as `/errors/1_fit` and
+`/errors/2_add_backlash@joint2`. Pose number k stands at k seconds. Arrows are as long as the errors, times `ENLARGED`.
 """
 
 from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.equilibrium import equilibrium
-from lrm_math.model.model import model_of
+from lrm_math.model.model import Model, model_of
 
 ENLARGED = 20.0
 SCHEMA = "foxglove.SceneUpdate"
@@ -30,42 +31,57 @@ GREY, RED, BLUE = (0.5, 0.5, 0.5), (0.9, 0.2, 0.1), (0.1, 0.3, 0.9)
 SECOND = 1_000_000_000
 
 
-def scene_file(found: ModelComparison) -> bytes:
-    """Content of the file. Raises `LrmError`: the package mcap is not installed."""
+def scene_file(found: ModelComparison, models: Sequence[tuple[str, Model]]) -> bytes:
+    """Content of the file; `models`: after each step, by its name. Raises `LrmError`: mcap is not installed."""
     try:
         from mcap.writer import Writer
     except ImportError:
         raise LrmError("an MCAP file is written with mcap; pip install 'lrm-arm[mcap]'") from None
     data, rest = found.data, found.rest
-    drawn = data.position_error(equilibrium(with_anchor(model_of(rest.model.arm, ()), data), data.poses))
+    steps = [("nominal", with_anchor(model_of(rest.model.arm, ()), data)), *models]
+    errors = {
+        topic_of(k, name): (name, data.position_error(equilibrium(model, data.poses)))
+        for k, (name, model) in enumerate(steps)
+    }
     lines = frames(rest.model.chain, rest.slots, len(data.poses))[:, :, :3, 3]
     content = io.BytesIO()
     writer = Writer(content)
     writer.start(library="lrm-ident")
     schema = writer.register_schema(SCHEMA, "jsonschema", json.dumps({"title": SCHEMA, "type": "object"}).encode())
     channels = {
-        topic: writer.register_channel(topic, "json", schema) for topic in ("/arm", "/errors/nominal", "/errors/model")
+        topic: writer.register_channel(topic, "json", schema) for topic in ("/arm", *errors)
     }
     for k, number in enumerate(data.pose.tolist()):
         t = int(number) * SECOND
-        scenes: Mapping[str, dict[str, Any]] = {
-            "/arm": {"lines": [_line(lines[k])]},
-            "/errors/nominal": {"arrows": [_arrow(lines[k, -1], drawn[k], RED)]},
-            "/errors/model": {"arrows": [_arrow(lines[k, -1], found.residual[k], BLUE)]},
-        }
-        for topic, parts in scenes.items():
-            said = json.dumps({"deletions": [], "entities": [_entity(topic, int(number), parts)]}).encode()
+        scenes: list[tuple[str, str, dict[str, Any]]] = [("/arm", "arm", {"lines": [_line(lines[k])]})]
+        for place, (topic, (name, error)) in enumerate(errors.items()):
+            arrow = _arrow(lines[k, -1], error[k], _between(place / max(len(errors) - 1, 1)))
+            scenes.append((topic, name, {"arrows": [arrow]}))
+        for topic, name, parts in scenes:
+            said = json.dumps({"deletions": [], "entities": [_entity(topic, name, int(number), parts)]}).encode()
             writer.add_message(channels[topic], t, said, t)
     writer.finish()  # type: ignore[no-untyped-call,unused-ignore]
     return content.getvalue()
 
 
-def _entity(topic: str, pose: int, parts: Mapping[str, Any]) -> dict[str, Any]:
+def topic_of(number: int, step: str) -> str:
+    """Topic of the errors after a step: its number, 0 for the arm as drawn, and its name up to the first comma."""
+    return f"/errors/{number}_{re.sub(r'[^A-Za-z0-9@<+.-]+', '_', step.partition(',')[0].strip())}"
+
+
+def _between(share: float) -> tuple[float, float, float]:
+    """A colour from red to blue."""
+    red, green, blue = ((1.0 - share) * a + share * b for a, b in zip(RED, BLUE, strict=True))
+    return red, green, blue
+
+
+def _entity(topic: str, step: str, pose: int, parts: Mapping[str, Any]) -> dict[str, Any]:
     empty: dict[str, Any] = {
         kind: [] for kind in ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
     }
     head = {"timestamp": {"sec": pose, "nsec": 0}, "frame_id": FRAME, "id": topic, "frame_locked": True}
-    about = [{"key": "pose", "value": str(pose)}, {"key": "arrows_enlarged", "value": f"{ENLARGED:g}"}]
+    about = [{"key": "step", "value": step}, {"key": "pose", "value": str(pose)}]
+    about += [{"key": "arrows_enlarged", "value": f"{ENLARGED:g}"}]
     return {**head, "lifetime": {"sec": 0, "nsec": 0}, "metadata": about, **empty, **parts}
 
 
