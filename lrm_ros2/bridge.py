@@ -9,12 +9,14 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 from lrm_math.errors import LrmError
 from lrm_ros2.diagnostics import DiagnosticRow, Severity, fault_row, heat_row, mode_row, silent_row
 from lrm_ros2.ros_node import RosNode
+from lrm_ros2.ros_service import ServiceAnswer
 from lrm_ros2.trajectory import asks_to_hold, trajectory_path
 from lrmd.client import JointsState, Rover
 
@@ -23,45 +25,107 @@ PERIOD_S = 1.0
 """s between diagnostics."""
 
 
+class TrajectoryOrder(Protocol):
+    """A trajectory, and who is told what becomes of it; all on threads that may wait."""
+
+    @property
+    def message(self) -> Any:
+        """The `JointTrajectory`."""
+
+    def refused(self, why: str) -> None:
+        """It is not followed."""
+
+    def accepted(self) -> bool:
+        """It is as it should be, and comes next. False: it is not wanted any more."""
+
+    def ended(self, why: str) -> None:
+        """It was followed to its end (empty), or why not."""
+
+
+@dataclass(frozen=True)
+class SentTrajectory:
+    """A trajectory that came on a topic: nobody is told but the diagnostics."""
+
+    message: Any
+
+    def refused(self, why: str) -> None:
+        """See `TrajectoryOrder`."""
+
+    def accepted(self) -> bool:
+        """See `TrajectoryOrder`."""
+        return True
+
+    def ended(self, why: str) -> None:
+        """See `TrajectoryOrder`."""
+
+
 @dataclass
 class TrajectoryDoor:
     """Trajectories, one at a time. One that comes while another is followed is refused; an empty one holds at once."""
 
     rover: Rover
     said: DiagnosticRow = field(default=DiagnosticRow("lrm bridge: trajectory", Severity.OK, "none yet"))
-    _waiting: queue.Queue[Any] = field(default_factory=queue.Queue)
+    _waiting: queue.Queue[TrajectoryOrder] = field(default_factory=queue.Queue)
     _busy: threading.Lock = field(default_factory=threading.Lock)
 
     def take(self, message: Any) -> None:
-        """Takes a message in, on any thread."""
+        """Takes a message of the topic in, on any thread."""
         if asks_to_hold(message):
             self._report(Severity.OK, "held, by an empty trajectory")
-            threading.Thread(target=self._hold, daemon=True).start()  # zenoh's thread must not wait for zenoh
-        elif self._busy.acquire(blocking=False):
-            self._waiting.put(message)
+            self.hold()
         else:
-            self._report(Severity.WARN, "refused: another trajectory is being followed")
+            self.offer(SentTrajectory(message))
+
+    def offer(self, order: TrajectoryOrder) -> None:
+        """Takes an order in, on any thread."""
+        if self._busy.acquire(blocking=False):
+            self._waiting.put(order)
+        else:
+            self._refuse(order, "another trajectory is being followed")
+
+    def hold(self) -> None:
+        """Holds, on a thread of its own: zenoh's must not wait for zenoh."""
+        threading.Thread(target=self._hold, daemon=True).start()
 
     def follow_next(self, patience: float) -> None:
         """Follows the next trajectory to its end, if one comes within a time (s)."""
         try:
-            message = self._waiting.get(timeout=patience)
+            order = self._waiting.get(timeout=patience)
         except queue.Empty:
             return
         try:
-            self._follow(message)
-            self._report(Severity.OK, "followed to its end")
-        except LrmError as error:
-            self._report(Severity.WARN, f"refused or not ended: {error}")
+            self._follow(order)
         finally:
             self._busy.release()
 
-    def _follow(self, message: Any) -> None:
-        joints, info = self.rover.joints(), self.rover.info()
-        path = trajectory_path(message, dict(zip(joints.names, joints.q_rad, strict=True)), info, time.time())
+    def _follow(self, order: TrajectoryOrder) -> None:
+        try:
+            joints, info = self.rover.joints(), self.rover.info()
+            now = dict(zip(joints.names, joints.q_rad, strict=True))
+            path = trajectory_path(order.message, now, info, time.time())
+        except LrmError as error:
+            self._refuse(order, str(error))
+            return
+        if not order.accepted():
+            self._refuse(order, "its client is gone, or has cancelled it")
+            return
         self._report(Severity.OK, f"following {len(path.waypoints)} points")
-        with self.rover.control(HOLDER):
-            self.rover.move(*path.waypoints, speed=path.speed)
+        try:
+            with self.rover.control(HOLDER):
+                self.rover.move(*path.waypoints, speed=path.speed)
+        except LrmError as error:
+            self._report(Severity.WARN, f"refused or not ended: {error}")
+            order.ended(str(error))
+        except BaseException:
+            order.ended("the bridge was ended")
+            raise
+        else:
+            self._report(Severity.OK, "followed to its end")
+            order.ended("")
+
+    def _refuse(self, order: TrajectoryOrder, why: str) -> None:
+        self._report(Severity.WARN, f"refused or not ended: {why}")
+        order.refused(why)
 
     def _hold(self) -> None:
         try:
@@ -74,11 +138,33 @@ class TrajectoryDoor:
         print(f"trajectory: {text}", flush=True)
 
 
-def publish_states(rover: Rover, node: RosNode, door: TrajectoryDoor, ended: threading.Event) -> None:
+def stop_service(stop: Callable[[], None], done: str) -> Callable[[Any, ServiceAnswer], None]:
+    """Handler of a `std_srvs/Trigger` that stops the arm, and says whether it did."""
+
+    def handler(_: Any, answer: ServiceAnswer) -> None:
+        """On a thread of its own: zenoh's must not wait for zenoh."""
+        threading.Thread(target=carry_out, args=(answer,), daemon=True).start()
+
+    def carry_out(answer: ServiceAnswer) -> None:
+        """Stops and answers."""
+        try:
+            stop()
+        except LrmError as error:
+            answer(success=False, message=str(error))
+        else:
+            answer(success=True, message=done)
+
+    return handler
+
+
+def publish_states(
+    rover: Rover, node: RosNode, door: TrajectoryDoor, on_state: Callable[[JointsState], None], ended: threading.Event
+) -> None:
     """Publishes joint states as they come, and diagnostics every second, until `ended`."""
 
     def pass_on(state: JointsState) -> None:
         node.publish_joints(state.names, state.q_rad, state.t_wall_ns * 1e-9)
+        on_state(state)
 
     subscriber = rover.watch(JointsState, "state/joints", pass_on)
     while not ended.wait(PERIOD_S):

@@ -8,15 +8,18 @@ import sys
 import threading
 
 from lrm_math.errors import LrmError
-from lrm_ros2.bridge import TrajectoryDoor, publish_states
+from lrm_ros2.action import FollowAction
+from lrm_ros2.action_types import CANCEL_GOAL, GET_RESULT, SEND_GOAL, TRIGGER
+from lrm_ros2.bridge import TrajectoryDoor, publish_states, stop_service
 from lrm_ros2.message_types import DISTRIBUTIONS
-from lrm_ros2.ros_node import RosNetwork, RosNode
+from lrm_ros2.ros_node import ACTION_NAME, RosNetwork, RosNode
 from lrmd.client import Rover
 
 TEXT = """\
 Bridge between the daemon lrmd and ROS 2 over rmw_zenoh, without ROS installed: /lrm/joint_states and /diagnostics out,
-and with --trajectories /lrm/joint_trajectory (trajectory_msgs/JointTrajectory) in. The arm must be armed; the bridge
-never arms it. Ctrl-C ends a motion in hold.
+services /lrm/hold and /lrm/estop (std_srvs/Trigger), and with --trajectories /lrm/joint_trajectory
+(trajectory_msgs/JointTrajectory) and the action /lrm/follow_joint_trajectory in. The arm must be armed; the bridge
+never arms it. Ctrl-C, and the loss of an action's client, end a motion in hold.
 """
 
 
@@ -46,6 +49,16 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _open_services(node: RosNode, rover: Rover, action: FollowAction | None) -> None:
+    node.serve("hold", TRIGGER, stop_service(rover.hold, "the arm holds"))
+    node.serve("estop", TRIGGER, stop_service(lambda: rover.estop("ROS 2"), "all pulses are off"))
+    if action is not None:
+        node.watch_clients(f"{ACTION_NAME}/send_goal", action.client)
+        node.serve(f"{ACTION_NAME}/send_goal", SEND_GOAL, action.send_goal)
+        node.serve(f"{ACTION_NAME}/cancel_goal", CANCEL_GOAL, action.cancel_goal)
+        node.serve(f"{ACTION_NAME}/get_result", GET_RESULT, action.get_result)
+
+
 def _run(options: argparse.Namespace) -> None:
     host, _, port = options.ros_router.rpartition(":")
     if not host or not port.isdecimal():
@@ -55,8 +68,10 @@ def _run(options: argparse.Namespace) -> None:
         rover.info()
         door, ended = TrajectoryDoor(rover), threading.Event()
         with RosNode(network, options.namespace, door.take if options.trajectories else None) as node:
+            action = FollowAction(door, node)
+            _open_services(node, rover, action if options.trajectories else None)
             print(f"bridge of {rover.robot} to ROS 2 at {options.ros_router}", flush=True)
-            states = threading.Thread(target=publish_states, args=(rover, node, door, ended))
+            states = threading.Thread(target=publish_states, args=(rover, node, door, action.on_state, ended))
             states.start()
             try:
                 while True:

@@ -1,4 +1,4 @@
-"""The side of ROS 2: two publishers and a subscriber, by `zenoh-ros2-sdk`, which has the conventions of `rmw_zenoh`."""
+"""The side of ROS 2: topics and services, by `zenoh-ros2-sdk`, which has the conventions of `rmw_zenoh`."""
 
 from __future__ import annotations
 
@@ -13,10 +13,22 @@ from typing import Any, Self
 import numpy as np
 
 from lrm_math.errors import LrmError
+from lrm_ros2.action_types import ACTION, BODY_POINT, FEEDBACK, POINT, STATUS
 from lrm_ros2.diagnostics import DiagnosticRow
-from lrm_ros2.message_types import DIAGNOSTIC_ARRAY, JOINT_STATE, JOINT_TRAJECTORY, message_type
+from lrm_ros2.message_types import (
+    DIAGNOSTIC_ARRAY,
+    JOINT_STATE,
+    JOINT_TRAJECTORY,
+    as_message,
+    message_type,
+    type_store,
+)
+from lrm_ros2.ros_service import Handler, RosService
 
 NODE = "lrm_bridge"
+ACTION_NAME = "follow_joint_trajectory/_action"
+KIND_PART, NAME_PART = 5, 9
+"""Places in a liveliness token of `rmw_zenoh`."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +44,7 @@ class RosNetwork:
 class RosNode:
     """Topics of the bridge in a namespace such as `/lrm`: `joint_states`, `diagnostics`, `joint_trajectory`.
 
-    `on_trajectory`: called with each trajectory, on a thread of zenoh; None: none is subscribed to.
+    `on_trajectory`: called with each trajectory, on a thread of zenoh; None: none is subscribed to, and no goal taken.
     Raises `LrmError` where it is opened: a package is missing, or there is no router.
     """
 
@@ -47,7 +59,8 @@ class RosNode:
             raise LrmError("the bridge to ROS 2 needs more packages; pip install 'lrm-arm[ros2]'") from None
         where = f"{self._network.host}:{self._network.port}"
         with ExitStack() as stack:
-            session = _session(sdk, self._network, where)
+            self._sdk, self._session = sdk, _session(sdk, self._network, where)
+            session = self._session
             stack.callback(session.close)
             open_one = partial(self._open, stack)
             self._types = session.store.types
@@ -56,6 +69,8 @@ class RosNode:
             if self._on_trajectory is not None:
                 listener = partial(sdk.ROS2Subscriber, callback=self._on_trajectory)
                 open_one(listener, "joint_trajectory", JOINT_TRAJECTORY)
+                self._feedback = open_one(sdk.ROS2Publisher, f"{ACTION_NAME}/feedback", FEEDBACK)
+                self._goals = open_one(sdk.ROS2Publisher, f"{ACTION_NAME}/status", STATUS)
             self._stack = stack.pop_all()
         return self
 
@@ -73,6 +88,62 @@ class RosNode:
         """Publishes rows, all of one robot."""
         self._diagnostics.publish(header=self._header(time.time()), status=[self._status(r, hardware) for r in rows])
 
+    def serve(self, name: str, service: str, handler: Handler) -> None:
+        """Opens a service in the namespace, until the node is closed."""
+        whole = f"{self._namespace}/{name}"
+        opened = RosService(self._sdk, self._session, self._network, whole, service, NODE, handler)
+        self._stack.callback(opened.close)
+
+    def watch_clients(self, name: str, on_client: Callable[[str, bool], object]) -> None:
+        """Tells of each client of a service, by its liveliness token, when it comes (True) and goes (False)."""
+        mangled = f"{self._namespace}/{name}".replace("/", "%")
+
+        def heard(sample: Any) -> None:
+            """A token of any entity: `@ros2_lv/domain/session/node/entity/kind/enclave/namespace/node/name/…`."""
+            parts = str(sample.key_expr).split("/")
+            if len(parts) > NAME_PART and (parts[KIND_PART], parts[NAME_PART]) == ("SC", mangled):
+                on_client(str(sample.key_expr), str(sample.kind).endswith("PUT"))
+
+        key = f"@ros2_lv/{self._network.domain}/**"
+        opened = self._session.liveliness.declare_subscriber(key, heard, history=True)
+        self._stack.callback(opened.undeclare)
+
+    def publish_feedback(self, goal: bytes, names: Sequence[str], q: Sequence[float], t: float) -> None:
+        """Publishes commanded angles (rad) of a goal; what is measured is not known: empty."""
+        none = np.zeros(0)
+        zero = self._types["builtin_interfaces/msg/Duration"](sec=0, nanosec=0)
+        point = partial(self._types[POINT], velocities=none, accelerations=none, effort=none, time_from_start=zero)
+        body = self._types[BODY_POINT](transforms=[], velocities=[], accelerations=[], time_from_start=zero)
+        told = self._types[as_message(f"{ACTION}_Feedback")](
+            header=self._header(t), joint_names=list(names), desired=point(positions=np.array(q, dtype=np.float64)),
+            actual=point(positions=none), error=point(positions=none), multi_dof_joint_names=[],
+            multi_dof_desired=body, multi_dof_actual=body, multi_dof_error=body,
+        )  # fmt: skip
+        self._feedback.publish(goal_id=self._uuid(goal), feedback=told)
+
+    def publish_goals(self, goals: Sequence[tuple[bytes, float, int]]) -> None:
+        """Publishes the states of goals, each with its id and when it came (s since 1970)."""
+        status = self._types["action_msgs/msg/GoalStatus"]
+        self._goals.publish(
+            status_list=[status(goal_info=self.goal_info(id_, t), status=state) for id_, t, state in goals]
+        )
+
+    def goal_info(self, goal: bytes, t: float) -> Any:
+        """A goal's id, and when it came (s since 1970)."""
+        return self._types["action_msgs/msg/GoalInfo"](goal_id=self._uuid(goal), stamp=self.stamp(t))
+
+    def result(self, code: int, text: str) -> Any:
+        """The result of a goal."""
+        return type_store(self._network.distribution).types[f"{ACTION}_Result"](error_code=code, error_string=text)
+
+    def stamp(self, t: float) -> Any:
+        """A time (s since 1970) as ROS has it."""
+        whole = math.floor(t)
+        return self._types["builtin_interfaces/msg/Time"](sec=whole, nanosec=min(int((t - whole) * 1e9), 999_999_999))
+
+    def _uuid(self, goal: bytes) -> Any:
+        return self._types["unique_identifier_msgs/msg/UUID"](uuid=np.frombuffer(goal, dtype=np.uint8))
+
     def _open(self, stack: ExitStack, kind: Callable[..., Any], topic: str, name: str) -> Any:
         """A publisher or subscriber. Type and hash are given: the SDK would clone their repositories from the net."""
         of = message_type(name, self._network.distribution)
@@ -85,9 +156,7 @@ class RosNode:
         return opened
 
     def _header(self, t: float) -> Any:
-        whole = math.floor(t)
-        stamp = self._types["builtin_interfaces/msg/Time"](sec=whole, nanosec=min(int((t - whole) * 1e9), 999_999_999))
-        return self._types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+        return self._types["std_msgs/msg/Header"](stamp=self.stamp(t), frame_id="")
 
     def _status(self, row: DiagnosticRow, hardware: str) -> Any:
         pair = self._types["diagnostic_msgs/msg/KeyValue"]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -19,7 +20,15 @@ from typing import Any
 import pytest
 import zenoh
 
-from lrm_ros2.message_types import DIAGNOSTIC_ARRAY, JOINT_STATE, JOINT_TRAJECTORY, message_type
+from lrm_ros2.action_types import CANCEL_GOAL, FEEDBACK, GET_RESULT, SEND_GOAL, STATUS, TRIGGER
+from lrm_ros2.message_types import (
+    DIAGNOSTIC_ARRAY,
+    JOINT_STATE,
+    JOINT_TRAJECTORY,
+    as_message,
+    message_type,
+    type_hash,
+)
 from lrmd.client import Rover
 from tests.support.daemon.daemon_harness import HOME, wait_for_link
 from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_port, running_daemon, wait_for
@@ -44,9 +53,9 @@ class RosPeer:
 
     def last(self, topic: str, name: str) -> Any:
         """The last message of a topic, decoded; None: there was none."""
-        of = message_type(name, "jazzy")
-        sample = self.samples.get(f"0/{topic}/{dds(name)}/{of.type_hash}")
-        return sample and dynamic.generate_dynamic(name, of.text)[name](sample.payload.to_bytes())
+        sample = self.samples.get(f"0/{topic}/{dds(name)}/{type_hash(name, 'jazzy')}")
+        plain, text = plainly(name)
+        return sample and dynamic.generate_dynamic(plain, text)[plain](sample.payload.to_bytes())
 
     def send(self, topic: str, name: str, message: dict[str, Any]) -> None:
         """Sends a message, with the attachment that rmw_zenoh gives it."""
@@ -56,9 +65,39 @@ class RosPeer:
         self.session.put(f"0/{topic}/{dds(name)}/{of.type_hash}", data, attachment=attachment)
 
 
+    def call(self, service: str, name: str, request: dict[str, Any], patience: float = 20.0) -> Any:
+        """Asks a service of the bridge, as rmw_zenoh does; its response, decoded."""
+        plain, text = plainly(f"{name}_Request")
+        data = dynamic.serialize_dynamic(plain, text)[plain](request)
+        attachment = struct.pack("<QQB16s", 7, time.time_ns(), 16, bytes(range(16)))
+        key = f"0/lrm/{service}/{dds(name)}/{type_hash(name, 'jazzy')}"
+        for reply in self.session.get(key, payload=data, attachment=attachment, timeout=patience):
+            assert reply.ok is not None, reply.err.payload.to_string()
+            assert struct.unpack("<QQB16s", reply.ok.attachment.to_bytes())[::3] == (7, bytes(range(16)))
+            plain, text = plainly(f"{name}_Response")
+            return dynamic.generate_dynamic(plain, text)[plain](reply.ok.payload.to_bytes())
+        raise AssertionError(f"nobody answers {key}")
+
+    def client_of(self, service: str) -> zenoh.LivelinessToken:
+        """Declares a client of a service, as rmw_zenoh does."""
+        place = f"@ros2_lv/0/{self.session.info.zid()}/1/2/SC/%/%/tester/%lrm%{service.replace('/', '%')}"
+        of = f"{dds(SEND_GOAL)}/{type_hash(SEND_GOAL, 'jazzy')}"
+        return self.session.liveliness().declare_token(f"{place}/{of}/::,:,:")
+
+
+def plainly(name: str) -> tuple[str, str]:
+    """Name and text of a type for a decoder that knows messages only, without underscores in their names."""
+    text = message_type(name, "jazzy").text
+    name = as_message(name)
+    parts = sorted({found[1] for found in re.finditer(r"\w+/(?:msg/)?([A-Z]\w+_\w+)", f"{name}\n{text}")}, key=len)
+    for part in reversed(parts):
+        name, text = (where.replace(part, part.replace("_", "")) for where in (name, text))
+    return name, text
+
+
 def dds(name: str) -> str:
-    package, _, kind = name.split("/")
-    return f"{package}::msg::dds_::{kind}_"
+    package, kind, plain = name.split("/")
+    return f"{package}::{kind}::dds_::{plain}_"
 
 
 def point(seconds: float, **angles: float) -> dict[str, Any]:
@@ -147,6 +186,98 @@ def test_states_go_out_and_a_trajectory_takes_the_daemons_own_door(tmp_path: Pat
             fast = trajectory(point(0.001, a=0.9, b=0.05))
             peer.send("lrm/joint_trajectory", JOINT_TRAJECTORY, fast)
             wait_for(lambda: "deg/s; its most is" in said(peer, door)[1], "too fast")
+
+
+ACTION = "follow_joint_trajectory/_action"
+
+
+def goal(number: int, *points: dict[str, Any], tolerance: bool = False) -> dict[str, Any]:
+    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    one = {"name": "joint1", "position": 0.01, "velocity": 0.0, "acceleration": 0.0}
+    return {
+        "goal_id": {"uuid": [number] * 16},
+        "goal": {
+            "trajectory": trajectory(*points),
+            "multi_dof_trajectory": {"header": header, "joint_names": [], "points": []},
+            "path_tolerance": [one] if tolerance else [], "component_path_tolerance": [], "goal_tolerance": [],
+            "component_goal_tolerance": [], "goal_time_tolerance": {"sec": 0, "nanosec": 0},
+        },
+    }  # fmt: skip
+
+
+def result_of(peer: RosPeer, number: int) -> tuple[int, int, str]:
+    found = peer.call(f"{ACTION}/get_result", GET_RESULT, {"goal_id": {"uuid": [number] * 16}})
+    return found.status, found.result.error_code, found.result.error_string
+
+
+def accepted(peer: RosPeer, *parts: Any, **more: bool) -> bool:
+    return bool(peer.call(f"{ACTION}/send_goal", SEND_GOAL, goal(*parts, **more)).accepted)
+
+
+def test_an_action_is_followed_cancelled_and_held_when_its_client_is_lost(tmp_path: Path) -> None:
+    """States 4, 5 and 6 of a goal: succeeded, cancelled, aborted."""
+    setup, port = DaemonSetup.make(tmp_path, {**SLOW_BOARD}), free_port()
+    log = tmp_path / "bridge.log"
+    with running_daemon(setup), setup.rover() as rover, ros_router(port) as peer:
+        wait_for_link(rover)
+        with bridged(setup, port, log, "--trajectories"):
+            near, far = point(2.0, a=0.1, b=0.05), point(60.0, a=1.0, b=0.05)
+            assert not accepted(peer, 1, near)  # its loss could not be seen
+            client = peer.client_of(f"{ACTION}/send_goal")
+            time.sleep(0.5)
+            assert not accepted(peer, 2, near, tolerance=True)
+            assert accepted(peer, 3, near)  # it does not arm: nothing moves
+            status, code, why = result_of(peer, 3)
+            assert (status, code) == (6, -4)
+            assert "disarmed" in why
+            assert result_of(peer, 9)[0] == 0
+
+            with rover.control("test"):
+                rover.arm("given", HOME)
+            assert accepted(peer, 4, near)
+            assert result_of(peer, 4) == (4, 0, "")
+            assert rover.joints().q_rad[:2] == pytest.approx([0.1, 0.05], abs=2e-3)
+            told = peer.last(f"lrm/{ACTION}/feedback", FEEDBACK)
+            assert list(bytes(told.goal_id.uuid)) == [4] * 16
+            assert len(told.feedback.desired.positions) == len(told.feedback.joint_names)
+            assert list(told.feedback.actual.positions) == []
+
+            assert accepted(peer, 5, far)
+            wait_for(lambda: rover.mode().mode == "moving", "it moves")
+            assert not accepted(peer, 6, near)  # one at a time
+            info = {"goal_id": {"uuid": [5] * 16}, "stamp": {"sec": 0, "nanosec": 0}}
+            assert peer.call(f"{ACTION}/cancel_goal", CANCEL_GOAL, {"goal_info": info}).return_code == 0
+            assert result_of(peer, 5)[:2] == (5, -4)
+            assert rover.mode().mode == "holding"
+            assert peer.call(f"{ACTION}/cancel_goal", CANCEL_GOAL, {"goal_info": info}).return_code == 3
+
+            assert accepted(peer, 7, far)
+            wait_for(lambda: rover.mode().mode == "moving", "it moves again")
+            client.undeclare()
+            status, code, why = result_of(peer, 7)
+            assert (status, code) == (6, -4)
+            assert "its client is gone" in why
+            assert rover.mode().mode == "holding"
+            assert q1(rover) < 0.9
+            status_list = peer.last(f"lrm/{ACTION}/status", STATUS).status_list
+            states = {bytes(one.goal_info.goal_id.uuid)[0]: one.status for one in status_list}
+            assert states == {3: 6, 4: 4, 5: 5, 7: 6}
+
+
+def test_hold_and_estop_are_services_that_need_no_option(tmp_path: Path) -> None:
+    setup, port = DaemonSetup.make(tmp_path, {**SLOW_BOARD}), free_port()
+    empty = {"structure_needs_at_least_one_member": 0}
+    with running_daemon(setup), setup.rover() as rover, ros_router(port) as peer:
+        wait_for_link(rover)
+        with rover.control("test"), bridged(setup, port, tmp_path / "bridge.log"):
+            rover.arm("given", HOME)
+            rover.move({"joint1": 1.0}, speed=0.05, wait=False)
+            wait_for(lambda: rover.mode().mode == "moving", "it moves")
+            held = peer.call("hold", TRIGGER, empty)
+            assert (held.success, held.message) == (True, "the arm holds")
+            wait_for(lambda: rover.mode().mode == "holding", "it holds")
+            assert peer.call("estop", TRIGGER, empty).success
+            wait_for(lambda: rover.mode().mode == "estop", "the emergency stop")
 
 
 def test_without_the_option_no_trajectory_is_listened_to(tmp_path: Path) -> None:

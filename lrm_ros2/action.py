@@ -1,0 +1,214 @@
+"""The action `FollowJointTrajectory`: goals through the door of trajectories, feedback as the ramp goes on.
+
+A goal is followed only while its client is there: clients are known by their liveliness tokens, and when one of those
+that were there at the beginning has gone, the arm holds. What is measured is not known: `desired` has the commanded
+angles, `actual` and `error` are empty, and a goal with tolerances is refused.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+from lrm_ros2.bridge import TrajectoryDoor
+from lrm_ros2.ros_node import RosNode
+from lrm_ros2.ros_service import ServiceAnswer
+from lrmd.client import JointsState
+
+FEEDBACK_S, AGAIN_S = 0.1, 0.2
+"""s between feedbacks; between holds of a motion that nobody wants any more."""
+KEPT = 16
+"""Goals whose result is kept for whoever asks later."""
+NO_TOLERANCES = "tolerances cannot be watched, as nothing measures the joints: leave them empty"
+
+
+class GoalState(IntEnum):
+    """`action_msgs/GoalStatus`."""
+
+    UNKNOWN = 0
+    EXECUTING = 2
+    CANCELING = 3
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+
+class TrajectoryErrorCode(IntEnum):
+    """`FollowJointTrajectory_Result.error_code`."""
+
+    SUCCESSFUL = 0
+    INVALID_GOAL = -1
+    PATH_TOLERANCE_VIOLATED = -4
+
+
+class CancelCode(IntEnum):
+    """`CancelGoal_Response.return_code`."""
+
+    NONE = 0
+    UNKNOWN_GOAL_ID = 2
+    GOAL_TERMINATED = 3
+
+
+@dataclass(eq=False)
+class JointGoal:
+    """One goal. See `TrajectoryOrder`.
+
+    `clients`: tokens of those that were there when it came. `waiting`: answers to who asked for its result. `unwanted`:
+    why it is to be stopped; empty while it is not.
+    """
+
+    action: FollowAction
+    id: bytes
+    message: Any
+    answer: ServiceAnswer
+    clients: frozenset[str]
+    stamp: float = field(default_factory=time.time)
+    state: GoalState = GoalState.UNKNOWN
+    unwanted: str = ""
+    cancelled: bool = False
+    result: tuple[int, str] = (0, "")
+    waiting: list[ServiceAnswer] = field(default_factory=list)
+
+    def refused(self, why: str) -> None:
+        """See `TrajectoryOrder`."""
+        if self.state != GoalState.UNKNOWN:
+            self.action.end(self, why)
+            return
+        self.action.forget(self)
+        self.answer(accepted=False, stamp=self.action.node.stamp(self.stamp))
+
+    def accepted(self) -> bool:
+        """See `TrajectoryOrder`."""
+        if self.unwanted:
+            return False
+        self.action.begin(self)
+        self.answer(accepted=True, stamp=self.action.node.stamp(self.stamp))
+        return not self.unwanted
+
+    def ended(self, why: str) -> None:
+        """See `TrajectoryOrder`."""
+        self.action.end(self, why)
+
+
+class FollowAction:
+    """Serves the action, on threads of zenoh; `door` follows the goals on its own."""
+
+    def __init__(self, door: TrajectoryDoor, node: RosNode) -> None:
+        self.door, self.node = door, node
+        self._lock = threading.RLock()
+        self._clients: set[str] = set()
+        self._active: JointGoal | None = None
+        self._offered: JointGoal | None = None
+        self._goals: OrderedDict[bytes, JointGoal] = OrderedDict()
+        self._last, self._held = 0.0, 0.0
+
+    def send_goal(self, request: Any, answer: ServiceAnswer) -> None:
+        """Service `send_goal`."""
+        goal, id_ = request.goal, bytes(request.goal_id.uuid)
+        with self._lock:
+            new = JointGoal(self, id_, goal.trajectory, answer, frozenset(self._clients))
+            if why := self._unfit(goal, new):
+                print(f"action: a goal is refused: {why}", flush=True)
+                new.refused(why)
+                return
+            self._offered = new
+        self.door.offer(new)
+
+    def _unfit(self, goal: Any, new: JointGoal) -> str:
+        lists = (goal.path_tolerance, goal.component_path_tolerance, goal.goal_tolerance, goal.component_goal_tolerance)
+        if any(len(one) for one in lists):
+            return NO_TOLERANCES
+        if len(goal.multi_dof_trajectory.points) or not len(goal.trajectory.points):
+            return "it has no points of joints, or others"
+        if new.id in self._goals:
+            return "its id was taken by another goal"
+        return "" if new.clients else "its client has no liveliness token: nobody would notice that it is lost"
+
+    def cancel_goal(self, request: Any, answer: ServiceAnswer) -> None:
+        """Service `cancel_goal`: an id of zeros is any goal."""
+        id_ = bytes(request.goal_info.goal_id.uuid)
+        with self._lock:
+            goal, known = self._active, self._goals.get(id_)
+            if goal is None or (any(id_) and id_ != goal.id):
+                code = CancelCode.UNKNOWN_GOAL_ID if known is None and any(id_) else CancelCode.GOAL_TERMINATED
+                answer(return_code=int(code), goals_canceling=[])
+                return
+            goal.cancelled, goal.state = True, GoalState.CANCELING
+            self._stop(goal, "cancelled")
+            answer(return_code=int(CancelCode.NONE), goals_canceling=[self.node.goal_info(goal.id, goal.stamp)])
+            self._tell()
+
+    def get_result(self, request: Any, answer: ServiceAnswer) -> None:
+        """Service `get_result`: answered when the goal has ended."""
+        with self._lock:
+            goal = self._goals.get(bytes(request.goal_id.uuid))
+            if goal is None:
+                answer(status=int(GoalState.UNKNOWN), result=self.node.result(0, "no such goal"))
+            elif goal.state > GoalState.CANCELING:
+                answer(status=int(goal.state), result=self.node.result(*goal.result))
+            else:
+                goal.waiting.append(answer)
+
+    def client(self, token: str, there: bool) -> None:
+        """A client of the action has come, or gone."""
+        with self._lock:
+            (self._clients.add if there else self._clients.discard)(token)
+            for goal in (self._offered, self._active):
+                if goal is None or there or token not in goal.clients:
+                    continue
+                goal.unwanted = "its client is gone: the arm holds"
+                if goal is self._active:
+                    self._stop(goal, goal.unwanted)
+
+    def on_state(self, state: JointsState) -> None:
+        """Feedback from the commanded angles; a motion that nobody wants any more is held again."""
+        with self._lock:
+            goal, now = self._active, time.monotonic()
+            if goal is None:
+                return
+            if goal.unwanted and now - self._held > AGAIN_S:
+                self._stop(goal, goal.unwanted)
+            if now - self._last > FEEDBACK_S:
+                self._last = now
+                self.node.publish_feedback(goal.id, state.names, state.q_rad, state.t_wall_ns * 1e-9)
+
+    def forget(self, goal: JointGoal) -> None:
+        """A goal was refused."""
+        with self._lock:
+            if self._offered is goal:
+                self._offered = None
+
+    def begin(self, goal: JointGoal) -> None:
+        """A goal is followed from now on."""
+        with self._lock:
+            self._goals[goal.id] = self._active = goal
+            self._offered = None
+            while len(self._goals) > KEPT:
+                self._goals.popitem(last=False)
+            goal.state = GoalState.EXECUTING
+            self._tell()
+
+    def end(self, goal: JointGoal, why: str) -> None:
+        """A goal has ended, well if `why` is empty."""
+        with self._lock:
+            self._active = None
+            code = TrajectoryErrorCode.PATH_TOLERANCE_VIOLATED if why else TrajectoryErrorCode.SUCCESSFUL
+            goal.result = int(code), f"{goal.unwanted}; {why}" if why and goal.unwanted else why
+            goal.state = GoalState.SUCCEEDED if not why else GoalState.ABORTED
+            if why and goal.cancelled:
+                goal.state = GoalState.CANCELED
+            for answer in goal.waiting:
+                answer(status=int(goal.state), result=self.node.result(*goal.result))
+            goal.waiting.clear()
+            self._tell()
+
+    def _stop(self, goal: JointGoal, why: str) -> None:
+        goal.unwanted, self._held = why, time.monotonic()
+        self.door.hold()
+
+    def _tell(self) -> None:
+        self.node.publish_goals([(goal.id, goal.stamp, int(goal.state)) for goal in self._goals.values()])
