@@ -37,7 +37,8 @@ AnyRobot = Annotated[
     str,
     Option(
         help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
-        "or Dynamixel servos: feetech:/dev/ttyACM0,ids=1-5, dynamixel:/dev/ttyUSB0,ids=1-5."
+        "(SO-100, SO-101, LeKiwi) or Dynamixel (Koch) servos: feetech:/dev/ttyACM0,ids=1-5, "
+        "dynamixel:/dev/ttyUSB0,ids=1-5."
     ),
 ]
 Connect = Annotated[
