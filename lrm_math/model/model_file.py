@@ -143,7 +143,8 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
         raise FileError(path, where, str(error), _own_effects(tables) if where == "effects" else "") from None
     shape = {key for key, parameter in zip(model.keys, model.parameters, strict=True) if parameter.fixed is not None}
     free = tuple(key for key in model.keys if key in values and key not in shape)
-    return replace(model, free=free, within=_range_of(path, tables.range, model))
+    known = None if tables.provenance is None else tables.provenance.data_sha256
+    return replace(model, free=free, within=_range_of(path, tables.range, model), fitted_to=known)
 
 
 def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRange | None:
