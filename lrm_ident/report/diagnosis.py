@@ -221,7 +221,7 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
 
 def _share_words(step: AutoStep) -> str:
     """Share of the error that a step took away, and whether it names a cause."""
-    known = noise_floor(step.data).rms is not None
+    known = noise_floor(step.data, step.fit.rest).rms is not None
     took = f"took {in_percent(step.share)} % of the mean square{' above the noise' if known else ''}"
     if step.refines:
         return f"{took}; description: another form of {' or '.join(step.refines)}, no new cause"
