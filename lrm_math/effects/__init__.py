@@ -48,8 +48,8 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "session_errors.Drift",
         "session_errors.Session",
         "session_errors.ChangePoint",
-        "session_errors.MeasurementFrame",
-        "session_errors.Anchor",
+        "tracker_errors.MeasurementFrame",
+        "tracker_errors.Anchor",
         "compliance.ServoDroop",
         # other forms, from plain to rich
         "compliance.BendingEnds",
@@ -60,8 +60,9 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "curves.AngleCurve",
         "curves.CouplingCurve",
         "curves.CableCurve",
-        "drift_curve.DriftCurve",
+        "session_errors.DriftCurve",
         "session_errors.SecondChangePoint",
+        "tracker_errors.FrameCurve",
         # no causes
         "field.residual_field.ResidualField",
     )

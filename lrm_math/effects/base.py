@@ -40,6 +40,8 @@ UNIT_IN_SI = {
     "mm_per_K": 1e-3,
     "Nm_per_rad": 1.0,
     "mm_per_m": 1e-3,
+    "mm_per_m2": 1e-3,
+    "mm_per_m3": 1e-3,
 }
 Amounts = tuple[Number, ...]
 FEW_REVERSALS = 4

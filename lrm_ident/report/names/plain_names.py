@@ -29,6 +29,7 @@ PLAIN = {
     "second_change_point": "second displacement of {place}",
     "session": "new zero of {place} in each session",
     "measurement_frame": "stretched tracker space",
+    "frame_curve": "distorted tracker space, free curve",
     "anchor": "start of the distances",
     "angle_curve": "uneven turning of {place}, free curve",
     "coupling_curve": "coupling of {place}, free curve",

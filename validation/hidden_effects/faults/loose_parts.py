@@ -69,7 +69,11 @@ def creeps(taken: HealthyMeasurement) -> SpoiledMeasurement:
 def cable_winds(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """A cable catches now and then: a joint stands off by steps that add up and let go."""
     steps = (taken.rng.random(len(taken.q)) < 0.06) * taken.rng.normal(size=len(taken.q))
-    return SpoiledMeasurement(taken.moved(taken.joint(), np.radians(0.4) * np.cumsum(steps)))
+    joint = taken.joint()
+    named = tuple(
+        f"{name}@joint{joint + 1}" for name in ("change_point", "second_change_point", "drift", "drift_curve")
+    )
+    return SpoiledMeasurement(taken.moved(joint, np.radians(0.4) * np.cumsum(steps)), right=named)
 
 
 def tool_slips_under_load(taken: HealthyMeasurement) -> SpoiledMeasurement:
