@@ -16,10 +16,9 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 import numpy as np
 
 from validation.hidden_effects.faults.cases import CASES
-from validation.hidden_effects.faults.outcome import FIRST_SEED, LAB, FaultOutcome, examine
+from validation.hidden_effects.faults.outcome import FIRST_SEED, LAB, NEAR_NOISE, FaultOutcome, examine
 from validation.hidden_effects.tables import markdown_table
 
-NEAR = 1.15
 ARMS = (LAB, "so101-like", "ur5-like", "seven-joint")
 
 
@@ -29,12 +28,12 @@ def table(outcomes: Sequence[FaultOutcome]) -> str:
         sum(map(bool, of)) for of in zip(*((o.false_names, o.false_findings, o.honest) for o in outcomes), strict=True)
     )
     faulty = [one for one in outcomes if "healthy" not in one.case.name]
-    near = int(np.sum([one.ratio <= NEAR for one in faulty]))
+    near = int(np.sum([one.ratio <= NEAR_NOISE for one in faulty]))
     rows = [(one.case.name, one.arm, _steps(one), one.verdict, f"{one.ratio:.2f}") for one in outcomes]
     head = (
         f"{len(outcomes)} runs: a false name in {false}, as a finding in {said}, first name or verdict right in "
-        f"{honest}; within {NEAR} of the noise {near} of {len(faulty)} that are not healthy (*left*: residual over the "
-        "noise; in brackets: steps that only describe; !: not right)."
+        f"{honest}; within {NEAR_NOISE} of the noise {near} of {len(faulty)} that are not healthy (*left*: residual over "
+        "the noise; in brackets: steps that only describe; !: not right)."
     )
     return f"{head}\n\n{markdown_table(('fault', 'arm', 'named', 'verdict', 'left'), rows)}"
 

@@ -27,6 +27,7 @@ from validation.synthetic.generate import directions
 
 FIRST_SEED = {"tune": 3000, "report": 4000}
 ALWAYS_TRUE = ("offsets", "compliance")
+NEAR_NOISE = 1.15
 LAB = "lrm-lab"
 
 
@@ -61,10 +62,12 @@ class FaultOutcome:
 
     @property
     def honest(self) -> bool:
-        """Whether the first name is right, or the verdict an honest one where nothing is named."""
+        """Whether the first name is right, or where nothing is named the verdict an honest one: *nothing is missing*
+        is one beside no more than the noise."""
         if self._new:
             return bool(set(self._new[0]) & set(self.right))
-        return self.verdict in self.case.verdicts
+        content = self.verdict == "nothing_missing" and self.ratio <= NEAR_NOISE
+        return content or self.verdict in self.case.verdicts
 
     @property
     def _new(self) -> list[tuple[str, ...]]:
