@@ -187,7 +187,7 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     chosen = {p.name: _chosen(p, value) for p, value in zip(effect.parameters, scored.shape, strict=True)}
     numbers = {**chosen, **words}
     sentence = effect.about.claim
-    claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
+    claim = sentence.format(place=effect.place_in_words, **numbers) if sentence else f"{effect.id} at {effect.place}"
     left = [one for one in estimates if one[0] not in sentence]
     if any(one not in left for one in estimates if one[2]) or not left or len(left) > TOO_MANY:
         return claim

@@ -20,6 +20,7 @@ from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.residual.residual_structure import noise_floor
+from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.step import StudyStep
@@ -144,7 +145,19 @@ def _verdict(report: DiagnosisReport) -> str:
             f"{VERDICTS[report.verdict]}: the noise is not known, and at most {in_mm(bound)} mm. Measure five poses "
             "twice or more (column repeat_of), or state the instrument's noise (noise_sd_mm), and ask again."
         )
+    if report.verdict == "unexplained_structure":
+        return f"{VERDICTS[report.verdict]}{_looks_like(report)}"
     return VERDICTS[report.verdict]
+
+
+def _looks_like(report: DiagnosisReport) -> str:
+    """The free function that explains most of unexplained structure, if one saves enough to be worth a word."""
+    found, held_out = report.diagnosis.unexplained, report.held_out.rms
+    named = {function.name: rms for function, rms in found.ranking}
+    best = found.functions[0].name if found.functions else next(iter(named), "")
+    if best not in named or named[best] > (1.0 - MIN_GAIN) * held_out:
+        return ""
+    return f" It looks most like {best}, which would leave {in_mm(named[best])} of {in_mm(held_out)} mm held out."
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:

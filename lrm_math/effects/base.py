@@ -216,6 +216,11 @@ class Effect(ABC):
         """`id@place`."""
         return f"{self.id}@{self.place}"
 
+    @property
+    def place_in_words(self) -> str:
+        """Where it acts, for sentences: what a measurement shows may stand elsewhere, too."""
+        return self.place
+
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """Names of its parameters in model files: `id.place.parameter`."""

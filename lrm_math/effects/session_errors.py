@@ -30,6 +30,7 @@ MOMENTS = 24
 BASE_MOTIONS = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "rad")
 """Motions of the base as a whole and the units of their parameters: all six, since what is not the arm's, a table or a
 tracker that is pushed, moves by any of them."""
+BASE_OR_TRACKER = "base or tracker"
 TYPICAL = {"rad": 0.01, "mm": 0.003}
 """Sizes of such errors (SI), by unit."""
 FAST_S, SPACING, LONGEST_S = 600.0, 0.35, 108000.0
@@ -53,6 +54,11 @@ class _SessionError(Effect):
     def targets(self) -> tuple[str, ...]:
         """The joint's angle, or the base's position and angles."""
         return base_or_joint(self.place)
+
+    @property
+    def place_in_words(self) -> str:
+        """A base that is displaced as a whole looks like a tracker that is."""
+        return base_or_tracker(self.place)
 
     @property
     def _motions(self) -> tuple[tuple[str, str], ...]:
@@ -133,6 +139,11 @@ class DriftCurve(LinearEffect):
         """The joint's angle, or the base's tilts."""
         return ("base.alpha", "base.beta") if self.place == BASE else (f"{self.place}.theta",)
 
+    @property
+    def place_in_words(self) -> str:
+        """As of the drift that it refines."""
+        return base_or_tracker(self.place)
+
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """One coefficient for each B-spline and angle."""
@@ -200,6 +211,11 @@ class Session(_SessionError, LinearEffect):
         still = np.zeros(len(poses))
         now = [still if number is None else (np.minimum(number, MOST_SESSIONS - 1) == k).astype(float) for k in later]
         return separately([tuple(now)] * len(self.targets))
+
+
+def base_or_tracker(place: str) -> str:
+    """The place in words."""
+    return BASE_OR_TRACKER if place == BASE else place
 
 
 def base_or_joint(place: str) -> tuple[str, ...]:

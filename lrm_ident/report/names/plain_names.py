@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 
+from lrm_math.arm.arm import BASE
 from lrm_math.effects import marked, split_name
+from lrm_math.effects.session_errors import BASE_OR_TRACKER
 
 PLAIN = {
     "offsets": "shape of {place} other than drawn",
@@ -41,13 +43,16 @@ PLAIN = {
     "friction_curve": "friction of {place}, free curve",
     "residual_field": "what no name explains",
 }
+AS_A_WHOLE = ("drift", "drift_curve", "change_point", "second_change_point", "session")
+"""Effects that move everything alike where they act on the base."""
 
 
 def plain_name(name: str) -> str:
     """Plain name of `id@place`; of a law or an effect of one's own, its id and place in words."""
     kind, place = split_name(name)
     words = PLAIN.get(kind, kind.replace("_", " ") + " of {place}")
-    return marked(name, words.format(place=place_words(place or "all places")))
+    whole = place == BASE and kind in AS_A_WHOLE
+    return marked(name, words.format(place=BASE_OR_TRACKER if whole else place_words(place or "all places")))
 
 
 def place_words(place: str) -> str:
