@@ -39,6 +39,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "backlash.AxialPlay",
         "backlash.Hysteresis",
         "servo_errors.ServoGain",
+        "servo_errors.CommonGain",
         "servo_errors.Eccentricity",
         "servo_errors.Quantisation",
         "forces.CableSpring",

@@ -41,6 +41,7 @@ UNIT_IN_SI = {
     "Nm_per_rad": 1.0,
     "mm_per_m": 1e-3,
     "mm_per_m2": 1e-3,
+    "mm_per_m_per_K": 1e-3,
     "mm_per_m3": 1e-3,
 }
 Amounts = tuple[Number, ...]

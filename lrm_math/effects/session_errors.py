@@ -22,6 +22,7 @@ from lrm_math.effects.base import (
     separately,
 )
 from lrm_math.effects.curves import cubic_b_splines, spline_count
+from lrm_math.effects.targets import FRAME, FRAME_PLACE, SCALE
 from lrm_math.kinematics.poses import Poses
 
 MOST_SESSIONS = 6
@@ -30,8 +31,8 @@ MOMENTS = 24
 BASE_MOTIONS = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "rad")
 """Motions of the base as a whole and the units of their parameters: all six, since what is not the arm's, a table or a
 tracker that is pushed, moves by any of them."""
-BASE_OR_TRACKER = "base or tracker"
-TYPICAL = {"rad": 0.01, "mm": 0.003}
+BASE_OR_TRACKER, ALL_LENGTHS = "base or tracker", "the scale of all lengths"
+TYPICAL = {"rad": 0.01, "mm": 0.003, "mm_per_m": 0.003}
 """Sizes of such errors (SI), by unit."""
 FAST_S, SPACING, LONGEST_S = 600.0, 0.35, 108000.0
 """Knots are as far apart as `SPACING` times `FAST_S` and the time passed; the last at `LONGEST_S`."""
@@ -52,18 +53,18 @@ class _SessionError(Effect):
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """The joint's angle, or the base's position and angles."""
-        return base_or_joint(self.place)
+        """The joint's angle, the base's position and angles, or the scale of what is measured."""
+        return moved_at(self.place)
 
     @property
     def place_in_words(self) -> str:
         """A base that is displaced as a whole looks like a tracker that is."""
-        return base_or_tracker(self.place)
+        return session_words(self.place)
 
     @property
     def _motions(self) -> tuple[tuple[str, str], ...]:
-        """Suffix of the parameters of each slot, and their unit: `_x`, `_alpha` … of the base, nothing of a joint."""
-        return tuple((f"_{name}", of) for name, of in BASE_MOTIONS.items()) if self.place == BASE else (("", "rad"),)
+        """Suffix of the parameters of each target, and their unit: `_x`, `_alpha` … of the base, nothing of others."""
+        return motions_of(self.place)
 
 
 class Drift(_SessionError):
@@ -74,13 +75,18 @@ class Drift(_SessionError):
     about = Description(
         cause=(
             "Servos and plastic warm up while measuring; angles creep, fast at first, then settle. Base and tracker on "
-            "their stands do so as a whole."
+            "their stands do so as a whole, and all lengths of an arm, or the scale of its tracker, grow."
         ),
         formula="A (1 − exp(−t/T)), and c (temperature − first temperature) where measured",
         source="first-order warm-up; 15 °C in ten minutes seen on RC servos",
         claim="{place} drifts as it warms up",
         needs="times (t_s), or poses numbered as they were measured; an order that does not run with one joint",
     )
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint, the base, and the scale of all lengths."""
+        return (*super().places(arm), FRAME_PLACE)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -136,20 +142,21 @@ class DriftCurve(LinearEffect):
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """The joint's angle, or the base's tilts."""
-        return ("base.alpha", "base.beta") if self.place == BASE else (f"{self.place}.theta",)
+        """The joint's angle, the base's tilts, or the scale of what is measured."""
+        return ("base.alpha", "base.beta") if self.place == BASE else moved_at(self.place)
 
     @property
     def place_in_words(self) -> str:
         """As of the drift that it refines."""
-        return base_or_tracker(self.place)
+        return session_words(self.place)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """One coefficient for each B-spline and angle."""
+        ends = (("_alpha", "rad"), ("_beta", "rad")) if self.place == BASE else motions_of(self.place)
         return tuple(
-            Parameter(f"{course}{i}{end}_rad", f"B-spline {i} of the time {meaning}", 0.01)
-            for end in (("_alpha", "_beta") if self.place == BASE else ("",))
+            Parameter(f"{course}{i}{end}_{unit}", f"B-spline {i} of the time {meaning}", TYPICAL[unit])
+            for end, unit in ends
             for course, meaning in COURSES.items()
             for i in range(1, _COUNT + 1)
         )
@@ -213,14 +220,23 @@ class Session(_SessionError, LinearEffect):
         return separately([tuple(now)] * len(self.targets))
 
 
-def base_or_tracker(place: str) -> str:
+def session_words(place: str) -> str:
     """The place in words."""
-    return BASE_OR_TRACKER if place == BASE else place
+    return {BASE: BASE_OR_TRACKER, FRAME_PLACE: ALL_LENGTHS}.get(place, place)
 
 
-def base_or_joint(place: str) -> tuple[str, ...]:
-    """The slots of a motion of the base in all six directions, or of a joint's angle."""
-    return tuple(f"{BASE}.{name}" for name in BASE_MOTIONS) if place == BASE else (f"{place}.theta",)
+def moved_at(place: str) -> tuple[str, ...]:
+    """What moves at a place: the base in all six directions, the scale of what is measured, or a joint's angle."""
+    if place == BASE:
+        return tuple(f"{BASE}.{name}" for name in BASE_MOTIONS)
+    return (f"{FRAME}{SCALE}",) if place == FRAME_PLACE else (f"{place}.theta",)
+
+
+def motions_of(place: str) -> tuple[tuple[str, str], ...]:
+    """Suffix of the parameters of each of them, and their unit."""
+    if place == BASE:
+        return tuple((f"_{name}", unit) for name, unit in BASE_MOTIONS.items())
+    return (("", "mm_per_m" if place == FRAME_PLACE else "rad"),)
 
 
 class ChangePoint(_SessionError):

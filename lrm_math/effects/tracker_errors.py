@@ -15,7 +15,7 @@ from lrm_math.effects.base import (
     Parameter,
     separately,
 )
-from lrm_math.effects.targets import RADIAL
+from lrm_math.effects.targets import FRAME_PLACE, RADIAL
 from lrm_math.kinematics.poses import Poses
 
 ANCHOR_TYPICAL = 0.1  # m: how well a point beside an arm is known without measuring it
@@ -47,7 +47,7 @@ class MeasurementFrame(LinearEffect):
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """The frame of measurement."""
-        return ("frame",)
+        return (FRAME_PLACE,)
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """The matrix of each parameter: scale and shear are symmetric, a rotation is skew."""
@@ -81,7 +81,7 @@ class FrameCurve(LinearEffect):
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """The frame of measurement."""
-        return ("frame",)
+        return (FRAME_PLACE,)
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """The terms of each parameter."""

@@ -15,7 +15,7 @@ from lrm_math.effects import constant
 from lrm_math.effects.base import Amounts, Effect, Extrapolation, LinearEffect, linear_combination
 from lrm_math.effects.derivatives import Rows, amounts_within, by_angles, by_loads, by_parameters
 from lrm_math.effects.measured_range import MeasuredRange, held
-from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SERVO, Kind, kind_of, slot_of
+from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SCALE, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.poses import Poses, poses_of
@@ -188,8 +188,9 @@ def distortion(bound: BoundEffect, amounts: Amounts, position: Sequence[Number])
     out: list[Number] = [0.0, 0.0, 0.0]
     for target, amount in zip(bound.effect.targets, amounts, strict=True):
         if not is_zero(amount):
-            row, term = AXES.index(target.removeprefix(FRAME)[0]), target.removeprefix(FRAME)[1:]
-            out[row] = out[row] + amount * _term(term, row, seen)
+            name = target.removeprefix(FRAME)
+            for row, term in [(AXES.index(name[0]), name[1:])] if name != SCALE else enumerate(AXES):
+                out[row] = out[row] + amount * _term(term, row, seen)
     return out
 
 

@@ -119,7 +119,8 @@ def test_held_values_are_exact_within_and_smooth_at_the_ends(lower: float, width
 
 @pytest.mark.parametrize(
     "name", ["angle_curve@joint2", "coupling_curve@joint3<-joint2", "cable_curve@joint2+joint3", "torque_curve@joint2",
-             "nonlinear_stiffness@joint2", "base_curve@base", "frame_curve@frame"],
+             "nonlinear_stiffness@joint2", "base_curve@base", "frame_curve@frame",
+             "drift@frame", "common_gain@servos"],
 )  # fmt: skip
 def test_derivatives_beyond_the_range(lab: Arm, name: str) -> None:
     """By parameters and by commands, through the equilibrium, on the way to the held value and beyond it."""

@@ -37,7 +37,8 @@ def moved_twice(taken: HealthyMeasurement) -> SpoiledMeasurement:
 
 def grows(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """All lengths grow as the room warms up."""
-    return SpoiledMeasurement(taken.tcp * (1.0 + 0.006 * np.linspace(0.0, 1.0, len(taken.q)) ** 2)[:, None])
+    growth = 1.0 + 0.006 * taken.progress[:, None] ** 2
+    return SpoiledMeasurement(taken.tcp * growth, right=("drift@frame", "drift_curve@frame"))
 
 
 def line_of_sight(taken: HealthyMeasurement) -> SpoiledMeasurement:

@@ -6,11 +6,13 @@ import numpy as np
 
 from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement
 
+COMMON = ("common_gain@servos",)
+
 
 def supply_sags(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """All servos fall short of their angles together, the more the farther out the arm holds itself and its load."""
     sag = taken.rng.uniform(0.03, 0.05) * taken.weight_moment
-    return SpoiledMeasurement(taken.at(taken.q * (1.0 - sag[:, None])))
+    return SpoiledMeasurement(taken.at(taken.q * (1.0 - sag[:, None])), right=COMMON)
 
 
 def belt_across(taken: HealthyMeasurement) -> SpoiledMeasurement:
@@ -62,15 +64,13 @@ def table_of_the_servo(taken: HealthyMeasurement) -> SpoiledMeasurement:
 
 def frequency_drifts(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """The board's clock drifts: every servo's angle is scaled alike, the more the later."""
-    return SpoiledMeasurement(taken.at(taken.q * (1.0 + taken.rng.uniform(0.015, 0.03) * taken.progress[:, None])))
+    scale = 1.0 + taken.rng.uniform(0.015, 0.03) * taken.progress
+    return SpoiledMeasurement(taken.at(taken.q * scale[:, None]), right=COMMON)
 
 
 def clock_wrong(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """The board's clock is wrong by two percent: every servo has the same wrong scale."""
-    n, scale = taken.q.shape[1], taken.rng.uniform(0.015, 0.025)
-    return SpoiledMeasurement(
-        taken.at(taken.q * (1.0 + scale)), right=tuple(f"servo_gain@joint{j + 1}" for j in range(n))
-    )
+    return SpoiledMeasurement(taken.at(taken.q * (1.0 + taken.rng.uniform(0.015, 0.025))), right=COMMON)
 
 
 def bistable(taken: HealthyMeasurement) -> SpoiledMeasurement:
