@@ -141,12 +141,11 @@ def _verdict(report: DiagnosisReport) -> str:
         )
     if report.verdict == "noise_unknown":
         bound = report.left.predictable.noise_bound
-        return (
-            f"{VERDICTS[report.verdict]}: the noise is not known, and at most {in_mm(bound)} mm. Measure five poses "
-            "twice or more (column repeat_of), or state the instrument's noise (noise_sd_mm), and ask again."
-        )
+        return f"{VERDICTS[report.verdict]}: the noise is not known, and at most {in_mm(bound)} mm."
     if report.verdict == "unexplained_structure":
         return f"{VERDICTS[report.verdict]}{_looks_like(report)}"
+    if report.first is not None:
+        return f"{VERDICTS[report.verdict]} {report.first.why[0].upper()}{report.first.why[1:]}."
     return VERDICTS[report.verdict]
 
 
@@ -335,5 +334,6 @@ def left_values(left: PredictableResidual) -> dict[str, object]:
 def noise_words(floor_mm: float | None, source: str, left: PredictableResidual) -> str:
     """The noise floor, or its upper bound where it is not known."""
     if floor_mm is None:
-        return f"unknown (at most {in_mm(left.predictable.noise_bound)} mm: the rest can be predicted)"
+        most = f"at most {in_mm(left.predictable.noise_bound)} mm"
+        return f"unknown ({most}: the rest can be predicted)" if left.predictable.more_to_find else f"unknown ({most})"
     return f"{in_mm(floor_mm * 1e-3)} mm ({source})"
