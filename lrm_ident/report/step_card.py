@@ -13,7 +13,7 @@ from lrm_ident.report.document import Document
 from lrm_ident.report.names.plain_names import place_words, step_title
 from lrm_ident.report.plots.interactive.candidate_view import SHARE, drivers_of, own_joint
 from lrm_ident.residual.covariates import Covariate
-from lrm_ident.residual.error_field import ErrorField
+from lrm_ident.residual.picture.error_field import ErrorField
 from lrm_math.effects import Effect
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile

@@ -25,7 +25,7 @@ from lrm_ident.report.names.plain_names import PLAIN, plain_name
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view, drivers_of
 from lrm_ident.report.plots.interactive.values import values_text
 from lrm_ident.residual.covariates import Covariate, covariates
-from lrm_ident.residual.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
+from lrm_ident.residual.picture.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
 from lrm_math.effects import CATALOGUE, FREE_FORMS
 from tests.conftest import EXAMPLE
 from tests.support.commands import stdout_of

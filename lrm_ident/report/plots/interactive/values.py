@@ -1,4 +1,4 @@
-"""Values that `figures.js` draws, as plain JSON: rounded values in the units of the screen."""
+"""Values that `page/figures.js` draws, as plain JSON: rounded values in the units of the screen."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lrm_ident.report.names.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import CandidateView
 from lrm_ident.report.plots.interactive.fair_sample import fair_rows
 from lrm_ident.report.step_card import StepCard, error_fall, of_data, rivals
-from lrm_ident.residual.error_field import COLOURS
+from lrm_ident.residual.picture.error_field import COLOURS
 from lrm_math.arrays import Array
 
 UM, ANGLE = 3, 4
@@ -53,6 +53,12 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "tcp": rounded(np.where(np.isnan(data.tcp), field.bent[:, -1], data.tcp) * 1e3, UM),
         "nominal": rounded(field.nominal * 1e3, 1),
         "bent": rounded(field.bent * 1e3, 1),
+        "solids": {
+            "links": [[first, second, radius * 1e3] for first, second, radius in field.solids.links],
+            "shaped": field.solids.shaped,
+            "nominal": rounded(field.nominal_points * 1e3, 1),
+            "bent": rounded(field.bent_points * 1e3, 1),
+        },
         "scale": {
             "magnification": field.scale.magnification,
             "largest": field.scale.largest * 1e3,

@@ -1,8 +1,8 @@
-// The steps that were taken: the sentence of the step shown, the errors of all, and a card of each. `page`: from figures.js.
+// The steps that were taken: the sentence of the step shown, the errors of all, and a card of each. `page`: of shared.js.
 "use strict";
 function lrmSteps(page) {
   const { state, place, element, draw, words } = page;
-  const { colour, binned, range } = lrmChart;
+  const { colour, binned, range, at } = lrmChart;
   const floorWords = () => {
     const v = state.values;
     return v.floor !== null ? `noise ${words(v.floor)} mm` : v.bound !== null ? `noise at most ${words(v.bound)} mm` : "";
@@ -88,7 +88,7 @@ function lrmSteps(page) {
     const figure = element("div", "", "lrm-figure lrm-card-figure"), more = element("details", "", "lrm-soft");
     figure.id = "lrm-card-" + card.step;
     more.append(element("summary", `${card.estimates.length} coefficients of ${card.name}`), element("p", card.estimates.join(", ")));
-    out.append(against, figure, ...(card.estimates.length ? [more] : []));
+    out.append(against, figure, element("p", "", "lrm-sample lrm-soft"), ...(card.estimates.length ? [more] : []));
     return out;
   }
 
@@ -97,9 +97,10 @@ function lrmSteps(page) {
     const v = state.values, driver = v.drivers.find((one) => one.name === card.driver);
     const [before, after] = [v.steps[card.step - 1].turns[card.joint], v.steps[card.step].turns[card.joint]];
     if (!driver) return;
-    const points = (name, y, ink, symbol) => ({ type: "scatter", mode: "markers", name, x: driver.values, y, hoverinfo: "skip",
+    const rows = page.sample(), x = at(driver.values, rows);
+    const points = (name, y, ink, symbol) => ({ type: "scatter", mode: "markers", name, x, y: at(y, rows), hoverinfo: "skip",
       marker: { size: 5, symbol, color: ink, opacity: 0.55 } });
-    const mean = (name, y, ink) => ({ type: "scatter", mode: "lines", name, ...binned(driver.values, y), hoverinfo: "skip",
+    const mean = (name, y, ink) => ({ type: "scatter", mode: "lines", name, ...binned(x, at(y, rows)), hoverinfo: "skip",
       line: { color: ink, width: 2.5 } });
     draw("card-" + card.step, [points("before", before, colour("held"), "circle-open"), points("after", after, colour("model"), "circle"),
       mean("mean before", before, colour("held")), mean("mean after", after, colour("model"))], { dragmode: false,
