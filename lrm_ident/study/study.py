@@ -119,7 +119,8 @@ class Study(ModelOnData, ShownInNotebook):
         left_out = f"outliers, left out: poses {', '.join(map(str, found.outliers))}"
         notices = (*own.notices, left_out) if found.outliers else own.notices
         then = replace(own, data=found.data, notices=notices)
-        return then._after(StudyStep(f"add {effect}", fitted, start=own.model), self)
+        rivals = found.rivals([one.name for one in added])
+        return then._after(StudyStep(f"add {effect}", fitted, start=own.model, rivals=rivals), self)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the one that is there anew: what no name explains, and no cause itself.
@@ -151,7 +152,8 @@ class Study(ModelOnData, ShownInNotebook):
             """Follows the run with a study."""
             nonlocal now
             name, held_out = auto_step_name(step), HeldOutResidual(step.held_out)
-            one = StudyStep(name, step.fit, start=now.model, held_out=held_out)
+            rivals = step.rivals if step.added else None
+            one = StudyStep(name, step.fit, start=now.model, held_out=held_out, rivals=rivals)
             now = replace(own, data=step.data)._after(one, now)
             on_step(step, now)
 
@@ -227,7 +229,15 @@ class Study(ModelOnData, ShownInNotebook):
         before = None if self.before is None else self.before._filed
         history, step = () if before is None else before.file.history, self.taken
         return model_file(
-            step.fit, self.data, self.held_out, self.arm, step.name, self.loss.name, history, step.prior_name
+            step.fit,
+            self.data,
+            self.held_out,
+            self.arm,
+            step.name,
+            self.loss.name,
+            history,
+            step.prior_name,
+            step.rivals,
         )
 
     def view(self) -> NotebookPage:

@@ -124,6 +124,10 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     assert card["before"] == found["history"][0]["held"]
     assert card["share"] > 0.9
     assert all(entry["here"] and entry["data"] == found["data"][:8] for entry in found["history"])
+    assert card["rivals"][0]["name"] == "torque_curve@joint2"
+    assert "alone it would have left" in card["rivals"][0]["why"]
+    assert not card["unrivalled"], "a free curve explains it as well"
+    assert found["together"] is None
 
 
 def _values_of(page: Path) -> dict[str, Any]:
