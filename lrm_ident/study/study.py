@@ -33,6 +33,7 @@ if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.diagnose import Diagnosis
     from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
+    from lrm_ident.residual.error_breakdown import ModelComparison
 
 MAX_EFFECTS = 20
 
@@ -95,11 +96,20 @@ class Study(ModelOnData, ShownInNotebook):
         own, tick = self.identifiable(), partial(self.progress, "trying every effect at every place")
         return diagnose(own.model, own.data, own.catalogue, tick, own.loss, rates)
 
-    def diagnose(self, rates: EffectRates | None = None, screened: Diagnosis | None = None) -> DiagnosisReport:
-        """Finds which effect the model misses. `screened`: what `screen` gives, where that is known."""
+    def diagnose(
+        self,
+        rates: EffectRates | None = None,
+        screened: Diagnosis | None = None,
+        compared: ModelComparison | None = None,
+    ) -> DiagnosisReport:
+        """Finds which effect the model misses.
+
+        Args:
+            screened, compared: what `screen` and `compare` give, where that is known already.
+        """
         from lrm_ident.diagnosis.diagnosis_report import build_report
 
-        return build_report(screened or self.screen(rates), self._say)
+        return build_report(screened or self.screen(rates), self._say, compared if self.prior is None else None)
 
     def add(self, effect: str, screened: Diagnosis | None = None) -> Study:
         """Adds an effect (`id` or `id@place`): everything is fitted together, without the outliers of the diagnosis.
