@@ -24,16 +24,15 @@ ARMS = (LAB, "so101-like", "ur5-like", "seven-joint")
 
 def table(outcomes: Sequence[FaultOutcome]) -> str:
     """Totals, then every run, as Markdown."""
-    false, said, honest = (
-        sum(map(bool, of)) for of in zip(*((o.false_names, o.false_findings, o.honest) for o in outcomes), strict=True)
-    )
+    judged = [(one.false_names, one.false_findings, one.honest, one.honest_findings) for one in outcomes]
+    false, said, honest, honest_said = (sum(map(bool, of)) for of in zip(*judged, strict=True))
     faulty = [one for one in outcomes if "healthy" not in one.case.name]
     near = int(np.sum([one.ratio <= NEAR_NOISE for one in faulty]))
     rows = [(one.case.name, one.arm, _steps(one), one.verdict, f"{one.ratio:.2f}") for one in outcomes]
     head = (
-        f"{len(outcomes)} runs: a false name in {false}, as a finding in {said}, first name or verdict right in "
-        f"{honest}; within {NEAR_NOISE} of the noise {near} of {len(faulty)} that are not healthy (*left*: residual "
-        "over the noise; in brackets: steps that only describe; !: not right)."
+        f"{len(outcomes)} runs: a false name in {false}, as a finding in {said}; first name or verdict right in "
+        f"{honest}, first finding or verdict in {honest_said}; within {NEAR_NOISE} of the noise {near} of {len(faulty)} "
+        "that are not healthy (*left*: residual over the noise; in brackets: steps that only describe; !: not right)."
     )
     return f"{head}\n\n{markdown_table(('fault', 'arm', 'named', 'verdict', 'left'), rows)}"
 
