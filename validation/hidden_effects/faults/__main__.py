@@ -31,8 +31,9 @@ def table(outcomes: Sequence[FaultOutcome]) -> str:
     rows = [(one.case.name, one.arm, _steps(one), one.verdict, f"{one.ratio:.2f}") for one in outcomes]
     head = (
         f"{len(outcomes)} runs: a false name in {false}, as a finding in {said}; first name or verdict right in "
-        f"{honest}, first finding or verdict in {honest_said}; within {NEAR_NOISE} of the noise {near} of {len(faulty)} "
-        "that are not healthy (*left*: residual over the noise; in brackets: steps that only describe; !: not right)."
+        f"{honest}, first finding or verdict in {honest_said}; within {NEAR_NOISE} of the noise {near} of "
+        f"{len(faulty)} that are not healthy (*left*: residual over the noise; in brackets: steps that only "
+        "describe; !: not right)."
     )
     return f"{head}\n\n{markdown_table(('fault', 'arm', 'named', 'verdict', 'left'), rows)}"
 
