@@ -16,7 +16,9 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import audit
+from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.predictable_residual import PredictableResidual, predictable_residual
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects import Parameter
@@ -39,6 +41,8 @@ NEXT: Mapping[str, str] = {
     "unpredictable": "Measure some of these poses again, in another order: what repeats belongs to the arm, what does "
     "not is loose, creeps or is noise.",
     "nothing_missing": "Deploy the model, and verify it at new poses.",
+    "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the instrument's noise "
+    "(noise_sd_mm), and ask again.",
 }
 """What to do after a verdict that names no effect."""
 
@@ -92,26 +96,45 @@ class DiagnosisReport(ShownInNotebook):
 
     @property
     def far_rows(self) -> tuple[int, ...]:
-        """Rows with more than noise left and no name: those far from what the others show, the farthest first."""
-        if self.verdict not in ("unexplained_structure", "unpredictable"):
+        """Rows with more than noise left and no name, where nothing predicts it: those far from what the others show,
+        the farthest first."""
+        found = self.left.predictable.more_to_find or self.diagnosis.unexplained.functions
+        if found or self.verdict not in ("unexplained_structure", "unpredictable"):
             return ()
         fit = self.diagnosis.fit
         return tuple(sorted(fit.outliers, key=lambda row: -float(np.linalg.norm(fit.residual[row]))))
 
 
-def build_report(diagnosis: Diagnosis, on_progress: Callable[[str], object] = str) -> DiagnosisReport:
+def build_report(
+    diagnosis: Diagnosis, on_progress: Callable[[str], object] = str, compared: ModelComparison | None = None
+) -> DiagnosisReport:
     """Judges a diagnosis and reports it.
 
     Args:
-        on_progress: called with what is being done.
+        on_progress: called with what is being done. compared: of the same model, fitted without a prior, if that is
+            known already: where it is of the same poses and parameters its cross-validation is not repeated.
     """
-    return report_of(confirm(diagnosis, on_progress=on_progress))
+    same = compared is not None and _same_fit(diagnosis, compared)
+    blocks, predictable = (compared.held_out.blocks, compared.predictable) if compared and same else ((), None)
+    return report_of(confirm(diagnosis, blocks, on_progress=on_progress), predictable)
 
 
-def report_of(confirmed: ConfirmedDiagnosis) -> DiagnosisReport:
-    """Ranks every candidate, the confirmed ones first; says what is left to find, and what to measure next."""
+def _same_fit(diagnosis: Diagnosis, compared: ModelComparison) -> bool:
+    """Whether the cross-validation of a comparison is that of the diagnosed fit."""
+    one, other = compared.rest.model, diagnosis.fit.model
+    same = set(one.keys) == set(other.keys) and set(one.free) == set(other.free)
+    refitted = compared.held_out.residual is not None
+    return same and refitted and np.array_equal(compared.data.pose, diagnosis.data.pose)
+
+
+def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | None = None) -> DiagnosisReport:
+    """Ranks every candidate, the confirmed ones first; says what is left to find, and what to measure next.
+
+    Args:
+        predictable: of the confirmed diagnosis's cross-validation, where that is known already.
+    """
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
-    left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks)
+    left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks, predictable)
     before = error_stats(confirmed.held_out)
     quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
     more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")
@@ -145,7 +168,8 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    other = "with the effects above there is no need of it" if supported else "no refit confirmed what was selected"
+    none = "no refit confirmed what was selected" if confirmed.refused else "not by more than chance"
+    other = "with the effects above there is no need of it" if supported else none
     why = f"alone it would leave {in_mm(rms)} mm, but {confirmed.refused.get(scored.name, other)}"
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
@@ -187,7 +211,7 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     chosen = {p.name: _chosen(p, value) for p, value in zip(effect.parameters, scored.shape, strict=True)}
     numbers = {**chosen, **words}
     sentence = effect.about.claim
-    claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
+    claim = sentence.format(place=effect.place_in_words, **numbers) if sentence else f"{effect.id} at {effect.place}"
     left = [one for one in estimates if one[0] not in sentence]
     if any(one not in left for one in estimates if one[2]) or not left or len(left) > TOO_MANY:
         return claim
@@ -204,12 +228,14 @@ def _chosen(parameter: Parameter, value: float) -> str:
 
 
 def with_unit(value: float, error: float | None, unit: str) -> str:
-    """An estimate with its standard error, if it has one, in the unit that is shown, for instance `2.3 ± 0.1°`."""
+    """An estimate with its standard error (a shape has none) in the unit that is shown, for instance `2.3 ± 0.1°`."""
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
     if unit == "pose":
         return f"pose {value:.0f}"
-    number = f"{value * scale:.3g}" if error is None else quantity(value * scale, error * scale)
-    return f"{number}{symbol}"
+    shown = value * scale
+    if error:
+        return f"{quantity(shown, error * scale)}{symbol}"
+    return f"{f'{shown:.0f}' if abs(shown) >= 100 else f'{shown:.3g}'}{symbol}"
 
 
 def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:

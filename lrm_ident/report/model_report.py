@@ -17,8 +17,9 @@ from lrm_ident.report.plots.interactive.candidate_view import CandidateView, can
 from lrm_ident.report.step_card import EarlierDiagnosis, StepCard, judgement, step_cards
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
-from lrm_ident.residual.error_field import ErrorField, error_field
+from lrm_ident.residual.picture.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
+from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
@@ -94,11 +95,17 @@ def models_of_steps(study: Study) -> list[tuple[str, Model]]:
     return [(name, to_model(study.data.path, one, arm, study.catalogue)) for name, one in steps]
 
 
+def models_on_data(study: Study) -> list[tuple[str, Model]]:
+    """The same, each as far as it applies to the study's data (`at_data`)."""
+    path, sha256 = study.data.path, study.data.sha256
+    return [(name, at_data(one, path, sha256)[0]) for name, one in models_of_steps(study)]
+
+
 def quick_report(study: Study) -> ModelReport:
     """Report that costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
     file, model, data = study.file, study.model, study.data
     models = models_of_steps(study)
-    arrows = error_field(data, models)
+    arrows = error_field(data, models_on_data(study))
     known = covariates(data, equilibrium(model, data.poses).joint_torque)
     drawn = tuple(one.take(arrows.rows) for one in known)
     errors = {key: sd * models[-1][1].parameters[models[-1][1].position(key)].si for key, sd in file.sigma.items()}

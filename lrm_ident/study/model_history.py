@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -49,6 +50,7 @@ def model_file(
     loss: str,
     before: Sequence[HistoryTable] = (),
     prior: str | None = None,
+    rivals: Mapping[str, float] | None = None,
 ) -> ModelFile:
     """The model file of a fit: one entry appended to the history `before`.
 
@@ -56,6 +58,7 @@ def model_file(
         arm: name of a shipped arm or path of its file, as stored in the model file.
         step: short description of the step.
         prior: name of the prior of the fit, if any; for a damped fit the weak one is stored.
+        rivals: held-out RMS (m) that other effects alone would have left at this step, where some were tried.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
     own = file_of(model.effects)
@@ -63,6 +66,7 @@ def model_file(
         step=step,
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
+        rivals_mm=None if rivals is None else {name: round(rms * 1e3, 4) for name, rms in rivals.items()},
         effects=effect_names(model.effects),
         parameters=parameter_tables(model),
         sigma=sigma_table(fit),
@@ -162,7 +166,8 @@ def as_written(model: Model, arm: str) -> Model:
     """A model as it is read again from its own file: effects in the file's order, values through the file's units."""
     effects, parameters = effect_names(model.effects), parameter_tables(model)
     file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters, range=range_table(model))
-    return to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
+    read = to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
+    return replace(read, fitted_to=model.fitted_to)
 
 
 def model_text(file: ModelFile) -> str:
