@@ -36,12 +36,13 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 from validation.camera.scene import write_lens_photos
 
-PHOTOS, LENS_PHOTOS, GOALS = 60, 15, 8
+PHOTOS, LENS_PHOTOS, GOALS = 60, 15, 6
 HIDDEN = ("friction", "gain")
 """What the photos of one camera can show. Play they cannot: gravity keeps the gear on one side wherever the board is
 seen, so it is a part of the zero."""
 SPEED_DEG_S, DWELL_S = "180", "1"
-CANDIDATES = 160
+CANDIDATES = 240
+SHOULDER, FAR = 1, np.radians(24.0)
 AROUND = np.radians(4.0) * np.vstack([np.zeros(ARM.dof), np.eye(ARM.dof), -np.eye(ARM.dof)])
 """rad: the true arm, and other models' commands, are beside the arm as drawn."""
 TIME = f"""\
@@ -102,15 +103,16 @@ def goals_in_view(poses: Array, count: int, seed: int) -> Array:
     """(count, 3), goals of the tip (m) at which the camera sees the board on the arm as drawn.
 
     Of the angles that lead to a goal the arm takes the nearest: from the last of the poses (P, n), rad, on, and in the
-    next round from the last of the goals on.
+    next round from the last of the goals on. The shoulder moves far: inverse kinematics knows the direction of a move,
+    not what friction remembers of those before.
     """
     solver, left = ModelSolver.of(None, ARM, tuple), list(poses_for_photos(CANDIDATES, seed + CANDIDATES)[::2])
     goals, near = list[Array](), poses[-1]
-    while left and len(goals) < count:
-        near = left.pop(min(range(len(left)), key=lambda k: float(np.abs(left[k] - near).max())))
-        tried = [*goals, equilibrium(model_of(ARM, ()), poses_of(near)).tcp[0]]
+    while len(goals) < count and (far := [k for k, q in enumerate(left) if abs(q[SHOULDER] - near[SHOULDER]) > FAR]):
+        angles = left.pop(min(far, key=lambda k: float(np.abs(left[k] - near).max())))
+        tried = [*goals, equilibrium(model_of(ARM, ()), poses_of(angles)).tcp[0]]
         if _seen_all_the_way(solver, [*tried, *tried], poses[-1]):
-            goals = tried
+            goals, near = tried, angles
     return np.array(goals)
 
 
